@@ -60,7 +60,7 @@ def test_a_peers_scene_in_its_units(peer: Path, capsys: pytest.CaptureFixture[st
     whole = found["readings"]["all"]
     assert (whole["power"], whole["u_power"], whole["rays"], whole["position"]) == (0.5, None, 1, None)
     assert found["emitted"] == 0.5
-    reason = "this type of object is unknown to solen"
+    reason = "solen does not support this type of object"
     assert found["not_understood"] == [{"object": 4, "type": "Hologram", "key": None, "reason": reason}]
     lines = printed(capsys, str(peer)).splitlines()
     assert lines[0] == "a lamp and a screen (ray-optics), 1 rays, mode power"
@@ -122,7 +122,7 @@ def test_a_file_that_is_no_scene_is_refused(content: str, tmp_path: Path, capsys
 
 def test_integration_reads_no_monitors_and_says_so(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["trace", str(own), "--sampling", "adaptive"]) == 2
-    assert "reads receivers alone, and this scene has monitors" in capsys.readouterr().err
+    assert "evaluates only receivers, and this scene has monitors" in capsys.readouterr().err
 
 
 @pytest.fixture

@@ -32,9 +32,9 @@ def test_bodies_with_a_common_face_are_refused_with_the_place(low_x: float, high
     second = box("b", (low_x, 3.0), (high_x, 5.0))
     line = refused([*FIRST, *second])
     assert "interfaces a2 and b0" in line
-    assert f"lie on one another at x = {at_x:g}, z = 3 mm" in line
+    assert f"overlap at x = {at_x:g}, z = 3 mm" in line
     regions = (Region("air", 1.0), Region("glass", 1.5))
-    with pytest.raises(DesignError, match="lie on one another"):
+    with pytest.raises(DesignError, match="overlap"):
         Scene(regions, (*FIRST, *second), (Fan((0.0, 0.0), 0.0, 20.0, 10),))
 
 
@@ -59,17 +59,17 @@ CIRCLE = Arc.circle((0.0, 0.0), 2.0)
 @pytest.mark.parametrize(
     ("first", "second", "found"),
     [
-        (CIRCLE, Arc((0.0, 0.0), 2.0, 30.0, 360.0), "lie on one another"),
-        (CIRCLE, Arc((0.0, 0.0), 2.0, 30.0, 45.0), "lie on one another"),
+        (CIRCLE, Arc((0.0, 0.0), 2.0, 30.0, 360.0), "overlap"),
+        (CIRCLE, Arc((0.0, 0.0), 2.0, 30.0, 45.0), "overlap"),
         (CIRCLE, Arc.circle((1.0, 0.0), 2.0), "cross"),
         (CIRCLE, Segment((-3.0, 0.5), (3.0, 0.4)), "cross"),
         (Bezier((0.0, 0.0), (1.0, 2.0), (3.0, 2.0), (4.0, 0.0)), Segment((0.5, -1.0), (0.5, 5.0)), "cross"),
         (
             Bezier((0.0, 0.0), (1.0, 2.0), (3.0, 2.0), (4.0, 0.0)),
             Bezier((4.0, 0.0), (3.0, 2.0), (1.0, 2.0), (0.0, 0.0)),
-            "lie on one another",
+            "overlap",
         ),
-        (Bezier((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)), Segment((-1.0, 0.0), (4.0, 0.0)), "lie on"),
+        (Bezier((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)), Segment((-1.0, 0.0), (4.0, 0.0)), "overlap"),
     ],
 )
 def test_curves_that_coincide_or_cross(first: Curve, second: Curve, found: str) -> None:

@@ -99,7 +99,7 @@ def test_what_parts_no_media_may_end_anywhere(end: Point) -> None:
 
 def test_a_mirror_on_a_corner_must_stand_in_its_own_medium() -> None:
     inwards = Interface("fin", Segment((1.0, 1.0), (0.6, 0.5)), "air", "air", "mirror")
-    assert "between the two, side-2 has glass and fin has air" in refused([*outline(SQUARE), inwards])
+    assert "in the sector between them, side-2 names glass and fin names air" in refused([*outline(SQUARE), inwards])
     check_closed([*outline(SQUARE), Interface("fin", inwards.curve, "glass", "glass", "mirror")])
 
 
@@ -141,14 +141,14 @@ def test_a_side_whose_media_are_the_wrong_way_round_is_named_with_a_neighbour(nu
         line = refused(sides)
         assert f"side-{number}" in line.split("=", maxsplit=1)[0]
         assert "media do not fit at x = " in line
-        assert (line.count("has glass"), line.count("has air")) == (1, 1)
+        assert (line.count("names glass"), line.count("names air")) == (1, 1)
         assert "swap left and right" in line
 
 
 def test_a_side_of_a_wrong_medium_is_reported_with_both() -> None:
     line = refused(with_side(2, Segment(SQUARE[2], SQUARE[3]), "water"))
     assert "interfaces side-2 and side-1 = 'media do not fit at x = 1, z = 1 mm'" in line
-    assert "between the two, side-2 has water and side-1 has glass" in line
+    assert "in the sector between them, side-2 names water and side-1 names glass" in line
 
 
 def divided(*, whole_side: bool) -> list[Interface]:
@@ -177,7 +177,7 @@ def test_an_interface_that_ends_on_the_inside_of_another_does_not_close_its_medi
     across = Interface("level", Segment((0.0, 0.5), (1.0, 0.5)), "oil", "water")
     line = refused([*whole, across])
     assert "media do not fit at x = 0, z = 0.5 mm" in line
-    assert "between the two, level has oil and side-3 has water" in line
+    assert "in the sector between them, level names oil and side-3 names water" in line
     assert "divide side-3 at this place" in line
 
 

@@ -257,15 +257,15 @@ def test_what_is_unknown_is_reported_and_the_rest_is_read() -> None:
     )
     told = [str(one) for one in found.not_understood]
     assert told == [
-        "object 2, GrinGlass: this type of object is unknown to solen",
+        "object 2, GrinGlass: solen does not support this type of object",
         "object 3, Mirror, shiny: unknown key",
-        "object 4, Mirror, p2: is missing; the object is left out",
-        "object 5, CircleGlass, refIndex: must be a number, not 'high'; the object is left out",
+        "object 4, Mirror, p2: is missing; the object is omitted",
+        "object 5, CircleGlass, refIndex: must be a number, not 'high'; the object is omitted",
         "object 6, CustomMirror: formula 'x.real' at character 2 = '.'; is not part of a formula; "
-        "the object is left out",
+        "the object is omitted",
         "object 7, ModuleObj, module: there is no module 'none', or it contains itself",
         "object 8, Beam, random: the scene has no randomSeed, so that its rays differ from time to time; "
-        "the object is left out",
+        "the object is omitted",
         "object 10, object: is not an object",
         "scene, weather: unknown key",
     ]
@@ -278,7 +278,7 @@ def test_what_is_unknown_is_reported_and_the_rest_is_read() -> None:
         ("{", "not JSON"),
         ("[]", "not a scene of ray-optics"),
         ('{"objs": []}', "not a scene of ray-optics"),
-        ('{"version": 4, "objs": []}', "this solen reads version 5; open the scene in ray-optics"),
+        ('{"version": 4, "objs": []}', "this version of solen reads version 5; open the scene in ray-optics"),
         ('{"version": 5, "objs": [], "lengthScale": 0}', "lengthScale; must be above 0"),
         ('{"version": 5, "objs": [], "rayModeDensity": "many"}', "rayModeDensity; must be a number"),
         ('{"version": 5, "objs": [], "mode": "fun"}', "mode; must be one of"),
@@ -295,9 +295,9 @@ def test_a_bad_file_is_refused_in_one_line(content: str, told: str, tmp_path: Pa
 
 
 def test_a_scene_without_light_and_an_index_below_1_are_refused() -> None:
-    with pytest.raises(DataError, match="no source that is understood; add a source"):
+    with pytest.raises(DataError, match="there is no supported source; add a source"):
         scene(circle(0, 0, 1))
-    with pytest.raises(DataError, match=r"no source that is understood \(object 1, Lantern: .*\)"):
+    with pytest.raises(DataError, match=r"there is no supported source \(object 1, Lantern: .*\)"):
         scene({"type": "Lantern"})
     with pytest.raises(DesignError, match="at least 1"):
         scene(LAMP, circle(0, 0, 1, refIndex=0.8))
@@ -308,7 +308,9 @@ def test_a_scene_without_light_and_an_index_below_1_are_refused() -> None:
 def test_an_ideal_lens_on_glass_is_reported() -> None:
     lens = {"type": "IdealLens", "p1": point(5, -1), "p2": point(5, 1)}
     found = scene(LAMP, polygon((5, -1), (9, -1), (9, 1), (5, 1)), lens)
-    assert [str(one) for one in found.not_understood] == ["object 3, IdealLens: a lens on a surface of glass"]
+    assert [str(one) for one in found.not_understood] == [
+        "object 3, IdealLens: is a lens on a surface of glass, which is not supported"
+    ]
 
 
 def test_parts_that_lie_on_one_another_need_no_file() -> None:

@@ -320,7 +320,7 @@ def test_what_scatters_cannot_be_integrated_and_the_plane_alone_has_ideal_elemen
         integrate(scene)
     lens = Interface("lens", Segment((-8.0, 0.0), (8.0, 0.0)), "air", "air", "lens", surface=Surface(focal_mm=5.0))
     extruded = Scene((Region("air", 1.0),), (lens,), (ray(0.0),), extrusion=Extrusion(2.0))
-    with pytest.raises(DesignError, match="ideal elements and gratings are of the plane"):
+    with pytest.raises(DesignError, match="ideal elements and gratings are supported only in the plane"):
         trace(extruded)
 
 

@@ -1,7 +1,7 @@
-"""Interfaces must be apart: no two may share a stretch, and none may cross another with a wrong medium behind it.
+"""The rule that interfaces are separate: no two may overlap, and they may cross only within one medium.
 
-Where two coincide a ray meets first what rounding says. Where two cross, at least one of them has, on one side of the
-crossing, a region beside it that is not there; only walls and mirrors within one medium may cross.
+Where two interfaces coincide, rounding would decide which of them a ray meets first. Where two cross, at least one of
+them borders the wrong region on one side of the crossing. Only walls and mirrors within one medium may therefore cross.
 """
 
 import math
@@ -21,15 +21,25 @@ if TYPE_CHECKING:  # the model calls this module
     from solen.scene.model import Interface
 
 REMEMBERED = 4096
-"""Curves and pairs of them that are remembered: from one scene of a sweep to the next most stay as they are."""
+"""Number of curves, and of pairs of curves, in the cache: most of them do not change from one scene of a sweep to the
+next.
+"""
 INSIDE = 1.0 / 64.0
-"""How far from its end a curve is looked at for whether it runs along another, as a share of its parameter."""
+"""Distance from the end of a curve, as a fraction of its parameter, of the point that is tested for lying on another
+curve.
+"""
 ON_IT_MM = 1e-9
-"""How near to another a straight line lies on it."""
+"""Distance up to which a point is taken to lie on a straight line."""
 
 
 def check_apart(interfaces: Sequence["Interface"]) -> None:
-    """`DesignError` with the place where two interfaces coincide along a stretch, or cross."""
+    """Check that no two interfaces overlap or cross.
+
+    Raises
+    ------
+    DesignError
+        If two interfaces coincide along part of their length, or cross; the message states the place.
+    """
     if len(interfaces) < 2:
         return
     lines = [_polyline(interface.curve) for interface in interfaces]
@@ -39,11 +49,11 @@ def check_apart(interfaces: Sequence["Interface"]) -> None:
         at = _common(first.curve, second.curve, tolerance_mm)
         if at is not None:
             raise _error(
-                first, second, f"lie on one another at {place_text(at)}", "a ray would meet either by rounding"
+                first, second, f"overlap at {place_text(at)}", "rounding would decide which of them a ray meets"
             )
         at = None if _may_cross(first, second) else _crossing(first.curve, second.curve, tolerance_mm)
         if at is not None:
-            limit = "beyond the crossing one of them borders the wrong medium"
+            limit = "beyond the crossing, one of them borders the wrong medium"
             raise _error(first, second, f"cross at {place_text(at)}", limit)
 
 
@@ -53,13 +63,13 @@ def _polyline(curve: Curve) -> FloatArray:
 
 
 def overlap_mm(a: Segment, b: Segment) -> float:
-    """Length that two segments share on one line; 0 where they are not on one line."""
+    """Return the length over which two collinear segments overlap; 0 if they are not collinear."""
     low, high = _shared(a, b)
     return high - low
 
 
 def _shared(a: Segment, b: Segment) -> tuple[float, float]:
-    """Interval along the first segment, in mm, that the second covers; its end is before its start if there is none."""
+    """Interval in mm along the first segment that the second covers; an empty one ends at or before its start."""
     direction = unit(minus(a.b, a.a))
     starts = (minus(b.a, a.a), minus(b.b, a.a))
     if any(abs(cross(direction, start)) > ON_IT_MM for start in starts):
@@ -73,7 +83,10 @@ def _may_cross(first: "Interface", second: "Interface") -> bool:
 
 
 def _neighbours(lines: Sequence[FloatArray], tolerance_mm: float) -> Iterator[tuple[int, int]]:
-    """Pairs of polylines whose boxes meet; no curve leaves its polyline by as much as the boxes are enlarged."""
+    """Indices of the pairs of polylines whose bounding boxes overlap.
+
+    The boxes are enlarged by more than any curve deviates from its polyline.
+    """
     margin = np.array([tolerance_mm + (len(line) > 2) * np.hypot(*np.diff(line, axis=0).T).max() for line in lines])
     low = np.array([line.min(axis=0) for line in lines]) - margin[:, None]
     high = np.array([line.max(axis=0) for line in lines]) + margin[:, None]
@@ -87,9 +100,10 @@ def _neighbours(lines: Sequence[FloatArray], tolerance_mm: float) -> Iterator[tu
 
 @lru_cache(maxsize=REMEMBERED)
 def _common(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
-    """A point inside a stretch common to two curves; such a stretch begins at an end of either curve.
+    """Return a point of the overlap of two curves, or None if they do not overlap.
 
-    Curves of different equations have none; cubics may be any other curve.
+    An overlap begins at an end of one of the curves. Curves of different kinds cannot overlap, except that a cubic can
+    have the form of any other curve.
     """
     if isinstance(a, Segment) and isinstance(b, Segment):
         low, high = _shared(a, b)
@@ -106,14 +120,14 @@ def _common(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
 
 @lru_cache(maxsize=REMEMBERED)
 def _crossing(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
-    """A point where two curves cross, other than at their ends."""
+    """Return a point where two curves cross, other than at their ends, or None."""
     if isinstance(a, Segment) and isinstance(b, Segment):
         sides = [cross(minus(c.b, c.a), minus(end, c.a)) for c, d in ((a, b), (b, a)) for end in (d.a, d.b)]
         if not (sides[0] * sides[1] < 0.0 and sides[2] * sides[3] < 0.0):
             return None
     elif not _lines_cross(_polyline(a), _polyline(b)):
         return None
-    from solen.scene.rayoptics.intersections import crossings  # that package is made of scenes
+    from solen.scene.rayoptics.intersections import crossings  # that package imports scenes
 
     places = [a.point_at(u) for u, _ in crossings(a, b, tolerance_mm)]
     ends = (a.start, a.end, b.start, b.end)
@@ -127,10 +141,11 @@ def _lines_cross(p: FloatArray, q: FloatArray) -> bool:
 
 
 def chords_meet(p: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where the lines of the chords of two polylines (N + 1, 2), (M + 1, 2) meet, each (N, M).
+    """Intersect the lines through the chords of two polylines (N + 1, 2) and (M + 1, 2).
 
-    Share of the first polyline's chord, share of the second's, and the sine of the angle between them; parallel chords
-    meet at infinity or nowhere (NaN).
+    Returns three arrays (N, M): the position along the chord of the first polyline (0 to 1 within it), the position
+    along that of the second, and the sine of the angle between the chords. For parallel chords the positions are
+    infinite or NaN.
     """
     dp, dq = np.diff(p, axis=0)[:, None, :], np.diff(q, axis=0)[None, :, :]
     between = q[None, :-1, :] - p[:-1, None, :]
@@ -142,5 +157,5 @@ def chords_meet(p: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, F
 
 
 def _error(first: "Interface", second: "Interface", value: str, limit: str) -> DesignError:
-    remedy = "let bodies share a single interface between both media, or leave a gap"
+    remedy = "let both media share a single interface, or leave a gap between the bodies"
     return DesignError(f"interfaces {first.name} and {second.name}", value=value, limit=limit, remedy=remedy)

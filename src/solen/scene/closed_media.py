@@ -1,15 +1,16 @@
-"""Media must be closed: around any point where interfaces end, each region must border the next.
+"""The rule that media are closed: around any point where interfaces end, each region must border the next.
 
-An interface whose two sides are different regions is part of a *boundary* between media. Where it ends, others must
-begin, so that the region behind each of them, counter-clockwise, is the region before the next. One with the same
-region on both sides (a mirror, a wall, a receiver in air) may end anywhere.
+An interface with different regions on its two sides is part of a *boundary* between media. Where it ends, others must
+begin such that the region behind each of them, counter-clockwise, is the region before the next. An interface with the
+same region on both sides (a mirror, a wall, a receiver in air) may end anywhere.
 
-All ends are gathered to vertices by sorting, and nearly all vertices are decided by the names of their regions. Curves
-are looked at only where three or more meet, for their order round the vertex, and where something does not fit: then
-the end may stand on the inside of another curve, which leaves that vertex on both sides.
+All ends are grouped into vertices by sorting, and nearly all vertices can be checked by the names of their regions
+alone. The curves themselves are needed only where three or more meet, to find their order round the vertex, and where
+something does not fit: the end may then lie on the inside of another curve, which counts as leaving that vertex in both
+directions.
 
-What only a look at whole areas would show is not judged: a closed body that stands in another medium than its outside
-says. That no two curves coincide or cross is the matter of `solen.scene.apart`.
+Errors that only a comparison of whole areas would show are not detected, for example a closed body inside a medium
+other than the one that its outer side names. `solen.scene.apart` checks that no two curves coincide or cross.
 """
 
 import math
@@ -28,24 +29,29 @@ if TYPE_CHECKING:  # the model calls this module
     from solen.scene.model import Interface
 
 TOLERANCE_MM = 2.0 * END_TOLERANCE_MM
-"""Ends this near are one vertex: each of two curves reaches half of it beyond its end, so that no ray slips between."""
+"""Ends closer than this are one vertex: each of two curves reaches half of it beyond its end, so that no ray slips
+between.
+"""
 ROUNDING = 1e-14
-"""The same, relative to the largest coordinate, which counts from 2 m on: sines and motions leave some 1e-15 of it.
+"""The same tolerance relative to the largest coordinate; it is the larger of the two for coordinates above 2 m.
 
-An arc's centre is among the coordinates, because a flat arc's ends are no better known than its centre.
+Sines and motions have rounding errors of about 1e-15 of a coordinate. The centre of an arc counts as a coordinate,
+because the ends of a flat arc are no more accurate than its centre.
 """
 APART_RAD = 1e-3
-"""Curves that leave a vertex less than this apart are distinguished a little further along."""
+"""Curves whose directions at a vertex differ by less than this are ordered by their directions a little further
+along.
+"""
 TIED_RAD = 1e-9
-"""Curves still less than this apart run on one line: whichever order fits will do."""
+"""Curves whose directions still differ by less than this are taken as collinear: any order that fits is accepted."""
 BACK_MM = 1.0
-"""How far before a point the ray starts that asks whether the point lies on a curve."""
+"""Distance before a point at which the test ray for whether the point is on a curve starts."""
 ENDS = np.array([0.0, 1.0])
 SAMPLES = np.linspace(0.0, 1.0, 33)
 
 
 class _Branch(NamedTuple):
-    """An interface as it leaves a vertex: forwards, or against its direction."""
+    """An interface as it leaves a vertex, either along its own direction or against it."""
 
     interface: "Interface"
     at: Point
@@ -54,21 +60,24 @@ class _Branch(NamedTuple):
 
     @property
     def after(self) -> str:
-        """Region next to it counter-clockwise."""
+        """Region on its counter-clockwise side."""
         return self.interface.left if self.forwards else self.interface.right
 
     @property
     def before(self) -> str:
-        """Region next to it clockwise."""
+        """Region on its clockwise side."""
         return self.interface.right if self.forwards else self.interface.left
 
     @property
     def end(self) -> str:
-        """Relation of the vertex to its curve."""
+        """Which end of its curve is at the vertex."""
         return "start" if self.forwards else "end"
 
     def angle(self, step_mm: float) -> float:
-        """Direction in which the curve leaves: of the chord to the point ``step_mm`` on; for 0 of the tangent."""
+        """Direction in which the curve leaves the vertex.
+
+        This is the direction of the chord to the point ``step_mm`` further on, or, if that is 0, of the tangent.
+        """
         curve = self.interface.curve
         # a closed curve may have a corner where it begins, and two normals there
         at = curve.point_at(1e-6 if self.forwards else 1.0 - 1e-6) if self.closed else self.at
@@ -84,13 +93,14 @@ class _Branch(NamedTuple):
 
 
 def check_closed(interfaces: Sequence["Interface"]) -> None:
-    """Refuse interfaces whose media are not closed.
+    """Check that the media of the interfaces are closed.
 
     Raises
     ------
     DesignError
-        If a boundary between media ends alone, with the interface, the place and the gap to the nearest other end;
-        or where the media round a vertex do not fit, with two neighbours there and what each of them says.
+        If a boundary between media ends alone; the message states the interface, the place and the gap to the nearest
+        other end. Also if the media round a vertex do not fit; the message states two neighbours and the regions that
+        they name.
     """
     if all(_free(interface) for interface in interfaces):
         return
@@ -100,7 +110,7 @@ def check_closed(interfaces: Sequence["Interface"]) -> None:
     doubtful = [vertex for vertex in vertices if not _fits(vertex)]
     if not doubtful:
         return
-    # an open end was meant to meet another open one, if there is any
+    # an open end is compared with other open ends first, if there are any
     partners = [[branch for vertex in group for branch in vertex] for group in (doubtful, vertices)]
     boxes = _boxes(interfaces, tolerance_mm)
     for vertex in doubtful:
@@ -113,18 +123,18 @@ def check_closed(interfaces: Sequence["Interface"]) -> None:
 
 
 def _free(interface: "Interface") -> bool:
-    """Whether it separates no media."""
+    """Whether the interface has the same region on both sides."""
     return interface.left == interface.right
 
 
 def tolerance_of(interfaces: Sequence["Interface"], ends: FloatArray) -> float:
-    """Distance in mm below which ends are one vertex: `TOLERANCE_MM`, or the rounding of the largest coordinate."""
+    """Largest distance in mm of ends of one vertex: `TOLERANCE_MM`, or the rounding of the largest coordinate."""
     centers = [abs(x) for i in interfaces if isinstance(i.curve, Arc) for x in i.curve.center]
     return max(TOLERANCE_MM, ROUNDING * max(float(np.max(np.abs(ends))), *centers, 0.0))
 
 
 def _vertices(interfaces: Sequence["Interface"], ends: FloatArray, tolerance_mm: float) -> list[list[_Branch]]:
-    """Branches by the point that they leave from."""
+    """Branches, grouped by the vertex that they leave."""
     labels = _labels(ends, tolerance_mm).tolist()
     vertices: dict[int, list[_Branch]] = {}
     for k, (label, (x, z)) in enumerate(zip(labels, ends.tolist(), strict=True)):
@@ -136,15 +146,16 @@ def _vertices(interfaces: Sequence["Interface"], ends: FloatArray, tolerance_mm:
 def _labels(points: FloatArray, tolerance_mm: float) -> IndexArray:
     """Group numbers (N,), equal for coinciding points.
 
-    Points sorted along x are split wherever neighbours are further apart than the tolerance; each group then
-    along z, and so on until nothing splits. This takes N log N even for collinear points.
+    Points sorted along x are split wherever neighbours are further apart than the tolerance; each group is then split
+    along z in the same way, and so on until no group splits any more. This takes N log N steps even for collinear
+    points.
     """
     labels = np.zeros(len(points), dtype=np.intp)
     parts = 0
     while parts < (parts := int(labels.max()) + 1):
         for axis in (0, 1):
             order = np.lexsort((points[:, axis], labels))
-            with np.errstate(over="ignore"):  # coordinates of 1e308 may lie infinitely far apart
+            with np.errstate(over="ignore"):  # differences of coordinates of 1e308 may overflow
                 apart = np.diff(points[order, axis]) > tolerance_mm
             labels[order[1:]] = np.cumsum(apart | (np.diff(labels[order]) > 0))
             labels[order[0]] = 0
@@ -152,15 +163,15 @@ def _labels(points: FloatArray, tolerance_mm: float) -> IndexArray:
 
 
 def _fits(vertex: list[_Branch]) -> bool:
-    """Whether every region around a vertex ends where the next begins; interfaces within one medium may end alone."""
+    """Whether each region around a vertex ends where the next begins; interfaces within one medium may end alone."""
     if all(_free(branch.interface) for branch in vertex):
         return True
     return len(vertex) > 1 and all(a.after == b.before for a, b in _neighbours(vertex))
 
 
 def _neighbours(vertex: list[_Branch]) -> list[tuple[_Branch, _Branch]]:
-    """Each branch with the next one counter-clockwise; of branches on one line, the one that fits comes first."""
-    groups = _in_order(vertex) if len(vertex) > 2 else [[branch] for branch in vertex]  # two have one order only
+    """Pairs of each branch and the next one counter-clockwise; of collinear branches, one that fits comes first."""
+    groups = _in_order(vertex) if len(vertex) > 2 else [[branch] for branch in vertex]  # two have only one order
     first = next((i for i, group in enumerate(groups) if len(group) == 1), 0)
     chain: list[_Branch] = []
     for group in (*groups[first:], *groups[:first]):
@@ -173,11 +184,11 @@ def _neighbours(vertex: list[_Branch]) -> list[tuple[_Branch, _Branch]]:
 
 
 def _in_order(vertex: list[_Branch]) -> list[list[_Branch]]:
-    """Branches counter-clockwise, those on one line in one group."""
+    """Branches in counter-clockwise order; collinear ones form one group."""
     angles = [branch.angle(0.0) for branch in vertex]
     order, gaps = _sorted(angles)
     if min(gaps) < APART_RAD:
-        # where tangents agree, curvature decides: rather near the vertex, before anything can cross
+        # if tangents agree, curvature decides, close enough to the vertex that no curves cross before
         step_mm = 1e-3 * min(_size_mm(branch.interface.curve) for branch in vertex)
         order, gaps = _sorted([branch.angle(step_mm) for branch in vertex])
     groups: list[list[_Branch]] = []
@@ -190,7 +201,7 @@ def _in_order(vertex: list[_Branch]) -> list[list[_Branch]]:
 
 
 def _sorted(angles: list[float]) -> tuple[list[int], list[float]]:
-    """Order of angles and the gap before each, starting at the largest gap so that no group is split."""
+    """Order of the angles and the gap before each, starting after the largest gap so that no group is split."""
     turns = [math.remainder(angle, math.tau) for angle in angles]
     order = sorted(range(len(turns)), key=turns.__getitem__)
     gaps = [(turns[i] - turns[order[k - 1]]) % math.tau for k, i in enumerate(order)]
@@ -204,7 +215,10 @@ def _size_mm(curve: Curve) -> float:
 
 
 def _boxes(interfaces: Sequence["Interface"], tolerance_mm: float) -> FloatArray:
-    """Boxes (N, 4) round the curves, low x and z, high x and z; between two samples none strays as far as they part."""
+    """Bounding boxes (N, 4) of the curves: lowest x and z, highest x and z.
+
+    A curve deviates from its sampled points by less than their spacing, which is the margin of its box.
+    """
     points = np.array([interface.curve.points(SAMPLES) for interface in interfaces])
     with np.errstate(over="ignore"):
         margin = np.hypot(*np.moveaxis(np.diff(points, axis=1), 2, 0)).max(axis=1) + tolerance_mm
@@ -214,7 +228,7 @@ def _boxes(interfaces: Sequence["Interface"], tolerance_mm: float) -> FloatArray
 def _passing(
     vertex: list[_Branch], interfaces: Sequence["Interface"], boxes: FloatArray, tolerance_mm: float
 ) -> list["Interface"]:
-    """Interfaces with a vertex between their ends."""
+    """Interfaces that pass through a vertex without ending there."""
     at = vertex[0].at
     ending = {branch.interface.name for branch in vertex}
     near = np.flatnonzero(((boxes[:, :2] <= at) & (boxes[:, 2:] >= at)).all(axis=1)).tolist()
@@ -224,31 +238,32 @@ def _passing(
 
 
 def holds(curve: Curve, point: Point, tolerance_mm: float) -> bool:
-    """Whether a point lies on a curve within the tolerance of ray tracing."""
+    """Whether a curve passes through a point, within a tolerance."""
     rays = [(along(point, direction, -BACK_MM), direction) for direction in ((1.0, 0.0), (0.0, 1.0))]
     return any(abs(t - BACK_MM) <= tolerance_mm for ray in rays for t in curve.hits(*ray))
 
 
 def _gap(branch: _Branch, interfaces: Sequence["Interface"], partners: list[list[_Branch]]) -> DesignError:
-    """The error for a boundary that ends alone."""
+    """Return the error for a boundary that ends alone."""
     name = branch.interface.name
     others = ([b for b in group if b is not branch and not _free(b.interface)] for group in partners)
     other = min(next(filter(None, others)), key=lambda other: math.dist(other.at, branch.at))
     gap_mm, what = math.dist(other.at, branch.at), f"{other.end} of {other.interface.name}"
     side_mm, side = _nearest_side(branch, interfaces)
-    if side_mm < 0.1 * gap_mm:  # so much nearer that it was meant to end on that one
+    if side_mm < 0.1 * gap_mm:  # so much closer that it was probably meant to end there
         gap_mm, what = side_mm, f"side of {side}"
     return DesignError(
         f"interface {name}",
         value=f"not closed at its {branch.end}",
-        limit=f"a gap of {gap_mm:.3g} mm at {place_text(branch.at)} to the {what}; on its two sides are "
-        f"{branch.interface.left} and {branch.interface.right}, so that others must go on from here",
-        remedy="join the ends, name one region on both sides, or allow open_media",
+        limit=f"a gap of {gap_mm:.3g} mm at {place_text(branch.at)} to the {what}; the "
+        f"interface separates {branch.interface.left} and {branch.interface.right}, so another "
+        "boundary must continue from this end",
+        remedy="join the ends, name the same region on both sides, or set open_media",
     )
 
 
 def _nearest_side(branch: _Branch, interfaces: Sequence["Interface"]) -> tuple[float, str]:
-    """Change of length that would let a boundary end on another one, and which one."""
+    """Smallest change of length that would let a boundary end on another one, and the name of that one."""
     angle = branch.angle(0.0)
     out = (math.cos(angle), math.sin(angle))
     nearest_side = [(math.inf, "")]
@@ -260,19 +275,19 @@ def _nearest_side(branch: _Branch, interfaces: Sequence["Interface"]) -> tuple[f
 
 
 def _misfit(vertex: list[_Branch], through: list["Interface"]) -> DesignError:
-    """The error for media that do not fit."""
+    """Return the error for media that do not fit."""
     a, b = next((a, b) for a, b in _neighbours(vertex) if a.after != b.before)
-    remedy = "swap left and right of the wrong one, or reverse its curve"
-    if through:  # it has the same two media before and behind this point
+    remedy = "swap left and right of the wrong interface, or reverse its curve"
+    if through:  # a curve that passes through has the same two media on both sides of this point
         remedy = f"divide {' and '.join(interface.name for interface in through)} at this place, or {remedy}"
     return DesignError(
         f"interfaces {a.interface.name} and {b.interface.name}",
         value=f"media do not fit at {place_text(a.at)}",
-        limit=f"between the two, {a.interface.name} has {a.after} and {b.interface.name} has {b.before}",
+        limit=f"in the sector between them, {a.interface.name} names {a.after} and {b.interface.name} names {b.before}",
         remedy=remedy,
     )
 
 
 def place_text(point: Point) -> str:
-    """A point as errors state it."""
+    """Return the text by which errors state a point."""
     return f"x = {point[0]:.6g}, z = {point[1]:.6g} mm"

@@ -1,9 +1,9 @@
-"""Contact with a wall: a pad of another medium along a stretch, closed by its own edges.
+"""Pads: other media in contact with part of a wall, each with edges of its own.
 
-A medium must be closed, so that what touches a stretch is given a depth: its outer edge follows the stretch at that
-distance, and straight edges join the two. They are black, where light that has entered the medium is lost, or clear,
-where it goes on into the air. Neighbouring stretches of one wall table share one pad where the wall runs on smoothly or
-turns away; of different tables, an edge.
+A medium must be closed, so a medium that touches a wall is given a depth: its outer edge follows the wall at that
+distance, and straight edges join the two. These edges are either black, and absorb light that has entered the medium,
+or clear, and let it pass into the air. Neighbouring faces of one wall table share one pad if the wall is smooth there
+or turns away; pads of different tables meet at a common edge.
 """
 
 import math
@@ -22,19 +22,19 @@ from solen.scene.model import Behaviour, Interface, Region
 from solen.spec import Wall
 
 SMOOTH = 0.02
-"""Sine of the angle up to which a wall runs on: the outer edges of two shares meet halfway round the corner."""
+"""Sine of the largest angle of a smooth corner; the outer edges of both faces then meet on its bisector."""
 OUTER_POINTS = 65
-"""Points that the outer edge of a curved stretch passes; it is a spline."""
+"""Number of points of the spline along the outer edge of a curved face."""
 FLAT_MM = 1e-4
-"""Polylines by which pads are checked for overlaps."""
+"""Largest deviation of the polylines with which pads are checked for overlaps."""
 OVERLAP_MM2 = 1e-7
 EXACT_MM = 1e-12
-"""Outer edges this near to their distance are at it."""
+"""Largest error of the depth of an outer edge that is still taken as exact."""
 
 
 @dataclass(frozen=True)
 class Pad:
-    """One face's share of a pad."""
+    """The part of a pad on one face."""
 
     face: Face
     wall: Wall
@@ -42,29 +42,35 @@ class Pad:
 
     @property
     def behaviour(self) -> Literal["absorbing", "refracting"]:
-        """Its edges."""
+        """Behaviour of its edges."""
         return "absorbing" if self.wall.beyond == "black" else "refracting"
 
     def edge(self, curve: Curve, what: str) -> Interface:
-        """An edge of the pad, which lies on its left, to the air."""
+        """Return an edge of the pad towards the air, with the pad on its left."""
         return Interface(f"{self.face.name} {what}", curve, self.wall.outside, "air", self.behaviour)
 
 
 def pad_regions(walls: Sequence[Wall]) -> tuple[Region, ...]:
-    """Media of all wall tables, each once; `DesignError` if two tables give one name two indices."""
+    """Return the media of all wall tables, each once.
+
+    Raises
+    ------
+    DesignError
+        If two tables give media of the same name different indices or absorptions.
+    """
     regions: dict[str, Region] = {}
     for number, wall in enumerate(walls):
         if wall.outside == "air" or wall.index is None:
             continue
         region = Region(wall.outside, wall.index, wall.absorption_per_mm)
         if regions.setdefault(wall.outside, region) != region:
-            limit = "another wall gives this medium another index or absorption"
+            limit = "another wall table gives this medium another index or absorption"
             raise DesignError(f"wall[{number}].outside", value=wall.outside, limit=limit, remedy="use another name")
     return tuple(regions.values())
 
 
 def pad_edges(body: Body, walls: Sequence[Wall]) -> tuple[Interface, ...]:
-    """Edges of all pads of a body, without the stretches themselves."""
+    """Return the edges of all pads of a body, without the faces that they touch."""
     interfaces: list[Interface] = []
     pads: list[Pad] = []
     for outline in body.outlines:
@@ -78,7 +84,7 @@ def pad_edges(body: Body, walls: Sequence[Wall]) -> tuple[Interface, ...]:
 
 
 def _pad(outline: tuple[Face, ...], i: int, walls: Sequence[Wall]) -> Pad | None:
-    """Part of a pad on one face; None if only air touches the face."""
+    """Return the part of a pad on one face, or None if only air touches the face."""
     face = outline[i]
     wall = _touching(face, walls)
     if wall is None:
@@ -95,7 +101,7 @@ def _touching(face: Face, walls: Sequence[Wall]) -> Wall | None:
 
 
 def _edges(before: Pad | None, pad: Pad, behind: Pad | None) -> Iterator[Interface]:
-    """Edges of one face's share; an edge between two shares belongs to the one behind it."""
+    """Edges of the part of a pad on one face; an edge between two parts belongs to the second."""
     yield pad.edge(pad.outer, "outer edge")
     if before is None or not _joined(before, pad):
         yield pad.edge(Segment(pad.face.curve.start, pad.outer.start), "first edge")
@@ -108,7 +114,7 @@ def _edges(before: Pad | None, pad: Pad, behind: Pad | None) -> Iterator[Interfa
 
 
 def _joined(before: Pad, behind: Pad) -> bool:
-    """Whether two shares join: where the wall runs on, or one table's wall turns away."""
+    """Whether the parts of a pad on two faces join: if the wall is smooth there, or turns away within one table."""
     if _smooth(before.face, behind.face):
         return True
     if _turn(before.face, behind.face) < 0.0:
@@ -117,7 +123,7 @@ def _joined(before: Pad, behind: Pad) -> bool:
             f"wall {before.wall.outside}",
             value=f"turns inwards from {before.face.name} to {behind.face.name} at x = {x:.4g}, z = {z:.4g} mm",
             limit=f"a pad {before.wall.depth_mm:g} mm deep would overlap itself there",
-            remedy="end the stretch before the corner",
+            remedy="end the treated part of the wall before the corner",
         )
     return before.wall is behind.wall
 
@@ -127,7 +133,7 @@ def _smooth(before: Face, behind: Face) -> bool:
 
 
 def _turn(before: Face, behind: Face) -> float:
-    """Sine by which the wall turns to the left from one face to the next; ±2 where it turns back."""
+    """Sine of the angle of the left turn of the wall between two faces; ±2 if it is above 90 degrees."""
     corner = behind.curve.start
     first, last = before.curve.normal_at(corner), behind.curve.normal_at(corner)
     sine = cross(first, last)
@@ -145,7 +151,7 @@ def _corner(before: Face, behind: Face) -> Point | None:
 
 
 def _between(before: Pad, pad: Pad) -> Iterator[Interface]:
-    """The edge between two different pads on a smooth wall, and what the deeper one reaches beyond it."""
+    """The edge between two different pads on a smooth wall, and the exposed end of the deeper one."""
     behaviour: Behaviour = "absorbing" if "absorbing" in (before.behaviour, pad.behaviour) else "refracting"
     start, near, far = pad.face.curve.start, before.outer.end, pad.outer.start
     shallow = near if before.wall.depth_mm <= pad.wall.depth_mm else far
@@ -158,10 +164,10 @@ def _between(before: Pad, pad: Pad) -> Iterator[Interface]:
 
 
 def _outer(face: Face, depth_mm: float, first: Point | None, last: Point | None) -> Curve:
-    """The curve ``depth_mm`` outside a face: exact for a line and an arc, else a spline through its points.
+    """Return the curve ``depth_mm`` outside a face: exact for a line and an arc, else a spline through points.
 
-    Where the wall runs on over a slight corner, ``first`` and ``last`` say where it begins and ends; what that is off
-    the distance is shared out along the face.
+    At a slight corner of a smooth wall, ``first`` and ``last`` state where the outer edge begins and ends; the
+    resulting deviations from the depth are distributed linearly along the face.
     """
     curve = face.curve
     u = np.linspace(0.0, 1.0, OUTER_POINTS * (len(curve.controls) if isinstance(curve, CubicChain) else 1))
@@ -172,8 +178,8 @@ def _outer(face: Face, depth_mm: float, first: Point | None, last: Point | None)
     off_last = np.zeros(2) if last is None else depth_mm * (np.asarray(last) + normals[-1])
     outer += np.outer(1.0 - u, off_first) + np.outer(u, off_last)
     if np.any(np.sum(np.diff(outer, axis=0) * np.diff(points, axis=0), axis=1) <= 0.0):
-        limit = f"{face.name} curves inwards more tightly than {depth_mm:g} mm"
-        raise DesignError("wall.depth_mm", value=depth_mm, limit=limit, remedy="make it less deep")
+        limit = f"{face.name} curves inwards with a radius below {depth_mm:g} mm"
+        raise DesignError("wall.depth_mm", value=depth_mm, limit=limit, remedy="reduce the depth")
     if isinstance(curve, Segment):
         return Segment((float(outer[0, 0]), float(outer[0, 1])), (float(outer[-1, 0]), float(outer[-1, 1])))
     if isinstance(curve, Arc) and max(np.abs(off_first).max(), np.abs(off_last).max()) < EXACT_MM:
@@ -183,13 +189,13 @@ def _outer(face: Face, depth_mm: float, first: Point | None, last: Point | None)
 
 
 def _normals(curve: Curve, u: FloatArray) -> FloatArray:
-    """Left unit normals (N, 2) of a curve: into the body."""
+    """Left unit normals (N, 2) of a curve, which point into the body."""
     x, z = curve.velocities(u).T
     return np.asarray(np.column_stack([-z, x]) / np.hypot(x, z)[:, None])
 
 
 def _check_apart(body: Body, pads: Sequence[Pad]) -> None:
-    """Pads lie in the air: not in the body, not in one another, not over the emitter or a receiver."""
+    """Check that each pad is in the air: not in the body or another pad, nor over the emitter or a receiver."""
     if not pads:
         return
     import shapely
@@ -210,7 +216,7 @@ def _check_apart(body: Body, pads: Sequence[Pad]) -> None:
                 f"wall {pad.wall.outside}",
                 value=f"on {pad.face.name}, {pad.wall.depth_mm:g} mm deep",
                 limit=f"reaches into {hit or 'itself'}",
-                remedy="make depth_mm less, or shorten the stretch",
+                remedy="reduce depth_mm, or shorten the treated part of the wall",
             )
 
 

@@ -1,15 +1,15 @@
-"""Finishes of walls, by the name that a design gives them in ``wall.finish``.
+"""Finishes of walls, by the name that a design states in ``wall.finish``.
 
-Another package adds one by an entry point of ``solen.finishes``, as a table of what its laboratory measured::
+Another package adds one with an entry point of the group ``solen.finishes``, for example a table of its own
+measurements::
 
     VELVET = Finish(
-        "mirror",
-        Surface(table=AngleTable((0.0, 60.0, 90.0), (0.02, 0.05, 0.3)), scatter=Lambertian()),
+        "mirror", Surface(table=AngleTable((0.0, 60.0, 90.0), (0.02, 0.05, 0.3)), scatter=Lambertian()),
         wavelength_nm=(840.0, 880.0),
     )
 
-A wall has the body on its left, so that `Surface.table` is of light from inside it and `Surface.table_right` of light
-from the air.
+A wall has the body on its left: `Surface.table` applies to light from inside it and `Surface.table_right` to light from
+the air.
 """
 
 from dataclasses import dataclass
@@ -25,16 +25,16 @@ BARE = Surface()
 
 @dataclass(frozen=True)
 class Finish:
-    """Optical behaviour of a stretch of wall.
+    """Optical behaviour of part of a wall.
 
     Attributes
     ----------
     behaviour
-        Whether light goes through, is sent back, or ends there.
+        Whether light passes through, is reflected or is absorbed.
     surface
         Its treatment: films, roughness, texture, coating.
     wavelength_nm
-        Wavelengths from which to which it was measured; None: any.
+        Shortest and longest wavelength of its measurement; None if it is valid at any wavelength.
     """
 
     behaviour: Literal["refracting", "mirror", "absorbing"]
@@ -47,7 +47,7 @@ class Finish:
             check_range("finish wavelength_nm", self.wavelength_nm[1], self.wavelength_nm[0])
 
     def check_at(self, what: str, name: str, wavelengths_nm: tuple[float, ...]) -> None:
-        """`DesignError` if it was not measured at one of these wavelengths."""
+        """Raise `DesignError` if the finish was not measured at one of these wavelengths."""
         for nm in wavelengths_nm:
             if self.wavelength_nm is not None and not self.wavelength_nm[0] <= nm <= self.wavelength_nm[1]:
                 low, high = self.wavelength_nm

@@ -1,6 +1,6 @@
-"""Scenes as JSON without defaults; a scene read back equals the one written.
+"""Scenes as JSON, without fields that have their default; a scene read back equals the one written.
 
-Curves and sources are objects with their ``kind`` and the fields of their class; unknown keys are refused.
+Curves and sources are objects with their ``kind`` and the fields of their class; unknown keys are rejected.
 """
 
 import dataclasses
@@ -31,9 +31,15 @@ PARTS = ("regions", "interfaces", "sources", "monitors")
 
 
 def dumps(scene: Scene) -> str:
-    """JSON text of a scene; `DesignError` for a curve or a source that has no name in JSON."""
+    """Return a scene as JSON text.
+
+    Raises
+    ------
+    DesignError
+        If it contains a curve, a source or a face in space that the format does not support.
+    """
     if scene.front is not None:
-        limit = "cannot be written as JSON: only a design file can hold a face in space"
+        limit = "cannot be written as JSON: only a design file can describe a face in space"
         raise DesignError("scene front", value=scene.front.lens.shape, limit=limit, remedy="keep the design file")
     data: dict[str, Any] = {
         "solen_scene": SCHEMA,
@@ -54,7 +60,15 @@ def dumps(scene: Scene) -> str:
 
 
 def loads(text: str, where: str = "scene") -> Scene:
-    """Scene of a JSON text; `DataError` with the position of an error of format, `DesignError` for an invalid scene."""
+    """Read a scene from JSON text.
+
+    Raises
+    ------
+    DataError
+        If the text is not a scene; the message states the position.
+    DesignError
+        If the scene is invalid.
+    """
     data = _parsed(text, where)
     check_keys(
         data,
@@ -63,7 +77,9 @@ def loads(text: str, where: str = "scene") -> Scene:
         where,
     )
     if data["solen_scene"] != SCHEMA:
-        raise DataError(f"{where}: solen_scene", value=data["solen_scene"], limit=f"this solen reads {SCHEMA}")
+        raise DataError(
+            f"{where}: solen_scene", value=data["solen_scene"], limit=f"this version of solen reads {SCHEMA}"
+        )
     lists = {part: data.get(part, []) for part in PARTS}
     for part, items in lists.items():
         if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
@@ -80,7 +96,7 @@ def loads(text: str, where: str = "scene") -> Scene:
 
 
 def load(path: Path | str) -> Scene:
-    """Scene of a JSON file; errors as in `loads`, and `DataError` if it cannot be read."""
+    """Read a scene from a JSON file; errors as in `loads`, and `DataError` if the file cannot be read."""
     return loads(files.read_text(Path(path), DataError), str(path))
 
 
@@ -92,19 +108,19 @@ def save(path: Path | str, scene: Scene) -> Path:
 def _parsed(text: str, where: str) -> dict[str, Any]:
     data = parsed(text, where)
     if not isinstance(data, dict) or "solen_scene" not in data:
-        raise DataError(where, limit="not a scene of solen: it has no key solen_scene")
+        raise DataError(where, limit="is not a scene of solen: it has no key solen_scene")
     return data
 
 
 def _fields(item: Any) -> dict[str, Any]:
-    """Fields that differ from their defaults; those that all sources share come last."""
+    """Fields of an object that differ from their defaults; fields common to all sources come last."""
     ordered = sorted(dataclasses.fields(item), key=lambda field: field.kw_only is True)
     fields = {field.name: (getattr(item, field.name), field.default) for field in ordered}
     return {name: _plain(value) for name, (value, default) in fields.items() if value != default or name == "kind"}
 
 
 def _plain(value: Any) -> Any:
-    """A field's value for JSON; curves and dispersions are left to the callers that know their kinds."""
+    """Return a field's value for JSON; the callers convert curves and dispersions, whose kinds they know."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     if dataclasses.is_dataclass(value) and not isinstance(value, Curve):
@@ -117,13 +133,13 @@ def _region_fields(region: Region) -> dict[str, Any]:
     if isinstance(region.index, Dispersion):
         kinds = [name for name, cls in KINDS.items() if type(region.index) is cls]
         if not kinds:
-            raise DesignError(type(region.index).__name__, limit=f"a scene file holds {', '.join(KINDS)} alone")
+            raise DesignError(type(region.index).__name__, limit=f"a scene file supports only {', '.join(KINDS)}")
         fields["index"] = {"kind": kinds[0], **region.index.model_dump(mode="json", exclude_defaults=True)}
     return fields
 
 
 def _region(data: dict[str, Any], where: str) -> Region:
-    """Region whose index is a number or an object with the kind of its dispersion."""
+    """Read a region, whose index is a number or an object with the kind of its dispersion."""
     index = data.get("index")
     if not isinstance(index, dict):
         return made(Region, data, where)
@@ -139,13 +155,13 @@ def _tagged(item: Any, kinds: dict[str, type[Any]]) -> dict[str, Any]:
     for kind, cls in kinds.items():
         if type(item) is cls:
             return {"kind": kind, **_fields(item)}
-    raise DesignError(type(item).__name__, limit=f"a scene file holds {', '.join(kinds)} alone")
+    raise DesignError(type(item).__name__, limit=f"a scene file supports only {', '.join(kinds)}")
 
 
 def _interface(data: dict[str, Any], where: str) -> Interface:
     curve = data.get("curve")
     if not isinstance(curve, dict):
-        raise DataError(f"{where}: curve", limit="must be an object with its kind")
+        raise DataError(f"{where}: curve", limit="must be an object with a kind")
     return made(Interface, {**data, "curve": untagged(curve, CURVES, f"{where}: curve")}, where)
 
 

@@ -1,11 +1,11 @@
-"""A scene: everything that the tracer needs, and nothing else.
+"""The scene: all input of the tracer.
 
-*Regions* are media by name. *Interfaces* are curves between two regions, the one on the curve's left and the one on its
-right, with a behaviour: refracting, mirror, absorbing, receiver, grating, or the ideal elements splitter and lens; a
-`Surface` adds coatings, tables, scatter and the like. *Sources* launch rays. Detectors come in two kinds:
-a **receiver** is made of interfaces; it absorbs what arrives, and what arrives on its left, its face, is detected and
-enters the ledger. A **monitor** is a line that counts the power crossing it, positive towards its left, changes no ray
-and is not in the ledger. There may be any number of each; the model is independent of the kind of body.
+*Regions* are media by name. *Interfaces* are curves between two regions, one on the curve's left and one on its right,
+with a behaviour: refracting, mirror, absorbing, receiver, grating, or the ideal elements splitter and lens; a `Surface`
+adds coatings, tables, scatter and the like. *Sources* launch rays. There are two kinds of detectors. A **receiver** is
+made of interfaces and absorbs all light that arrives; light that arrives on its left side, its face, is detected and
+enters the ledger. A **monitor** is a line that measures the power crossing it, positive towards its left; it changes no
+ray and is not in the ledger. A scene can have any number of each, and it does not depend on the kind of body.
 
 Coordinates are (x, z) in mm, angles in degrees counter-clockwise from +z.
 """
@@ -33,8 +33,8 @@ BEHAVIOURS: tuple[Behaviour, ...] = get_args(Behaviour)
 class Region:
     """A homogeneous medium: real index, a number or a dispersion, and absorption of power per mm (Beer–Lambert).
 
-    Where it is turbid, a ray is scattered after a free path of 1/``scattering_per_mm`` in the mean, by Henyey and
-    Greenstein's phase function, whose mean cosine is ``anisotropy`` (Astrophys. J. 93, 70, 1941; in the plane the
+    In a turbid medium rays are scattered after free paths of mean length 1/``scattering_per_mm``, with the phase
+    function of Henyey and Greenstein and the mean cosine ``anisotropy`` (Astrophys. J. 93, 70, 1941; in the plane the
     wrapped Cauchy distribution, which has the same form). Counting includes scattering but no absorption.
     """
 
@@ -45,15 +45,21 @@ class Region:
     anisotropy: float = 0.0
 
     def index_at(self, wavelength_nm: float | None) -> float:
-        """Index at a wavelength; `DataError` if its dispersion does not reach there."""
+        """Return the index at a wavelength.
+
+        Raises
+        ------
+        DataError
+            If the wavelength is outside the range of the dispersion.
+        """
         if not isinstance(self.index, Dispersion):
             return self.index
         if wavelength_nm is None:
             raise DesignError(
                 f"region {self.name}",
-                value="an index that depends on the wavelength",
+                value="depends on the wavelength",
                 limit="every source needs a spectrum",
-                remedy="give the sources a spectrum, or the region a number",
+                remedy="give the sources a spectrum, or the region a constant index",
             )
         return self.index.index(wavelength_nm)
 
@@ -62,8 +68,9 @@ class Region:
 class Interface:
     """A curve between the region on its left and the one on its right; part of the named ``receiver``, if any.
 
-    ``surface`` describes it where it is not smooth and bare. In an extruded scene an interface reaches from bottom to
-    top, but a receiver only over ``height_mm`` (from y, to y) where that is given: above and below it is refracting.
+    ``surface`` describes it if it is not smooth and bare. In an extruded scene an interface extends from bottom to top,
+    but a receiver only over ``height_mm`` (from y, to y) if that is given; above and below, it is a refracting
+    interface.
     """
 
     name: str
@@ -78,7 +85,7 @@ class Interface:
 
 @dataclass(frozen=True)
 class Monitor:
-    """A straight line from ``start`` to ``end`` that counts power; ``bins`` equal bins along it if a map is wanted."""
+    """A straight line from ``start`` to ``end`` that measures power, if wanted in equal ``bins`` along it."""
 
     name: str
     start: Point
@@ -89,7 +96,7 @@ class Monitor:
         what = f"monitor {self.name}"
         check_points(what, self.start, self.end)
         if self.start == self.end:
-            raise DesignError(what, value=f"from {self.start} to itself", limit="must have a length")
+            raise DesignError(what, value=f"from {self.start} to itself", limit="must have a length above 0")
         check_count(f"{what} bins", self.bins, 0)
 
     @property
@@ -100,9 +107,10 @@ class Monitor:
 
 @dataclass(frozen=True)
 class Extrusion:
-    """A third dimension: everything reaches along y over the ``thickness_mm``, half of it on either side of 0.
+    """A third dimension: everything extends along y over ``thickness_mm``, centred on y = 0.
 
-    Above and below is a medium of an index of its own. What leaves the slab there never comes back.
+    The media above and below have their own indices. Light that leaves the slab through its top or bottom never
+    returns.
     """
 
     thickness_mm: float
@@ -117,12 +125,12 @@ class Extrusion:
 
 @dataclass(frozen=True)
 class Scene:
-    """Regions, interfaces, sources and monitors; checked when made, `DesignError` names what does not fit.
+    """Regions, interfaces, sources and monitors, checked on construction; a `DesignError` names the fault.
 
-    Interfaces lie apart (see `solen.scene.apart`) and media are closed (`solen.scene.closed_media`). ``open_media``
-    leaves both unchecked, for media that end in nothing, as a half-space or an endless plate does in a drawing: a ray
-    that goes round such an end and meets a medium that it is not in ends there, and the trace counts it as undefined.
-    A ``front`` is a face of an extruded scene that is not upright.
+    Interfaces must be separate (see `solen.scene.apart`) and media closed (see `solen.scene.closed_media`). With
+    ``open_media`` neither is checked, for drawings in which a medium has no outer boundary, as a half-space or an
+    endless plate: a ray that passes round an open end and meets a medium that it is not in ends there, and the trace
+    counts it as undefined. A ``front`` is a face of an extruded scene that is not upright.
     """
 
     regions: tuple[Region, ...]
@@ -146,7 +154,7 @@ class Scene:
             check_closed(self.interfaces)
             check_apart(self.interfaces)
         if not self.sources:
-            raise DesignError("scene sources", value=0, limit="at least one is needed")
+            raise DesignError("scene sources", value=0, limit="a scene needs at least one source")
         for source in self.sources:
             source.check()
         self._check_wavelengths()
@@ -161,24 +169,24 @@ class Scene:
 
     @property
     def rays(self) -> int:
-        """Rays launched by all sources."""
+        """Number of rays launched by all sources."""
         return sum(source.rays for source in self.sources)
 
     @property
     def wavelengths_nm(self) -> tuple[float, ...]:
-        """Wavelengths of all sources, ascending; none where no source has a spectrum."""
+        """Wavelengths of all sources, ascending; empty if no source has a spectrum."""
         return tuple(sorted({wavelength_nm for source in self.sources for wavelength_nm, _ in source.spectrum}))
 
     @property
     def emitted(self) -> float:
-        """Power of all sources together."""
+        """Total power of all sources."""
         return math.fsum(source.power for source in self.sources)
 
     def _check_wavelengths(self) -> None:
-        """Either all sources have a spectrum or none, and every region has an index at every wavelength."""
+        """Check that all sources have a spectrum or none has, and that each region has an index at each wavelength."""
         silent = [source for source in self.sources if not source.spectrum]
         if self.wavelengths_nm and silent:
-            limit = "either all sources of a scene have a spectrum, or none"
+            limit = "either all sources of a scene must have a spectrum, or none"
             raise DesignError("source spectrum", value=f"missing in {len(silent)} of {len(self.sources)}", limit=limit)
         for region in self.regions:
             for wavelength_nm in self.wavelengths_nm or (None,):
@@ -189,41 +197,41 @@ class Scene:
         names = {region.name for region in self.regions}
         for side in (interface.left, interface.right):
             if side not in names:
-                raise DesignError(what, value=side, limit=f"no such region; there are {', '.join(sorted(names))}")
+                raise DesignError(what, value=side, limit=f"there is no such region, only {', '.join(sorted(names))}")
         if interface.behaviour not in BEHAVIOURS:
             raise DesignError(what, value=interface.behaviour, limit=f"must be one of {', '.join(BEHAVIOURS)}")
         if (interface.behaviour == "receiver") != (interface.receiver is not None):
             raise DesignError(
-                what, value=interface.receiver, limit="a receiver, and only a receiver, names its detector"
+                what, value=interface.receiver, limit="receivers, and no other interfaces, must name a receiver"
             )
         self._check_surface(interface)
 
     def _check_surface(self, interface: Interface) -> None:
-        """`DesignError` if a surface states something that does not apply to its interface."""
+        """Raise `DesignError` if a surface has a property that does not apply to its interface."""
         what, surface, behaviour = f"interface {interface.name}", interface.surface or Surface(), interface.behaviour
         is_ideal, focuses = behaviour in ("splitter", "lens"), surface.focal_mm is not None
         absorbs, coated = behaviour in ("absorbing", "receiver"), surface.coating is not None
         ruled, tables = behaviour == "grating", [t for t in (surface.table, surface.table_right) if t is not None]
         transmits = any(any(table.transmitted + table.transmitted_p) for table in tables)
-        both = "has one table: light from its two sides meets different media"
+        both = "has only one table, but light from its two sides comes from different media"
         straight, one_medium = isinstance(interface.curve, Segment), interface.left == interface.right
         refusals = (
             (behaviour == "lens" and not focuses, None, "a lens needs surface.focal_mm"),
-            (behaviour == "splitter" and interface.surface is None, None, "needs a surface with its transmitted share"),
-            (is_ideal and not one_medium, behaviour, "must have the same region on both sides"),
-            (focuses and not straight, "focal_mm", "an ideal element is a straight segment"),
-            (focuses and behaviour not in ("lens", "mirror"), "focal_mm", f"does not apply to behaviour {behaviour}"),
-            (absorbs and (surface.is_random or coated), behaviour, "absorbs all light: no scatter, texture or coating"),
-            (coated and behaviour != "refracting", behaviour, "a coating needs a refracting interface"),
-            (ruled != (surface.grating is not None), behaviour, "a grating, and only a grating, has surface.grating"),
-            (ruled and (surface.scatter or surface.texture), behaviour, "has orders: no scatter or texture"),
             (
-                tables and behaviour not in ("refracting", "mirror"),
-                behaviour,
-                "has no table",
+                behaviour == "splitter" and interface.surface is None,
+                None,
+                "a splitter needs a surface with its transmitted fraction",
             ),
-            (tables and (coated or focuses), "table", "has its shares: no coating or focal_mm beside it"),
-            (transmits and behaviour == "mirror", "table", "a mirror transmits nothing"),
+            (is_ideal and not one_medium, behaviour, "must have the same region on both sides"),
+            (focuses and not straight, "focal_mm", "an ideal element must be a straight segment"),
+            (focuses and behaviour not in ("lens", "mirror"), "focal_mm", f"does not apply to behaviour {behaviour}"),
+            (absorbs and (surface.is_random or coated), behaviour, "must have no scatter, texture or coating"),
+            (coated and behaviour != "refracting", behaviour, "a coating needs a refracting interface"),
+            (ruled != (surface.grating is not None), behaviour, "surface.grating is for gratings, which need it"),
+            (ruled and (surface.scatter or surface.texture), behaviour, "a grating has no scatter or texture"),
+            (tables and behaviour not in ("refracting", "mirror"), behaviour, "cannot have a table"),
+            (tables and (coated or focuses), "table", "cannot be combined with coating or focal_mm"),
+            (transmits and behaviour == "mirror", "table", "a mirror cannot transmit light"),
             (transmits and surface.table_right is None and not one_medium, "table", both),
         )
         for wrong, value, limit in refusals:
@@ -245,34 +253,38 @@ class Scene:
 
     @property
     def is_turbid(self) -> bool:
-        """Whether some medium scatters."""
+        """Whether any medium scatters."""
         return any(region.scattering_per_mm > 0.0 for region in self.regions)
 
     def _check_front(self) -> None:
-        """A face in space needs space, and the smooth and bare interface that it stands for."""
+        """Check that a face in space belongs to an extruded scene and replaces a smooth and bare interface."""
         if self.front is None:
             return
         what, wall = "scene front", {i.name: i for i in self.interfaces}.get(self.front.interface)
         if self.extrusion is None:
-            raise DesignError(what, value="in the plane", limit="is a face in space", remedy="state an extrusion")
+            raise DesignError(
+                what, value="in the plane", limit="a face in space needs an extruded scene", remedy="state an extrusion"
+            )
         if wall is None or wall.behaviour != "refracting" or wall.surface is not None:
             limit = "must replace a refracting, smooth and bare interface"
             raise DesignError(what, value=self.front.interface, limit=limit)
         if self.extrusion.thickness_mm != self.front.lens.thickness_mm:
-            limit = f"is cut for a body of {self.front.lens.thickness_mm:g} mm"
+            limit = f"was designed for a body {self.front.lens.thickness_mm:g} mm thick"
             raise DesignError(what, value=f"{self.extrusion.thickness_mm:g} mm", limit=limit)
         if self.monitors:
-            raise DesignError(what, value=f"{len(self.monitors)} monitors", limit="is traced without monitors")
+            raise DesignError(
+                what, value=f"{len(self.monitors)} monitors", limit="a scene with a face in space cannot have monitors"
+            )
 
     def _check_monitor(self, monitor: Monitor) -> None:
-        """`DesignError` for a monitor along an interface, where rounding would decide what it counts."""
+        """Raise `DesignError` if a monitor overlaps an interface, since rounding would then decide what it measures."""
         for interface in self.interfaces:
             if isinstance(interface.curve, Segment) and overlap_mm(interface.curve, monitor.segment) > ON_IT_MM:
                 raise DesignError(
                     f"monitor {monitor.name}",
                     value=f"lies on interface {interface.name}",
-                    limit="must lie off every interface",
-                    remedy="move it a little to the side that you want counted",
+                    limit="a monitor must not overlap any interface",
+                    remedy="move it slightly to the side where light is to be measured",
                 )
 
 

@@ -1,4 +1,4 @@
-"""The scene of a sensor: its body in air, its emitter and the ambient light, its receivers, what touches its walls."""
+"""The scene of a sensor: body, emitter, ambient light, receivers, and media in contact with its walls."""
 
 import math
 from collections.abc import Sequence
@@ -34,23 +34,23 @@ from solen.spec import Design, Wall
 AIR = Region("air", 1.0)
 BODY = "body"
 BEHAVIOURS: dict[str, Behaviour] = {"receiver": "receiver", "mirror": "mirror", "black": "absorbing"}
-"""Behaviour of faces by the first word of their name; any other refracts."""
+"""Behaviour of faces by the first word of their name; all others refract."""
 ROOM = 1.1
-"""Radius of the circle that ambient light comes through, over that of the circle round the sensor."""
+"""Radius of the circle from which ambient light comes, divided by that of the circle round the sensor."""
 
 
 def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None = None) -> Scene:
-    """Scene of a body of the given material; ``rays`` overrides the design's number.
+    """Return the scene of a body of the given material; ``rays`` overrides the design's number.
 
-    A face whose name begins with ``receiver`` belongs to the receiver of the name's rest: ``right`` and ``left`` of a
-    Y. With ``coupling = "matched"`` an arm's end is itself the receiver's black face: all that arrives from inside is
-    detected. With ``"air-gap"`` the arm's end is a bare face and the receiver, as wide as the arm, stands ``gap_mm``
-    before it; light reaching its back is absorbed, not detected. Stretches that the design's wall tables name have
-    their finish, and beside them a pad of what touches them.
+    A face whose name begins with ``receiver`` belongs to the receiver named by the remainder of the name: ``right`` or
+    ``left`` for a Y. With ``coupling = "matched"`` an arm's end is itself the receiver's black face: all light that
+    arrives from inside is detected. With ``"air-gap"`` the arm's end is a bare face and the receiver, as wide as the
+    arm, is ``gap_mm`` in front of it; light that reaches its back is absorbed, not detected. Parts of walls that the
+    design's wall tables name have the finish stated there, and a pad of the medium that touches them.
 
-    Where a wall is coated, or a film of air parts it from what touches it, the emitter has the design's wavelength.
-    With ``dimension = "extruded"`` all of it reaches over the body's thickness, and light that meets an arm's end above
-    or below a lower receiver leaves there.
+    If a wall is coated, or a film of air separates it from the medium touching it, the emitter has the design's
+    wavelength. With ``dimension = "extruded"`` the whole scene extends over the body's thickness, and light that meets
+    an arm's end above or below a lower receiver leaves there.
     """
     interfaces = [
         *(_interface(face, BODY, design.wall) for face in body.all_faces),
@@ -78,7 +78,7 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
 
 
 def _emitter(design: Design, light: Light, pose: Pose, rays: int | None) -> Source:
-    """Source of a light: a fan or a chip where the paper's evenly spaced angles will do."""
+    """Return the source of a light: a fan or a chip if the evenly spaced angles of the paper suffice."""
     stated = design.emitter.rays if rays is None else rays
     if light.ray_file is not None:
         some = stated if rays is not None or design.emitter.states("rays") else None
@@ -100,16 +100,16 @@ def _emitter(design: Design, light: Light, pose: Pose, rays: int | None) -> Sour
 def _ambient(
     design: Design, emitter: Point, interfaces: Sequence[Interface], rays: int | None, spectrum: tuple[Line, ...]
 ) -> tuple[Source, ...]:
-    """Ambient light through a circle that holds all faces and the emitter, with some room.
+    """Return ambient light from a circle that encloses all faces and the emitter, with a margin.
 
-    Their number scales with ``rays`` over the design's number for its emitter.
+    Its number of rays scales with ``rays`` over the design's number for its emitter.
     """
     stated = design.ambient
     if not (stated.power > 0.0 or stated.irradiance_per_mm > 0.0):
         return ()
     if design.trace.dimension == "extruded":
-        limit = "is light in the plane: in space it would also come in through top and bottom"
-        raise DesignError("ambient", limit=limit, remedy='set trace.dimension = "2d", or leave the ambient light out')
+        limit = "is modelled in the plane only: in space, light would also enter through top and bottom"
+        raise DesignError("ambient", limit=limit, remedy='set trace.dimension = "2d", or omit the ambient light')
     points = np.vstack([interface.curve.flattened() for interface in interfaces] + [[emitter]])
     low, high = points.min(axis=0), points.max(axis=0)
     x, z = (0.5 * (low + high)).tolist()
@@ -120,7 +120,7 @@ def _ambient(
 
 
 def _spectrum(spectrum: tuple[Line, ...], regions: tuple[Region, ...], interfaces: list[Interface]) -> tuple[Line, ...]:
-    """The spectrum where anything in the scene depends on it, else none: one colour traces faster."""
+    """Return the spectrum if anything in the scene depends on it, else none: a single colour is traced faster."""
     surfaces = [interface.surface for interface in interfaces if interface.surface is not None]
     matters = any(isinstance(region.index, Dispersion) for region in regions) or any(
         surface.coating is not None or surface.band_nm is not None for surface in surfaces
@@ -129,7 +129,7 @@ def _spectrum(spectrum: tuple[Line, ...], regions: tuple[Region, ...], interface
 
 
 def _interface(face: Face, left: str, walls: tuple[Wall, ...]) -> Interface:
-    """Interface of a face with the body or the air on its left."""
+    """Return the interface of a face with the body or the air on its left."""
     behaviour = BEHAVIOURS.get(face.part, "refracting")
     if behaviour == "receiver":
         return Interface(face.name, face.curve, left, AIR.name, behaviour, face.whose)
@@ -143,7 +143,7 @@ def _interface(face: Face, left: str, walls: tuple[Wall, ...]) -> Interface:
 
 
 def _surface(wall: Wall) -> Surface:
-    """Surface of a stretch."""
+    """Return the surface of part of a wall."""
     layers = [Layer(film.index, film.thickness_nm, film.extinction) for film in wall.coating]
     if wall.gap_um is not None:
         layers.append(Layer(1.0, 1e3 * wall.gap_um))

@@ -1,14 +1,14 @@
-"""Treatments of a surface: films on it, roughness, the texture of a print, a grey mirror.
+"""Treatments of a surface: films on it, roughness, the texture of a print, partial reflectance.
 
 A `Surface` belongs to an interface; without one an interface is smooth, clean and bare. A *table* states measured
-shares by the angle of incidence, a *grating* sends light into its orders. *Scatter* sends a share of what
-leaves the surface, reflected or transmitted, into other directions; a *texture* tilts the surface itself by chance; a
-*coating* is a stack of thin films between the interface's two media, computed as waves. Counting, which has no
-powers, sees of all this scatter, texture, orders, and films thicker than the wavelength, by their total reflection.
+fractions by the angle of incidence; a *grating* sends light into its orders. *Scatter* sends a fraction of the light
+that leaves the surface, reflected or transmitted, into other directions; a *texture* tilts the surface itself at
+random; a *coating* is a stack of thin films between the interface's two media, computed with wave optics. Counting,
+which has no powers, includes only scatter, texture, orders, and total reflection at films thicker than the wavelength.
 
 Scatter is stated in direction cosines along the surface: in the plane one number from −1 to 1, in an extruded scene a
-point of the unit disc. A profile is centred on the direction that the smooth surface would give, and cut off where the
-direction would leave its half-space; what it takes in is the stated share, so that no power is lost.
+point of the unit disc. A profile is centred on the direction of the smooth surface and truncated where the direction
+would leave its half-space; what remains is normalised to the stated fraction, so no power is lost.
 """
 
 import math
@@ -24,7 +24,7 @@ MOST_LAYERS = 64
 
 @dataclass(frozen=True)
 class Layer:
-    """A thin film: refractive index, thickness in nm, extinction coefficient (0: it absorbs nothing)."""
+    """A thin film: refractive index, thickness in nm, and extinction coefficient (0: no absorption)."""
 
     index: float
     thickness_nm: float
@@ -38,9 +38,9 @@ class Layer:
 
 @dataclass(frozen=True)
 class Coating:
-    """Thin films, walked from the region on the interface's left to the one on its right.
+    """Thin films, in order from the region on the interface's left to the one on its right.
 
-    A film of air between a body and what touches it is the gap of a frustrated total reflection.
+    A film of air between a body and a medium that touches it is the gap of a frustrated total reflection.
     """
 
     layers: tuple[Layer, ...]
@@ -52,7 +52,7 @@ class Coating:
 
 @dataclass(frozen=True)
 class Lambertian:
-    """The ``share`` of what leaves the surface has the same radiance in all directions, wherever it came from."""
+    """The ``share`` of the light that leaves the surface has the same radiance in all directions, for any incidence."""
 
     share: float = 1.0
     kind: Literal["lambertian"] = "lambertian"
@@ -63,7 +63,7 @@ class Lambertian:
 
 @dataclass(frozen=True)
 class Gaussian:
-    """The ``share`` is spread about the smooth surface's direction: exp(−Δ²/2σ²) in direction cosines Δ."""
+    """The ``share`` is scattered about the direction of the smooth surface: exp(−Δ²/2σ²) in direction cosines Δ."""
 
     sigma: float
     share: float = 1.0
@@ -76,7 +76,7 @@ class Gaussian:
 
 @dataclass(frozen=True)
 class HarveyShack:
-    """The ``share`` is spread as (1 + (Δ/shoulder)²)^(−slope/2) in direction cosines Δ.
+    """The ``share`` is scattered with the profile (1 + (Δ/shoulder)²)^(−slope/2) in direction cosines Δ.
 
     Harvey's shift-invariant model (J. E. Harvey, 1976), with its shoulder and the slope of its wing.
     """
@@ -94,10 +94,10 @@ class HarveyShack:
 
 @dataclass(frozen=True)
 class ScatterTable:
-    """The ``share`` is spread as measured: ``density`` at each ``offset`` Δ in direction cosines, linear in between.
+    """The ``share`` is scattered with a measured profile: ``density`` at each ``offset`` Δ in direction cosines.
 
-    Offsets ascend from 0 to at most 2; beyond the last there is no light. Densities are relative, as of a measured
-    BSDF: only their ratios count.
+    Offsets ascend from 0 to at most 2; the density is linear in between and 0 beyond the last. Densities are relative,
+    as in a measured BSDF: only their ratios matter.
     """
 
     offset: tuple[float, ...]
@@ -110,7 +110,7 @@ class ScatterTable:
         _check_axis("scatter table offset", self.offset, 2.0, full=False)
         _check_column("scatter table density", self.density, self.offset, math.inf)
         if not any(self.density):
-            raise DesignError("scatter table density", value=0, limit="must be above 0 somewhere")
+            raise DesignError("scatter table density", value=0, limit="must be above 0 for at least one offset")
 
 
 Scatter = Lambertian | Gaussian | HarveyShack | ScatterTable
@@ -118,17 +118,17 @@ Scatter = Lambertian | Gaussian | HarveyShack | ScatterTable
 
 @dataclass(frozen=True)
 class AngleTable:
-    """Shares of the power that a surface reflects and transmits, as measured by the angle of incidence.
+    """Measured fractions of the power that a surface reflects and transmits, by the angle of incidence.
 
     Attributes
     ----------
     angle_deg
-        True angle of incidence in degrees, ascending from 0 to 90; shares are linear in between.
+        Angle of incidence in degrees, ascending from 0 to 90; fractions are linear in between.
     reflected, transmitted
-        Shares at these angles; without ``transmitted`` none. What is neither is absorbed.
+        Fractions at these angles; without ``transmitted``, no light is transmitted. The remainder is absorbed.
     reflected_p, transmitted_p
-        The same for light polarised in the plane of incidence, where the two differ: the others are then those of
-        light polarised across it.
+        Fractions for light polarised in the plane of incidence, if they differ; the others are then those of light
+        polarised perpendicular to it.
     """
 
     angle_deg: tuple[float, ...]
@@ -150,14 +150,14 @@ class AngleTable:
 
     @property
     def rows(self) -> tuple[tuple[float, float, float, float, float], ...]:
-        """Angle in degrees, shares reflected in s and p, transmitted in s and p."""
+        """Angle in degrees, fractions reflected in s and p, transmitted in s and p."""
         on = self.transmitted or (0.0,) * len(self.angle_deg)
         columns = (self.reflected, self.reflected_p or self.reflected, on, self.transmitted_p or on)
         return tuple(zip(self.angle_deg, *columns, strict=True))
 
 
 SHARES = 1e-9
-"""By how much shares may add up to more than 1: rounding."""
+"""Rounding error by which the sum of fractions may exceed 1."""
 
 
 def _check_axis(what: str, values: tuple[float, ...], most: float, full: bool) -> None:
@@ -166,13 +166,13 @@ def _check_axis(what: str, values: tuple[float, ...], most: float, full: bool) -
     if not ends or any(a >= b for a, b in pairwise(values)):
         shown = f"{len(values)} values" + (f" from {values[0]:g} to {values[-1]:g}" if values else "")
         reach = f"0 to {most:g}" if full else f"0 to at most {most:g}"
-        raise DesignError(what, value=shown, limit=f"must be two or more that ascend from {reach}")
+        raise DesignError(what, value=shown, limit=f"must be two or more numbers that ascend from {reach}")
 
 
 def _check_column(what: str, values: tuple[float, ...], axis: tuple[float, ...], most: float) -> None:
     check_numbers(what, *values)
     if len(values) != len(axis):
-        raise DesignError(what, value=f"{len(values)} values", limit=f"must be one for each of {len(axis)}")
+        raise DesignError(what, value=f"{len(values)} values", limit=f"must be one number for each of {len(axis)}")
     for value in values:
         check_range(what, value, 0.0, most)
 
@@ -186,11 +186,11 @@ class Grating:
     Attributes
     ----------
     orders
-        Each order's number and its share of the light that arrives, the same at all angles; what is left, and what
-        belongs to orders that do not propagate, is absorbed. Shares that add up to more than 1, as a scene of
-        ray-optics may have, are followed by that program's rule alone.
+        Number of each order and its fraction of the incident light, the same at all angles; the remainder, and the
+        light of orders that do not propagate, is absorbed. Fractions that add up to more than 1, possible in a scene of
+        ray-optics, are supported only when tracing with that program's rules.
     mirrored
-        Whether it sends the orders back instead of through.
+        Whether it reflects the orders instead of transmitting them.
     """
 
     lines_per_mm: float
@@ -202,7 +202,7 @@ class Grating:
         numbers = [order for order, _ in self.orders]
         if not numbers or len(set(numbers)) < len(numbers):
             raise DesignError(
-                "grating orders", value=f"{len(numbers)} orders", limit="must be one or more different orders"
+                "grating orders", value=f"{len(numbers)} orders", limit="must be one or more orders, all different"
             )
         for _, share in self.orders:
             check_range("grating orders", share, 0.0)
@@ -212,9 +212,9 @@ class Grating:
 class Texture:
     """Sinusoidal ripple of a printed wall: amplitude (half of peak to valley) and pitch in µm.
 
-    Its crests stand one after another along the interface (``"along"``), or along y, as of a part printed lying flat
-    (``"across"``: invisible in the plane). Rays see its slopes, with a phase drawn for each; the pitch must be long
-    against the wavelength, as neither diffraction nor shadows are computed.
+    Its crests follow one another along the interface (``"along"``), or along y, as on a part printed lying flat
+    (``"across"``: invisible in the plane). Rays meet its slopes, with a random phase for each; the pitch must be long
+    compared with the wavelength, as neither diffraction nor shadowing is computed.
     """
 
     pitch_um: float
@@ -232,7 +232,7 @@ class Texture:
 
     @property
     def slope(self) -> float:
-        """Its steepest slope."""
+        """Its largest slope."""
         return 2.0 * math.pi * self.amplitude_um / self.pitch_um
 
 
@@ -243,21 +243,21 @@ class Surface:
     Attributes
     ----------
     reflectance
-        For a mirror: the share of the power that it reflects, the rest is absorbed.
+        For a mirror: the fraction of the power that it reflects; the remainder is absorbed.
     transmitted
-        For a splitter: the share of the power that goes straight on, the rest is reflected.
+        For a splitter: the fraction of the power that it transmits undeviated; the remainder is reflected.
     focal_mm
-        For a thin lens or a mirror: its focal length, of an ideal element that bends rays by their height over it, as
-        paraxial optics do at any angle. Positive where it gathers light.
+        For a thin lens or a mirror: the focal length of an ideal element, which deflects rays in proportion to their
+        height from its centre, as in paraxial optics, at any angle. Positive if it converges light.
     partial
-        False where refraction loses nothing to partial reflection, as under a perfect antireflection coating.
+        False if refraction has no partial reflection, as under a perfect antireflection coating.
     band_nm
-        Wavelengths from which to which the behaviour holds; at others the interface is a bare refracting one. From the
-        higher to the lower: those outside it.
+        Shortest and longest wavelength at which the behaviour applies; at others the interface is a bare refracting
+        one. If the first is larger, it applies outside the band.
     table, table_right
-        Shares by the angle of incidence of light from the left, and from the right where that differs. They replace
-        the reflectance of a mirror, or partial reflection where light is refracted. Where no light can go on, what the
-        table transmits is reflected.
+        Fractions by the angle of incidence of light from the left, and from the right if that differs. They replace the
+        reflectance of a mirror, or partial reflection at a refracting interface. If no light can be transmitted, the
+        table's transmitted fraction is reflected.
     coating, scatter, texture, grating
         See there.
     """
@@ -282,10 +282,10 @@ class Surface:
         if self.band_nm is not None:
             check_numbers("surface band_nm", *self.band_nm)
         if self.table_right is not None and self.table is None:
-            raise DesignError("surface table_right", limit="needs a table of the left side as well")
+            raise DesignError("surface table_right", limit="needs a table for the left side, too")
 
     def acts_at(self, wavelength_nm: float | None) -> bool:
-        """Whether the interface's behaviour holds at a wavelength."""
+        """Whether the interface's behaviour applies at a wavelength."""
         if self.band_nm is None:
             return True
         if wavelength_nm is None:
@@ -296,5 +296,5 @@ class Surface:
 
     @property
     def is_random(self) -> bool:
-        """Whether what it does is drawn by chance."""
+        """Whether its effect on a ray is random."""
         return self.scatter is not None or self.texture is not None or self.grating is not None

@@ -1,4 +1,4 @@
-"""Tracing: a readable reference that is the truth, a compiled engine held to it, and adaptive integration on top."""
+"""Tracing: a readable reference tracer, a compiled engine that must agree with it, and adaptive integration."""
 
 from solen.trace.adaptive import integrate, integrate_many
 from solen.trace.convergence import Convergence, Series, convergence

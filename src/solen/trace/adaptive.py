@@ -1,10 +1,10 @@
-"""Integration over the launch angle of a point source, and over the places and colours of an extended one.
+"""Integration over the launch angles of point sources, and over the positions and wavelengths of extended sources.
 
-A point source is integrated over its angles as `solen.trace.cone` says. A source with a size is a family of point
-sources side by side. What one of them gives is a continuous function of its place with sharp bends, where a jump enters
-or leaves the cone; it is integrated by Gauss–Kronrod quadrature again, halving the panel of the largest error until all
-errors together are small. Both rules may agree by chance at a bend; so every panel is halved once at least, and a
-panel's error is held to be at least a share of what halving the panel before it has changed. Colours are summed by
+A point source is integrated over its angles as described in `solen.trace.cone`. An extended source is a row of point
+sources. The power from each is a continuous function of its position, with kinks where a jump enters or leaves the
+cone; it is also integrated by Gauss–Kronrod quadrature, halving the panel with the largest error until the sum of all
+errors is small. At a kink both rules may agree by chance; every panel is therefore halved at least once, and a panel's
+error is taken to be at least a fraction of the change from halving the panel before it. Wavelengths are added with
 their weights.
 """
 
@@ -37,26 +37,29 @@ from solen.trace.tables import Tables, compile_scene
 from solen.trace.tail import Tail
 
 INNER_SHARE, OUTER_SHARE = 0.2, 0.6
-"""Shares of the tolerance for the integral at one place of a source, and for the one over its places."""
+"""Fractions of the tolerance for the integral at one position of a source, and for that over all positions."""
 MOST_PLACES = 3000
-"""Places of a source, or of each panel that it begins with, at which the integration over them ends."""
+"""Largest number of positions at which the integral is evaluated, for each initial panel."""
 CHANGE_SHARE = 0.5
-"""Least error of half a panel, as a share of what halving it has changed."""
+"""Least error of half a panel, as a fraction of the change from halving it."""
 LEAST_SHARE = 0.01
 EXACT_SHARE, NEGLIGIBLE = 0.7, 0.02
-"""Shares of the tolerance: for the exact part beside a sampled tail; of light that is not worth sampling."""
+"""Fractions of the tolerance: for the exact part if a tail is sampled; of light that is too weak to be sampled."""
 FEWEST_LEGS, LEGS_TOLERANCE, GREATEST_LEGS = 1_000_000, 1e-4, 20_000_000
-"""Straight stretches of light at least, for a tolerance, and at most: their number grows as its root falls."""
+"""Smallest number of ray segments, at which tolerance, and the largest number: it rises with the root of
+1/tolerance.
+"""
 LAST_LEVELS = ((0.5, 3), (0.5, 1))
 FINE_LEVELS = ((1e-2, 24), *LAST_LEVELS)
-"""Least weights and most hits: over one coordinate many branches can be followed; over several, what a trapped ray
-gives is chaos, and samples serve better."""
+"""Least weights and largest numbers of hits: over one coordinate many branches can be followed; over several, the power
+from a trapped ray is chaotic, and sampling is more efficient.
+"""
 ROUGH = 3e-5
-"""Tolerance from which on samples do for a source with a size."""
+"""Tolerance from which sampling suffices for a source with a size."""
 TAIL_LEGS, TAIL_SHARE, LAST_EFFORT, MANY_HITS = 120_000_000, 120, 5, 10
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 0.1
 POINT_TOLERANCE, EXTENDED_TOLERANCE = 1e-6, 1e-4
-"""Default tolerance of powers: for a point of the plane in one wavelength, and for any other source."""
+"""Default tolerance of powers: for a point source in the plane at one wavelength, and for any other source."""
 
 
 def integrate(
@@ -67,40 +70,40 @@ def integrate(
     *,
     most_legs: int | None = None,
 ) -> Trace:
-    """Power at every receiver of a scene, over the angles, places and colours of its sources.
+    """Integrate the power at each receiver over the angles, positions and wavelengths of the sources.
 
     Parameters
     ----------
     scene
-        Its sources are made of points: fans, chips, emitters, ambient light; the numbers of rays that they name play no
-        part. Nothing in it scatters. In an extruded scene emitters are integrated in space. Monitors are not read.
-        Light through a lens whose walls are not upright is integrated by nets, see `solen.trace.nets`.
+        Its sources must consist of points: fans, chips, emitters, ambient light; their numbers of rays have no effect.
+        Nothing may scatter. In an extruded scene, emitters are integrated in space. Monitors are not evaluated. Light
+        through a lens whose walls are not upright is integrated with nets, see `solen.trace.nets`.
     mode
         ``"count"`` or ``"power"``, as in `solen.trace.trace`; splitting and absorption included.
     tolerance
-        What the uncertainty of every power shall not exceed, as a fraction of the emitted power; 1e-12 to 0.1. For a
-        source with a size 1e-4 takes some hundred points of it.
+        Largest uncertainty of each power, as a fraction of the emitted power; 1e-12 to 0.1. For an extended source,
+        1e-4 requires some hundred of its points.
     limits
-        Where following a branch exactly ends; by default the least weight is a hundredth of the tolerance. What is left
-        then is sampled, for ``max_hits`` interfaces at most (`solen.trace.tail`). Where the tolerance is not reached
-        so, less is followed exactly and more is sampled.
+        Where following a branch exactly ends; by default the least weight is a hundredth of the tolerance. The
+        remainder is sampled, for ``max_hits`` interfaces at most (`solen.trace.tail`). If the tolerance is not reached
+        in this way, less is followed exactly and more is sampled.
     most_legs
-        After so many straight stretches of light from one point, and of samples, the integration ends, whatever its
-        uncertainty; in space after five times as many where it is near the tolerance. By default their number grows as
-        the tolerance falls. Nets end so, too, and after 2²¹ rays.
+        Number of ray segments from one point, and of samples, after which the integration ends, whatever its
+        uncertainty; in space five times as many if it is close to the tolerance. By default it rises as the tolerance
+        falls. Nets have the same limit, and end after 2²¹ rays.
 
     Returns
     -------
     Trace
-        With method ``"adaptive"``: values, one estimate of their error, and whether it is within the tolerance. Light
-        that is trapped for more than ``max_hits`` counts as truncated and is part of the uncertainty. By nets the
+        With method ``"adaptive"``: powers, one estimate of their error, and whether it is within the tolerance. Light
+        that is trapped for more than ``max_hits`` counts as truncated and is part of the uncertainty. With nets the
         method is ``"sobol"``, and uncertainties are standard errors.
 
     Raises
     ------
     DesignError
-        A beam or a list of rays, a cone without width, a scene that scatters, ambient light in space, or a tolerance
-        out of range.
+        For a beam or a list of rays, a cone of zero width, a scene that scatters, ambient light in space, or a
+        tolerance out of range.
     """
     return integrate_many((scene,), mode, tolerance, limits, most_legs=most_legs)[0]
 
@@ -114,13 +117,13 @@ def integrate_many(
     most_legs: int | None = None,
     threads: int | None = None,
 ) -> list[Trace]:
-    """`integrate` for many scenes, the positions of a motion or the variants of a design, on several threads."""
+    """Apply `integrate` to many scenes, such as positions of a motion or variants of a design, in threads."""
     check_mode(mode)
     if not LEAST_TOLERANCE <= tolerance <= MOST_TOLERANCE:
         limit = f"must be from {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}"
         raise DesignError("tolerance", value=tolerance, limit=limit)
     if mode == "roulette":
-        raise DesignError("mode", value=mode, limit="adaptive integration needs count or power")
+        raise DesignError("mode", value=mode, limit="adaptive integration requires mode count or power")
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
     exact = limits or Limits(min_weight=LEAST_SHARE * tolerance)
@@ -138,33 +141,36 @@ def integrate_many(
 
 
 class Points:
-    """The points of a scene's only source, one by one: what each of them gives every receiver.
+    """The powers at each receiver from the individual points of a scene's only source.
 
     Parameters
     ----------
     scene
         As for `integrate`, with one source.
     tolerance
-        Tolerance of each power, as a fraction of what the point emits.
+        Tolerance of each power, as a fraction of the power emitted by the point.
 
     Raises
     ------
     DesignError
-        As `integrate`, and where there are more sources than one.
+        As for `integrate`, and if there is more than one source.
     """
 
     def __init__(self, scene: Scene, tolerance: float = 1e-6) -> None:
         if len(scene.sources) != 1:
-            raise DesignError("sources", value=len(scene.sources), limit="must be a single one")
+            raise DesignError("sources", value=len(scene.sources), limit="the scene must have a single source")
         limits = Limits(min_weight=LEAST_SHARE * tolerance)
         self._light = Lights.of(scene, "power", limits).in_plane
         self._tolerance = tolerance
         self._receivers = len(scene.receivers)
 
     def powers(self, places: Sequence[float]) -> np.ndarray:
-        """Shares (n, receivers) from places (n,), 0 at the right end of the source and 1 at its left one.
+        """Return fractions (n, receivers) for positions (n,), 0 at the right end of the source and 1 at its left end.
 
-        `DesignError` where one is not reached within the tolerance.
+        Raises
+        ------
+        DesignError
+            If the tolerance is not reached at one of them.
         """
         rows = []
         for place in places:
@@ -178,9 +184,10 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A source in a compiled scene: its points side by side, each in all its colours.
+    """A source in a compiled scene: a row of points, each with all wavelengths.
 
-    ``family`` is what all its rays share, ``colours`` are wavelengths by their place in the tables, with their shares.
+    ``family`` contains the properties common to all its rays; ``colours`` are indices of wavelengths in the tables,
+    with their fractions of the power.
     """
 
     source: Source
@@ -193,12 +200,12 @@ class Light:
 
     @classmethod
     def of(cls, scene: Scene, source: Source, tables: Tables, rules: Rules) -> "Light":
-        """Light of one source of a scene; `DesignError` where it is not made of points, or its cone has no width."""
+        """Prepare one source of a scene; `DesignError` if its cone has no width."""
         emission = source.emission()
         if emission is None:
-            raise AssertionError("a source that is not made of points was refused before")
+            raise AssertionError("a source that is not made of points was rejected before")
         if not emission.whole > 0.0:
-            raise DesignError("cone_deg", value=0.0, limit="must be above 0 to integrate over it")
+            raise DesignError("cone_deg", value=0.0, limit="must be above 0 for integration")
         ends = np.array([p for i in scene.interfaces for p in (i.curve.start, i.curve.end)]).reshape(-1, 2)
         far_mm = 100.0 * float(np.ptp(ends, axis=0).max(initial=1.0)) if len(ends) else 1.0
         shares = (source.s_share, 1.0 - source.s_share)
@@ -210,30 +217,30 @@ class Light:
         return cls(source, tables, ends, len(scene.receivers) + 2, emission, family, tuple(colours))
 
     def cone(self, place: float = 0.5, colour: int = 0) -> Cone:
-        """The point at a place from 0 to 1, in one colour."""
+        """Return the point at a position from 0 to 1, at one wavelength."""
         x, z, axis_deg = self.emission.at(place)
         here = self.family._replace(x=x, z=z, axis=math.radians(axis_deg), colour=colour)
         families = tuple(here._replace(**stretch._asdict()) for stretch in self.emission.stretches)
         return Cone(self.tables, self.ends, self.columns, families, self.emission.whole)
 
     def integral(self, tolerance: float, rules: Rules, most_legs: int) -> Integral:
-        """Integrate over angles, places and colours."""
+        """Integrate over angles, positions and wavelengths."""
         light = replace(self, family=self.family._replace(rules=rules))
         if not self.emission.panels:
             return light.point(0.5, tolerance, most_legs)
         middle = light.point(0.5, INNER_SHARE * tolerance, most_legs)
-        if middle.error + middle.gaps > tolerance:  # nor will other places do
+        if middle.error + middle.gaps > tolerance:  # other positions will not be within it either
             return middle._replace(share=0.0 * middle.share, gaps=1.0)
         return over_places(
             lambda place: light.point(place, INNER_SHARE * tolerance, most_legs), self.emission.panels, tolerance
         )
 
     def levels(self, tolerance: float) -> Sequence[tuple[float, int]]:
-        """Least weights and most hits of what is followed exactly where following all of it does not do."""
+        """Least weights and largest numbers of hits for exact following, if following everything is not feasible."""
         return LAST_LEVELS if self.emission.panels and tolerance >= ROUGH else FINE_LEVELS
 
     def tail(self, rules: Rules) -> Tail:
-        """What is left beyond the rules: rays of the plane are rays in space that do not rise."""
+        """Return the light beyond the limits for sampling: rays in the plane are rays in space without inclination."""
         f, nothing = self.family, np.empty(0)
         family = FamilyInSpace(
             f.x, f.z, 0.0, 0.0, f.axis, 0.0, 0.0, 0.0, 0.0, 0.0, f.s, f.p, f.colour, rules, f.far, 1.0, 1.0, 1.0,
@@ -249,17 +256,17 @@ class Light:
         )
 
     def point(self, place: float, tolerance: float, most_legs: int) -> Integral:
-        """All colours of the point at a place."""
+        """Integrate the point at a position, at all wavelengths."""
         integrals = [self.cone(place, colour).integral(tolerance, most_legs) for colour, _ in self.colours]
         return integrals[0] if len(integrals) == 1 else weighted_sum(integrals, [weight for _, weight in self.colours])
 
 
 def why_not(scene: Scene) -> str:
-    """Why a scene cannot be integrated; empty where it can."""
+    """Return why a scene cannot be integrated; an empty text if it can."""
     if scene.is_random:
         return "a scene that scatters"
     if scene.front is not None:
-        return "a lens that differs by height"
+        return "a lens whose section depends on the height"
     if scene.extrusion is not None:
         return why_not_in_space(scene)
     others = [type(source).__name__ for source in scene.sources if source.emission() is None]
@@ -267,7 +274,7 @@ def why_not(scene: Scene) -> str:
 
 
 def is_extended(scene: Scene) -> bool:
-    """Whether its light comes from more than one point, or in several colours."""
+    """Whether the light comes from more than one point, or at several wavelengths."""
     emissions = [source.emission() for source in scene.sources]
     return len(emissions) > 1 or any(
         emission is None or emission.panels > 0 or len(source.spectrum) > 1
@@ -276,25 +283,25 @@ def is_extended(scene: Scene) -> bool:
 
 
 def usual_tolerance(scene: Scene) -> float:
-    """Default tolerance of a scene's powers."""
+    """Return the default tolerance for a scene's powers."""
     in_space = scene.extrusion is not None
     return EXTENDED_TOLERANCE if in_space or is_extended(scene) else POINT_TOLERANCE
 
 
 def most_legs_for(tolerance: float) -> int:
-    """Straight stretches of light after which an integration ends."""
+    """Return the number of ray segments after which an integration ends."""
     return int(min(FEWEST_LEGS * math.sqrt(max(LEGS_TOLERANCE / tolerance, 1.0)), GREATEST_LEGS))
 
 
 def cause(found: Integral) -> str:
-    """Why an uncertainty is not smaller."""
+    """Return the reason why an uncertainty is not smaller."""
     if found.unfinished > found.error + found.gaps:
-        return f"{found.unfinished:.1e} of the light is trapped beyond the most hits; raise max_hits"
-    return "light is trapped or divided too often; ask for a larger tolerance, or for more legs"
+        return f"{found.unfinished:.1e} of the light is trapped beyond the largest number of hits; raise max_hits"
+    return "light is trapped or split too often; choose a larger tolerance or a higher limit of ray segments"
 
 
 class Panel(NamedTuple):
-    """A stretch of places from 0 to 1, and its part of the integral over all of them."""
+    """An interval of positions from 0 to 1, and its part of the integral."""
 
     error: float
     """of the quadrature over places alone"""
@@ -304,7 +311,7 @@ class Panel(NamedTuple):
 
 
 def over_places(at: Callable[[float], Integral], panels: int, tolerance: float) -> Integral:
-    """Integral over places from 0 to 1 of what is found ``at`` each, the panel of the largest error halved first."""
+    """Integrate the results of ``at`` over positions from 0 to 1, halving the panel with the largest error first."""
     cuts, rule = np.linspace(0.0, 1.0, panels + 1).tolist(), COARSE if tolerance >= COARSE_TOLERANCE else RULE
     done = [_panel(at, rule, low, high)._replace(error=math.inf) for low, high in pairwise(cuts)]
     points, most = panels * len(rule.nodes), MOST_PLACES * panels
@@ -323,7 +330,7 @@ def over_places(at: Callable[[float], Integral], panels: int, tolerance: float) 
 
 
 def _panel(at: Callable[[float], Integral], rule: adapt.Rule, low: float, high: float) -> Panel:
-    """Gauss–Kronrod quadrature over one stretch of places."""
+    """Apply Gauss–Kronrod quadrature to one interval of positions."""
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     panel = [at(middle + half * node) for node in rule.nodes.tolist()]
     values = np.array([place.share for place in panel])
@@ -333,7 +340,7 @@ def _panel(at: Callable[[float], Integral], rule: adapt.Rule, low: float, high: 
 
 @dataclass(frozen=True, eq=False)
 class Lights:
-    """A scene with all its sources, compiled."""
+    """A compiled scene with all its sources."""
 
     scene: Scene
     mode: Mode
@@ -342,10 +349,10 @@ class Lights:
 
     @classmethod
     def of(cls, scene: Scene, mode: Mode, limits: Limits) -> "Lights":
-        """Lights of a scene; `DesignError` as in `integrate`."""
+        """Compile a scene; `DesignError` as in `integrate`."""
         if why := why_not(scene):
-            limit = "needs one outline for all heights, a scene without chance, and sources that are made of points"
-            raise DesignError("adaptive integration", value=why, limit=limit, remedy="trace it, with sampling sobol")
+            limit = "needs one outline for all heights, a scene without random scattering, and sources made of points"
+            raise DesignError("adaptive integration", value=why, limit=limit, remedy="trace it with sampling sobol")
         rules = Rules(SPLITTING[mode], limits.min_weight, limits.max_hits, seed=0, first=0, step=1, turbid=False)
         tables = compile_scene(scene)
         in_space = scene.extrusion is not None
@@ -363,15 +370,17 @@ class Lights:
 
     @property
     def has_tails(self) -> bool:
-        """Whether what is left can be sampled: not behind an ideal lens."""
+        """Whether the remainder can be sampled, which an ideal lens prevents."""
         return all(interface.behaviour != "lens" for interface in self.scene.interfaces)
 
     @property
     def in_plane(self) -> Light:
-        """The first light, of a scene of the plane."""
+        """The first source, in a scene of the plane."""
         light = self.each[0]
         if isinstance(light, LightInSpace):
-            raise DesignError("source", value="in space", limit="this is known in the plane", remedy="leave it flat")
+            raise DesignError(
+                "source", value="in space", limit="is available only in the plane", remedy="leave it flat"
+            )
         return light
 
     def trace(self, tolerance: float, most_legs: int | None = None) -> Trace:
@@ -380,7 +389,7 @@ class Lights:
         return self.trace_of([self._followed(light, tolerance, legs) for light in self.each], tolerance)
 
     def _followed(self, light: Light | LightInSpace, tolerance: float, most_legs: int) -> Integral:
-        """Integral of one light and its tail: the first within the tolerance, or else the best."""
+        """Integrate one source and its tail at successive levels up to the tolerance, or return the best result."""
         best: Integral | None = None
         for weight, hits in ((0.0, self.rules.max_hits), *light.levels(tolerance)):
             if hits > self.rules.max_hits or 0.0 < weight <= self.rules.min_weight:
@@ -398,20 +407,20 @@ class Lights:
             if best.u <= tolerance:
                 break
         if best is None:
-            raise AssertionError("the first level is always taken")
+            raise AssertionError("the first level is always evaluated")
         return best
 
     def trace_of(self, integrals: Sequence[Integral], tolerance: float) -> Trace:
-        """Result of what was found for each source."""
+        """Combine the integrals of all sources into a trace."""
         weights = [source.power / self.scene.emitted for source in self.scene.sources]
         whole = integrals[0] if len(integrals) == 1 else weighted_sum(integrals, weights)
         *detected, escaped, absorbed = (float(value) for value in whole.share)
         truncated = max(
             1.0 - math.fsum(detected) - escaped - absorbed, 0.0
-        )  # the gaps, and what was cut off on the way
+        )  # the gaps, and the light that was truncated
         rays, legs, undefined, pieces = (int(count) for count in whole.counts)
         by_source = np.array([weight * part.share for part, weight in zip(integrals, weights, strict=True)])
-        why = f"{rays} rays reach {whole.u:.1e} and not {tolerance:g}: {cause(whole)}"
+        why = f"{rays} rays reach {whole.u:.1e} instead of {tolerance:g}: {cause(whole)}"
         return Trace(
             mode=self.mode,
             method="adaptive",

@@ -1,7 +1,7 @@
-"""An integral over cells of two angles, the cell of the largest error halved until a tolerance is reached.
+"""An integral over cells of two angles: the cell with the largest error is halved until a tolerance is reached.
 
-The difference of two rules on a cell is many times the error. By how much is learned from what halving cells changes.
-All light must go somewhere: what the sum lacks counts as error too.
+The difference of two rules on a cell is many times the error. The ratio is estimated from the changes when cells are
+halved. All light must be accounted for: the power missing from the sum also counts as error.
 """
 
 import heapq
@@ -16,25 +16,25 @@ from solen.trace.kernel.cells import LEAST_SHARE, Rule
 from solen.trace.kernel.prism import MORE_COLUMNS
 
 LEARNED, PRIOR_RATIO = 4.0, 0.35
-"""Weight and value of what is assumed of error over difference before any cell was halved."""
+"""Weight and value of the prior for the ratio of error to difference, before any cell was halved."""
 TRAPPED = 0.3
-"""Share of the legs that the first cells may take: with more, light is trapped and halving cells does not help."""
+"""Largest fraction of the segments for the first cells: beyond it, light is trapped and halving cells does not help."""
 LONG_WAY = 8.0
-"""Mean number of legs of a ray from which on light is trapped: rules over so many strips agree on a wrong value."""
+"""Mean number of segments per ray beyond which light is trapped: rules over so many strips agree on a wrong value."""
 SPARE, FUTILE = 0.98, 0.1
-"""Shares of the tolerance: where cells are halved no further; where what is lacking was not lost between cells."""
+"""Fractions of the tolerance: at which no more cells are halved; at which missing power was not lost between cells."""
 NEAR, MORE_LEGS = 3.0, 5
-"""Within so many tolerances it goes on to so many times the legs: what is left of light is dearer to sample."""
+"""Within this multiple of the tolerance, the limit of segments is this many times higher: sampling would be slower."""
 CAUTION = 2.5
-"""Factor on the error learned from halving: it is a root mean square over few cells."""
+"""Factor on the error estimated from halving, because it is a root mean square over few cells."""
 CHANGE_SHARE = 0.5
-"""Least difference of a half, as a share of what halving changed."""
+"""Least difference of a half, as a fraction of the change from halving."""
 Bounds = tuple[float, float, float, float]
-"""The angle in projection, as a share of the largest one, and the angle t out of the plane: from and to."""
+"""Start and end of the projected angle, as fractions of the largest one, and of the angle t out of the plane."""
 
 
-# Lobatto's rules with Kronrod's extensions (Gander & Gautschi, BIT 40, 2000): with nodes at the ends of a cell, what
-# begins at its border is seen.
+# Lobatto's rules with Kronrod's extensions (Gander & Gautschi, BIT 40, 2000): the nodes at the ends of a cell
+# detect features that begin at its border.
 _FOUR, _SEVEN = (0.0, 1 / 5**0.5, (2 / 3) ** 0.5, 1.0), (16 / 35, 125 / 294, 72 / 245, 11 / 210)
 COARSE = Rule.of(_FOUR, _SEVEN, (0.0, 5 / 6, 0.0, 1 / 6), (4 / 3, 0.0, 0.0, 1 / 3))
 FINE = Rule.of(
@@ -47,14 +47,14 @@ FINE = Rule.of(
 
 
 POINT = Rule(np.zeros(1), np.full((3, 1), 2.0))
-"""Of a point, which has no angle but that out of the plane and its path."""
+"""Rule for a point, whose only angle besides that of its path is the one out of the plane."""
 
 
 class Cell(NamedTuple):
     """A part of the domain with its integral.
 
-    ``apart`` (2, D) are differences of two rules along each coordinate and ``errors`` what each of them may be off by,
-    ``inner`` is the error of the paths.
+    ``apart`` (2, D) are differences of two rules along each coordinate and ``errors`` their estimated errors; ``inner``
+    is the error of the paths.
     """
 
     bounds: Bounds
@@ -66,7 +66,7 @@ class Cell(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Differences of both rules."""
+        """Sum of the differences of both rules."""
         return self.errors[0] + self.errors[1]
 
     def minus(self, other: "Cell", scale: float) -> "Cell":
@@ -77,11 +77,11 @@ class Cell(NamedTuple):
 
 
 Over = Callable[[Sequence[Bounds]], list[Cell]]
-"""Integrals over cells."""
+"""Integrates over cells."""
 
 
 class Cells:
-    """Cells of a domain with their sums, which change with each of them; the one of the largest error is at hand."""
+    """Cells of a domain, with running sums and quick access to the cell with the largest error."""
 
     def __init__(self, cells: Sequence[Cell]) -> None:
         self._heap = [(-cell.error, n, cell) for n, cell in enumerate(cells)]
@@ -93,26 +93,26 @@ class Cells:
         return (cell for _, _, cell in self._heap)
 
     def u(self, ratio: float) -> float:
-        """Error of the sum, where that of a cell is so many times the difference of its rules."""
+        """Error of the sum, if that of each cell is ``ratio`` times the difference of its rules."""
         of_rules, of_paths = np.maximum(self._squares, 0.0)
         return math.sqrt(ratio**2 * of_rules + of_paths)
 
     def worst(self) -> Cell:
-        """Take out the cell of the largest error."""
+        """Remove and return the cell with the largest error."""
         cell = heapq.heappop(self._heap)[-1]
         self._count(cell, -1.0)
         return cell
 
     def add(self, cell: Cell) -> None:
-        """Put in a cell."""
+        """Add a cell."""
         heapq.heappush(self._heap, (-cell.error, self._many, cell))
         self._many += 1
         self._count(cell, 1.0)
-        if self._many & (self._many - 1) == 0:  # now and then anew: what is left may be small beside what was taken out
+        if self._many & (self._many - 1) == 0:  # occasionally, as rounding errors of removed cells accumulate
             self._sum()
 
     def _sum(self) -> None:
-        """Sums from all cells."""
+        """Compute the sums from all cells."""
         cells = list(self)
         self._squares = np.array([math.fsum(cell.error**2 for cell in cells), math.fsum(c.inner**2 for c in cells)])
         self.value: FloatArray = np.sum([cell.value for cell in cells], axis=0)
@@ -125,7 +125,7 @@ class Cells:
 def divided(
     over: Over, first: Sequence[Bounds], tolerance: float, most_legs: int, counts: IntArray
 ) -> tuple[Cells | None, float]:
-    """Cells of the domain for a tolerance, and the error of their sum; none where light is trapped."""
+    """Divide the domain for a tolerance into cells (None if light is trapped); also return the error of their sum."""
     beginning: list[Cell] = []
     for bounds in first:
         beginning += over([bounds])
@@ -134,7 +134,7 @@ def divided(
     if counts[1] > LONG_WAY * counts[0]:
         return None, 1.0
     for cells, of_cells in refined(over, beginning):
-        lacking = abs(1.0 - accounted(cells.value))  # all light goes somewhere: this is an error that is known
+        lacking = abs(1.0 - accounted(cells.value))  # all light has a fate: this error is known
         u = max(of_cells, lacking)
         most = (MORE_LEGS if u <= NEAR * tolerance else 1) * most_legs
         if u <= SPARE * tolerance or of_cells <= FUTILE * tolerance or counts[1] >= most:
@@ -143,9 +143,9 @@ def divided(
 
 
 def refined(over: Over, first: Sequence[Cell], caution: float = CAUTION) -> Iterator[tuple[Cells, float]]:
-    """Cells and the error of their sum, the cell of the largest error halved each time.
+    """Yield the cells and the error of their sum, halving the cell with the largest error each time.
 
-    ``caution`` is the factor on the error learned from halving.
+    ``caution`` is the factor on the error estimated from halving.
     """
     ratios, many, cells = LEARNED * PRIOR_RATIO**2, LEARNED, Cells(first)
     while True:
@@ -165,7 +165,7 @@ def refined(over: Over, first: Sequence[Cell], caution: float = CAUTION) -> Iter
 
 
 def halved(bounds: Bounds, along: int) -> list[Bounds]:
-    """Both halves of a cell along its angle in projection, 0, or out of the plane, 1."""
+    """Both halves of a cell, along its projected angle if ``along`` is 0, else along the angle out of the plane."""
     q, q_end, t, t_end = bounds
     if along == 0:
         middle = 0.5 * (q + q_end)
@@ -175,7 +175,7 @@ def halved(bounds: Bounds, along: int) -> list[Bounds]:
 
 
 def accounted(value: FloatArray) -> float:
-    """Share of the light whose fate is known: detected, escaped or absorbed, with the unfinished rest."""
+    """Fraction of the light that is accounted for: detected, escaped, absorbed or unfinished."""
     return math.fsum(value[: 2 - MORE_COLUMNS]) + float(value[-1])
 
 

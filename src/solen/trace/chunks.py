@@ -1,7 +1,7 @@
-"""The task of a trace, and the chunks that its rays come in.
+"""The task of a trace, and its division into chunks of rays.
 
-Chunks have one size whatever the machine. Their rays belong to *groups* that each are an estimate of their own: the
-even and odd rays of a lattice, or sixteen independent samples.
+The size of a chunk does not depend on the machine. Rays belong to *groups*, each of which gives an estimate: the even
+and odd rays of a lattice, or sixteen independent samples.
 """
 
 import math
@@ -32,7 +32,7 @@ Digits = Literal["double", "single"]
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Data that all chunks of a trace share."""
+    """Data common to all chunks of a trace."""
 
     scene: Scene
     tables: Tables
@@ -48,18 +48,18 @@ class Job:
 
     @classmethod
     def of(cls, scene: Scene, mode: Mode, limits: Limits, dtype: type[np.floating[Any]], **rest: Any) -> "Job":
-        """Job on a scene in a precision; ``rest`` are its other fields by name."""
+        """Return the job for a scene in a precision; ``rest`` are its other fields by name."""
         return cls(scene, compile_scene(scene, dtype), Precision.of(dtype), mode, limits, **rest)
 
     def groups(self, source: Source) -> int:
-        """Estimates that the rays of a source are divided into."""
+        """Number of estimates into which the rays of a source are divided."""
         regular = self.sampling == "fan" and self.mode != "roulette" and not self.scene.is_random
         return HALVES if regular and source.copies(self.scene.extrusion is not None) == 1 else REPLICATES
 
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Some rays of one source and one group: every ``step``-th from ``first`` on, numbered over all sources."""
+    """Some rays of one source and one group: every ``step``-th from ``first``, numbered over all sources."""
 
     source: int
     group: int
@@ -69,7 +69,7 @@ class Chunk:
 
 
 def chunks(job: Job, most: int) -> Iterator[Callable[[], Chunk]]:
-    """Functions that make each chunk of at most so many rays, source by source and group by group."""
+    """Yield functions that create the chunks, of at most ``most`` rays each, by source and group."""
     before, in_space = 0, job.scene.extrusion is not None
     for number, source in enumerate(job.scene.sources):
         if job.sampling == "fan":
@@ -94,7 +94,7 @@ def _of_a_fan(
 
 
 def _sample_size(source: Source) -> int:
-    """Rays of each replicate: a power of two, as Sobol' points are balanced in such numbers only."""
+    """Number of rays of each replicate: a power of two, for which Sobol' points are balanced."""
     return 1 << math.ceil(math.log2(max(source.rays / REPLICATES, 1.0)))
 
 
@@ -112,7 +112,7 @@ def _of_a_sample(
 
 
 def rows_of(job: Job, chunk: Chunk) -> Rows:
-    """The rays of a chunk as the kernel takes them."""
+    """Return the rays of a chunk in the kernel's format."""
     launch, dtype = chunk.launch, job.tables.shape.dtype.type
     spectrum = job.scene.sources[chunk.source].spectrum
     colours = np.array([job.scene.wavelengths_nm.index(nm) for nm, _ in spectrum] or [0], dtype=np.int64)
@@ -122,7 +122,7 @@ def rows_of(job: Job, chunk: Chunk) -> Rows:
 
 
 def rows_in_space(job: Job, chunk: Chunk) -> RowsInSpace:
-    """The rays of a chunk of an extruded scene as the kernel takes them."""
+    """Return the rays of a chunk of an extruded scene in the kernel's format."""
     launch, flat = chunk.launch, rows_of(job, chunk)
     if launch.y_mm is None or launch.dy is None:
         raise AssertionError("rays of an extruded scene are launched in space")
@@ -133,7 +133,7 @@ def rows_in_space(job: Job, chunk: Chunk) -> RowsInSpace:
 
 
 def rules_of(job: Job, chunk: Chunk) -> Rules:
-    """How the rays of a chunk are followed."""
+    """Return the rules for following the rays of a chunk."""
     least: Any = job.tables.shape.dtype.type(job.limits.min_weight)
     turbid = job.scene.is_turbid
     return Rules(SPLITTING[job.mode], least, job.limits.max_hits, job.seed, chunk.first, chunk.step, turbid)

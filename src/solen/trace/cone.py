@@ -1,19 +1,19 @@
-"""One point of a source: its rays are a one-parameter family, to be integrated over the launch angle.
+"""One point of a source: its rays are a one-parameter family, integrated over the launch angle.
 
-What a receiver gets is a function of the launch angle alone, smooth wherever neighbouring rays meet the same
-interfaces, with jumps in between. So the cone is cut into *pieces* of one and the same tree of hits, and each piece is
-integrated by Gauss–Kronrod quadrature, weighted by the intensity. A pattern with corners is cut at them first.
+The power at a receiver is a function of the launch angle alone, smooth wherever neighbouring rays meet the same
+interfaces, with jumps in between. The cone is therefore cut into *pieces* with the same tree of hits, and each piece is
+integrated by Gauss–Kronrod quadrature, weighted with the intensity. A pattern with corners is first cut at these.
 
-Equal trees at both ends of a stretch prove nothing: a sliver of other rays may lie between. What could separate two
-neighbouring rays must start somewhere, at an end of a curve or on a curve that is wholly between them; so a stretch is
-whole only if no end of any curve lies inside the beam its two rays span, at any of their straight legs, nor next to a
-curved face between their ends. Past a caustic two rays need not span the beam between them: this is not a proof, and
-the uncertainty is an estimate. A stretch that is not whole is halved, until it is or is too narrow to matter; the
-width of all such gaps, times all that a ray carries, goes into the uncertainty. Nodes of the quadrature that turn out
-to have another tree send the piece back.
+Equal trees at both ends of an interval prove nothing: a narrow bundle of other rays may be in between. Anything that
+could separate two neighbouring rays must start somewhere, at an end of a curve or on a curve that is wholly between
+them. An interval is therefore *whole* only if no end of any curve is inside the beam spanned by its two rays, on any of
+their segments, or next to a curved face between their ends. Beyond a caustic two rays need not span the beam between
+them: this is not a proof, and the uncertainty is an estimate. An interval that is not whole is halved until its parts
+are whole or too narrow to matter; the total width of these gaps, times the full power of a ray, is part of the
+uncertainty. A piece is cut again if a quadrature node turns out to have another tree.
 
-The idea of bisecting the jumps is that of any adaptive integrator; the quadrature is the (7, 15) pair of Kronrod (1965)
-as tabulated in QUADPACK, and so is the estimate of its error (Piessens et al., 1983). All of it is compiled: see
+Bisecting the jumps is common to all adaptive integrators; the quadrature is the (7, 15) pair of Kronrod (1965) as
+tabulated in QUADPACK, and so is the estimate of its error (Piessens et al., 1983). All of it is compiled: see
 `solen.trace.kernel.tree` and `solen.trace.kernel.adapt`.
 """
 
@@ -32,18 +32,22 @@ from solen.trace.kernel.tree import WIDTH as STACK_WIDTH
 from solen.trace.tables import Tables
 
 FIRST_STRETCHES, LEAST_STRETCHES = 64, 4
-"""Stretches that a whole cone is divided into at first, and at least a part of it between two corners of a pattern."""
+"""Initial number of intervals of a whole cone, and the least number for a part of it between two corners of a
+pattern.
+"""
 NARROWEST_DEG = 1e-11
-"""Where cutting ends at the latest: over a few mm, what `solen.curve.END_TOLERANCE_MM` leaves undecided at a corner."""
+"""Smallest interval that is cut: over a few mm, the width that `solen.curve.END_TOLERANCE_MM` leaves undecided at a
+corner.
+"""
 GAP_SHARE = 0.01
-"""How wide, as a share of the tolerance times the cone, a gap may be that is not cut on at first."""
+"""Width of a gap that is not cut further at first, as a fraction of the tolerance times the cone."""
 MOST_LEGS = 200_000
 MOST_LEGS_AGAIN = 20_000_000
-"""Straight stretches after which pieces count as lost: each edge is bisected, which takes some eighty rays."""
+"""Number of ray segments after which pieces count as lost: bisecting each edge takes some eighty rays."""
 SLIVER = 1e-10
-"""Share of the cone below which a piece comes from how far curves reach beyond their ends, and is not followed."""
+"""Fraction of the cone below which a piece results from the extension of curves beyond their ends, and is ignored."""
 NEW_GAPS = 1e-11
-"""Share of the cone that may be left between pieces found again, beyond what was left between them before."""
+"""Increase of the gaps between pieces, as a fraction of the cone, up to which they count as located again."""
 
 # Nodes in [−1, 1] and weights of the Kronrod rule, and of the Gauss rule on every second node.
 _HALF_NODES = (
@@ -86,13 +90,13 @@ COARSE = adapt.Rule(
     np.array([0.0, 5.0 / 9.0, 0.0, 8.0 / 9.0, 0.0, 5.0 / 9.0, 0.0]),
 )
 COARSE_TOLERANCE = 1e-5
-"""Tolerance from which on the smaller rule serves for places and angles: bends are found with fewer points."""
+"""Tolerance from which the smaller rule is used for positions and angles: it locates kinks with fewer points."""
 DOUBLE = Precision.of(np.float64)
 MOST_SAMPLES, MOST_KEPT_LEGS, MOST_WAITING = 1 << 15, 1 << 22, 256
 
 
 class Parts(NamedTuple):
-    """How a stretch of angles was cut and integrated: the angles (radians from the axis) that it was cut at."""
+    """The pieces and parts of a cone after integration, by the angles (radians from the axis) of their ends."""
 
     low: np.ndarray
     high: np.ndarray
@@ -103,7 +107,7 @@ class Parts(NamedTuple):
 
     @classmethod
     def of(cls, pieces: adapt.Pieces, many: int, parts: int, sliver: float) -> "Parts":
-        """Copies of what was found, without pieces narrower than a sliver."""
+        """Copy the first pieces and parts, omitting pieces narrower than a sliver."""
         wide = pieces.high[:many] - pieces.low[:many] > sliver
         kept = wide[pieces.part_of[:parts]]
         number = np.cumsum(wide) - 1
@@ -115,10 +119,10 @@ class Parts(NamedTuple):
 class Integral(NamedTuple):
     """Result of an integration.
 
-    ``share`` (D + 2,) is the power by receiver, escaped and absorbed; ``missed`` and ``leaked`` are of what escaped in
-    space, above and below the bodies and from them; ``error`` what the quadrature may be off by and
-    ``gaps`` what was left out, all as fractions of the power of the source; ``counts`` are rays, straight stretches,
-    undefined rays and pieces.
+    ``share`` (D + 2,) is the power by receiver, escaped and absorbed; ``missed`` and ``leaked`` are parts of the power
+    that escaped in space, above and below the bodies and through their top and bottom; ``error`` is the error of the
+    quadrature and ``gaps`` the power that was omitted, all as fractions of the power of the source; ``counts`` are the
+    numbers of rays, ray segments, undefined rays and pieces.
     """
 
     share: np.ndarray
@@ -130,7 +134,7 @@ class Integral(NamedTuple):
 
     @property
     def missing(self) -> float:
-        """Power that is at no receiver, did not escape and was not absorbed."""
+        """Power that was neither detected nor absorbed and did not escape."""
         return max(1.0 - math.fsum(self.share.tolist()), 0.0)
 
     @property
@@ -140,12 +144,12 @@ class Integral(NamedTuple):
 
     @property
     def u(self) -> float:
-        """Uncertainty of every power: errors, and gaps or anything else that was not followed."""
+        """Uncertainty of each power: errors, and gaps or anything else that was not followed."""
         return min(self.error + max(self.gaps, self.missing), 1.0)
 
 
 def weighted_sum(integrals: Sequence[Integral], weights: Sequence[float]) -> Integral:
-    """Weighted sum of what was found."""
+    """Return the weighted sum of integrals."""
     pairs = list(zip(integrals, weights, strict=True))
     return Integral(
         share=np.sum([weight * part.share for part, weight in pairs], axis=0),
@@ -159,9 +163,9 @@ def weighted_sum(integrals: Sequence[Integral], weights: Sequence[float]) -> Int
 
 @dataclass(frozen=True, eq=False)
 class Cone:
-    """One point of a source in one colour: its rays, in stretches of angles over which their intensity is smooth.
+    """One point of a source at one wavelength: its rays, in intervals of angles over which their intensity is smooth.
 
-    ``whole`` is the integral of the intensity, ``columns`` how many numbers a ray gives.
+    ``whole`` is the integral of the intensity, ``columns`` the number of values for each ray.
     """
 
     tables: Tables
@@ -171,7 +175,7 @@ class Cone:
     whole: float
 
     def integral(self, tolerance: float, most_legs: int, parts: list[Parts] | None = None) -> Integral:
-        """Cut and integrate; ``parts`` takes how it was cut, if given."""
+        """Cut and integrate; if given, ``parts`` receives the pieces."""
         width = math.fsum(family.high - family.low for family in self.families)
         found = [self._stretch(family, width, tolerance, most_legs, parts) for family in self.families]
         return found[0] if len(found) == 1 else weighted_sum(found, [1.0] * len(found))
@@ -179,7 +183,7 @@ class Cone:
     def _stretch(
         self, family: Family, width: float, tolerance: float, most_legs: int, kept: list[Parts] | None
     ) -> Integral:
-        """One stretch: its part of the source's power."""
+        """Integrate one interval of angles, as its part of the source's power."""
         samples, pieces = room(most_legs, self.columns)
         total, narrowest = np.zeros(self.columns), math.radians(NARROWEST_DEG)
         here = family.high - family.low
@@ -197,7 +201,7 @@ class Cone:
         return Integral(total / self.whole, error / self.whole, gaps * most / self.whole, counts)
 
     def again(self, before: Sequence[Parts]) -> np.ndarray | None:
-        """Powers (D + 2,) of this point over the pieces of another one that differs a little; None if they are lost."""
+        """Return powers (D + 2,) over the pieces of a slightly different point; None if any cannot be located."""
         total = np.zeros(self.columns)
         for family, parts in zip(self.families, before, strict=True):
             found = self._stretch_again(family, parts)
@@ -231,7 +235,7 @@ _ROOMS = _Rooms()
 
 
 def room(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
-    """Room to integrate in, the same for every call of a thread: what is in it does not outlive the next one."""
+    """Return the working memory of this thread, which the next call reuses."""
     rooms = _ROOMS.rooms
     if (most_legs, columns) not in rooms:
         rooms.clear()
@@ -240,7 +244,7 @@ def room(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
 
 
 def _room(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
-    """New room; untouched memory costs nothing."""
+    """Allocate working memory; unused pages of it take no memory."""
     n = MOST_SAMPLES
 
     def whole() -> np.ndarray:

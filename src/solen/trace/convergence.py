@@ -1,9 +1,9 @@
-"""How fast each way to choose rays converges to the power at the receivers, and how reliable its uncertainty is.
+"""Convergence of each sampling method towards the power at the receivers, and the reliability of its uncertainty.
 
-One scene is traced by fans and by Sobol' samples of ever more rays, and integrated to ever smaller tolerances. The
-error of each is its distance from a reference value: adaptive integration to `TIGHT`. For a scene that it does not
-know or does not reach that in, it is the best of the last integral, a fan and a sample of four times the rays of the
-densest, by the uncertainty that each states.
+One scene is traced with fans and with Sobol' samples of increasing numbers of rays, and integrated to decreasing
+tolerances. The error of each is its difference from a reference value: adaptive integration to `TIGHT`. If that is not
+possible or does not reach the tolerance, the reference is the one with the smallest stated uncertainty among the last
+integral and a fan and a sample with four times the rays of the densest.
 """
 
 import math
@@ -29,7 +29,7 @@ DENSER = 4
 
 
 class Series(Result):
-    """One way to choose rays: numbers of rays (N,), the largest error of any receiver's power, and its stated u.
+    """One sampling method: numbers of rays (N,), the largest error of any receiver's power, and its stated uncertainty.
 
     Powers are fractions of the emitted power; ``u_power`` is NaN for too few rays.
     """
@@ -41,7 +41,7 @@ class Series(Result):
 
 
 class Convergence(Result):
-    """Error against rays for each way to choose them, and the trace that the errors are measured from."""
+    """Errors by number of rays for each sampling method, and the reference trace."""
 
     mode: Mode
     reference: Trace
@@ -56,38 +56,38 @@ def convergence(
     most_rays: int = MOST_RAYS,
     seed: int = 0,
 ) -> Convergence:
-    """Error against rays for a fan, for Sobol' samples and for adaptive integration.
+    """Compute the error by number of rays for a fan, for Sobol' samples and for adaptive integration.
 
     Parameters
     ----------
     scene
-        The scene to trace; the numbers of rays of its sources play no part.
+        The scene to trace; the numbers of rays of its sources have no effect.
     mode
-        As in `solen.trace.trace`. Roulette is compared with the integral in ``"power"``, which it draws from.
+        As in `solen.trace.trace`. Roulette is compared with the integral in ``"power"``, which is its expected value.
     limits
         Where following a ray ends; by default those of `solen.trace.trace` and of `solen.trace.integrate`.
     most_rays
-        Rays of the densest fan and sample, at least 16; from there on downwards by powers of two.
+        Number of rays of the densest fan and sample, at least 16; the others have fewer by powers of two.
     seed
         Seed of the samples and of the roulette.
 
     Returns
     -------
     Convergence
-        A series each for ``"fan"``, ``"sobol"`` and, if the scene can be integrated at all, ``"adaptive"``.
+        One series each for ``"fan"``, ``"sobol"`` and, if the scene can be integrated, ``"adaptive"``.
 
     Raises
     ------
     DesignError
-        Unknown mode, too few rays, no receiver, or a source that is a list of rays.
+        For an unknown mode, too few rays, no receiver, or a source that is a list of rays.
     """
     check_mode(mode)
     check_count("most_rays", most_rays, LEAST_RAYS)
     if not scene.receivers:
-        raise DesignError("convergence", value="no receiver", limit="needs a receiver, whose power converges")
+        raise DesignError("convergence", value="no receiver", limit="the scene needs a receiver")
     if any(isinstance(source, Rays) for source in scene.sources):
         raise DesignError(
-            "convergence", value="a list of rays", limit="needs sources whose number of rays can be chosen"
+            "convergence", value="a list of rays", limit="the number of rays of each source must be variable"
         )
     whole: Mode = "power" if mode == "roulette" else mode
     found = list(_integrals(scene, whole, limits))
@@ -102,7 +102,7 @@ def convergence(
 
 
 def _reference(scene: Scene, mode: Mode, limits: Limits | None, most_rays: int, found: list[Trace]) -> Trace:
-    """The value that is known best: the last integral, or a denser fan or sample."""
+    """Return the best available value: the last integral, or a denser fan or sample."""
     if found and found[-1].u_power <= TIGHT:
         return found[-1]
     dense = _with_rays(scene, DENSER * most_rays)
@@ -111,13 +111,13 @@ def _reference(scene: Scene, mode: Mode, limits: Limits | None, most_rays: int, 
 
 
 def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trace]:
-    """Integrals to ever smaller tolerances, as long as these are reached; none of a scene that can but be sampled."""
+    """Yield integrals to decreasing tolerances while these are reached; none for a scene that can only be sampled."""
     if scene.front is not None:
         return
     for tolerance in (*TOLERANCES, TIGHT):
         try:
             found = integrate(scene, mode, tolerance, limits)
-        except DesignError:  # a beam, say, or a scene that scatters
+        except DesignError:  # for example a beam, or a scene that scatters
             return
         if not found.reached:
             return
@@ -125,13 +125,13 @@ def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trac
 
 
 def _with_rays(scene: Scene, rays: int) -> Scene:
-    """The scene with so many rays, shared out evenly among its sources."""
+    """Return the scene with this number of rays, divided evenly among its sources."""
     each = max(1, rays // len(scene.sources))
     return replace(scene, sources=tuple(source.with_rays(each) for source in scene.sources))
 
 
 def _series(reference: Trace, result: list[Trace]) -> Series:
-    """Errors of traces by their number of rays: of two with the same, as of samples that round it up, the later one."""
+    """Errors of traces by their number of rays; of two with the same number (samples round it up), the later one."""
     traces = list({run.rays: run for run in result}.values())
 
     def error(of: Trace) -> float:

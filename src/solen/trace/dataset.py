@@ -1,12 +1,12 @@
 """A trace as an `xarray.Dataset` with named dimensions, and as a netCDF file.
 
-Every number of a trace is a variable with its unit (``units``) and what it is (``long_name``). Dimensions:
+Each number of a trace is a variable with its unit (``units``) and a description (``long_name``). The dimensions are
 ``receiver``, ``source``, ``face`` (an interface of a receiver), ``position_bin``, ``angle_bin``, ``monitor``,
-``monitor_bin``, ``fate``, ``undefined_place``, ``truncated_place``, ``leg``. Where receivers have different numbers of
-interfaces, or monitors of bins, what is not there is NaN. What a trace has nothing of (monitors, bins, places, legs)
+``monitor_bin``, ``fate``, ``undefined_place``, ``truncated_place`` and ``leg``. If receivers have different numbers of
+interfaces, or monitors of bins, missing entries are NaN. Data that a trace does not have (monitors, bins, places, legs)
 has neither variable nor dimension.
 
-xarray and what it writes netCDF with are no part of a plain installation: ``pip install ".[netcdf]"``.
+xarray and its netCDF library are not part of the default installation: ``pip install ".[netcdf]"``.
 """
 
 import math
@@ -34,42 +34,42 @@ SHARE = "1"
 _LEGS = {
     "ray": (SHARE, "number of the launched ray"),
     "branch": (SHARE, "number of the branch within its ray"),
-    "parent": (SHARE, "branch that it was split off, -1 for none"),
-    "hit": (SHARE, "interfaces met on the way here"),
-    "interface": (SHARE, "interface that it ends on, by its place in the scene, -1 for none"),
-    "fate": (SHARE, "what becomes of it there: 0 goes on, 1 detected, 2 escaped, 3 absorbed, 4 truncated"),
+    "parent": (SHARE, "branch that it was split from, -1 for none"),
+    "hit": (SHARE, "number of interfaces met before"),
+    "interface": (SHARE, "index of the interface at its end in the scene, -1 for none"),
+    "fate": (SHARE, "fate at its end: 0 continues, 1 detected, 2 escaped, 3 absorbed, 4 truncated"),
     "x_mm": ("mm", "start, x"),
     "z_mm": ("mm", "start, z"),
     "dx": (SHARE, "direction, x"),
     "dz": (SHARE, "direction, z"),
-    "length_mm": ("mm", "length, infinite where it escapes"),
+    "length_mm": ("mm", "length, infinite if it escapes"),
     "power_s": (SHARE, "power at its start polarised out of the plane, as a fraction of the emitted power"),
     "power_p": (SHARE, "power at its start polarised in the plane, as a fraction of the emitted power"),
-    "kept": (SHARE, "share of that power left at its end"),
+    "kept": (SHARE, "fraction of that power left at its end"),
     "optical_path_mm": ("mm", "optical path from the source to its start"),
 }
 
 
 def check_installed() -> None:
-    """`OutputError` if what writes netCDF is not installed."""
+    """Raise `OutputError` if the libraries for netCDF are not installed."""
     need("xarray", "h5netcdf", "h5py", what="netCDF")
 
 
 def to_dataset(trace: Trace, attributes: Attributes | None = None) -> "xr.Dataset":
-    """A trace as an `xarray.Dataset`.
+    """Return a trace as an `xarray.Dataset`.
 
     Parameters
     ----------
     trace
         Result of any of the tracers.
     attributes
-        Further attributes of the data set, such as the name of the design.
+        Further attributes of the data set, for example the name of the design.
 
     Returns
     -------
     xarray.Dataset
-        Variables as listed above. Its attributes say that it is simulated, by which version of solen, in which mode,
-        and how the rays were chosen.
+        Variables as listed above. Its attributes state that it is simulated, the version of solen, the mode and the
+        sampling method.
 
     Raises
     ------
@@ -98,25 +98,25 @@ def to_dataset(trace: Trace, attributes: Attributes | None = None) -> "xr.Datase
 
 
 def save_netcdf(path: Path | str, trace: Trace, attributes: Attributes | None = None) -> Path:
-    """Write a trace to a netCDF-4 file, under a temporary name first; the same trace gives the same bytes.
+    """Write a trace to a netCDF-4 file, first under a temporary name; equal traces give identical files.
 
-    Parameters are those of `to_dataset`. ``xarray.load_dataset(path, engine="h5netcdf")`` reads it.
+    Parameters are those of `to_dataset`. ``xarray.load_dataset(path, engine="h5netcdf")`` reads the file.
 
     Raises
     ------
     OutputError
-        If the file cannot be written, or what writes it is not installed.
+        If the file cannot be written, or a library is not installed.
     """
     return files.write_all({Path(path): writer(trace, attributes)})[0]
 
 
 def writer(trace: Trace, attributes: Attributes | None = None) -> Callable[[Path], object]:
-    """Function that writes a trace as netCDF to a path, for `solen.files.write_all`."""
+    """Return a function that writes a trace as netCDF to a path, for `solen.files.write_all`."""
     return netcdf_writer(to_dataset(trace, attributes))
 
 
 def netcdf_writer(dataset: "xr.Dataset") -> Callable[[Path], object]:
-    """Function that writes a data set as netCDF to a path."""
+    """Return a function that writes a data set as netCDF to a path."""
     return lambda path: dataset.to_netcdf(path, engine="h5netcdf")
 
 
@@ -126,18 +126,18 @@ def _whole(trace: Trace) -> dict[str, _Variable]:
     single = math.nan if trace.single_error is None else trace.single_error
     return {
         "fate": (("fate",), fates, {"long_name": "where power went"}),
-        "ledger": _real(("fate",), ledger, SHARE, "share of the emitted power, 1 in sum"),
-        "u_ledger": _real(("fate",), u_ledger, SHARE, "uncertainty of that share"),
+        "ledger": _real(("fate",), ledger, SHARE, "fraction of the emitted power; the sum is 1"),
+        "u_ledger": _real(("fate",), u_ledger, SHARE, "uncertainty of that fraction"),
         "u_missed": _real((), trace.u_missed, SHARE, "uncertainty of missed"),
         "u_leaked": _real((), trace.u_leaked, SHARE, "uncertainty of leaked"),
-        "missed": _real((), trace.missed, SHARE, "of what escaped, what passed above or below all bodies"),
-        "reflected": _real((), trace.reflected, SHARE, "what a lens that is no cylinder reflected"),
-        "leaked": _real((), trace.leaked, SHARE, "of what escaped, what left bodies through top or bottom"),
+        "missed": _real((), trace.missed, SHARE, "escaped power that passed above or below all bodies"),
+        "reflected": _real((), trace.reflected, SHARE, "power reflected by a lens that is not cylindrical"),
+        "leaked": _real((), trace.leaked, SHARE, "escaped power that left bodies through top or bottom"),
         "rays": _count((), trace.rays, "rays traced"),
-        "hits": _count((), trace.hits, "times that light met an interface"),
+        "hits": _count((), trace.hits, "number of times that light met an interface"),
         "undefined": _count((), trace.undefined, "rays that met an interface from a medium they were not in"),
         "truncated": _count((), trace.truncated, "branches cut off"),
-        "pieces": _count((), trace.pieces, "pieces of the cone, of adaptive integration"),
+        "pieces": _count((), trace.pieces, "pieces of the cone in adaptive integration"),
         "reached": ((), trace.reached, {"long_name": "whether adaptive integration reached its tolerance"}),
         "single_error": _real(
             (), single, SHARE, "largest difference of a power between single and double precision, NaN in double"
@@ -153,24 +153,27 @@ def _receivers(trace: Trace) -> dict[str, _Variable]:
     variables: dict[str, _Variable] = {
         "receiver": (one, list(trace.detectors), {"long_name": "name of the receiver"}),
         "power": _real(one, [r.power for r in readings], SHARE, "power detected"),
-        "power_u": _real(one, [r.u_power for r in readings], SHARE, "what the power may be off by, NaN where unknown"),
+        "power_u": _real(one, [r.u_power for r in readings], SHARE, "uncertainty of the power, NaN if unknown"),
         "arrived": _count(one, [r.rays for r in readings], "rays or branches that arrived"),
         "optical_path_mm": _real(
-            one, [r.optical_path_mm for r in readings], "mm", "mean optical path of what arrived, weighted by power"
+            one,
+            [r.optical_path_mm for r in readings],
+            "mm",
+            "mean optical path of the light that arrived, weighted with its power",
         ),
     }
     sources = max(len(r.power_by_source) for r in readings)
     if sources:
         by_source = _padded([np.array(r.power_by_source) for r in readings], (sources,))
-        variables["source"] = _count(("source",), np.arange(sources), "number of the source in the scene")
+        variables["source"] = _count(("source",), np.arange(sources), "index of the source in the scene")
         variables["power_by_source"] = _real((*one, "source"), by_source, SHARE, "power detected from each source")
     faces, bins = (max(sizes) for sizes in zip(*(r.power_by_position.shape for r in readings), strict=True))
     if bins:
         by_position = _padded([r.power_by_position for r in readings], (faces, bins))
         middle = (np.arange(bins) + 0.5) / bins
-        variables["face"] = _count(("face",), np.arange(faces), "number of the interface among those of its receiver")
+        variables["face"] = _count(("face",), np.arange(faces), "index of the interface among those of its receiver")
         variables["position_bin"] = _real(
-            ("position_bin",), middle, "1", "middle of the bin, 0 at the interface's start and 1 at its end"
+            ("position_bin",), middle, "1", "centre of the bin, 0 at the interface's start and 1 at its end"
         )
         dims = (*one, "face", "position_bin")
         variables["power_by_position"] = _real(dims, by_position, SHARE, "power detected in each bin of an interface")
@@ -181,7 +184,7 @@ def _receivers(trace: Trace) -> dict[str, _Variable]:
             ("angle_bin",),
             middle,
             "degree",
-            "middle of the bin of the angle of incidence, positive where light runs towards the interface's end",
+            "centre of the bin of the angle of incidence, positive if light runs towards the interface's end",
         )
         by_angle = _padded([r.power_by_angle for r in readings], (angles,))
         variables["power_by_angle"] = _real(
@@ -198,16 +201,14 @@ def _monitors(trace: Trace) -> dict[str, _Variable]:
     bins = max(len(r.power_by_bin) for r in readings)
     by_bin = _padded([r.power_by_bin for r in readings], (bins,))
     maps = {
-        "monitor_bin": _count(("monitor_bin",), np.arange(bins), "number of the bin from the monitor's start"),
+        "monitor_bin": _count(("monitor_bin",), np.arange(bins), "index of the bin from the monitor's start"),
         "net_power_by_bin": _real((*one, "monitor_bin"), by_bin, SHARE, "net power in each bin"),
     }
     return {
         "monitor": (one, list(trace.monitors), {"long_name": "name of the monitor"}),
         "net_power": _real(one, [r.power for r in readings], SHARE, "net power towards the monitor's left"),
-        "net_power_u": _real(
-            one, [r.u_power for r in readings], SHARE, "what the net power may be off by, NaN if unknown"
-        ),
-        "crossings": _count(one, [r.rays for r in readings], "times that light crossed the monitor"),
+        "net_power_u": _real(one, [r.u_power for r in readings], SHARE, "uncertainty of the net power, NaN if unknown"),
+        "crossings": _count(one, [r.rays for r in readings], "number of times that light crossed the monitor"),
         **(maps if bins else {}),
     }
 
@@ -217,7 +218,7 @@ def _places(trace: Trace) -> dict[str, _Variable]:
     kinds = {"undefined": trace.undefined_at_mm, "truncated": trace.truncated_at_mm}
     for kind, places in kinds.items():
         for axis, values in zip("xz", zip(*places, strict=True), strict=False):
-            what = f"where the first of what is {kind} was, {axis}"
+            what = f"place of the first {kind} light, {axis}"
             variables[f"{kind}_{axis}_mm"] = _real((f"{kind}_place",), values, "mm", what)
     return variables
 
@@ -240,7 +241,7 @@ def _count(dims: tuple[str, ...], values: Iterable[int] | int, name: str) -> _Va
 
 
 def _padded(parts: list[FloatArray], shape: tuple[int, ...]) -> FloatArray:
-    """Arrays of at most a shape, one over the other, with NaN where one has nothing."""
+    """Stack arrays in one array of the largest shape, padded with NaN."""
     whole = np.full((len(parts), *shape), math.nan)
     for row, part in zip(whole, parts, strict=True):
         row[tuple(slice(size) for size in part.shape)] = part

@@ -1,17 +1,17 @@
 """Derivatives of received power with respect to a parameter of the scene.
 
-Received power is an integral over the launch angle whose integrand jumps where neighbouring rays part. When the scene
-changes, the integrand changes and the jumps move; both count. The power of a wall's tilt, for one, is nearly all in the
-second: to differentiate along each ray's path alone would miss it. So the scene is integrated once by
-`solen.trace.integrate`, which finds the pieces between the jumps. In a scene that is changed a little every piece is
-found again, its edges bisected to the last digit, and integrated at nodes that keep their share of it: Leibniz' rule,
-in which what the quadrature leaves out cancels. Two steps, one half the other, are extrapolated (Richardson), and how
-far they are apart bounds the error.
+Received power is an integral over the launch angle whose integrand has jumps where neighbouring rays separate. When the
+scene changes, the integrand changes and the jumps move; both contribute. The derivative with respect to a wall's tilt,
+for example, comes almost entirely from the jumps: differentiation along each ray's path alone would miss it. The scene
+is therefore integrated once by `solen.trace.integrate`, which locates the pieces between the jumps. In a slightly
+changed scene each piece is located again, its edges bisected to the last digit, and integrated with nodes at the same
+relative positions: Leibniz' rule, in which the error of the quadrature cancels. Two steps, one half the other, are
+extrapolated (Richardson), and their difference bounds the error.
 
-What a source with a size gives is smooth where that of its points is not, so that plain differences of its integral
-serve: over larger steps, and to the error of the integral over the step. In space neighbouring scenes are integrated
-over the same cells (`solen.trace.slopes`). Light through a lens whose walls are not upright, and light that is trapped
-in space, is sampled instead: both ends of a difference with the same samples, several times.
+The power from an extended source is smooth even if that of its points is not, so simple differences of its integral
+suffice: over larger steps, with the error of the integral divided by the step. In space, neighbouring scenes are
+integrated over the same cells (`solen.trace.slopes`). Light through a lens whose walls are not upright, and light that
+is trapped in space, is sampled instead: both ends of a difference use the same samples, several times.
 """
 
 import math
@@ -39,14 +39,18 @@ RELATIVE_STEP, EXTENDED_STEP, CHIP_STEP = 2e-4, 1e-2, 2e-2
 MOST_HALVINGS = 6
 MOST_LEGS, SPACE_LEGS = 400_000, 15_000_000
 SEEDS, SAMPLES, MOST_DOUBLINGS = 8, 2**15, 4
-"""Independent differences of sampled light, the rays of each end of one, and how often a step is doubled at most."""
+"""Number of independent differences of sampled light, of rays at each end of one, and of doublings of a step at
+most.
+"""
 TRAPPED_SAMPLES, TRAPPED_SHARE, TRAPPED_WEIGHT, TRAPPED_DOUBLINGS = 2**17, 1e-3, 3e-4, 1
-"""Of light that is trapped: most rays of each end, the share of the largest slope that its error may be, the weight of
-what is not followed, and how often a step is doubled: over 16 % of an index its error was four times what is stated."""
+"""For trapped light: largest number of rays at each end, error as a fraction of the largest slope, weight below which
+light is not followed, and number of doublings of a step. Over 16 % of an index the true error was four times the stated
+one.
+"""
 CAUTION = 1.25
-"""Factor on their standard error: it is of few differences, and the step with the smallest one is taken."""
+"""Factor on their standard error, because there are few differences and the step with the smallest error is chosen."""
 ROUGH = 1e-2
-"""Tolerance that light in space reaches at once, unless it is trapped."""
+"""Tolerance that light in space reaches immediately, unless it is trapped."""
 
 
 @dataclass(frozen=True)
@@ -58,10 +62,10 @@ class Slope:
 
 
 class Derivative(Result):
-    """Derivatives of every receiver's power, as fractions of the emitted power per unit of the parameter.
+    """Derivatives of each receiver's power, as fractions of the emitted power per unit of the parameter.
 
-    ``step`` is the larger of the steps taken. ``reached`` is False where the pieces could not be followed: at that very
-    value of the parameter the light changes its ways; ``why`` says so.
+    ``step`` is the larger of the two steps. ``reached`` is False if the pieces could not be followed, because the paths
+    of the light change at this value of the parameter; ``why`` states it.
     """
 
     detectors: dict[str, Slope]
@@ -78,31 +82,31 @@ def derivative(
     tolerance: float | None = None,
     limits: Limits | None = None,
 ) -> Derivative:
-    """Derivative of the power at every receiver with respect to one parameter.
+    """Differentiate the power at each receiver with respect to one parameter.
 
     Parameters
     ----------
     scene_at
-        The scene for a value of the parameter, as `solen.trace.integrate` takes it.
+        Function that returns the scene for a value of the parameter, as for `solen.trace.integrate`.
     value
-        Where the derivative is taken.
+        Value of the parameter at which to differentiate.
     step
-        Largest change of the parameter; by default 1e-2 of ``value`` or, at 0, 1e-2; of a chip in space 2e-2, of a
-        point in the plane 2e-4. There it is halved, up to six times, where the paths of the light change within it. Of
-        sampled light it is doubled, up to four times, while that lessens the error.
+        Largest change of the parameter; by default 1e-2 of ``value`` or, at 0, 1e-2; for a chip in space 2e-2, for a
+        point in the plane 2e-4. For a point it is halved, up to six times, if the paths of the light change within it.
+        For sampled light it is doubled, up to four times, while that reduces the error.
     mode, tolerance, limits
         As in `solen.trace.integrate`, for integrals in the plane; by default a tolerance of 1e-9, and of 1e-6 for
-        sources with a size or several colours.
+        sources with a size or several wavelengths.
 
     Returns
     -------
     Derivative
-        One `Slope` per receiver; NaN where it could not be found.
+        One `Slope` per receiver; NaN if it could not be determined.
 
     Raises
     ------
     DesignError
-        As `solen.trace.integrate`, a step that is not above 0, or an integral that does not reach its tolerance.
+        As `solen.trace.integrate`, and if the step is not above 0 or an integral does not reach its tolerance.
     """
     check_numbers("parameter", value)
     scene = scene_at(value)
@@ -128,12 +132,12 @@ def derivative(
 
 
 NOISE = 1e-13
-"""What rounding leaves of an integral over the same pieces."""
+"""Rounding error of an integral over the same pieces."""
 At = Callable[[float], Lights]
 
 
 def _of_a_point(at: At, value: float, step: float, tolerance: float) -> Derivative:
-    """Derivative for a point source in one colour, over pieces that are found again."""
+    """Differentiate for a point source at one wavelength, over pieces that are located again."""
     lights = at(value)
     parts: list[Parts] = []
     base = lights.trace_of([lights.in_plane.cone().integral(tolerance, MOST_LEGS, parts)], tolerance)
@@ -152,7 +156,7 @@ def _of_a_point(at: At, value: float, step: float, tolerance: float) -> Derivati
 
 
 def _difference(at: At, value: float, step: float, parts: Sequence[Parts]) -> FloatArray | None:
-    """Central difference of the powers, None if a piece is not found again."""
+    """Central difference of the powers; None if a piece cannot be located again."""
     ends = []
     for sign in (1.0, -1.0):
         powers = at(value + sign * step).in_plane.cone().again(parts)
@@ -163,7 +167,7 @@ def _difference(at: At, value: float, step: float, parts: Sequence[Parts]) -> Fl
 
 
 def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Derivative:
-    """Derivative for sources with a size or several colours, by differences of whole integrals."""
+    """Differentiate for sources with a size or several wavelengths, with differences of complete integrals."""
     differences, u = [], 0.0
     for half in (step, 0.5 * step):
         low, high = (at(value + sign * half).trace(tolerance, MOST_LEGS) for sign in (-1.0, 1.0))
@@ -176,7 +180,7 @@ def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Deriva
 
 
 def _in_space(at: At, value: float, step: float) -> Derivative | None:
-    """Derivative in space: of a polynomial through integrals over the same cells; None where light is trapped."""
+    """Differentiate in space, with a polynomial through integrals over the same cells; None if light is trapped."""
     ends = [at(value + step * offset) for offset in OFFSETS]
     names, rules = ends[0].scene.receivers, ends[0].rules
     best, bent, u = np.zeros(len(names)), np.zeros(len(names)), 0.0
@@ -194,11 +198,13 @@ def _in_space(at: At, value: float, step: float) -> Derivative | None:
 def _of_samples(
     scene_at: Callable[[float], Scene], value: float, step: float, mode: Mode, limits: Limits | None, most: int = 0
 ) -> Derivative:
-    """Derivative by differences of samples: both ends take the same points, and the spread over seeds is the error.
+    """Differentiate with differences of samples, whose scatter over seeds is the error.
 
-    A longer step has less noise; it is doubled as long as that is more than what the function bends within it. Over the
-    best one more samples follow, up to ``most`` of each end. How much more or less light is cut off counts as
-    uncertainty: all of it might have arrived.
+    Both ends of a difference use the same points.
+
+    A longer step has less noise; it is doubled while the noise exceeds the effect of the function's curvature. More
+    samples follow at the best step, up to ``most`` at each end. The change of the truncated power is part of the
+    uncertainty, because all of it might have arrived.
     """
     names = scene_at(value).receivers
 
@@ -226,7 +232,7 @@ def _of_samples(
             break
         near = far
     if best is None:
-        raise AssertionError("the first step is always taken")
+        raise AssertionError("the first step is always evaluated")
     samples = 4 * SAMPLES
     while samples <= most and np.max(best.u) > TRAPPED_SHARE * np.max(np.abs(best.value)):
         best = _Sampled.of(best.step, *(difference(share * best.step, samples) for share in (0.5, 1.0)))
@@ -237,7 +243,7 @@ def _of_samples(
 
 
 class _Sampled(NamedTuple):
-    """Derivative from differences over half a step and all of it, its standard error, and how far they are apart."""
+    """Derivative from differences over half a step and a whole one, its standard error, and the effect of curvature."""
 
     step: float
     value: FloatArray
@@ -256,16 +262,16 @@ class _Sampled(NamedTuple):
 
 
 def _powers(found: Trace) -> FloatArray:
-    """Power of every receiver."""
+    """Power of each receiver."""
     return np.array([reading.power for reading in found.detectors.values()])
 
 
 def _and_cut_off(found: Trace) -> FloatArray:
-    """Power of every receiver, and the power of what was not followed to its end."""
+    """Power of each receiver, followed by the truncated power."""
     return np.append(_powers(found), found.ledger.truncated)
 
 
 def _slopes(names: tuple[str, ...], wide: FloatArray, close: FloatArray, noise: float) -> dict[str, Slope]:
-    """Two central differences, extrapolated; how far they are apart, and the noise of the numbers, bound the error."""
+    """Extrapolate two central differences; their difference and the noise of the powers bound the error."""
     best, apart = (4.0 * close - wide) / 3.0, np.abs(close - wide) / 3.0
     return {name: Slope(float(best[i]), float(apart[i] + 5.0 / 3.0 * noise)) for i, name in enumerate(names)}

@@ -1,7 +1,7 @@
-"""A trace with the names of what it met: of a scene's file, in the units of that file.
+"""Traces of scene files, with the names of their faces and in the units of the file.
 
 The interface: `open_scene` reads solen's JSON or that of ray-optics; `trace_scene` traces it; `face_names` and
-`branches` describe any trace by the names of a scene's faces.
+`branches` describe any trace with the names of a scene's faces.
 """
 
 import json
@@ -24,7 +24,7 @@ from solen.trace.turns import Turns, trace_in_turns
 
 
 class Branch(Result):
-    """Path of one branch of a ray, by the names of the faces met; see `solen.trace.Path`."""
+    """Path of one branch of a ray, with the names of the faces met; see `solen.trace.Path`."""
 
     ray: int
     branch: int
@@ -37,12 +37,12 @@ class Branch(Result):
 
 
 class ScreenReading(Result):
-    """Reading of a receiver, monitor or detector of a scene's file, in that file's units.
+    """Reading of a receiver, monitor or detector of a scene file, in that file's units.
 
     Attributes
     ----------
     power, u_power
-        Power, and its uncertainty; None if one ray cannot tell.
+        Power, and its uncertainty; None for a single ray.
     rays
         Rays or branches that arrived.
     position, irradiance
@@ -57,7 +57,7 @@ class ScreenReading(Result):
 
 
 class SceneTrace(Trace, kw_only=True):
-    """Trace of a scene's file.
+    """Trace of a scene file.
 
     Attributes
     ----------
@@ -72,13 +72,13 @@ class SceneTrace(Trace, kw_only=True):
     in_space
         Whether rays were traced in space.
     readings
-        Of receivers, monitors and detectors, by name.
+        Readings of receivers, monitors and detectors, by name.
     faces
         Names of each receiver's interfaces, in the order of ``power_by_position``.
     not_understood
-        Parts of a scene of ray-optics that were left out.
+        Omitted parts of a scene of ray-optics.
     branches
-        Paths of all rays, where they were asked for.
+        Paths of all rays, if requested.
     warnings
         Warnings about the readings.
     """
@@ -99,7 +99,7 @@ class SceneTrace(Trace, kw_only=True):
 
 @dataclass(frozen=True)
 class SceneFile:
-    """A scene of a file; ``imported`` is what else there is of one of ray-optics."""
+    """A scene read from a file; ``imported`` is the further content of a file of ray-optics."""
 
     scene: Scene
     imported: rayoptics.Imported | None = None
@@ -116,22 +116,22 @@ class SceneFile:
 
 
 class SceneCheck(Result):
-    """Content of a scene's file; one that exists can be traced.
+    """Content of a valid scene file, which can be traced.
 
     Attributes
     ----------
     name, format
-        Of the scene: ``solen`` or ``ray-optics``.
+        Name of the scene, and its format: ``solen`` or ``ray-optics``.
     regions, interfaces, sources, rays
-        How many there are.
+        Their numbers.
     receivers, monitors
-        Their names; of a scene of ray-optics those of its detectors.
+        Their names; for a scene of ray-optics those of its detectors.
     in_space
         Whether it is extruded.
     is_random
-        Whether something in it is drawn by chance, so that it can be sampled but not integrated.
+        Whether it has random scattering, so that it can be sampled but not integrated.
     not_understood
-        Parts of a scene of ray-optics that were left out.
+        Omitted parts of a scene of ray-optics.
     warnings
         Warnings about the readings.
     """
@@ -151,7 +151,7 @@ class SceneCheck(Result):
 
 
 def scene_check(file: SceneFile) -> SceneCheck:
-    """Content of a scene's file."""
+    """Return the content of a scene file."""
     scene, imported = file.scene, file.imported
     screens = imported.detectors if imported else scene.monitors
     return SceneCheck(
@@ -171,7 +171,7 @@ def scene_check(file: SceneFile) -> SceneCheck:
 
 
 def open_scene(path: Path, *, facets: bool) -> SceneFile:
-    """Scene of a file in either format; `DataError` if it is neither. For ``facets`` see `rayoptics.loads`."""
+    """Open a scene file of either format; `DataError` if it is neither. For ``facets`` see `rayoptics.loads`."""
     text = files.read_text(path, DataError)
     try:
         data = json.loads(text)
@@ -182,12 +182,12 @@ def open_scene(path: Path, *, facets: bool) -> SceneFile:
         return SceneFile(imported.scene, imported)
     if isinstance(data, dict) and "solen_scene" in data:
         return SceneFile(loads(text, str(path)))
-    limit = "no scene: neither solen's (no key solen_scene) nor ray-optics' (no list objs with a version)"
+    limit = "is not a scene: neither solen's (no key solen_scene) nor ray-optics' (no list objs with a version)"
     raise DataError(str(path), limit=limit)
 
 
 def trace_scene(file: SceneFile, options: TraceOptions = TraceOptions(), *, paths: bool = False) -> Trace:
-    """Trace a scene's file: in power or the mode asked for; of ray-optics without a mode in that program's own way.
+    """Trace a scene file, in power or the requested mode; without a mode, one of ray-optics by that program's rules.
 
     Raises
     ------
@@ -200,7 +200,7 @@ def trace_scene(file: SceneFile, options: TraceOptions = TraceOptions(), *, path
 
 
 def described(file: SceneFile, trace: Trace, *, paths: bool = False) -> SceneTrace:
-    """The trace of a scene's file with its names and units; ``paths`` adds the branches."""
+    """Describe the trace of a scene file with its names and units; ``paths`` adds the branches."""
     scene, imported = file.scene, file.imported
     return SceneTrace(
         **vars(trace),
@@ -220,24 +220,25 @@ def described(file: SceneFile, trace: Trace, *, paths: bool = False) -> SceneTra
 
 
 def _brighter(scene: Scene) -> Iterator[str]:
-    """Gratings that send out more than arrives, as ray-optics allows."""
+    """Messages about gratings whose orders have more power than the incident light, as ray-optics allows."""
     for interface in scene.interfaces:
         ruled = None if interface.surface is None else interface.surface.grating
         total = math.fsum(share for _, share in ruled.orders) if ruled else 0.0
         if total > 1.0:
             yield (
-                f"{interface.name}: its orders add up to {total:.6g} times the light that arrives, as the file states; "
-                "the light added is taken from the ledger's truncated"
+                f"{interface.name}: its orders add up to {total:.6g} times the incident light, "
+                "as the file states; the added power is subtracted from the ledger's truncated "
+                "power"
             )
 
 
 def face_names(scene: Scene) -> dict[str, tuple[str, ...]]:
-    """Names of the interfaces of each receiver of a scene."""
+    """Return the names of the interfaces of each receiver of a scene."""
     return {name: tuple(i.name for i in scene.interfaces if i.receiver == name) for name in scene.receivers}
 
 
 def branches(trace: Trace, scene: Scene) -> tuple[Branch, ...]:
-    """Paths of a trace that kept its legs, by the names of the faces met."""
+    """Return the paths of a trace with legs, with the names of the faces met."""
     names = [interface.name for interface in scene.interfaces]
     return tuple(
         Branch(
@@ -255,10 +256,10 @@ def branches(trace: Trace, scene: Scene) -> tuple[Branch, ...]:
 
 
 def _in_turns(imported: rayoptics.Imported, options: TraceOptions, paths: bool) -> Trace:
-    """Trace as ray-optics does, which has no other way to choose rays."""
+    """Trace by the rules of ray-optics, which offers no other sampling."""
     for name, value in options.model_dump(exclude_defaults=True).items():
-        limit = "does not apply where rays are traced as in ray-optics"
-        raise SpecError(f"--{name}", value=value, limit=limit, remedy="add --mode power to trace by solen's engine")
+        limit = "does not apply when tracing by the rules of ray-optics"
+        raise SpecError(f"--{name}", value=value, limit=limit, remedy="add --mode power to trace with solen's engine")
     max_hits = {} if imported.max_hits is None else {"max_hits": imported.max_hits}
     turns = Turns(imported.weak, imported.weakest, imported.fresh, **max_hits)
     return trace_in_turns(imported.scene, turns, legs=paths)

@@ -1,8 +1,8 @@
 """The compiled engine: scene → tables → kernel → result.
 
-Rays are traced in chunks of one size whatever the machine, on any number of threads, and the chunks' sums are
-added in order: the same scene gives the same numbers to the last bit on one thread and on many. Memory is that of a few
-chunks, however many rays there are. Between chunks a trace can be interrupted.
+Rays are traced in chunks whose size does not depend on the machine, with any number of threads, and the chunks' sums
+are added in order: the same scene gives the same numbers to the last bit with one thread and with many. Only a few
+chunks are in memory at a time, however many rays there are. A trace can be interrupted between chunks.
 """
 
 import os
@@ -44,14 +44,15 @@ if TYPE_CHECKING:
 R = TypeVar("R")
 
 CHUNK = 2**13
-"""Rays that are traced at a time in double precision: fewer, and the threads wait for the interpreter; more leave the
-processor's cache. In single precision it holds twice as many."""
+"""Rays of a chunk in double precision: with fewer, the threads wait for the interpreter; more exceed the processor's
+cache. In single precision a chunk has twice as many.
+"""
 CARD_CHUNK = 2**18
-"""Rays that go to a graphics card at a time."""
+"""Rays that are sent to a graphics card at a time."""
 CARD_FEEDERS = 8
-"""Threads at most that make rays for a card: what waits for it takes memory."""
+"""Largest number of threads that prepare rays for a card: waiting rays take memory."""
 COMPARED_RAYS = 4096
-"""Rays of each source by which single precision is compared with double."""
+"""Rays of each source for the comparison of single with double precision."""
 
 
 def trace(
@@ -76,9 +77,9 @@ def trace(
     scene
         The scene to trace.
     mode
-        ``"count"``: refraction or total reflection, no splitting, no absorption in media. ``"power"``: Fresnel with s
-        and p apart, both branches, absorption. ``"roulette"``: as power, but of both branches one is followed, drawn by
-        their powers.
+        ``"count"``: refraction or total reflection, no splitting, no absorption in media. ``"power"``: Fresnel's
+        equations for s and p separately, both branches, absorption. ``"roulette"``: as power, but only one of the two
+        branches is followed, drawn with probability proportional to its power.
     limits
         Where following a ray ends; see `Limits`.
     sampling
@@ -87,17 +88,17 @@ def trace(
     seed
         Seed of the samples and of the roulette: the same seed gives the same numbers.
     precision
-        ``"single"`` computes in float32, faster, and states the error of that in the result's ``single_error``.
+        ``"single"`` computes in float32, faster, and states the resulting error in the result's ``single_error``.
     position_bins, angle_bins
-        Bins of the histograms at receivers; see `solen.trace.Detected`.
+        Numbers of bins of the histograms at receivers; see `solen.trace.Detected`.
     legs
-        Keep every straight stretch, so that ``paths()`` has the paths of all rays: some hundred bytes each.
+        Whether to keep each ray segment for the ``paths()`` of all rays: some hundred bytes each.
     device
-        ``"cuda"``: a graphics card follows the rays, all but the ``legs``; it needs the extra ``cuda``.
+        ``"cuda"``: a graphics card follows the rays; not possible with ``legs``; requires the extra ``cuda``.
     threads
-        Threads to use; by default one per core. The numbers do not depend on it. For a card they make the rays.
+        Number of threads; by default one per core. The results do not depend on it. With a card, they prepare the rays.
     progress
-        Called with the number of rays done so far. Raise in it to end the trace early.
+        Called with the number of rays done so far. Raise an exception in it to end the trace early.
 
     Returns
     -------
@@ -107,21 +108,21 @@ def trace(
     Raises
     ------
     DesignError
-        Unknown mode, sampling, precision or device, numbers out of range, a curve that the engine does not know, or
-        no graphics card for ``"cuda"``.
+        For an unknown mode, sampling, precision or device, numbers out of range, a curve that the engine does not
+        support, or no graphics card for ``"cuda"``.
     """
     check_mode(mode)
     check_choice("sampling", sampling, get_args(Sampling))
     check_choice("precision", precision, tuple(DTYPES))
     check_choice("device", device, get_args(Device))
     if legs and device == "cuda":
-        raise DesignError("legs", value=legs, limit="a graphics card keeps none", remedy='use device="cpu"')
+        raise DesignError("legs", value=legs, limit="are not supported on a graphics card", remedy='use device="cpu"')
     if scene.extrusion is not None:
         _check_extruded(scene, precision, device, legs)
         scene = through_face(scene, mode)
     treated = scene.is_turbid or any(interface.surface is not None for interface in scene.interfaces)
     if treated and device == "cuda":
-        limit = "cuda traces smooth, clean and bare surfaces and clear media only"
+        limit = "cuda supports only smooth, clean and bare surfaces and clear media"
         raise DesignError("device", value=device, limit=limit, remedy='use device="cpu"')
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
@@ -145,24 +146,26 @@ def trace(
 
 
 def _check_extruded(scene: Scene, precision: str, device: str, legs: bool) -> None:
-    """`DesignError` for what rays in space cannot do."""
+    """Raise `DesignError` for features that tracing in space does not support."""
     for what, value, asked in (
         ("precision", precision, precision != "double"),
         ("device", device, device != "cpu"),
         ("legs", legs, legs),
     ):
         if asked:
-            raise DesignError(what, value=value, limit="is for scenes of the plane", remedy="leave it out")
+            raise DesignError(
+                what, value=value, limit="is supported only for scenes of the plane", remedy="leave it out"
+            )
     for interface in scene.interfaces:
         surface = interface.surface or Surface()
         for key in ("focal_mm", "grating"):
             if getattr(surface, key) is not None:
-                limit = "ideal elements and gratings are of the plane"
+                limit = "ideal elements and gratings are supported only in the plane"
                 raise DesignError(f"interface {interface.name}", value=key, limit=limit, remedy="leave extrusion out")
 
 
 def _traced(job: Job, threads: int) -> Iterator[tuple[Chunk, tally.Sums]]:
-    """Sums of one chunk after the other, in order."""
+    """Yield the sums of the chunks, in order."""
     if job.device == "cuda":
         card = _card(job)
 
@@ -186,7 +189,7 @@ def _traced(job: Job, threads: int) -> Iterator[tuple[Chunk, tally.Sums]]:
 def _ahead(
     work: Callable[[Callable[[], Chunk]], R], chunks: Iterator[Callable[[], Chunk]], threads: int
 ) -> Iterator[R]:
-    """Results of ``work`` for one chunk after the other, in order, a few of them ahead of the consumer."""
+    """Yield the results of ``work`` for the chunks, in order, computing a few of them ahead of the consumer."""
     if threads == 1:
         yield from map(work, chunks)
         return
@@ -201,12 +204,12 @@ def _ahead(
 
 
 def _card(job: Job) -> "Card":
-    """The graphics card with the job's scene on it; `DesignError` if there is none."""
+    """Return the graphics card with the job's scene on it; `DesignError` if there is none."""
     need("numba_cuda", what="device", value=job.device, error=DesignError)
-    from solen.trace.kernel import cuda  # only who has numba-cuda can import it
+    from solen.trace.kernel import cuda  # requires numba-cuda
 
     if not cuda.available():
-        limit = "no CUDA graphics card was found, or no driver or compiler for it"
+        limit = "no CUDA graphics card was found, or its driver or compiler is missing"
         raise DesignError("device", value=job.device, limit=limit, remedy='use device="cpu"')
     rays = min(job.scene.rays, CARD_CHUNK)
     return cuda.Card(job.constants, job.tables, empty(job), SPLITTING[job.mode], job.limits.min_weight, rays)
@@ -241,7 +244,7 @@ def _trace_in_space(job: Job, chunk: Chunk, extrusion: Extrusion) -> tally.Sums:
 
 
 def _single_error(job: Job, threads: int) -> float:
-    """Largest difference of a receiver's power between both precisions, on fans of few rays of each source."""
+    """Largest difference of a receiver's power between both precisions, for fans of few rays from each source."""
     few = replace(
         job.scene, sources=tuple(source.with_rays(min(source.rays, COMPARED_RAYS)) for source in job.scene.sources)
     )
@@ -254,7 +257,7 @@ def _single_error(job: Job, threads: int) -> float:
 
 
 def _run(job: Job, threads: int, progress: Callable[[int], None] | None = None) -> Trace:
-    """Trace all chunks of a job and add them up."""
+    """Trace all chunks of a job and add their sums."""
     totals = [[empty(job) for _ in range(job.groups(source))] for source in job.scene.sources]
     rays, done = [np.zeros(len(groups), dtype=np.int64) for groups in totals], 0
     kept: list[NDArray[np.void]] = []

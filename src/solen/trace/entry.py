@@ -1,11 +1,12 @@
-"""Light that enters a body by a face whose walls are not upright: the one step in space before the extruded engine.
+"""Light that enters a body by a face whose walls are not upright: a step in space before the extruded engine.
 
-`through_face` puts in place of a scene's sources the rays that they send through the face, as they run in the body:
-with their powers after Fresnel's equations at the face, their polarisation, and the optical path that they have behind
-them. What the face reflects is reported as ``reflected``; what goes back escapes, and what goes on, or onto a
-ledge, is followed. So is what passes the lens. Behind the face the body is a prism, traced as any other.
+`through_face` replaces a scene's sources with the rays that they send through the face, as they continue in the body:
+with their powers after Fresnel's equations at the face, their polarisation, and their optical path up to there. The
+power that the face reflects is reported as ``reflected``; reflected light that turns back escapes, and any that
+continues, or meets a ledge, is followed, as is light that passes beside the lens. Behind the face the body is a prism,
+traced as any other.
 
-Light that comes back to the face from within meets the cylinder of its middle section; see `solen.trace.kernel.entry`.
+Light that returns to the face from within meets the cylinder of its middle section; see `solen.trace.kernel.entry`.
 """
 
 from dataclasses import dataclass, replace
@@ -29,11 +30,11 @@ if TYPE_CHECKING:
 T = TypeVar("T", bound=np.generic)
 
 REFLECTED = tally.LEAKED + 1
-"""Of what escaped, what a face in space turned back; the compiled loops never write to it."""
+"""Index of the power that a face in space reflected; the compiled loops never write to it."""
 
 
 def through_face(scene: Scene, mode: Mode) -> Scene:
-    """The scene with the light behind its face in space for its sources; itself where it has no such face."""
+    """Replace the sources with the light behind the face in space; a scene without one is returned unchanged."""
     front, slab = scene.front, scene.extrusion
     if front is None or slab is None:
         return scene
@@ -52,16 +53,18 @@ class Entered(Source):
     faced: entry.Faced
     motion: Rigid
     indices: tuple[float, ...]
-    """of the body by the lines of the spectrum"""
+    """of the body, at the lines of the spectrum"""
 
     @classmethod
     def of(cls, source: Source, front: Front, body: "Region", air: "Region", mode: Mode, scene: Scene) -> "Entered":
-        """Light of a source behind the face of a scene."""
+        """Return the light of a source behind the face of a scene."""
         slab = scene.extrusion
         if slab is None:
             raise AssertionError("a face in space needs a slab")
         if source.emission() is None:
-            limit = "must be an emitter with a pattern: others are not followed through a lens that is no cylinder"
+            limit = (
+                "must be an emitter with a pattern: other sources are not supported with a lens that is not cylindrical"
+            )
             raise DesignError("source", value=type(source).__name__, limit=limit, remedy="use the cartesian-oval")
         face = front.lens.face
         outside = air.index_at(source.spectrum[0][0] if source.spectrum else None)
@@ -79,12 +82,12 @@ class Entered(Source):
 
     @property
     def rays(self) -> int:
-        """Rays of the source itself."""
+        """Number of rays of the source itself."""
         return self.source.rays
 
     @property
     def shape_dimensions(self) -> int:
-        """As the source, in the plane."""
+        """The same as for the source, in the plane."""
         return self.source.shape_dimensions
 
     @property
@@ -92,18 +95,18 @@ class Entered(Source):
         return len(self.faced.face.edges) > 2
 
     def dimensions(self, in_space: bool = False) -> int:
-        """As the source, and one number more where there are ledges."""
+        """The same as for the source, plus one if there are ledges."""
         return self.source.dimensions(in_space) + self._ledges
 
     def place(self, u: FloatArray) -> Placed:  # noqa: ARG002  it has no rays in the plane
-        """Rays of the plane meet a face in space nowhere."""
+        """Never called: a face in space has no rays in the plane."""
         raise AssertionError("a face in space is met in space")
 
     def check(self) -> None:
-        """The source was checked by its scene."""
+        """Do nothing: the scene checked the source."""
 
     def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:
-        """See :meth:`~solen.scene.sources.base.Source.launch_at`; what misses the body has y beyond it."""
+        """See :meth:`~solen.scene.sources.base.Source.launch_at`; rays that miss the body have y outside it."""
         own = self.source.dimensions(in_space)
         launch = self.source.launch_at(u[:, :own], rays, in_space)
         if launch.y_mm is None or launch.dy is None:
@@ -130,7 +133,7 @@ class Entered(Source):
 
 
 def note_entry(sums: tally.Sums, launch: Launch) -> None:
-    """Add up what was lost before rays began."""
+    """Add the powers that were lost before the rays started."""
     behind = launch.behind
     if behind is None:
         return
@@ -141,18 +144,18 @@ def note_entry(sums: tally.Sums, launch: Launch) -> None:
 
 
 def _with_room(column: NDArray[T]) -> NDArray[T]:
-    """Numbers (..., N) with room for as many again."""
+    """Return an array (..., N) extended with room for as many rays again."""
     return np.ascontiguousarray(np.concatenate([column, np.zeros_like(column)], axis=-1))
 
 
 def _inverse(motion: Rigid) -> Rigid:
-    """The motion back."""
+    """Return the inverse of a motion."""
     x, z = motion.shift
     c, s = motion.cos, motion.sin
     return Rigid(c, -s, (-(c * x + s * z), s * x - c * z))
 
 
 def _moved(motion: Rigid, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points after a motion."""
+    """Return points after a motion."""
     c, s, (x0, z0) = motion.cos, motion.sin, motion.shift
     return c * x - s * z + x0, s * x + c * z + z0

@@ -1,8 +1,7 @@
-"""A grid over a scene of many curves, so that a ray looks only at those in the cells it crosses.
+"""A grid over a scene of many curves, so that a ray is tested only against those in the cells that it crosses.
 
-The plane that the curves fill is divided into about twice as many cells as there are pieces. Every piece is entered in
-all cells that its polyline passes, each side of it with its sag and a margin around: too many cells cost a little time,
-too few would lose light.
+The area of the curves is divided into about twice as many cells as there are pieces. Each piece is listed in all cells
+that its polyline crosses, with a margin for its sag: too many cells cost a little time, too few would lose light.
 """
 
 import math
@@ -15,7 +14,7 @@ from solen.arrays import FloatArray, IntArray
 from solen.curve import Curve
 
 FEWEST = 40
-"""With fewer pieces than this, looking at all of them for many rays at once is faster."""
+"""Number of pieces below which testing all of them for many rays at once is faster."""
 CELLS_PER_PIECE = 2.0
 MOST_ALONG = 4096
 SAG = 0.1
@@ -35,7 +34,7 @@ NO_GRID = Grid(np.zeros(2), np.ones(2), np.ones(2, dtype=np.int64), np.zeros(2, 
 
 
 def grid_of(pieces: Sequence[Curve]) -> Grid:
-    """Grid over pieces of curves, `NO_GRID` where they are few."""
+    """Return the grid over pieces of curves, or `NO_GRID` if there are few."""
     if len(pieces) < FEWEST:
         return NO_GRID
     ends = np.array([point for curve in pieces for point in (curve.start, curve.middle_point, curve.end)])
@@ -62,7 +61,7 @@ def grid_of(pieces: Sequence[Curve]) -> Grid:
 
 
 def _sides(lines: Sequence[FloatArray], longest: float) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Sides of all polylines, cut to at most ``longest``: number of the polyline, first and last point."""
+    """Sides of all polylines, cut to at most ``longest``: index of the polyline, first and last point."""
     starts, stops = np.vstack([line[:-1] for line in lines]), np.vstack([line[1:] for line in lines])
     owner = np.repeat(np.arange(len(lines)), [len(line) - 1 for line in lines])
     parts = np.maximum(np.ceil(np.hypot(*(stops - starts).T) / longest), 1).astype(np.int64)

@@ -1,8 +1,7 @@
-"""Many scenes in one call: the positions of a motion, the variants of a design, each with few rays.
+"""Many scenes in one call, for example positions of a motion or variants of a design, each with few rays.
 
-Their tables and rays are laid one after the other and traced by one compiled call per thread, without Python between
-them; a scene's numbers are those that `solen.trace.trace` finds for it, to the last bit as long as no source has more
-rays than fill two chunks of that.
+Their tables and rays are concatenated and traced with one compiled call per thread, without Python in between. The
+results are those of `solen.trace.trace` to the last bit, unless a source has more rays than two of its chunks.
 """
 
 import os
@@ -40,10 +39,10 @@ def trace_many(
     precision: Digits = "double",
     threads: int | None = None,
 ) -> list[Trace]:
-    """Trace every ray of every source of every scene by its own regular rays.
+    """Trace every ray of every source of every scene, with the sources' own regular rays.
 
-    Parameters and errors are those of `solen.trace.trace`. All rays are held in memory at once, and in single precision
-    the results do not state its error: for few rays in many scenes.
+    Parameters and errors are those of `solen.trace.trace`. All rays are in memory at once, and in single precision the
+    results do not state its error: it is intended for few rays in many scenes.
     """
     check_mode(mode)
     check_choice("precision", precision, tuple(DTYPES))
@@ -53,7 +52,7 @@ def trace_many(
     if not scenes:
         return []
     if any(scene.extrusion is not None for scene in scenes):
-        limit, remedy = "trace_many is for scenes of the plane", "trace each on its own"
+        limit, remedy = "trace_many is only for scenes of the plane", "trace each scene separately"
         raise DesignError("scenes", value="an extruded one", limit=limit, remedy=remedy)
     jobs = [Job.of(scene, mode, limits or Limits(), DTYPES[precision], seed=seed) for scene in scenes]
     tasks = [(i, make()) for i, job in enumerate(jobs) for make in chunks(job, most=job.scene.rays)]
@@ -64,7 +63,7 @@ def trace_many(
 
 
 class _Batch:
-    """Tables, rays and sums of all scenes, one after the other."""
+    """Tables, rays and sums of all scenes, concatenated."""
 
     def __init__(self, jobs: list[Job], tasks: list[Task]) -> None:
         self.jobs, self.tasks = jobs, tasks
@@ -99,13 +98,13 @@ class _Batch:
         )
 
     def shares(self, threads: int) -> list[int]:
-        """Where the tasks are divided, so that every thread has about as many rays."""
+        """Divide the tasks among threads, with about the same number of rays each."""
         rays = self.where.ray
         inner = np.searchsorted(rays, np.arange(1, threads) * rays[-1] / threads)
         return [0, *(int(task) for task in inner), len(self.tasks)]
 
     def trace(self, begin: int, stop: int) -> None:
-        """Trace some of the tasks, with more room where it is not enough."""
+        """Trace some of the tasks, again with more memory if it is insufficient."""
         most = int(np.diff(self.where.ray[begin : stop + 1]).max(initial=0))
         job, waiting = self.jobs[0], 64 * BLOCK
         rules = rules_of(job, self.tasks[0][1])._replace(turbid=any(job.scene.is_turbid for job in self.jobs))
@@ -119,13 +118,13 @@ class _Batch:
             self._clear(begin, stop)
 
     def _clear(self, begin: int, stop: int) -> None:
-        """Forget what some of the tasks have added up."""
+        """Clear the sums of some of the tasks."""
         for name in tally.Sums._fields:
             column = self._part(name, begin, stop)
             column[...] = np.nan if name == "place" else 0
 
     def _part(self, name: str, begin: int, stop: int) -> NDArray[Any]:
-        """Part of a sum that belongs to some of the tasks."""
+        """Return the part of a sum that belongs to some of the tasks."""
         where: dict[str, IntArray] = {
             **dict.fromkeys(RECEIVERS, self.where.receiver),
             **dict.fromkeys(MONITORS, self.where.monitor),
@@ -137,7 +136,7 @@ class _Batch:
         return column[where[name][begin] : where[name][stop]] if name in where else column
 
     def _of_task(self, task: int) -> tally.Sums:
-        """Sums of one task alone."""
+        """Return the sums of a single task."""
         parts = {name: self._part(name, task, task + 1) for name in tally.Sums._fields}
         for name in ROWS:
             parts[name] = parts[name][0]
@@ -145,7 +144,7 @@ class _Batch:
         return tally.Sums(**{**parts, "angle": np.zeros((receivers, 0))})
 
     def results(self) -> list[Trace]:
-        """Results scene by scene."""
+        """Return the results by scene."""
         parts: list[list[list[tally.Sums]]] = [[[] for _ in job.scene.sources] for job in self.jobs]
         rays = [[np.zeros(job.groups(source), dtype=np.int64) for source in job.scene.sources] for job in self.jobs]
         for task, (i, chunk) in enumerate(self.tasks):
@@ -160,12 +159,12 @@ class _Batch:
 
 
 def _starts(many: Iterable[int]) -> IntArray:
-    """Where each of so many begins, and where the last ends."""
+    """Return the start of each item and the end of the last, from their lengths."""
     return np.cumsum([0, *many], dtype=np.int64)
 
 
 def _joined(tables: list[Tables]) -> tuple[Tables, batch.Starts]:
-    """Tables one after the other, and where the rows of each begin."""
+    """Concatenate tables and return them with the start of each one's rows."""
     regions = max(part.refractive_index.shape[1] for part in tables)
 
     def column(name: str) -> NDArray[Any]:

@@ -1,8 +1,8 @@
-"""Light integrated by randomised nets: sixteen scrambled Sobol' nets, ever more points, until they agree.
+"""Integration with randomised nets: sixteen scrambled Sobol' nets with increasing numbers of points, until they agree.
 
-For light through a face in space. Its rays have four coordinates and what a receiver gets jumps over each of them;
-nothing of it can be integrated exactly, as the height can behind upright walls (decision 89). Each net is an estimate
-of its own without bias, so that the standard error of their mean is what the integral may be off by.
+This is for light through a face in space. Its rays have four coordinates and the power at a receiver has jumps over
+each of them; no coordinate can be integrated exactly, as the height can for upright walls (decision 89). Each net is an
+unbiased estimate, so the standard error of their mean is the uncertainty of the integral.
 """
 
 from dataclasses import replace
@@ -12,7 +12,7 @@ from solen.trace.engine import trace
 from solen.trace.result import Limits, Mode, Trace
 
 FIRST_RAYS, MOST_RAYS, TIMES = 2**15, 2**21, 4
-"""Rays to begin with, at most, and how many times as many follow."""
+"""Initial and largest number of rays, and the factor between successive numbers."""
 
 
 def by_nets(
@@ -27,24 +27,24 @@ def by_nets(
     first_rays: int = FIRST_RAYS,
     seed: int = 0,
 ) -> Trace:
-    """Power at every receiver by ever more rays, until every receiver's standard error is within the tolerance.
+    """Trace with increasing numbers of rays until each receiver's standard error is within the tolerance.
 
     Parameters
     ----------
     scene
-        The numbers of rays of its sources play no part.
+        The numbers of rays of its sources have no effect.
     tolerance
         Tolerance of each power, as a fraction of the emitted power.
     mode, limits, threads
         As in `solen.trace.trace`.
     most_rays
-        Number of rays at which it ends, whatever the error: ``reached`` is False then, and ``why`` says so.
+        Number of rays at which it ends, whatever the error; ``reached`` is then False, and ``why`` states it.
     most_legs
-        Number of straight stretches of light beyond which no more rays follow.
+        Number of ray segments beyond which no more rays follow.
     first_rays
-        Number of rays that it begins with.
+        Initial number of rays.
     seed
-        Seed of the nets: another gives others.
+        Seed of the nets.
     """
     rays = first_rays
     while True:
@@ -52,11 +52,11 @@ def by_nets(
         if found.u_power <= tolerance:
             return found
         if rays >= most_rays or (most_legs is not None and TIMES * found.hits > most_legs):
-            why = f"{found.rays} rays reach {found.u_power:.1e} and not {tolerance:g}: ask for a larger tolerance"
+            why = f"{found.rays} rays reach {found.u_power:.1e} instead of {tolerance:g}: choose a larger tolerance"
             return replace(found, reached=False, why=why)
         rays *= TIMES
 
 
 def with_rays(scene: Scene, rays: int) -> Scene:
-    """The scene with this number of rays for each source."""
+    """Return the scene with this number of rays for each source."""
     return replace(scene, sources=tuple(source.with_rays(rays) for source in scene.sources))

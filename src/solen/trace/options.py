@@ -1,4 +1,4 @@
-"""Options of a trace as one declaration: for `solen trace`, for scenes and designs alike."""
+"""Options of a trace, declared once for `solen trace`, for scenes and for designs."""
 
 from typing import Annotated, Literal, Self
 
@@ -13,11 +13,11 @@ from solen.trace.engine import trace
 from solen.trace.result import Mode, Trace
 
 MOST_PATHS = 100_000
-"""Rays whose paths are kept at most."""
+"""Largest number of rays whose paths are kept."""
 
 
 class TraceOptions(Options):
-    """How rays are chosen and followed."""
+    """Options for choosing and following rays."""
 
     mode: Mode | None = None
     """Physics: count (refraction or total reflection), power (Fresnel, both branches) or roulette (Fresnel, one branch
@@ -44,26 +44,26 @@ class TraceOptions(Options):
         for name, value in (("seed", self.seed), ("precision", single), ("histogram", self.histogram)):
             if value is not None:
                 limit = "does not apply with sampling adaptive"
-                raise refused(name, limit, value=value, remedy="leave one of them out")
+                raise refused(name, limit, value=value, remedy="omit one of them")
         return self
 
 
 def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", *, paths: bool = False) -> Trace:
-    """Trace or integrate a scene as the options say.
+    """Trace or integrate a scene with options.
 
     Parameters
     ----------
     scene
         The scene to trace.
     options
-        How; ``usual_mode`` is the mode where they name none.
+        Options; ``usual_mode`` is the mode if they state none.
     paths
-        Keep every straight stretch, so that ``paths()`` has the paths of all rays.
+        Whether to keep each ray segment for the ``paths()`` of all rays.
 
     Raises
     ------
     SpecError
-        For an option that has no effect on this scene, or that its sources or monitors do not allow.
+        For an option that has no effect on this scene, or that its sources or monitors do not support.
     DesignError
         As `trace` and `integrate`.
     """
@@ -74,7 +74,7 @@ def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", 
         return integrate(scene, mode, tolerance)
     draws = options.sampling == "sobol" or mode == "roulette" or scene.is_random
     if options.seed is not None and not draws:
-        limit = f"mode {mode} with a fan draws no random numbers"
+        limit = f"mode {mode} with a fan uses no random numbers"
         raise SpecError("seed", value=options.seed, limit=limit, remedy="set sampling to sobol or mode to roulette")
     bins = options.histogram or 0
     return trace(
@@ -91,16 +91,18 @@ def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", 
 
 def _check_adaptive(scene: Scene, paths: bool) -> None:
     if paths:
-        raise SpecError("sampling", value="adaptive", limit="keeps no paths of rays", remedy="use fan for pictures")
+        raise SpecError(
+            "sampling", value="adaptive", limit="does not support the paths of rays", remedy="use fan for pictures"
+        )
     if scene.monitors:
-        limit = "reads receivers alone, and this scene has monitors"
+        limit = "evaluates only receivers, and this scene has monitors"
         raise SpecError("sampling", value="adaptive", limit=limit, remedy="use fan or sobol")
 
 
 def check_paths(scene: Scene) -> None:
-    """`SpecError` if the paths of a scene's rays cannot be kept: too many rays, or rays in space."""
+    """Raise `SpecError` if the paths of a scene's rays cannot be kept: too many rays, or rays in space."""
     if scene.rays > MOST_PATHS:
-        raise SpecError("paths", value=f"{scene.rays} rays", limit=f"at most {MOST_PATHS} are written")
+        raise SpecError("paths", value=f"{scene.rays} rays", limit=f"paths are written for at most {MOST_PATHS} rays")
     if scene.extrusion is not None:
-        limit = "are of the plane, and these rays are in space"
-        raise SpecError("paths", limit=limit, remedy="leave it out, or trace the plane")
+        limit = "paths are supported only in the plane, and these rays are in space"
+        raise SpecError("paths", limit=limit, remedy="omit it, or trace in the plane")

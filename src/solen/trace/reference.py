@@ -1,12 +1,12 @@
-"""The readable tracer: the truth that every faster one is held to.
+"""The reference tracer in plain Python, with which every faster one must agree.
 
-One ray at a time, in plain Python, with the curves of `solen.curve` and the physics of `solen.interface`. In
-*counting* mode a ray is refracted or totally reflected, never split, and nothing is absorbed on the way. In *power*
-mode Fresnel's equations split it, s and p apart, both parts are followed down to the stated weight, and media absorb.
-In *roulette* one of the two parts is followed with all the power, drawn by their powers.
+It follows one ray at a time, with the curves of `solen.curve` and the physics of `solen.interface`. In *counting* mode
+a ray is refracted or totally reflected, never split, and nothing is absorbed on its way. In *power* mode Fresnel's
+equations split it, s and p separately, both parts are followed down to the stated weight, and media absorb. In
+*roulette*, one of the two parts continues with the total power, drawn with probability proportional to its own.
 
-At a split the weaker part is followed first: it holds at most half of the power, so that the number of parts waiting
-never exceeds the logarithm of the least weight. The stronger part keeps the branch's number.
+At a split the weaker part is followed first: it has at most half of the power, so the number of waiting parts never
+exceeds the logarithm of the least weight. The weaker part gets a new branch number.
 """
 
 import math
@@ -45,7 +45,7 @@ from solen.trace.result import (
 
 @dataclass(frozen=True)
 class Ray:
-    """A ray on its way: ``last`` is the interface it stands on, ``region`` its medium (None: not known yet).
+    """A ray on its way: ``last`` is the interface at its origin, ``region`` its medium (None: not known yet).
 
     ``optical_mm`` is its optical path so far.
     """
@@ -71,7 +71,7 @@ class Ray:
         return self.s + self.p
 
     def onwards(self, at: Point, direction: Point, region: str, last: Interface) -> "Ray":
-        """The ray after an interface."""
+        """Return the ray after an interface."""
         return replace(self, origin=at, direction=direction, region=region, last=last, hits=self.hits + 1)
 
 
@@ -87,7 +87,7 @@ def trace_reference(
 
 
 def launched(scene: Scene, limits: Limits) -> Iterator[Ray]:
-    """Rays of all sources as they start, numbered over all of them."""
+    """Yield the rays of all sources as they start, numbered over all of them."""
     number = count()
     for which, source in enumerate(scene.sources):
         launch = source.launch()
@@ -99,7 +99,7 @@ def launched(scene: Scene, limits: Limits) -> Iterator[Ray]:
 
 
 class Tracer:
-    """Follows rays through one scene and adds up what becomes of them."""
+    """Tracer of rays through one scene, which adds up their powers by fate."""
 
     def __init__(self, scene: Scene, mode: Mode, limits: Limits, seed: int) -> None:
         self.scene = scene
@@ -131,7 +131,7 @@ class Tracer:
                 current = self._step(current, waiting)
 
     def _step(self, ray: Ray, waiting: list[Ray]) -> Ray | None:
-        """Carry a ray to its next interface and through it; None if it ends."""
+        """Advance a ray to its next interface and through it; None if it ends."""
         interface, length_mm = self._next(ray)
         if interface is None:
             self._escape(ray)
@@ -141,7 +141,9 @@ class Tracer:
         from_right = dot(ray.direction, normal) > 0.0
         region, beyond = (interface.right, interface.left) if from_right else (interface.left, interface.right)
         if length_mm <= CORNER_MM and self._only_an_end(ray, interface, region):
-            step_mm = CORNER_MM + ROUNDING * (abs(ray.origin[0]) + abs(ray.origin[1]))  # far out less would be lost
+            step_mm = CORNER_MM + ROUNDING * (
+                abs(ray.origin[0]) + abs(ray.origin[1])
+            )  # far from the origin, a smaller step would be lost to rounding
             return replace(ray, origin=along(ray.origin, ray.direction, step_mm), last=interface)
         self.hits += 1
         if ray.region not in (None, region):
@@ -174,19 +176,19 @@ class Tracer:
         return interface.curve.normal_at(at)
 
     def _only_an_end(self, ray: Ray, interface: Interface, region: str) -> bool:
-        """Whether a ray that stands in a corner meets only the end of the other curve, which reaches over the corner.
+        """Whether a ray that starts in a corner meets only the end of the other curve, which extends over the corner.
 
-        It does where that curve shows it the wrong medium, or lies on the other side of the one it stands on.
+        It does if that curve has another medium on this side, or is on the other side of the curve at the ray's origin.
         """
         if ray.last is None:
             return False
         normal = ray.last.curve.normal_at(ray.origin)
         other_side = dot(minus(interface.curve.middle_point, ray.origin), normal) * dot(ray.direction, normal) < 0.0
-        other_side = other_side and interface is not ray.last  # a chain of cubics reaches over none of its own joints
+        other_side = other_side and interface is not ray.last  # a chain of cubics does not extend over its own joints
         return other_side or ray.region not in (None, region)
 
     def _fate(self, ray: Ray, interface: Interface, from_right: bool) -> int:
-        """The ray after it has met an interface; the back of a receiver only absorbs."""
+        """Return the fate of a ray at an interface; the back of a receiver only absorbs."""
         behaviour = interface.behaviour
         if interface.surface is not None and not interface.surface.acts_at(ray.wavelength_nm):
             behaviour = "refracting"
@@ -198,7 +200,7 @@ class Tracer:
         return TRUNCATED if worn_out else GOES_ON
 
     def _next(self, ray: Ray) -> tuple[Interface | None, float]:
-        """Nearest interface ahead and its distance."""
+        """Return the nearest interface ahead and its distance."""
         nearest, found = math.inf, None
         for interface in self.scene.interfaces:
             for t in interface.curve.hits(ray.origin, ray.direction, leaving=interface is ray.last):
@@ -207,7 +209,7 @@ class Tracer:
         return found, nearest
 
     def _refract(self, ray: Ray, back: Ray, facing: Point, beyond: str, waiting: list[Ray]) -> Ray | None:
-        """Send a ray through, or ``back``, or both ways."""
+        """Refract a ray, reflect it as ``back``, or split it."""
         if back.region is None or back.last is None:
             raise AssertionError("a ray that met an interface has a medium")
         n1, n2 = (self.regions[name].index_at(ray.wavelength_nm) for name in (back.region, beyond))
@@ -227,7 +229,7 @@ class Tracer:
     def _treated(
         self, surface: Surface, ray: Ray, back: Ray, facing: Point, beyond: str, waiting: list[Ray]
     ) -> Ray | None:
-        """Send a ray from a treated surface on, back, or both ways."""
+        """Transmit a ray at a treated surface, reflect it, or split it."""
         interface = back.last
         if back.region is None or interface is None:
             raise AssertionError("a ray that met an interface has a medium")
@@ -247,14 +249,14 @@ class Tracer:
         return self._split((self._one_of(parts),) if self.mode == "roulette" and both else parts, waiting)
 
     def _free_path(self, ray: Ray, region: Region) -> float:
-        """How far a ray gets before a medium scatters it, drawn from the exponential distribution."""
+        """Draw the free path of a ray up to scattering in a medium, from the exponential distribution."""
         if region.scattering_per_mm == 0.0:
             return math.inf
         share = chance_of(Event(self.seed, ray.number, ray.hits), FREE_PATH)
         return -math.log(1.0 - share) / region.scattering_per_mm
 
     def _scatter(self, ray: Ray, region: str, length_mm: float) -> Ray | None:
-        """Turn a ray on its way by an angle of Henyey and Greenstein's distribution in the plane."""
+        """Scatter a ray in a medium, by an angle from Henyey and Greenstein's distribution in the plane."""
         at = along(ray.origin, ray.direction, length_mm)
         arrived = self._absorbed_on_the_way(ray, region, length_mm)
         self._monitor(ray, region, length_mm)
@@ -274,14 +276,14 @@ class Tracer:
         )
 
     def _one_of(self, parts: tuple[Ray, Ray]) -> Ray:
-        """One of both parts with the power of both, drawn by their powers."""
+        """Draw one of two parts with probability proportional to its power; it has the power of both."""
         back, on = parts
         power = back.power + on.power
         taken = back if chance(self.seed, back.number, back.hits - 1) * power < back.power else on
         return replace(taken, s=taken.s * power / taken.power, p=taken.p * power / taken.power)
 
     def _split(self, parts: tuple[Ray, ...], waiting: list[Ray]) -> Ray | None:
-        """Cut what is below the least weight; of two parts left the weaker goes first under a new number."""
+        """Cut parts below the least weight; if two remain, the weaker is followed first under a new branch number."""
         cut = math.fsum(part.power for part in parts if part.power < part.least)
         if cut > 0.0:
             self.sums[TRUNCATED] += cut
@@ -303,7 +305,7 @@ class Tracer:
         return weaker
 
     def _escape(self, ray: Ray) -> None:
-        """To infinity; a medium with any absorption takes all of it in."""
+        """Let a ray escape to infinity; a medium with any absorption absorbs it."""
         self._monitor(ray, ray.region, math.inf)
         lossy = ray.region is not None and self.regions[ray.region].absorption_per_mm > 0.0
         fate = ABSORBED if self.mode != "count" and lossy else ESCAPED
@@ -319,7 +321,7 @@ class Tracer:
         self._end(ray, TRUNCATED, interface)
 
     def _truncated(self, at: Point) -> None:
-        """Count and locate what is cut off."""
+        """Count and locate a truncated ray."""
         self.truncated += 1
         if len(self.truncated_at) < KEPT_PLACES:
             self.truncated_at.append(at)
@@ -337,7 +339,7 @@ class Tracer:
         self.legs.append((*numbers, *ray.origin, *ray.direction, length_mm, ray.s, ray.p, kept, ray.optical_mm))
 
     def _monitor(self, ray: Ray, region: str | None, length_mm: float) -> None:
-        """Count a straight stretch at every monitor it crosses, with the power left there."""
+        """Record a ray segment at each monitor that it crosses, with the power left there."""
         absorption = 0.0 if region is None or self.mode == "count" else self.regions[region].absorption_per_mm
         for monitor in self.scene.monitors:
             for t in monitor.segment.hits(ray.origin, ray.direction):
@@ -353,7 +355,7 @@ class Tracer:
                     self.maps[monitor.name][min(int(share * monitor.bins), monitor.bins - 1)] += power
 
     def result(self, legs: bool) -> Trace:
-        """The trace, as fractions of the emitted power."""
+        """Return the trace, with powers as fractions of the emitted power."""
         emitted = self.scene.emitted
         kept = in_order(np.array(self.legs, dtype=LEG)) if legs else None
         if kept is not None:

@@ -1,7 +1,7 @@
-"""A face in space as the plain tracer meets it: by looking for where a straight line goes in or out of the solid.
+"""A face in space in the reference tracer: a hit is the position at which a line enters or leaves the solid.
 
-The solid before the stem's base is what lies behind the face, |x| at most the half width; behind the base it is the
-prism, as far as it lies behind the face. Nothing is taken from the compiled way through the face but the lens.
+Up to the stem's base the solid is bounded by the face and by |x| at most the half width; behind the base it is the part
+of the prism that is behind the face. The lens is the only code shared with the compiled tracing through the face.
 """
 
 import math
@@ -17,11 +17,13 @@ from solen.lens import LayeredLens, LensInSpace, LineFocusLens
 
 Vector = tuple[float, float, float]
 PLACES, HALVINGS, LEAST_MM = 400, 60, 1e-9
-"""Places along a ray at which a smooth face is looked for, halvings of a stretch, and the nearest hit."""
+"""Number of points along a ray at which a smooth face is tested, number of halvings, and the smallest distance of a
+hit.
+"""
 
 
 class FrontHit(NamedTuple):
-    """How far a ray goes to the face, the normal towards the outside there, and whether it goes in."""
+    """Distance along a ray to the face, the outward normal there, and whether the ray enters."""
 
     way: float
     normal: Vector
@@ -37,7 +39,7 @@ class FrontInSpace:
         self.nearest, self.deepest = front.lens.nearest_mm, front.lens.deepest_mm
 
     def hit(self, at: Vector, d: Vector) -> FrontHit | None:
-        """The nearest hit of a ray on the face, on its ledges or on the sides of the lens before the stem's base."""
+        """Return the nearest hit of a ray on the face, its ledges or the sides of the lens up to the stem's base."""
         at, d = self.own(at, shift=True), self.own(d, shift=False)
         hits = [*self.on_face(at, d), *self._sides(at, d)]
         if not hits:
@@ -46,14 +48,14 @@ class FrontInSpace:
         return first._replace(normal=self._scene(first.normal))
 
     def hides(self, at: Vector) -> bool:
-        """Whether a point of a wall of the prism lies before the face, where the prism is cut away."""
+        """Whether a point of a wall of the prism is in front of the face, where the prism is cut away."""
         x, y, z = self.own(at, shift=True)
         if abs(y) > self.lens.half_height_mm or z > self.deepest or abs(x) > 1.1 * self.half_width:
             return False
         return z < self._depth(x, y)
 
     def own(self, v: Vector, *, shift: bool) -> Vector:
-        """A point or a direction of the scene in the lens's own frame."""
+        """Transform a point or a direction from the scene to the lens's own frame."""
         m = self.motion
         x, z = (v[0] - m.shift[0], v[2] - m.shift[1]) if shift else (v[0], v[2])
         return (m.cos * x + m.sin * z, v[1], m.cos * z - m.sin * x)
@@ -66,7 +68,7 @@ class FrontInSpace:
         return float(self.lens.z_at(np.array([x]), np.array([y]))[0])
 
     def _stretch(self, at: Vector, d: Vector) -> tuple[float, float]:
-        """Between which ways a ray is before or in the lens."""
+        """Distances along a ray between which it is in or in front of the lens."""
         low, high = LEAST_MM, math.inf
         box = (
             (-self.half_width, self.half_width),
@@ -82,7 +84,7 @@ class FrontInSpace:
         return low, high
 
     def on_face(self, at: Vector, d: Vector) -> Iterator[FrontHit]:
-        """Hits on the face or its ledges of a ray in the lens's own frame: the nearest one, if there is any."""
+        """Yield the nearest hit of a ray on the face or its ledges, if there is one, in the lens's own frame."""
         low, high = self._stretch(at, d)
         if not low < high:
             return
@@ -103,7 +105,7 @@ class FrontInSpace:
             yield FrontHit(way, _normal(lens, at, d, way), bool(sign[i]))
 
     def _layers(self, lens: LayeredLens, at: Vector, d: Vector, low: float, high: float) -> Iterator[FrontHit]:
-        """Layer by layer: its profile, and the ledge on the border to the next one."""
+        """Yield the nearest hit on the profile of a layer or on the ledge at the border to the next one."""
         borders = [(edge - at[1]) / d[1] for edge in lens.edges_mm] if d[1] != 0.0 else []
         stops = [low, *sorted(way for way in borders if low < way < high), high]
         middles = np.array([0.5 * (a + b) for a, b in pairwise(stops)])
@@ -134,13 +136,13 @@ class FrontInSpace:
                     return
 
     def _sides(self, at: Vector, d: Vector) -> Iterator[FrontHit]:
-        """The planes at the edges of the aperture, between the face and the stem's base."""
+        """Yield hits on the planes at the edges of the aperture, between the face and the stem's base."""
         for side in (-1.0, 1.0):
             if d[0] == 0.0:
                 continue
             way = (side * self.half_width - at[0]) / d[0]
             y, z = at[1] + way * d[1], at[2] + way * d[2]
-            leaves, half = side * d[0] > 0.0, self.lens.half_height_mm  # as all walls, they go on above and below
+            leaves, half = side * d[0] > 0.0, self.lens.half_height_mm  # like all walls, they extend above and below
             if way <= LEAST_MM or (abs(y) > half and not leaves) or z >= self.base:
                 continue
             if z > self._depth(self.half_width, min(max(y, -half), half)):
@@ -148,7 +150,7 @@ class FrontInSpace:
 
 
 def _halved(outside: Callable[[FloatArray], FloatArray], low: float, high: float) -> float:
-    """Where a function changes its sign."""
+    """Bisect for the position at which a function changes sign."""
     before = bool(outside(np.array(low)) > 0.0)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
@@ -160,7 +162,7 @@ def _halved(outside: Callable[[FloatArray], FloatArray], low: float, high: float
 
 
 def _normal(lens: LensInSpace, at: Vector, d: Vector, way: float) -> Vector:
-    """Normal of a smooth face towards the outside, by small differences of its optical length."""
+    """Outward normal of a smooth face, from small differences of its optical length."""
     point = [a + way * b for a, b in zip(at, d, strict=True)]
     step, slopes = 1e-6, []
     if not isinstance(lens, LineFocusLens):
@@ -174,7 +176,7 @@ def _normal(lens: LensInSpace, at: Vector, d: Vector, way: float) -> Vector:
 
 
 def _profile_normal(lens: LayeredLens, layer: int, x: float) -> Vector:
-    """Normal of a layer's wall towards the outside, by small differences of its profile."""
+    """Outward normal of a layer's wall, from small differences of its profile."""
     step = 1e-5
     at = np.clip(np.array([x - step, x + step]), -lens.half_width_mm, lens.half_width_mm)
     one, two = lens.profile_mm(np.array([layer, layer]), at)

@@ -1,8 +1,8 @@
-"""The plain tracer in space: rays one by one, by brute force, to which the engine's extruded scenes are held.
+"""The reference tracer in space, which follows single rays by brute force and checks the engine's extruded scenes.
 
-Nothing is taken from the engine but the scene: vectors have three components, light is two independent complex fields
-(their powers add up), random numbers are Python's own. At a partial reflection one part is followed, drawn by its
-power. Profiles of scatter are drawn by turning down uniform draws, so that only their definition enters.
+It shares only the scene with the engine: vectors have three components, light consists of two independent complex
+fields (whose powers add up), random numbers are Python's own. At a partial reflection one part is followed, drawn with
+probability proportional to its power. Scatter profiles are sampled by rejection, so only their definition matters.
 """
 
 import math
@@ -26,24 +26,24 @@ UP: Vector = (0.0, 1.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """Sums over rays of what became of their power, and of its squares for the standard error."""
+    """Sums over rays of their power by fate, and of its squares for the standard error."""
 
     rays: int
     sums: dict[str, float]
     squares: dict[str, float]
 
     def mean(self, what: str) -> float:
-        """Share of the emitted power."""
+        """Fraction of the emitted power."""
         return self.sums.get(what, 0.0) / self.rays
 
     def error(self, what: str) -> float:
-        """Standard error of the share."""
+        """Standard error of the fraction."""
         mean = self.mean(what)
         return math.sqrt(max(self.squares.get(what, 0.0) / self.rays - mean * mean, 0.0) / self.rays)
 
 
 class Ray(NamedTuple):
-    """A ray on its way: ``last`` is the wall it stands on, ``region`` its medium (None: not known yet)."""
+    """A ray on its way: ``last`` is the wall at its origin, ``region`` its medium (None: not known yet)."""
 
     at: Vector
     d: Vector
@@ -53,7 +53,7 @@ class Ray(NamedTuple):
 
 
 class Meeting(NamedTuple):
-    """A wall, its normal that faces the ray, and the media before and behind it."""
+    """A wall, its normal on the side of the ray, and the media before and behind it."""
 
     wall: Interface
     normal: Vector
@@ -65,9 +65,9 @@ class Meeting(NamedTuple):
 def trace_space_reference(scene: Scene, limits: Limits | None = None, *, seed: int = 0) -> Reading:
     """Trace every ray of every source of an extruded scene.
 
-    What is read: power at receivers by name, and ``escaped`` with its parts ``missed`` and ``leaked`` (see `Trace`),
-    ``absorbed`` and ``truncated``, as shares of the emitted power. All rays are taken to carry the same power. Corners
-    are not mended: a ray within some 1e-9 mm of one may end as truncated.
+    The readings are the power at receivers by name, ``escaped`` with its parts ``missed`` and ``leaked`` (see `Trace`),
+    ``absorbed`` and ``truncated``, as fractions of the emitted power. All rays are taken to carry the same power.
+    Corners are not treated specially: a ray within some 1e-9 mm of one may be truncated.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def trace_space_reference(scene: Scene, limits: Limits | None = None, *, seed: i
 
 
 class _Tracer:
-    """Follows rays through one scene and adds up what becomes of them."""
+    """Tracer of rays through one scene, which adds up their powers by fate."""
 
     def __init__(self, scene: Scene, slab: Extrusion, limits: Limits, draw: random.Random) -> None:
         self.scene, self.slab, self.limits, self.draw = scene, slab, limits, draw
@@ -105,7 +105,7 @@ class _Tracer:
         self.front = None if scene.front is None else FrontInSpace(scene.front)
         name = "" if scene.front is None else scene.front.interface
         self.face = next((interface for interface in scene.interfaces if interface.name == name), None)
-        """the upright face that a face in space stands for; the sources stand on its right"""
+        """the upright face that a face in space replaces; the sources are on its right"""
         self.rays = 0
         self.sums: dict[str, float] = {}
         """of one ray"""
@@ -128,12 +128,12 @@ class _Tracer:
             self.squares[what] = self.squares.get(what, 0.0) + power * power
 
     def _count(self, what: str, light: Light) -> "Ray | None":
-        """Add up power that is gone; no ray is left of it."""
+        """Record the power of a ray that ends; returns None."""
         self.sums[what] = self.sums.get(what, 0.0) + _power(light)
         return None
 
     def _step(self, ray: Ray) -> Ray | None:
-        """Carry a ray to what comes first: a wall, top or bottom, or a place where a medium scatters it."""
+        """Advance a ray to the nearest event: a wall, top or bottom, or scattering in a medium."""
         if abs(ray.at[1]) > self.half * (1.0 + 1e-12):
             self._count("missed", ray.light)
             return self._count("escaped", ray.light)
@@ -163,7 +163,7 @@ class _Tracer:
         return self._over(ray) if way < far else self._at_wall(ray._replace(last=met.wall), met)
 
     def _wall(self, ray: Ray) -> tuple[Interface | None, float]:
-        """The wall that a ray meets first if nothing comes between, and how far it is."""
+        """Return the first wall on a ray's path and its distance."""
         flat = math.hypot(ray.d[0], ray.d[2])
         if flat == 0.0:
             return None, math.inf
@@ -179,16 +179,16 @@ class _Tracer:
         return wall, nearest / flat
 
     def _meets_front(self, hit: FrontHit) -> "Meeting":
-        """A hit on the face in space; its interface has the body on its left."""
+        """Return a hit on the face in space, whose interface has the body on its left."""
         wall = self.face
         if wall is None:
-            raise AssertionError("a hit on a face that is not there")
+            raise AssertionError("a hit on a face that does not exist")
         if hit.goes_in:
             return Meeting(wall, hit.normal, True, wall.right, wall.left)
         return Meeting(wall, _times(-1.0, hit.normal), False, wall.left, wall.right)
 
     def _passes_over(self, ray: Ray, far: float) -> bool:
-        """Whether a ray in the air before a face in space leaves the slab, so that it does not get to a wall ahead."""
+        """Whether a ray in the air in front of a face in space leaves the slab before it reaches a wall."""
         if self.face is None or ray.region != self.face.right:
             return False
         return abs(ray.at[1] + far * ray.d[1]) > self.half
@@ -197,7 +197,7 @@ class _Tracer:
         return self.draw.expovariate(medium.scattering_per_mm) if medium.scattering_per_mm > 0.0 else math.inf
 
     def _turned(self, d: Vector, g: float) -> Vector:
-        """Direction after scattering, by turning down directions drawn evenly from the sphere."""
+        """Direction after scattering, sampled by rejection from uniform directions."""
         while True:
             new = self._anywhere()
             value = (1.0 - g * g) / (1.0 + g * g - 2.0 * g * _dot(d, new)) ** 1.5
@@ -205,14 +205,14 @@ class _Tracer:
                 return new
 
     def _anywhere(self) -> Vector:
-        """Unit vector drawn evenly from the sphere."""
+        """Random unit vector, uniform on the sphere."""
         while True:
             v = (self.draw.uniform(-1.0, 1.0), self.draw.uniform(-1.0, 1.0), self.draw.uniform(-1.0, 1.0))
             if 1e-6 < _dot(v, v) < 1.0:
                 return _unit(v)
 
     def _over(self, ray: Ray) -> Ray | None:
-        """At top or bottom: what goes through is gone."""
+        """Reflect a ray at top or bottom or record it as lost; the transmitted part is not followed."""
         up = 1.0 if ray.d[1] > 0.0 else -1.0
         ray = ray._replace(at=(ray.at[0], up * self.half, ray.at[2]))
         n1 = self.regions[str(ray.region)].index_at(self.nm)
@@ -229,10 +229,10 @@ class _Tracer:
             self._count("escaped", gone)
         back = _mirrored(ray.d, normal)
         light = _acted(ray, back, normal, amplitudes.rs, amplitudes.rp)
-        return ray._replace(d=back, light=light, last=None)  # it stands on no wall any more
+        return ray._replace(d=back, light=light, last=None)  # the ray is no longer on a wall
 
     def _at_wall(self, ray: Ray, met: Meeting) -> Ray | None:
-        """At a wall: one part is followed, drawn by its power."""
+        """Continue a ray at a wall as one part, drawn with probability proportional to its power."""
         wall, surface = met.wall, met.wall.surface or Surface()
         acts = surface.acts_at(self.nm)
         surface, behaviour = (surface, wall.behaviour) if acts else (Surface(), "refracting")
@@ -262,7 +262,7 @@ class _Tracer:
     def _amplitudes(
         self, behaviour: str, surface: Surface, from_right: bool, n1: float, n2: float, cos: float
     ) -> "Amplitudes":
-        """Factors of both fields on either side."""
+        """Amplitude factors of both fields, reflected and transmitted."""
         if surface.table is not None:
             share = shares_of(surface, from_right, cos)
             if behaviour == "mirror" or n1 * n1 * (1.0 - cos * cos) >= n2 * n2:
@@ -283,7 +283,7 @@ class _Tracer:
         return Amplitudes(0.0, 0.0, 1.0, 1.0) if not surface.partial and abs(a.ts) > 0.0 else a
 
     def _facet(self, texture: Texture, d: Vector, normal: Vector, n1: float, n2: float) -> Vector:
-        """Normal of the stretch of a ripple that a ray meets, drawn by its size as seen from the ray."""
+        """Normal of the facet of a ripple that a ray meets, drawn in proportion to its projected size."""
         along = UP if texture.direction == "across" else _cross(normal, UP)
         largest = 1.0 + texture.slope * abs(_dot(d, along)) / -_dot(d, normal)
         while True:
@@ -298,7 +298,7 @@ class _Tracer:
                 return facet
 
     def _scattered(self, surface: Surface, d: Vector, light: Light, normal: Vector) -> tuple[Vector, Light]:
-        """A part as it was, or in a direction drawn from the profile, on the side of the normal."""
+        """Return a part unchanged, or in a direction drawn from the profile, on the side of the normal."""
         scatter = surface.scatter
         if scatter is None or self.draw.random() >= scatter.share:
             return d, light
@@ -322,7 +322,10 @@ class _Tracer:
 
 
 class Amplitudes(NamedTuple):
-    """Factors of the fields across the plane of incidence and in it, back and on, as roots of power."""
+    """Amplitude factors, reflected and transmitted, of the fields perpendicular to the plane of incidence and in it.
+
+    Their squares are fractions of power.
+    """
 
     rs: complex
     rp: complex
@@ -331,7 +334,7 @@ class Amplitudes(NamedTuple):
 
 
 def _fresnel(n1: float, n2: float, cos: float) -> Amplitudes:
-    """Fresnel's amplitudes for fields that go as exp(+iωt); p = d × s on either side."""
+    """Fresnel's amplitudes for fields with time dependence exp(+iωt); p = d × s on either side."""
     a1 = n1 * cos
     square = n2 * n2 - n1 * n1 + a1 * a1
     a2 = math.sqrt(square) if square > 0.0 else complex(0.0, -math.sqrt(-square))
@@ -343,7 +346,7 @@ def _fresnel(n1: float, n2: float, cos: float) -> Amplitudes:
 
 
 def _acted(ray: Ray, d: Vector, normal: Vector, on_s: complex, on_p: complex) -> Light:
-    """Fields of a ray after a surface sent them in a direction: each split into its parts across and in the plane."""
+    """Fields of a ray that a surface deflected, each divided into components perpendicular to the plane and in it."""
     across = _cross(ray.d, normal)
     s = _unit(across) if _dot(across, across) > 1e-24 else _upright(ray.d)
     p_in, p_out = _cross(ray.d, s), _cross(d, s)
@@ -352,7 +355,7 @@ def _acted(ray: Ray, d: Vector, normal: Vector, on_s: complex, on_p: complex) ->
 
 
 def _meeting(wall: Interface, ray: Ray) -> Meeting:
-    """A wall as a ray meets it that has arrived there."""
+    """Return the wall, normal and media for a ray that has arrived at a wall."""
     nx, nz = wall.curve.normal_at((ray.at[0], ray.at[2]))
     if ray.d[0] * nx + ray.d[2] * nz > 0.0:
         return Meeting(wall, (-nx, 0.0, -nz), True, wall.right, wall.left)
@@ -365,7 +368,7 @@ def _ahead(ray: Ray, way: float) -> Ray:
 
 
 def _through(d: Vector, normal: Vector, n1: float, n2: float) -> Vector | None:
-    """Direction behind a surface by Snell's law; None under total reflection."""
+    """Direction behind a surface by Snell's law; None for total reflection."""
     cos = -_dot(d, normal)
     square = 1.0 - (n1 / n2) ** 2 * (1.0 - cos * cos)
     if square <= 0.0:
@@ -380,13 +383,13 @@ def _mirrored(d: Vector, normal: Vector) -> Vector:
 
 
 def _depolarised(light: Light, d: Vector) -> Light:
-    """The same power in two independent fields of the same strength."""
+    """Return the same power in two independent fields of equal strength."""
     each, e = math.sqrt(0.5 * _power(light)), _upright(d)
     return _field(each, e), _field(each, _cross(d, e))
 
 
 def _upright(d: Vector) -> Vector:
-    """Unit vector across d, in the plane of d and the y-axis."""
+    """Unit vector perpendicular to d, in the plane of d and the y-axis."""
     x, y, z = (a - d[1] * b for a, b in zip(UP, d, strict=True))
     return _unit((x, y, z)) if x * x + y * y + z * z > 1e-24 else (1.0, 0.0, 0.0)
 

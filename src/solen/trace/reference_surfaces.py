@@ -1,7 +1,7 @@
 """The effect of a treated surface on a ray, in plain Python: the reference for `solen.trace.kernel.treated`.
 
-See `solen.scene.surface` for what there is. Draws are those of the engine, number for number, so that both can be
-compared ray by ray; what is done with them is written down a second time, and films are computed by another method.
+See `solen.scene.surface` for the treatments. Random numbers are those of the engine, so both can be compared ray by
+ray; the formulas are implemented independently, and films are computed with another method.
 """
 
 import cmath
@@ -18,11 +18,11 @@ from solen.trace.kernel.surface import Event, chance_of
 from solen.trace.kernel.treated import BACK, FACET, KEEP, ON, ORDER, TRIES
 
 Draw = Callable[[int], float]
-"""The n-th number in [0, 1) that belongs to a ray and a hit."""
+"""Returns the n-th number in [0, 1) for a ray and a hit."""
 
 
 class Part(NamedTuple):
-    """Direction and powers of what leaves a surface on one side."""
+    """Direction and powers of the light that leaves a surface on one side."""
 
     direction: Point
     s: float
@@ -30,7 +30,7 @@ class Part(NamedTuple):
 
 
 class Arrival(NamedTuple):
-    """A ray that meets a surface: where, which way, its powers, the normal that faces it, and both indices."""
+    """A ray that meets a surface: position, direction, powers, the normal on its side, and both indices."""
 
     at: Point
     direction: Point
@@ -49,7 +49,7 @@ class Arrival(NamedTuple):
 
 
 def treated(interface: Interface, surface: Surface, ray: Arrival, draw: Draw, counting: bool) -> tuple[Part, Part]:
-    """Transmitted and reflected parts, before anything is cut off; the rest is absorbed."""
+    """Return the transmitted and reflected parts, before any are cut off; the remainder is absorbed."""
     if surface.grating is not None:
         return _diffracted(surface.grating, ray, draw, counting)
     tilted = ray
@@ -69,7 +69,7 @@ def treated(interface: Interface, surface: Surface, ray: Arrival, draw: Draw, co
 
 
 def _smooth(interface: Interface, surface: Surface, ray: Arrival, counting: bool) -> tuple[Part, Part]:
-    """Both parts at a smooth surface of a behaviour."""
+    """Both parts at a smooth surface with a behaviour."""
     back = reflected(ray.direction, ray.facing)
     nothing = Part(ray.direction, 0.0, 0.0)
     if interface.behaviour == "lens":
@@ -92,7 +92,7 @@ def _smooth(interface: Interface, surface: Surface, ray: Arrival, counting: bool
 
 
 def _focused(interface: Interface, focal_mm: float, ray: Arrival, on: Part, back: Part) -> tuple[Part, Part]:
-    """Paraxial optics at any angle: the slope to the axis falls by the height over the element's middle, over f."""
+    """Deflect a ray paraxially, at any angle: its slope to the axis falls by its height from the centre over f."""
     along = left_of(ray.facing)
     height = dot(minus(ray.at, interface.curve.middle_point), along)
     slope = dot(ray.direction, along) / ray.cos - height / focal_mm
@@ -116,7 +116,7 @@ def _coated(coating: Coating, ray: Arrival, on: Part, back: Part) -> tuple[Part,
 
 
 def _tabulated(surface: Surface, ray: Arrival, on: Part, back: Part, behaviour: str) -> tuple[Part, Part]:
-    """Shares of a table of the side that the ray comes from; all goes back where Snell's law has no way on."""
+    """Fractions from the table for the ray's side; all light is reflected if Snell's law has no solution."""
     shares = shares_of(surface, ray.from_right, ray.cos)
     through = refracted(ray.direction, ray.facing, ray.n1, ray.n2) if behaviour == "refracting" else None
     ts, tp = (shares.ts, shares.tp) if through is not None else (0.0, 0.0)
@@ -125,7 +125,7 @@ def _tabulated(surface: Surface, ray: Arrival, on: Part, back: Part, behaviour: 
 
 
 class Shares(NamedTuple):
-    """Shares of power reflected and transmitted."""
+    """Reflected and transmitted fractions of power."""
 
     rs: float
     rp: float
@@ -134,7 +134,7 @@ class Shares(NamedTuple):
 
 
 def shares_of(surface: Surface, from_right: bool, cos: float) -> Shares:
-    """Shares of a surface's table at an angle of incidence."""
+    """Interpolate the fractions in a surface's table at an angle of incidence."""
     table = surface.table_right if from_right and surface.table_right is not None else surface.table
     if table is None:
         raise AssertionError("a surface with shares has a table")
@@ -144,7 +144,7 @@ def shares_of(surface: Surface, from_right: bool, cos: float) -> Shares:
 
 
 def orders_of(grating: Grating, ray: Arrival) -> list[Part]:
-    """All orders of a grating that propagate, with their powers."""
+    """Return all propagating orders of a grating, with their powers."""
     if ray.wavelength_nm is None:
         raise AssertionError("a scene with gratings has wavelengths")
     index = ray.n1 if grating.mirrored else ray.n2
@@ -163,7 +163,7 @@ def orders_of(grating: Grating, ray: Arrival) -> list[Part]:
 
 
 def _diffracted(grating: Grating, ray: Arrival, draw: Draw, counting: bool) -> tuple[Part, Part]:
-    """One order, drawn with probability in proportion to its power; it carries the power of all orders."""
+    """Draw one order with probability proportional to its power; it carries the power of all orders."""
     nothing, orders = Part(ray.direction, 0.0, 0.0), orders_of(grating, ray)
     if not orders:
         return nothing, nothing
@@ -175,7 +175,7 @@ def _diffracted(grating: Grating, ray: Arrival, draw: Draw, counting: bool) -> t
 
 
 def _shut(coating: Coating, ray: Arrival) -> bool:
-    """Whether counting, without waves, has a total reflection by a film thicker than the wavelength."""
+    """Whether counting, which has no waves, has total reflection at a film thicker than the wavelength."""
     axial = ray.n1 * math.sqrt(1.0 - ray.cos**2)
     return any(film.thickness_nm > (ray.wavelength_nm or math.inf) and film.index < axial for film in coating.layers)
 
@@ -191,10 +191,10 @@ def film_powers(
 def film_fields(
     films: list[tuple[complex, float]], cos: float, n1: float, n2: float, wavelength_nm: float, polarisation: str
 ) -> tuple[complex, complex, float]:
-    """Amplitudes of films (complex index, nm) by Airy's sum, from the last boundary to the first.
+    """Amplitudes of films (complex index, nm) from Airy's sum, from the last boundary to the first.
 
-    (Born & Wolf, section 1.6; Parratt, Phys. Rev. 95, 359, 1954.) They belong to fields along the surface, their time
-    as exp(+iωt); the third number is what the power of a transmitted field is to be multiplied by.
+    (Born & Wolf, section 1.6; Parratt, Phys. Rev. 95, 359, 1954.) They apply to fields along the surface, with time
+    dependence exp(+iωt); the third number is the factor from the squared transmitted amplitude to power.
     """
     k0, q = 2.0 * math.pi / wavelength_nm, n1 * math.sqrt(1.0 - cos * cos)
     indices = [complex(n1), *(index for index, _ in films), complex(n2)]
@@ -212,13 +212,13 @@ def film_fields(
 
 
 def _decaying(square: complex) -> complex:
-    """Root of a squared wave number of a wave that decays as it goes on, its time as exp(+iωt)."""
+    """Root of a squared wave number, for a wave that decays along its direction, with time dependence exp(+iωt)."""
     decaying = cmath.sqrt(square)
     return -decaying if decaying.imag > 0.0 else decaying
 
 
 def _facet(texture: Texture, ray: Arrival, draw: Draw) -> Point:
-    """Normal of the stretch of a ripple that a ray meets, drawn by how large the stretch looks from it."""
+    """Normal of the facet of a ripple that a ray meets, drawn in proportion to its projected size."""
     along = left_of(ray.facing)
     sine = dot(ray.direction, along)
     for i in range(TRIES):
@@ -236,7 +236,7 @@ def _facet(texture: Texture, ray: Arrival, draw: Draw) -> Point:
 
 
 def _scattered(surface: Surface, part: Part, normal: Point, draw: Draw, purpose: int) -> Part:
-    """A part as it was, or in a direction drawn from the profile about it, on the side of the normal."""
+    """Return a part unchanged, or in a direction drawn from the profile about it, on the side of the normal."""
     scatter = surface.scatter
     if scatter is None or draw(purpose) >= scatter.share:
         return part
@@ -267,7 +267,7 @@ def _scattered(surface: Surface, part: Part, normal: Point, draw: Draw, purpose:
 
 
 def _from_envelope(scatter: ScatterTable, share: float) -> tuple[float, float]:
-    """Offset below which so much of the profile's envelope of steps lies, and the density there over the envelope's."""
+    """Offset at a cumulative fraction of the profile's step envelope, and the ratio of the density to it there."""
     off, density = np.array(scatter.offset), np.array(scatter.density)
     steps = np.maximum(density[1:], density[:-1])
     below = np.concatenate([[0.0], np.cumsum(steps * np.diff(off))])
@@ -277,7 +277,7 @@ def _from_envelope(scatter: ScatterTable, share: float) -> tuple[float, float]:
 
 
 def _kept(scatter: HarveyShack, off: float) -> float:
-    """Share of Cauchy's draws, at so many shoulders off, that are draws of the profile."""
+    """Acceptance probability of a draw from Cauchy's distribution, at ``off`` shoulders, for the profile."""
     if abs(off) > 2.0 / scatter.shoulder:
         return 0.0
 
@@ -288,5 +288,5 @@ def _kept(scatter: HarveyShack, off: float) -> float:
 
 
 def draws(seed: int, ray: int, hit: int) -> Draw:
-    """The numbers that belong to a ray and a hit."""
+    """Return the function that gives the random numbers of a ray and a hit."""
     return lambda number: chance_of(Event(seed, ray, hit), number)

@@ -1,12 +1,13 @@
-"""Results of traces, however they were computed: detectors, monitors, ledger, and paths if kept.
+"""Results of traces by any method: detectors, monitors, ledger, and paths if kept.
 
-All powers are fractions of the emitted power. The ledger's four parts add up to 1: what receivers **detected**, what
-**escaped** to infinity, what was **absorbed** by media, walls and the backs of receivers, and what was **truncated**:
-branches below the stated weight, rays beyond the stated number of hits, and rays that met an interface from a medium
-they were not in (counted in ``undefined``, the others in ``truncated``, and located, never dropped).
+All powers are fractions of the emitted power. The ledger's four parts add up to 1: the power **detected** by receivers,
+the power that **escaped** to infinity, the power **absorbed** by media, walls and the backs of receivers, and the power
+**truncated**: branches below the stated weight, rays beyond the stated number of hits, and rays that met an interface
+from a medium they were not in (counted in ``undefined``, the others in ``truncated``; all are located, none is
+dropped).
 
-Every power has an uncertainty ``u_power``, however the rays were chosen: for independent samples a
-standard error, for a fan and for adaptive integration an estimate of the error.
+Every power has an uncertainty ``u_power``, however the rays were chosen: a standard error for independent samples, an
+estimate of the error for a fan and for adaptive integration.
 """
 
 import math
@@ -40,35 +41,36 @@ LEG = np.dtype(
         for name in ("x_mm", "z_mm", "dx", "dz", "length_mm", "power_s", "power_p", "kept", "optical_path_mm")
     ]
 )
-"""One straight stretch: its ray, its branch, the branch that one was split off (−1: none), how many interfaces were
-met on the way here, the interface it ends on (−1: none), the fate there, start, direction, length (inf where it
-escapes), the power at its start as a fraction of the emitted power, the share of that left at its end, and the optical
-path from the source to its start. A trace holds them in the order of ray, branch and hit; how a ray's branches are
-numbered is up to the tracer, but a parent always comes before its children."""
+"""One ray segment: its ray, its branch, the branch from which that was split off (−1: none), the number of
+interfaces met before, the interface at its end (−1: none), the fate there, start, direction, length (inf if it
+escapes), the power at its start as a fraction of the emitted power, the fraction of that left at its end, and the
+optical path from the source to its start. A trace stores them in the order of ray, branch and hit; the numbering
+of a ray's branches depends on the tracer, but a parent always comes before its children.
+"""
 
 CORNER_MM = 2 * END_TOLERANCE_MM
-"""How far a ray that has just met a corner is carried on past the end of the other curve that meets there."""
+"""Distance by which a ray that has just met a corner is moved past the end of the other curve at that corner."""
 KEPT_PLACES = 16
-"""How many places of undefined rays, and of truncated ones, a trace remembers."""
+"""Number of places of undefined rays, and of truncated ones, that a trace stores."""
 
 
 def check_choice(what: str, value: object, choices: tuple[str, ...]) -> None:
-    """`DesignError` if a value is none of the choices."""
+    """Raise `DesignError` if a value is not one of the choices."""
     if value not in choices:
         raise DesignError(what, value=value, limit=f"must be one of {', '.join(choices)}")
 
 
 def check_mode(mode: object) -> None:
-    """`DesignError` for a mode that does not exist."""
+    """Raise `DesignError` for an unknown mode."""
     check_choice("mode", mode, MODES)
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Where following a ray ends.
+    """Limits for following a ray.
 
     ``min_weight`` is the power below which a branch is cut, as a fraction of the power its ray was launched with;
-    ``max_hits`` the most interfaces a ray may meet on one way.
+    ``max_hits`` is the largest number of interfaces that a ray may meet on one path.
     """
 
     min_weight: float = 1e-6
@@ -82,7 +84,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Ledger:
-    """Where the emitted power went; the four add up to 1."""
+    """Fractions of the emitted power by fate; the four add up to 1."""
 
     detected: float
     escaped: float
@@ -91,12 +93,12 @@ class Ledger:
 
     @property
     def total(self) -> float:
-        """Sum of the four: 1 but for rounding."""
+        """Sum of the four: 1 up to rounding."""
         return self.detected + self.escaped + self.absorbed + self.truncated
 
 
 UNKNOWN = Ledger(math.nan, math.nan, math.nan, math.nan)
-"""Uncertainties of a ledger where nothing tells them."""
+"""Uncertainties of a ledger if they are unknown."""
 
 
 class Detected(Result):
@@ -107,17 +109,17 @@ class Detected(Result):
     power, u_power
         Power detected, and its uncertainty: NaN for a single ray.
     rays
-        Rays or branches that arrived; after an adaptive integration all rays that it took.
+        Rays or branches that arrived; after an adaptive integration, the total number of rays.
     power_by_source
         Power from each source of the scene.
     optical_path_mm
-        Mean optical path of what arrived, weighted by power; NaN where nothing did.
+        Mean optical path of the light that arrived, weighted with its power; NaN if none did.
     power_by_position
         (interfaces of the receiver, bins) power in equal bins of each interface's parameter from its start to its end;
-        empty unless bins were asked for.
+        empty unless bins were requested.
     power_by_angle
-        (bins,) power in equal bins of the angle of incidence from −90 to 90 degrees, positive where light runs towards
-        the interface's end; empty unless bins were asked for.
+        (bins,) power in equal bins of the angle of incidence from −90 to 90 degrees, positive if light runs towards the
+        interface's end; empty unless bins were requested.
     """
 
     power: float
@@ -139,9 +141,9 @@ class Crossed(Result):
 
 
 class Path(Result):
-    """Path of one branch: its corners (N, 2), the interfaces met by number, its power at the start and its fate.
+    """Path of one branch: its corners (N, 2), the indices of the interfaces met, its power at the start and its fate.
 
-    ``parent`` is the branch of the same ray that it was split off, −1 for the launched ray itself.
+    ``parent`` is the branch of the same ray from which it was split off, −1 for the launched ray itself.
     ``exit_direction`` is the unit direction beyond the last corner of a branch that escaped.
     """
 
@@ -158,15 +160,15 @@ class Path(Result):
 class Trace(Result):
     """Result of tracing a scene.
 
-    ``method`` says how the rays were chosen: ``"fan"`` (evenly), ``"sobol"`` (sixteen independent scrambled Sobol'
-    samples) or ``"adaptive"``. ``truncated`` counts branches that were cut off, ``truncated_at_mm`` holds the first of
-    their places. Adaptive integration also says in how many ``pieces``, and whether its tolerance was ``reached``; if
-    not, ``why`` says what stood in the way, and the powers lack what was not integrated. ``single_error`` is the
-    largest difference of a receiver's power between single and double precision, found on a part of the rays. In an
-    extruded scene ``missed`` and ``leaked`` are parts of what escaped: what passed above or below all bodies, and what
-    left them through top or bottom; ``reflected`` is what a lens that is no cylinder reflected of the light that met
-    it, wherever that went, and 0 for any other face. ``u_ledger``, ``u_missed`` and ``u_leaked`` are their
-    uncertainties, NaN where the rays cannot tell.
+    ``method`` states how the rays were chosen: ``"fan"`` (evenly), ``"sobol"`` (sixteen independent scrambled Sobol'
+    samples) or ``"adaptive"``. ``truncated`` counts branches that were cut off, ``truncated_at_mm`` contains the first
+    of their places. Adaptive integration also states its number of ``pieces``, and whether its tolerance was
+    ``reached``; if not, ``why`` states the reason, and the powers lack the part that was not integrated.
+    ``single_error`` is the largest difference of a receiver's power between single and double precision, for part of
+    the rays. In an extruded scene ``missed`` and ``leaked`` are parts of the escaped power: above or below all bodies,
+    and through their top or bottom; ``reflected`` is the power that a lens that is not cylindrical reflected, wherever
+    it went then, and 0 for any other face. ``u_ledger``, ``u_missed`` and ``u_leaked`` are their uncertainties, NaN if
+    unknown.
     """
 
     mode: Mode
@@ -194,30 +196,30 @@ class Trace(Result):
 
     @reported
     def simulated(self) -> bool:
-        """Always: nothing here is measured."""
+        """Always true: no result here is measured."""
         return True
 
     @reported
     def u_power(self) -> float:
-        """Largest ``u_power`` of any receiver; without one 0, or 1 where an integration missed its tolerance."""
+        """Largest ``u_power`` of any receiver; without receivers 0, or 1 if an integration missed its tolerance."""
         return max((reading.u_power for reading in self.detectors.values()), default=0.0 if self.reached else 1.0)
 
     def paths(self) -> list[Path]:
-        """Paths of all branches, in the order of ray and branch; empty unless the trace kept its legs."""
+        """Return the paths of all branches, in the order of ray and branch; empty unless the trace kept its legs."""
         if self.legs is None or len(self.legs) == 0:
             return []
         new = (np.diff(self.legs["ray"]) != 0) | (np.diff(self.legs["branch"]) != 0)
         return [_path(part) for part in np.split(self.legs, np.flatnonzero(new) + 1)]
 
     def to_dataset(self, attributes: Mapping[str, str | int | float] | None = None) -> "xr.Dataset":
-        """The same as an `xarray.Dataset` with named dimensions and units; see `solen.trace.to_dataset`."""
-        from solen.trace.dataset import to_dataset  # it is made from this module
+        """Return the trace as an `xarray.Dataset` with named dimensions and units; see `solen.trace.to_dataset`."""
+        from solen.trace.dataset import to_dataset  # that module imports this one
 
         return to_dataset(self, attributes)
 
 
 def in_order(legs: NDArray[np.void]) -> NDArray[np.void]:
-    """Stretches in the order that a `Trace` holds them in."""
+    """Return ray segments in the order in which a `Trace` stores them."""
     return np.asarray(legs[np.lexsort((legs["hit"], legs["branch"], legs["ray"]))])
 
 

@@ -1,9 +1,9 @@
-"""How integrals in space change with a parameter.
+"""Derivatives of integrals in space with respect to a parameter.
 
-A power is a smooth function of the parameter, its integrand is not: the edges of light move. So neighbouring scenes are
-integrated over the same cells, which are halved by what their rules find of the difference of the nearest two: what is
-off alike in both drops out. Further scenes over these cells make it the derivative of a polynomial, and that of a lower
-degree shows what it may be off by.
+A power is a smooth function of the parameter, but its integrand is not: the edges of light move. Neighbouring scenes
+are therefore integrated over the same cells, which are halved according to the errors of the difference of the nearest
+two: errors common to both cancel. Further scenes over these cells give the derivative of a polynomial, and that of a
+lower degree gives an estimate of its error.
 """
 
 from collections.abc import Sequence
@@ -18,19 +18,20 @@ from solen.trace.kernel.step import Rules
 from solen.trace.space import CHIP_TOLERANCE, LightInSpace
 
 OFFSETS = (1 / 3, -1 / 3, 2 / 3, -2 / 3, 1.0, -1.0)
-"""Where the parameter is taken, in steps, the nearest two first."""
+"""Offsets of the parameter in steps, the nearest two first."""
 _BEST, _PLAIN = np.array([3 / 2, -3 / 5, 1 / 10]), np.array([4 / 3, -1 / 3, 0.0])
 """Weights of the central differences for the polynomials of degree six and four."""
 CLOSENESS, FLOOR = 0.03, 1e-7
-"""How much closer paths are followed; what an error may be as a change of a power over the step."""
+"""Factor on the error of the paths; error that is accepted as a change of a power over the step."""
 SHARE, CAUTION = 3e-4, 1.5
 POINT_SHARE, POINT_CAUTION = 1e-4, 2.5
-"""What an error may be as a share of the largest slope, and the factor on the error learned from halving, for chips and
-for points: those have fewer cells to learn from, and are cheaper."""
+"""Accepted error as a fraction of the largest slope, and the factor on the error estimated from halving, for chips
+and for points: the latter have fewer cells for the estimate, and are faster.
+"""
 
 
 class Slopes(NamedTuple):
-    """Changes of powers (D,) per unit of a parameter, how far lower degrees are off, and errors of the rules."""
+    """Changes of powers (D,) per unit of a parameter, differences from a lower degree, and errors of the rules."""
 
     value: FloatArray
     bent: FloatArray
@@ -38,7 +39,7 @@ class Slopes(NamedTuple):
 
 
 def slopes(lights: Sequence[LightInSpace], step: float, receivers: int, rules: Rules, most_legs: int) -> Slopes:
-    """Changes of the powers of so many ``receivers``, from the same light with the parameter off by `OFFSETS`."""
+    """Return the slopes for this number of ``receivers``, from lights with the parameter offset by `OFFSETS`."""
     each = [_of_colour(lights, colour, step, receivers, rules, most_legs) for colour in range(len(lights[0].weights))]
     shares = np.array(lights[0].weights)
     value, bent = shares @ [one.value for one in each], shares @ [one.bent for one in each]
@@ -48,7 +49,7 @@ def slopes(lights: Sequence[LightInSpace], step: float, receivers: int, rules: R
 def _of_colour(
     lights: Sequence[LightInSpace], colour: int, step: float, receivers: int, rules: Rules, most_legs: int
 ) -> Slopes:
-    """Slopes in one colour, from the cells of an integral on: a change may be nothing but where light parts."""
+    """Slopes at one wavelength, starting from an integral's cells: only the edges of light may change."""
     room = paths.path_room(lights[0].columns)
     families = [light.families[colour]._replace(rules=rules) for light in lights]
     overs = [

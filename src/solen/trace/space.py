@@ -1,16 +1,16 @@
 """Integration in space: over the angles, the width and the height of emitters in extruded scenes.
 
 Upright walls conserve the component of a ray along y, so a ray is a ray of the plane with one more number, and the
-heights at which it may start are an interval carried along (`solen.trace.kernel.prism`): that integral is exact. The
-integral over the place across the chip is taken along a path, edge by edge (`solen.trace.kernel.paths`): through a lens
-light changes its receiver with its place on the chip, all but independently of its angle. What remains is a function of
-two angles that has kinks and hardly a jump: it is integrated over cells, each a product of two Lobatto–Kronrod rules,
-the cell of the largest error halved along its worse angle. A point has no places; its path runs over the angle in
-projection.
+heights at which it may start form an interval that is followed (`solen.trace.kernel.prism`): that integral is exact.
+The integral over the position across the chip follows a path, edge by edge (`solen.trace.kernel.paths`): through a
+lens, the receiver that light reaches depends on its position on the chip and hardly on its angle. What remains is a
+function of two angles with kinks but hardly any jumps: it is integrated over cells, each with a product of two
+Lobatto–Kronrod rules, and the cell with the largest error is halved along its worse angle. For a point, which has no
+positions, the path runs over the projected angle.
 
-With dΩ = dφ d(sin ψ) for the angle φ in projection and ψ out of the plane, all directions count alike but for the
-pattern. The difference of the two rules is many times the error; by how much is learned from what halving cells
-changes.
+With dΩ = dφ d(sin ψ) for the projected angle φ and ψ out of the plane, all directions have equal weight except for the
+pattern. The difference of the two rules is many times the error; the ratio is estimated from the changes when cells are
+halved.
 """
 
 import math
@@ -37,25 +37,29 @@ from solen.trace.tables import Tables
 from solen.trace.tail import Tail
 
 FIRST_CELLS, FIRST_LINES = 4, 6
-"""Cells along the angle in projection to begin with; of a point, stretches of the angle out of the plane."""
+"""Initial number of cells along the projected angle; for a point, of intervals of the angle out of the plane."""
 FIRST_FACE = (0.5, 1)
-"""Least weight and most hits of what is followed exactly where following all of it does not do: light that is trapped
-comes through strips too narrow to be seen."""
+"""Least weight and largest number of hits for exact following, if following everything is not feasible: trapped light
+arrives through strips that are too narrow to be resolved.
+"""
 CHIP_TOLERANCE = 1e-4
 PATH_SHARE, ROUGHEST_PATH, SOFT = 30.0, 0.03, 0.1
-"""Along a chip's width: second difference of the powers that Simpson's rule is trusted with, times six, and share of
-the width at which an edge is left, both per tolerance and at most; and share of the width up to which nothing is looked
-for between two equal rays."""
+"""Along a chip's width: accepted second difference of the powers for Simpson's rule, times six, and fraction of the
+width at which an edge is no longer refined, both per tolerance and at most; and fraction of the width up to which
+the interval between two equal rays is not searched.
+"""
 DENSITY_SHARE, LEAST_DENSITY = 0.05, 1e-6
-"""Along the angle of a point: second difference that Simpson's rule is trusted with, times six, per tolerance and at
-least, as a path has room for some thousand rays alone. What that leaves is a thousandth of what is stated."""
+"""Along the angle of a point: accepted second difference for Simpson's rule, times six, per tolerance and at least,
+as a path has room for only some thousand rays. The resulting error is a thousandth of the stated one.
+"""
 NARROW_SHARE, SOFT_RAD = 0.1, 0.001
-"""Width at which an edge is left, per tolerance, and up to which nothing is looked for, of the angle of a point in
-radians."""
+"""Width at which an edge is no longer refined, per tolerance, and width in radians up to which an interval is not
+searched, both of the angle of a point.
+"""
 
 
 def why_not_in_space(scene: Scene) -> str:
-    """Why an extruded scene cannot be integrated; empty where it can."""
+    """Return why an extruded scene cannot be integrated; an empty text if it can."""
     if any(interface.behaviour == "lens" for interface in scene.interfaces):
         return "an ideal lens in space"
     others = [type(source).__name__ for source in scene.sources if source.emission() is None]
@@ -72,18 +76,18 @@ class LightInSpace:
     columns: int
     source: Emitter
     families: tuple[FamilyInSpace, ...]
-    """one for each colour"""
+    """one for each wavelength"""
     weights: tuple[float, ...]
     mirrored: bool
-    """whether light that goes up and light that goes down do the same"""
+    """whether the scene is symmetric about the mid-plane of the slab"""
     jumps: bool
-    """whether it is too sharp a function of the angle out of the plane: at the height of a receiver"""
+    """whether its power has jumps over the angle out of the plane, at the height of a receiver"""
 
     @classmethod
     def of(cls, scene: Scene, source: Emitter, tables: Tables, rules: Rules) -> "LightInSpace":
-        """Light of one emitter of a scene; `DesignError` where its cone has no width."""
+        """Prepare one emitter of a scene; `DesignError` if its cone has no width."""
         if not source.cone_deg > 0.0:
-            raise DesignError("cone_deg", value=source.cone_deg, limit="must be above 0 to integrate over it")
+            raise DesignError("cone_deg", value=source.cone_deg, limit="must be above 0 for integration")
         extrusion = scene.extrusion
         if extrusion is None:
             raise AssertionError("a scene of the plane is integrated in the plane")
@@ -119,7 +123,7 @@ class LightInSpace:
         return self.source.pattern.space_integral_sr(self.source.half_rad)
 
     def integral(self, tolerance: float, rules: Rules, most_legs: int) -> Integral:
-        """Integrate over all colours; each ends after so many straight stretches."""
+        """Integrate over all wavelengths, each with at most this number of ray segments."""
         if self.jumps and rules.max_hits > 1:
             return Integral(np.zeros(self.columns + 2 - MORE_COLUMNS), 0.0, 1.0, np.zeros(4, np.int64))
         families = [family._replace(rules=rules) for family in self.families]
@@ -127,11 +131,11 @@ class LightInSpace:
         return found[0] if len(found) == 1 else weighted_sum(found, list(self.weights))
 
     def levels(self, _: float) -> Sequence[tuple[float, int]]:
-        """Least weight and most hits of what is followed exactly where following all of it does not do."""
+        """Least weight and largest number of hits for exact following, if following everything is not feasible."""
         return (FIRST_FACE,)
 
     def tail(self, rules: Rules) -> Tail:
-        """What is left beyond the rules."""
+        """Return the light beyond the limits for sampling."""
         families = [family._replace(rules=rules) for family in self.families]
         return Tail(self.walls, self.source, True, self.columns, families.__getitem__)
 
@@ -141,7 +145,7 @@ class LightInSpace:
 
     @property
     def first_cells(self) -> list[Bounds]:
-        """What the domain is divided into to begin with."""
+        """Initial cells of the domain."""
         sides = [(0.0, 0.5 * math.pi)] if self.mirrored else [(-0.5 * math.pi, 0.0), (0.0, 0.5 * math.pi)]
         if self.source.width_mm > 0.0:
             strips = pairwise(np.linspace(-1.0, 1.0, FIRST_CELLS + 1).tolist())
@@ -150,7 +154,7 @@ class LightInSpace:
         return [(0.0, 1.0, *line) for line in lines]
 
     def over(self, family: FamilyInSpace, tolerance: float, room: paths.PathRoom, closeness: float = 1.0) -> Over:
-        """Integral over cells in one colour; the smaller ``closeness``, the closer are the paths followed."""
+        """Return the integrator over cells at one wavelength; a smaller ``closeness`` resolves paths more finely."""
         half, width = self.source.half_rad, self.source.width_mm
         scale = (2.0 if self.mirrored else 1.0) / self.whole
         if width > 0.0:
@@ -191,8 +195,8 @@ def _integrated(
     if cells is None:
         return Integral(np.zeros(room.value.shape[1] + 2 - MORE_COLUMNS), 0.0, 1.0, counts)
     whole = accounted(cells.value)
-    value = cells.value / max(whole, 1.0)  # more than all light is an error of the quadrature
-    error = max(u - max(1.0 - whole, 0.0), 0.0)  # what is lacking is in u already
+    value = cells.value / max(whole, 1.0)  # a sum above 1 is an error of the quadrature
+    error = max(u - max(1.0 - whole, 0.0), 0.0)  # the missing power is already part of u
     share, missed, leaked = value[: 2 - MORE_COLUMNS], float(value[-3]), float(value[-2])
     return Integral(share, error, max(1.0 - whole, 0.0), counts, missed, leaked)
 

@@ -1,6 +1,6 @@
-"""Sums over chunks of rays, and the result that they make.
+"""Sums over chunks of rays, and their conversion to a result.
 
-The spread of the groups of rays gives the uncertainty of the whole.
+The differences between groups of rays give the uncertainty.
 """
 
 import math
@@ -29,7 +29,7 @@ from solen.trace.result import (
 
 
 def empty(job: Job, legs: int = 0) -> tally.Sums:
-    """Sums of nothing, with room for so many legs."""
+    """Return empty sums, with room for this number of legs."""
     receivers, monitors = len(job.scene.receivers), len(job.scene.monitors)
     interfaces = len(job.scene.interfaces) if job.position_bins else 0
     return tally.Sums(
@@ -49,7 +49,7 @@ def empty(job: Job, legs: int = 0) -> tally.Sums:
 
 
 def add(total: tally.Sums, sums: tally.Sums) -> tally.Sums:
-    """Both sums together; of the places the first, and of the legs those of the total."""
+    """Add two sums; of the places, the first are kept, and of the legs those of the total."""
     added = {
         name: getattr(total, name) + getattr(sums, name) for name in tally.Sums._fields if name not in {"place", "legs"}
     }
@@ -57,7 +57,7 @@ def add(total: tally.Sums, sums: tally.Sums) -> tally.Sums:
 
 
 def _first_places(*places: FloatArray) -> FloatArray:
-    """The first places of both kinds."""
+    """Return the first places of both kinds."""
     if np.isnan(places[-1][:, 0, 0]).all():
         return places[0]
     first_places = np.full((2, KEPT_PLACES, 2), math.nan)
@@ -68,7 +68,7 @@ def _first_places(*places: FloatArray) -> FloatArray:
 
 
 def legs_of(sums: tally.Sums, emitted: float) -> NDArray[np.void]:
-    """Straight stretches that a chunk kept, powers as fractions of the emitted power."""
+    """Return the ray segments that a chunk kept, with powers as fractions of the emitted power."""
     rows = sums.legs[: sums.counts[tally.LEGS]]
     legs = np.empty(len(rows), dtype=LEG)
     for column, name in enumerate(LEG.names or ()):
@@ -79,11 +79,11 @@ def legs_of(sums: tally.Sums, emitted: float) -> NDArray[np.void]:
 
 
 Counts = list[IntArray]
-"""Rays of each source (G,) by group; sources need not have as many groups."""
+"""Rays of each source (G,) by group; the number of groups may differ between sources."""
 
 
 def result(job: Job, totals: list[list[tally.Sums]], rays: Counts, legs: NDArray[np.void] | None) -> Trace:
-    """Trace of a job from its sums by source and group, and the rays in each."""
+    """Return the trace of a job from its sums by source and group, and the numbers of rays in each."""
     scene, emitted = job.scene, job.scene.emitted
     of_source = [reduce(add, groups) for groups in totals]
     total = reduce(add, of_source)
@@ -132,9 +132,10 @@ def result(job: Job, totals: list[list[tally.Sums]], rays: Counts, legs: NDArray
 
 
 def _uncertainty(job: Job, totals: list[list[tally.Sums]], rays: Counts, name: str) -> FloatArray:
-    """Uncertainty of each entry of a sum as a fraction of the emitted power, from what the groups have found.
+    """Uncertainty of each entry of a sum as a fraction of the emitted power, from the results of the groups.
 
-    Sources whose rays are divided alike are taken together, as their errors may go together; the kinds are independent.
+    Sources with the same division of rays are combined, because their errors may be correlated; the kinds of division
+    are independent.
     """
     parts = []
     for many in sorted({len(groups) for groups in totals}):
@@ -152,11 +153,11 @@ def _uncertainty(job: Job, totals: list[list[tally.Sums]], rays: Counts, name: s
 
 
 def _unseen(source: Source, in_space: bool, groups: int) -> float:
-    """Rays of a source that two halves of it may both be wrong by.
+    """Number of rays by which both halves of a source may be wrong together.
 
-    With one coordinate a jump is missed by one ray at most. With two it lies along a line, which goes through about √N
-    of the N cells of a lattice; each is cut at a place as good as random, and is wrong by 1/√12 of a ray. What is seen
-    lies between two such lines.
+    With one coordinate, a jump is missed by one ray at most. With two it is along a line, which crosses about √N of the
+    N cells of a lattice; each is cut at a practically random position, and contributes an error of 1/√12 of a ray. The
+    visible region is between two such lines.
     """
     if groups == HALVES and source.dimensions(in_space) > 1:
         return max(1.0, math.sqrt(math.sqrt(source.rays) / 6.0))
@@ -164,10 +165,10 @@ def _unseen(source: Source, in_space: bool, groups: int) -> float:
 
 
 def _spread(spread: FloatArray, weight: FloatArray, least: float) -> FloatArray:
-    """Uncertainty of the whole from what each group (G, …) found of its emitted power (G,).
+    """Uncertainty of the total from the values of each group (G, …), which has a ``weight`` (G,) of the emitted power.
 
-    Of two halves of a lattice, half their difference, but at least ``least``: they can agree by chance. Of independent
-    samples the standard error of their mean. NaN where a group has no rays.
+    For two halves of a lattice it is half their difference, but at least ``least``, since they can agree by chance. For
+    independent samples it is the standard error of their mean. It is NaN if a group has no rays.
     """
     if not np.all(weight > 0.0):
         return np.full(spread.shape[1:], math.nan)
@@ -175,7 +176,7 @@ def _spread(spread: FloatArray, weight: FloatArray, least: float) -> FloatArray:
     if len(weight) == HALVES:
         return np.asarray(np.maximum(0.5 * np.abs(estimates[0] - estimates[1]), least))
     error = np.std(estimates, axis=0, ddof=1) / math.sqrt(len(weight))
-    return np.where(error > 0.0, error, least)  # that no sample has seen it does not mean that there is nothing
+    return np.where(error > 0.0, error, least)  # zero error in all samples does not prove that there is none
 
 
 def _positions(job: Job, receiver: str, total: tally.Sums) -> FloatArray:

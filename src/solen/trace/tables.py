@@ -1,7 +1,7 @@
-"""A scene as arrays: the seam between what a scene means and how fast it is traced.
+"""A scene as arrays: the boundary between the description of a scene and the compiled tracing.
 
-One row per piece of a curve: its kind, the numbers that describe it (named in `solen.trace.kernel.rows`), its
-behaviour, the regions on its sides and its receiver. Most curves are one piece; a spline has one for each of its simple
+There is one row per piece of a curve: its kind, the numbers that describe it (named in `solen.trace.kernel.rows`), its
+behaviour, the regions on its sides and its receiver. Most curves are one piece; a spline has one for each of its
 cubics. A new curve is a class in `solen.curve`, a row here and a function in `solen.trace.kernel.hits`.
 """
 
@@ -26,41 +26,41 @@ from solen.trace.kernel import rows
 WIDTH = len(rows.Oval._fields)
 LISTED = 5
 CORNER_RAD = 1e-6
-"""A joint of two cubics that turns by less is smooth."""
+"""Largest angle of a smooth joint of two cubics."""
 BOX_MARGIN_MM, BOX_MARGIN = 1e-6, 1e-6
-"""What a box reaches beyond its curve: beyond anything that rounding does in either precision."""
+"""Margin of a box around its curve, absolute and relative, which exceeds rounding errors in either precision."""
 STRAIGHT = 1e-9
 SHARE_ROUNDING = 1e-9
 Row = tuple[float, ...]
 
 
 class Tables(NamedTuple):
-    """Arrays of a scene: P pieces of curves, R regions, W wavelengths, M monitors. The kernel takes nothing else."""
+    """All data of a scene for the kernel, as arrays: P pieces of curves, R regions, W wavelengths, M monitors."""
 
     kind: IntArray
-    """(P,) which kind of curve"""
+    """(P,) kind of curve"""
     shape: NDArray[np.floating[Any]]
-    """(P, WIDTH) its numbers"""
+    """(P, WIDTH) numbers that describe it"""
     middle: NDArray[np.floating[Any]]
-    """(P, 2) its point halfway"""
+    """(P, 2) its midpoint"""
     box: NDArray[np.floating[Any]]
-    """(P, 4) least and greatest x, least and greatest z, and a margin"""
+    """(P, 4) lowest and highest x, lowest and highest z, with a margin"""
     owner: IntArray
-    """(P,) the interface it is a piece of"""
+    """(P,) index of its interface"""
     before: IntArray
-    """(P,) the piece of the same curve that it continues smoothly, −1 where it begins or where there is a corner"""
+    """(P,) the piece of the same curve that it continues smoothly, −1 at the start of the curve or at a corner"""
     behaviour: IntArray
-    """(P,) index into BEHAVIOURS, and TREATED more where the surface is more than smooth, clean and bare"""
+    """(P,) index into BEHAVIOURS, increased by TREATED if the surface is not smooth, clean and bare"""
     treatment: IntArray
-    """(P,) row of ``treatments``, −1 where there is none"""
+    """(P,) row of ``treatments``, −1 for none"""
     left: IntArray
     """(P,) region on the left"""
     right: IntArray
     """(P,) region on the right"""
     receiver: IntArray
-    """(P,) receiver, −1 where it is none"""
+    """(P,) index of the receiver, −1 for none"""
     height: NDArray[np.floating[Any]]
-    """(P, 2) from which y to which a receiver reaches, mm"""
+    """(P, 2) lowest and highest y of a receiver, mm"""
     refractive_index: NDArray[np.floating[Any]]
     """(W, R) refractive index by wavelength"""
     absorption: NDArray[np.floating[Any]]
@@ -70,33 +70,34 @@ class Tables(NamedTuple):
     anisotropy: NDArray[np.floating[Any]]
     """(W, R) mean cosine of the angle of scattering"""
     wavelength: NDArray[np.floating[Any]]
-    """(W,) nm; NaN where no source has a spectrum"""
+    """(W,) nm; NaN if no source has a spectrum"""
     treatments: NDArray[np.floating[Any]]
     """(T, 21) surfaces"""
     layers: NDArray[np.floating[Any]]
-    """(L, 5) rows of films (index, extinction, thickness in nm), of tables (angle of incidence in rad, shares reflected
-    in s and p, transmitted in s and p), of gratings (order, share) and of profiles of scatter (offset, density,
-    cumulative envelopes in the plane and in space)"""
+    """(L, 5) rows of films (index, extinction, thickness in nm), of tables (angle of incidence in rad, fractions
+    reflected in s and p, transmitted in s and p), of gratings (order, fraction) and of profiles of scatter
+    (offset, density, cumulative envelopes in the plane and in space)
+    """
     monitor: NDArray[np.floating[Any]]
     """(M, 5) start x, z, unit direction x, z, length"""
     bins: IntArray
     """(M,) bins of the map"""
     first_bin: IntArray
-    """(M,) where the map begins in the array of all maps"""
+    """(M,) start of the map in the array of all maps"""
     grid_low: NDArray[np.floating[Any]]
     """(2,) lowest x and z of the grid"""
     grid_cell: NDArray[np.floating[Any]]
     """(2,) size of a cell"""
     grid_many: IntArray
-    """(2,) cells along x and z"""
+    """(2,) number of cells along x and z"""
     grid_first: IntArray
-    """(cells + 1,) where each cell's pieces begin in ``grid_item``"""
+    """(cells + 1,) start of each cell's pieces in ``grid_item``"""
     grid_item: IntArray
-    """pieces by cell; empty if all pieces are looked at in turn"""
+    """pieces by cell; empty if every piece is tested"""
 
 
 def compile_scene(scene: Scene, dtype: type[np.floating[Any]] = np.float64) -> Tables:
-    """Arrays of a scene in double or single precision; `DesignError` if a curve has no compiled form."""
+    """Return the arrays of a scene in double or single precision; `DesignError` if a curve has no compiled form."""
     names = {region.name: number for number, region in enumerate(scene.regions)}
     receivers: dict[str | None, int] = {name: number for number, name in enumerate(scene.receivers)}
     receivers[None] = -1
@@ -147,7 +148,7 @@ def _whole(numbers: Any) -> IntArray:
 
 
 def _treatments(scene: Scene) -> tuple[list[int], list[rows.Treatment], list[Row]]:
-    """By interface the row of its treatment or −1, those rows, and what they have more of: films, tables, orders."""
+    """Row of each interface's treatment or −1, those rows, and their further rows: films, tables, orders."""
     which: list[int] = []
     treatments: list[rows.Treatment] = []
     more: list[Row] = []
@@ -172,18 +173,18 @@ def _table(table: AngleTable | None) -> list[Row]:
 
 
 def _orders(surface: Surface) -> list[Row]:
-    """Orders of a grating; `DesignError` if they send out more than arrives, which no power could add up to."""
+    """Rows of a grating's orders; `DesignError` if their sum exceeds 1, which would break the ledger."""
     if surface.grating is None:
         return []
     total = math.fsum(share for _, share in surface.grating.orders)
     if total > 1.0 + SHARE_ROUNDING:
-        limit = "its orders take at most all that arrives"
-        raise DesignError("grating orders", value=f"a sum of {total:.6g}", limit=limit, remedy="make the shares less")
+        limit = "its orders must have at most the power of the incident light"
+        raise DesignError("grating orders", value=f"a sum of {total:.6g}", limit=limit, remedy="reduce the fractions")
     return [(float(order), share) for order, share in surface.grating.orders]
 
 
 def _profile(scatter: Scatter | None) -> list[Row]:
-    """Rows of a tabulated profile, with the cumulative sums of what holds it, cell by cell, in plane and space."""
+    """Rows of a tabulated profile, with cumulative sums of its envelope by cell, in the plane and in space."""
     if not isinstance(scatter, ScatterTable):
         return []
     off, density = np.array(scatter.offset), np.array(scatter.density)
@@ -235,7 +236,7 @@ def _treatment(
 
 
 def _before(interfaces: tuple[Interface, ...], owner: list[int], curves: list[Curve]) -> IntArray:
-    """The piece that each piece continues smoothly; round a closed curve the last one comes before the first."""
+    """The piece that each piece continues smoothly; in a closed curve the first piece follows the last."""
     before = [here - 1 if here and owner[here - 1] == i else -1 for here, i in enumerate(owner)]
     last = {i: here for here, i in enumerate(owner)}
     for here, i in enumerate(owner):
@@ -248,7 +249,7 @@ def _before(interfaces: tuple[Interface, ...], owner: list[int], curves: list[Cu
 
 
 def _smooth(first: Curve, second: Curve) -> bool:
-    """Whether two pieces join without a corner: a ray that stands at one on either of them may meet the other."""
+    """Whether two pieces join without a corner: a ray that starts at the joint on one of them may meet the other."""
     if not (isinstance(first, Bezier) and isinstance(second, Bezier)):
         return False
     arriving, leaving = unit(minus(first.b, first.control_b)), unit(minus(second.control_a, second.a))
@@ -267,7 +268,7 @@ class _Piece(NamedTuple):
 
 @lru_cache(maxsize=4096)
 def _pieces(curve: Curve) -> tuple[_Piece, ...]:
-    """Pieces of a curve; remembered, as most curves stay as they are from one scene of a sweep to the next."""
+    """Pieces of a curve, cached because most curves do not change from one scene of a sweep to the next."""
     if isinstance(curve, Spline | Bezier):
         rows_of = _cubics(curve)
     elif type(curve) in ROWS:
@@ -283,7 +284,7 @@ def _pieces(curve: Curve) -> tuple[_Piece, ...]:
 
 
 def _box(curve: Curve, row: Row) -> Row:
-    """Box round a curve, with a margin for how far it reaches beyond its ends and for rounding."""
+    """Bounding box of a curve, with a margin for its extension beyond the ends and for rounding."""
     x, z = zip(*_hull(curve, row), strict=True)
     low_x, high_x, low_z, high_z = min(x), max(x), min(z), max(z)
     margin = BOX_MARGIN_MM + BOX_MARGIN * max(abs(low_x), abs(high_x), abs(low_z), abs(high_z))
@@ -291,7 +292,7 @@ def _box(curve: Curve, row: Row) -> Row:
 
 
 def _hull(curve: Curve, row: Row) -> tuple[Point, ...]:
-    """Points whose convex hull holds a curve."""
+    """Points whose convex hull contains a curve."""
     if isinstance(row, rows.Oval):
         return ((row.ax, row.az), (row.bx, row.bz), (row.cx, row.cz), (row.dx, row.dz))
     if isinstance(curve, Segment):
@@ -305,7 +306,7 @@ def _hull(curve: Curve, row: Row) -> tuple[Point, ...]:
 
 
 def _tangent_hull(curve: Curve) -> tuple[Point, Point, Point, Point]:
-    """Ends of a curve that bends one way, and where the tangents there meet the one in its middle."""
+    """Ends of a curve that bends in one direction, and intersections of their tangents with that at its midpoint."""
     points = [(float(x), float(z)) for x, z in curve.points(np.array([0.0, 0.5, 1.0]))]
     tangents = [right_of(curve.normal_at(point)) for point in points]
     corners = [_meeting(points[i], tangents[i], points[i + 1], tangents[i + 1]) for i in range(2)]
@@ -323,7 +324,7 @@ def _arc(curve: Arc) -> rows.Arc:
 
 
 def _parabola(curve: Parabola) -> rows.Conic:
-    """Its depth lies to the right of its axis, which is to the left of the reversed axis."""
+    """Convert a parabola; its depth is to the right of its axis, hence to the left of the reversed axis."""
     lateral = (-curve.axis[0], -curve.axis[1])
     low, high = sorted((-curve.from_mm, -curve.to_mm))
     side = 1.0 if curve.to_mm < curve.from_mm else -1.0
@@ -344,7 +345,7 @@ def _oval(curve: CartesianOval) -> rows.Oval:
     wx, wz = curve.axis
 
     def place(point: Point) -> Point:
-        """A point of the oval's own frame: to the right of the axis, and along it."""
+        """Convert a point from the oval's own frame, to the right of the axis and along it."""
         return (curve.vertex[0] + point[0] * wz + point[1] * wx, curve.vertex[1] - point[0] * wx + point[1] * wz)
 
     left, b, c, right = (place(point) for point in local.hull)
@@ -359,7 +360,7 @@ def _oval(curve: CartesianOval) -> rows.Oval:
 
 
 class _OvalShape(NamedTuple):
-    """What only depends on an oval's shape: corners of its hull and the fitted conic, in its own frame."""
+    """Properties that depend only on an oval's shape: corners of its hull and the fitted conic, in its own frame."""
 
     hull: tuple[Point, Point, Point, Point]
     fit: tuple[float, float, float]
@@ -367,7 +368,7 @@ class _OvalShape(NamedTuple):
 
 @lru_cache(maxsize=256)
 def _oval_of(n1: float, n2: float, object_mm: float, image_mm: float, from_deg: float, to_deg: float) -> _OvalShape:
-    """Hull and fit of a front walked from its left end to its right one; a sweep turns one front many times."""
+    """Hull and fit of a front traversed from its left end to its right one; a sweep rotates one front many times."""
     curve = CartesianOval((0.0, 0.0), (0.0, 1.0), n1, n2, object_mm, image_mm, from_deg, to_deg)
     r, w = curve.points(np.linspace(0.0, 1.0, 33)).T
     fit = np.linalg.lstsq(np.column_stack([np.ones_like(w), w, w * w]), r * r, rcond=None)[0]
@@ -375,7 +376,7 @@ def _oval_of(n1: float, n2: float, object_mm: float, image_mm: float, from_deg: 
 
 
 def _meeting(a: Point, along_a: Point, b: Point, along_b: Point) -> Point:
-    """Where two lines meet; between the points where they are all but one line."""
+    """Intersection of two lines; if they are almost the same line, the point midway."""
     slant = cross(along_a, along_b)
     if abs(slant) < STRAIGHT:
         return (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]))

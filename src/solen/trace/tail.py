@@ -1,9 +1,9 @@
 """The remainder of an exact integration, sampled.
 
-Integration follows branches down to a least weight and up to so many hits. Beyond that, light that is trapped or split
-many times is no smooth function of where it starts; but it is little, and so it is sampled: every sample takes the very
-branches that were left, each of them one way by chance, from scrambled Sobol' points. The mean of independent
-scramblings is without bias, and how far they are apart is its uncertainty. What was left is known from the integration,
+Integration follows branches down to a least weight and up to a number of hits. Beyond that, light that is trapped or
+split many times is not a smooth function of its start; but it is little, and can be sampled: each sample follows the
+branches that were left, continuing each as one random part, from scrambled Sobol' points. The mean of independent
+scramblings is unbiased, and their differences give its uncertainty. The total remainder is known from the integration,
 so only its division among the receivers is sampled: a ratio of two means.
 """
 
@@ -23,13 +23,13 @@ from solen.trace.kernel.nearest import Walls
 
 SCRAMBLINGS, SEED = 16, 20260
 FIRST_SAMPLES, MOST_SAMPLES = 32, 1 << 22
-"""Samples of each scrambling, at first and at most."""
+"""Initial and largest number of samples of each scrambling."""
 WIDENED = 1.07
 """Standard deviation of Student's t with 15 degrees of freedom."""
 
 
 class Tail(NamedTuple):
-    """Light of a source whose tail can be sampled: ``family_of`` gives its rays in one colour of its spectrum."""
+    """Light of a source whose tail can be sampled: ``family_of`` returns its rays for one line of its spectrum."""
 
     walls: Walls
     source: Source
@@ -38,9 +38,9 @@ class Tail(NamedTuple):
     family_of: Callable[[int], FamilyInSpace]
 
     def added(self, found: Integral, tolerance: float, most_hits: int, most_legs: int) -> Integral:
-        """Integration result completed by its sampled tail, to an uncertainty of ``tolerance`` or a number of legs.
+        """Complete an integral with its sampled tail, to the uncertainty ``tolerance`` or a number of segments.
 
-        If these cannot suffice, only a tenth of them is used.
+        If that number cannot suffice, only a tenth of it is used.
         """
         room = paths.path_room(self.columns)
         dimensions = self.source.dimensions(self.in_space)
@@ -64,7 +64,7 @@ class Tail(NamedTuple):
         )
 
     def _sum(self, u: FloatArray, first: int, most_hits: int, room: paths.PathRoom, total: FloatArray) -> int:
-        """Add the tails of samples at points ``u`` (N, dimensions) of the unit cube; returns how many legs."""
+        """Add the tails of samples at points ``u`` (N, dimensions) of the unit cube; returns the number of segments."""
         launch = self.source.launch_at(u, len(u), self.in_space)
         rise = np.zeros(len(launch)) if launch.dy is None else launch.dy
         starts = np.column_stack([launch.x_mm, launch.z_mm, launch.dx, rise, launch.dz])
@@ -76,10 +76,10 @@ class Tail(NamedTuple):
 
 
 def divided(means: FloatArray, unfinished: float) -> tuple[FloatArray, float]:
-    """Division of what is unfinished by the means (R, columns) of R scramblings, the last column being all of it.
+    """Divide the unfinished power in the ratio of means (R, columns) of R scramblings, the last being the total.
 
-    Returns the shares (columns − 1,) and their uncertainty, that of a ratio of means (Cochran, Sampling Techniques,
-    3rd ed., 1977, section 6.4); all of it where hardly a sample found any.
+    Returns the fractions (columns − 1,) and their uncertainty, that of a ratio of means (Cochran, Sampling Techniques,
+    3rd ed., 1977, section 6.4); the uncertainty is the whole unfinished power if too few samples contain any.
     """
     parts, all_of_it = means[:, :-1], means[:, -1]
     if np.count_nonzero(all_of_it) < len(means):

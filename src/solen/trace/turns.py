@@ -1,14 +1,15 @@
-"""Rays in turns, and weak parts by their number: the rule by which ray-optics follows light, for its scenes.
+"""The rule by which ray-optics follows light: rays take turns, and weak parts are dropped by their number.
 
-The plain tracers follow one ray to its end and all its parts to the stated weight. Here, all rays are in one list; in a
-round each of them in turn meets the next thing on its way, a detector too, and a part that is split off is added at the
-end of the list, where its turn comes in the same round; all orders of a grating are. A part that is split off with no
-more than the power ``weak`` is dropped, but where rays follow one another onto one object, the part of every k-th place
-of the list goes on with k times its power, k being the least number that makes it more than `WEAK`. So what a monitor
-reads keeps its mean, with few rays, and is the same in both programs, ray by ray.
+The reference tracers follow one ray to its end and all its parts to the stated weight. Here all rays are in one list.
+In each round, each of them in turn meets the next object on its way, detectors included. A part that is split off is
+added to the end of the list, where its turn comes in the same round; for a grating these are all its orders. A part
+that is split off with no more than the power ``weak`` is dropped, but for rays that meet one object in succession, the
+part at every k-th place of the list continues with k times its power, where k is the smallest number for which this
+exceeds `WEAK`. The mean reading of a monitor is therefore preserved with few rays, and is the same in both programs,
+ray by ray.
 
-This is slow, plain Python on the reference tracer; what is dropped counts as truncated, and what is added is taken from
-that again, so that the ledger is whole.
+This is slow, plain Python on top of the reference tracer; dropped power counts as truncated, and added power is
+subtracted from it, so that the ledger is complete.
 """
 
 import math
@@ -25,18 +26,18 @@ from solen.trace.reference_surfaces import Arrival, orders_of
 from solen.trace.result import ABSORBED, TRUNCATED, Limits, Trace
 
 WEAK = 0.01
-"""Power that makes a part worth following: of k weak parts the one that goes on has more."""
+"""Power above which a part is followed: of k weak parts, the one that continues has more."""
 NOTHING = ""
-"""What a ray meets that escapes."""
+"""Name of the object met by a ray that escapes."""
 
 
 @dataclass(frozen=True)
 class Turns:
-    """How rays are followed in turns; powers are in the unit of the scene's sources.
+    """Rules for following rays in turns; powers are in the unit of the scene's sources.
 
-    ``weak`` is the power up to which a part split off is dropped, ``weakest`` that up to which a ray ends. ``fresh``
-    says of each ray whether it begins anew instead of following the one before it. Interfaces and monitors are one
-    object where their names agree up to the first dot.
+    ``weak`` is the power up to which a split-off part is dropped, ``weakest`` that up to which a ray ends. ``fresh``
+    states for each ray whether it starts a new sequence instead of continuing that of the ray before it. Interfaces and
+    monitors are one object if their names agree up to the first dot.
     """
 
     weak: float = WEAK
@@ -52,7 +53,7 @@ class Turns:
 
 @dataclass
 class _Place:
-    """A place of the list: its ray, whether that stands alone, and the objects still to be met on this stretch."""
+    """An entry of the list: its ray, whether that is alone, and the objects still to be met on this segment."""
 
     ray: Ray
     alone: bool
@@ -63,17 +64,22 @@ class _Place:
 def trace_in_turns(scene: Scene, turns: Turns, *, legs: bool = False) -> Trace:
     """Trace every ray of every source in turns, in power mode.
 
-    `DesignError` if ``fresh`` is not as long as there are rays.
+    Raises
+    ------
+    DesignError
+        If ``fresh`` does not have one entry for each ray.
     """
     if turns.fresh and len(turns.fresh) != scene.rays:
-        raise DesignError("turns fresh", value=len(turns.fresh), limit=f"must be one for each of {scene.rays} rays")
+        raise DesignError(
+            "turns fresh", value=len(turns.fresh), limit=f"must have one entry for each of {scene.rays} rays"
+        )
     tracer = _InTurns(scene, turns)
     tracer.run()
     return tracer.result(legs)
 
 
 class _InTurns(Tracer):
-    """The reference tracer, one step of one ray at a time."""
+    """The reference tracer, advanced by one step of one ray at a time."""
 
     def __init__(self, scene: Scene, turns: Turns) -> None:
         super().__init__(scene, "power", Limits(1e-15, max(turns.max_hits + 1, 1)), 0)
@@ -82,7 +88,7 @@ class _InTurns(Tracer):
         self.turn = 0
 
     def run(self) -> None:
-        """Rounds until no ray is left."""
+        """Repeat rounds until no ray is left."""
         fresh = self.turns.fresh or (False,) * self.scene.rays
         rays = zip(launched(self.scene, self.limits), fresh, strict=True)
         self.places = [_Place(ray, alone, []) for ray, alone in rays]
@@ -97,7 +103,7 @@ class _InTurns(Tracer):
                 self.turn += 1
 
     def _meet(self, place: _Place, last: str) -> str:
-        """Take one turn, and say what was met; ``last`` is what the ray before met."""
+        """Take one turn and return the object met; ``last`` is the object that the ray before met."""
         if not place.ahead:
             place.ahead = self._objects_ahead(place.ray)
         met = place.ahead.pop(0)
@@ -110,7 +116,7 @@ class _InTurns(Tracer):
         return met
 
     def _objects_ahead(self, ray: Ray) -> list[str]:
-        """Objects of the monitors on a stretch, and the one at its end."""
+        """Return the objects of the monitors on a segment, and the one at its end."""
         interface, length_mm = self._next(ray)
         crossed = sorted(
             (t, _object(monitor.name))
@@ -121,10 +127,10 @@ class _InTurns(Tracer):
         return [*(name for _, name in crossed), NOTHING if interface is None else _object(interface.name)]
 
     def _go_on(self, place: _Place) -> None:
-        """Carry a place's ray through the interface ahead; what is split off there gets a place at the end."""
+        """Advance the ray of an entry through the interface ahead; parts split off there are added to the list."""
         waiting: list[Ray] = []
         ray = self._step(place.ray, waiting)
-        while ray is not None and ray.hits == place.ray.hits and not waiting:  # only past the end of a curve
+        while ray is not None and ray.hits == place.ray.hits and not waiting:  # it only passed the end of a curve
             ray = self._step(ray, waiting)
         self.places += [_Place(part, _stands_alone(part, place), [], place.met) for part in waiting]
         if ray is None:
@@ -146,7 +152,7 @@ class _InTurns(Tracer):
     def _treated(
         self, surface: Surface, ray: Ray, back: Ray, facing: Point, beyond: str, waiting: list[Ray]
     ) -> Ray | None:
-        """As in every tracer, but all orders of a grating are followed; what they take or add is in the ledger."""
+        """Treat a surface as every tracer does, but follow all orders of a grating and balance the ledger."""
         interface = back.last
         if surface.grating is None or interface is None:
             return super()._treated(surface, ray, back, facing, beyond, waiting)
@@ -166,7 +172,7 @@ class _InTurns(Tracer):
         return None
 
     def _split(self, parts: tuple[Ray, ...], waiting: list[Ray]) -> Ray | None:
-        """Keep one part in its place; the other one is added, or dropped, or goes on for others that are dropped."""
+        """Keep one part as the entry; the other is added to the list, dropped, or represents other dropped parts."""
         back, on = parts
         splitter = back.last is not None and back.last.behaviour == "splitter"
         kept, off = (back, on) if splitter else (on, back)
@@ -183,7 +189,7 @@ class _InTurns(Tracer):
         return kept if kept.power > 0.0 else None
 
     def _times(self, off: Ray) -> int:
-        """How many parts a weak one stands for; 0 where it is dropped."""
+        """Number of parts that a weak one represents; 0 if it is dropped."""
         place = self.places[self.turn]
         times = math.floor(WEAK / off.power) + 1
         return times if place is not None and not place.alone and self.turn % times == 0 else 0
@@ -198,6 +204,6 @@ def _object(name: str) -> str:
 
 
 def _stands_alone(part: Ray, place: _Place) -> bool:
-    """Whether a part stands alone at first: an order of a grating does, what a splitter lets through does not."""
+    """Whether a part is alone at first: an order of a grating is, the part transmitted by a splitter is not."""
     behaviour = None if part.last is None else part.last.behaviour
     return behaviour == "grating" or (place.alone and behaviour != "splitter")

@@ -1,11 +1,11 @@
 """Scenes of ray-optics (ricktu288/ray-optics, JSON version 5) as scenes of solen.
 
-The idea: a file lists objects that may lie upon one another; here each becomes exact curves, and the plane that they
-divide becomes regions and interfaces (`arrangement`). Sources become the very rays that ray-optics sends, detectors
-become monitors, and what is not understood is listed with the reason.
+The idea: a file lists objects that may overlap; here each becomes exact curves, and the plane that they divide becomes
+regions and interfaces (`arrangement`). Sources become exactly the rays that ray-optics launches, detectors become
+monitors, and unsupported content is listed with the reason.
 
-The interface: `load` and `loads` give an `Imported`; `recognised` says whether parsed JSON is such a file. Formulas of
-curves and modules are read by `solen.scene.rayoptics.formula`, which executes nothing.
+The interface: `load` and `loads` return an `Imported`; `recognised` tells whether parsed JSON is such a file. Formulas
+of curves and modules are read by `solen.scene.rayoptics.formula`, which executes nothing.
 """
 
 from solen.scene.rayoptics.facets import Facets

@@ -1,13 +1,12 @@
 """Overlapping glasses as separate regions: ray-optics lets glasses overlap, scenes of solen do not.
 
-In ray-optics a glass multiplies the index of its surroundings, and coinciding surfaces act as one. Here all
-curves are divided where they end on or cross each other; coinciding stretches become one; and on either side of
-each stretch the glasses that contain a point just beside it are determined. Each set of glasses is a region, whose
-index is the product of theirs. A stretch with the same set on both sides is not a surface, unless something else is
-there.
+In ray-optics a glass multiplies the index of its surroundings, and coinciding surfaces act as one. Here all curves are
+divided where other curves end on them or cross them, coinciding segments are merged, and the glasses that contain a
+point just beside each segment are determined on both of its sides. Each set of glasses is a region, whose index is the
+product of their indices. A segment with the same set on both sides is not a surface, unless an element is there.
 
-A glass without orientation contains points surrounded by an odd number of its outlines. One with an orientation,
-drawn by a formula, uses the winding number of its outline, so that with the wrong orientation the outside is glass.
+A glass without orientation contains the points surrounded by an odd number of its outlines. One with an orientation,
+drawn by a formula, uses the winding number of its outline, so with the wrong orientation the outside is glass.
 """
 
 import math
@@ -27,20 +26,22 @@ from solen.scene.rayoptics.intersections import crossings, part, place_of, unloo
 from solen.scene.surface import Surface
 
 Levels = tuple[int, ...]
-"""How often each glass holds a point."""
+"""How many times each glass contains a point."""
 
 DIRECTIONS = tuple(heading(angle_deg) for angle_deg in (17.3, 131.9, 253.1))
-"""Ways in which crossings of outlines are counted; the majority decides."""
+"""Directions along which crossings of outlines are counted; the majority decides."""
 SOMEWHERE = 0.3819660112501051
-"""Where on a stretch its sides are looked at: not in the middle, where drawn things like to touch one another."""
+"""Parameter of the point of a segment at which its sides are tested: not the middle, where drawn objects often
+touch.
+"""
 AIR = "air"
 
 
 @dataclass(frozen=True)
 class Glass:
-    """Glass by its closed outline: index A + B/λ², λ in µm.
+    """A glass with a closed outline and the index A + B/λ², with λ in µm.
 
-    ``endless`` is a half-plane on the right of its only curve, a long segment.
+    If ``endless``, it is a half-plane on the right of its only curve, a long segment.
     """
 
     name: str
@@ -64,7 +65,7 @@ class Element:
 
 @dataclass
 class _Stretch:
-    """Part of a curve on which nothing ends, and its owners."""
+    """Part of a curve on which no other curve ends, and its owners."""
 
     curve: Curve
     owners: list[int] = field(default_factory=list)
@@ -80,10 +81,10 @@ class Arranged:
 
 
 def arranged(parts: Sequence[Glass | Element], tolerance: float, colours: bool) -> Arranged:
-    """Divide the plane by glasses and elements; points nearer than the tolerance coincide.
+    """Divide the plane by glasses and elements; points closer than the tolerance coincide.
 
-    The first glass of a common stretch lends it its name and says whether it reflects in part, unless an element stands
-    there, which then decides what becomes of a ray. With ``colours`` indices depend on the wavelength.
+    If several objects share a segment, an element determines its behaviour, or else the first glass, which also gives
+    it its name and states whether it has partial reflection. With ``colours``, indices depend on the wavelength.
     """
     glasses = [part for part in parts if isinstance(part, Glass)]
     known: dict[Levels, str] = {}
@@ -97,10 +98,10 @@ def arranged(parts: Sequence[Glass | Element], tolerance: float, colours: bool) 
         if left == right and isinstance(head, Glass):
             continue
         if left != right and isinstance(head, Element) and head.behaviour in ("splitter", "lens"):
-            refused[head.name] = f"a {head.behaviour} on a surface of glass"
+            refused[head.name] = f"is a {head.behaviour} on a surface of glass, which is not supported"
             continue
         if isinstance(head, Element) and head.behaviour == "grating" and any(left + right):
-            refused[head.name] = "a grating in or on glass, where ray-optics takes the wavelength of air"
+            refused[head.name] = "is a grating in or on glass, where ray-optics uses the wavelength in air"
             continue
         if sum(isinstance(owner, Element) for owner in owners) > 1:
             refused[next(o.name for o in owners if isinstance(o, Element) and o is not head)] = f"lies on {head.name}"
@@ -133,17 +134,17 @@ def _region(name: str, glasses: Sequence[Glass], levels: Levels, colours: bool) 
         return Region(name, math.prod(glass.a**level for glass, level in held))
     if min(level for _, level in held) < 0:
         raise DesignError(
-            f"region {name}", limit="a dispersive glass outside its outline: walk the outline the other way"
+            f"region {name}", limit="a dispersive glass lies outside its outline: reverse the direction of the outline"
         )
     return Region(name, _product([glass for glass, level in held for _ in range(level)]))
 
 
 def _product(glasses: Iterable[Glass]) -> Cauchy:
-    """Cauchy's formula for the product of at most two dispersive glasses; a third would need 1/λ⁶."""
+    """Return Cauchy's formula for the product of at most two dispersive glasses; a third would need a term in 1/λ⁶."""
     a, b, c = 1.0, 0.0, 0.0
     for glass in glasses:
         if c and glass.b_um2:
-            limit = "of overlapping glasses at most two may be dispersive"
+            limit = "at most two of the overlapping glasses may be dispersive"
             raise DesignError(f"glass {glass.name}", limit=limit, remedy="set cauchyB of the others to 0")
         a, b, c = a * glass.a, a * glass.b_um2 + b * glass.a, b * glass.b_um2 + c * glass.a
     return Cauchy(A=a, B_um2=b, C_um4=c)
@@ -160,7 +161,7 @@ def _stretches(parts: Sequence[Glass | Element], tolerance: float) -> list[_Stre
 
 
 def _divided_at_ends(stretches: list[_Stretch], tolerance: float) -> list[_Stretch]:
-    """Stretches cut wherever another one ends on them."""
+    """Divide segments wherever another one ends on them."""
     ends = [point for stretch in stretches for point in (stretch.curve.start, stretch.curve.end)]
     corners = np.array(ends)
     divided: list[_Stretch] = []
@@ -172,7 +173,7 @@ def _divided_at_ends(stretches: list[_Stretch], tolerance: float) -> list[_Stret
 
 
 def _near(curve: Curve, points: np.ndarray, tolerance: float) -> list[int]:
-    """Points within the box of a curve."""
+    """Indices of the points within the bounding box of a curve."""
     low, high = _box(curve)
     return np.flatnonzero(np.all((points >= low - tolerance) & (points <= high + tolerance), axis=1)).tolist()
 
@@ -184,7 +185,7 @@ def _box(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _cut(stretch: _Stretch, places: Iterable[float], tolerance: float) -> list[_Stretch]:
-    """Parts between positions, ignoring positions within the tolerance of another or of an end."""
+    """Cut a segment at these parameters, ignoring any within the tolerance of another cut or of an end."""
     curve = stretch.curve
     kept = [0.0]
     for u in sorted(places):
@@ -195,7 +196,7 @@ def _cut(stretch: _Stretch, places: Iterable[float], tolerance: float) -> list[_
 
 
 def _united(stretches: list[_Stretch], tolerance: float) -> list[_Stretch]:
-    """Coinciding stretches merged, with all their owners; a stretch traversed both ways has its owner twice."""
+    """Merge coinciding segments and their owners; an outline that passes a segment twice is its owner twice."""
     united: list[_Stretch] = []
     for stretch in stretches:
         same = next((other for other in united if _coincide(stretch.curve, other.curve, tolerance)), None)
@@ -230,7 +231,7 @@ def _divided_at_crossings(stretches: list[_Stretch], tolerance: float) -> list[_
 
 
 def _levels(glasses: Sequence[Glass], curve: Curve, aside: float) -> Levels:
-    """How often each glass holds a point so far to the left of a curve."""
+    """How many times each glass contains the point at the distance ``aside`` to the left of a curve."""
     at = curve.point_at(SOMEWHERE)
     point = along(at, curve.normal_at(at), aside)
     return tuple(_level(glass, point) for glass in glasses)
@@ -245,7 +246,7 @@ def _level(glass: Glass, point: Point) -> int:
 
 
 def _turns(glass: Glass, point: Point, direction: Point) -> int:
-    """Crossings of a glass's outline on the way out: their parity, or their sum with signs where it has a direction."""
+    """Count crossings of a glass's outline from a point outwards: modulo 2, or with signs if it is oriented."""
     total = 0
     for curve in glass.outline:
         for t in curve.hits(point, direction):
@@ -254,7 +255,7 @@ def _turns(glass: Glass, point: Point, direction: Point) -> int:
 
 
 def _sign(curve: Curve, at: Point, direction: Point) -> int:
-    """1 where a ray leaves what lies on the left of a curve, −1 where it enters that."""
+    """1 if a ray crosses a curve from its left to its right, −1 in the other direction."""
     if isinstance(curve, Facets):
         return curve.sign_at(at, direction)
     return 1 if dot(curve.normal_at(at), direction) < 0.0 else -1

@@ -1,8 +1,8 @@
 """Curves of formulas as ray-optics traces them: chords between sampled points, with normals blended from neighbours.
 
-ray-optics does not follow the curve of a formula but a fine polyline, and gives each chord a normal that turns from
-that of the chord before to that of the chord behind it. Who wants its numbers to the last bin does the same; who wants
-the curve takes `solen.scene.rayoptics.formula_curves`. Only the tracers in plain Python know these curves.
+ray-optics does not follow the curve of a formula but a fine polyline, and gives each chord a normal that turns
+gradually from that of the chord before to that of the chord behind it. These curves reproduce the numbers of ray-optics
+exactly; `solen.scene.rayoptics.formula_curves` has the true curves. Only the tracers in plain Python support facets.
 """
 
 import math
@@ -21,19 +21,22 @@ from solen.scene.rayoptics.fields import LARGEST, UnreadError
 Blend = Literal["images", "lengths", "units"]
 
 STEP, FIRST, BEYOND = 0.1000001, 0.05, 0.09
-"""Step along the base of a curve over a line, place of the first point and how far beyond the end the last may be."""
+"""Step along the base of a curve over a line, offset of the first point, and largest distance of the last one beyond
+the end.
+"""
 UNLIKE = 10.0
-"""Ratio of lengths from which on chords of a parametric curve are not blended."""
+"""Ratio of lengths from which neighbouring chords of a parametric curve are not blended."""
 MOST_CORNERS = 200_000
 
 
 @dataclass(frozen=True)
 class Facets(Curve):
-    """Polyline through ``corners``, from parameter ``low`` to ``high``; parameters count corners, with parts of chords.
+    """Polyline through ``corners``, from parameter ``low`` to ``high``; a parameter's integer part numbers the chord.
 
-    ``blend`` says how: a mirror over a line blends *images* and a glass there normals, both by the chords' *lengths*
-    squared; a parametric curve blends normals by *units*, and not those of very unlike chords. What a ray that leaves
-    meets nearer than ``skin`` is the place that it stands on.
+    ``blend`` states how neighbouring chords are blended: along a base line, mirrors blend *images* and glasses normals,
+    both weighted with the squared *lengths* of the chords; a parametric curve blends normals with weights that add up
+    to 1 (*units*), except between chords of very unlike lengths. A hit closer than ``skin`` is ignored for a ray that
+    leaves the curve.
     """
 
     corners: tuple[Point, ...]
@@ -44,12 +47,12 @@ class Facets(Curve):
 
     @classmethod
     def through(cls, corners: tuple[Point, ...], blend: Blend, skin: float) -> "Facets":
-        """All chords."""
+        """Return the polyline with all its chords."""
         return cls(corners, blend, skin, 0.0, len(corners) - 1.0)
 
     @cached_property
     def _table(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Starts and steps of all chords, and their lengths."""
+        """Start points, steps and lengths of all chords."""
         corners = np.array(self.corners)
         steps = np.diff(corners, axis=0)
         return corners[:-1], steps, np.hypot(*steps.T)
@@ -67,7 +70,7 @@ class Facets(Curve):
         return np.asarray(starts[which] + (place - which)[:, None] * steps[which])
 
     def velocities(self, u: FloatArray) -> FloatArray:
-        """See `Curve.velocities`; at a corner, that of the chord behind it."""
+        """See `Curve.velocities`; at a corner, the velocity of the chord behind it."""
         _, steps, _ = self._table
         place = self.low + u * (self.high - self.low)
         return np.asarray((self.high - self.low) * steps[np.clip(np.floor(place), 0, len(steps) - 1).astype(int)])
@@ -78,14 +81,14 @@ class Facets(Curve):
         return replace(self, low=self.low + u_from * span, high=self.low + u_to * span)
 
     def place(self, point: Point) -> float:
-        """Parameter from 0 to 1 of the curve's point next to another one."""
+        """Parameter, from 0 to 1, of the point of the curve that is nearest to another one."""
         chord, share = self._chord(point)
         return min(max((chord + share - self.low) / (self.high - self.low), 0.0), 1.0)
 
     def normal_at(self, point: Point) -> Point:
-        """See `Curve.normal_at`; blended as a mirror's.
+        """See `Curve.normal_at`; blended as for a mirror.
 
-        Two images add up to that of half their doubled angle.
+        The sum of two images has the direction of half the angle of the sum of their doubled directions.
         """
         blended = self._blended(point)
         doubled = sum(weight * complex(*tangent) ** 2 for weight, tangent in blended)
@@ -95,7 +98,7 @@ class Facets(Curve):
         return left_of((turned.real, turned.imag))
 
     def normal_met(self, point: Point, direction: Point) -> Point:
-        """Left normal where a ray meets the curve: of glass, each chord's counts as the ray stands on it."""
+        """Left normal where a ray meets the curve; a glass also weights each chord with the cosine of incidence."""
         if self.blend == "images":
             return self.normal_at(point)
         x = z = 0.0
@@ -108,7 +111,7 @@ class Facets(Curve):
         return (way * x, way * z) if way == way else own
 
     def _blended(self, point: Point) -> list[tuple[float, Point]]:
-        """The chord next to a point and, where they blend, that behind it: weights and unit tangents."""
+        """Weights and unit tangents of the chord nearest to a point and, if they are blended, of its neighbour."""
         chord, share = self._chord(point)
         other = chord - 1 if share < 0.5 else chord + 1
         own = 0.5 + share if share < 0.5 else 1.5 - share
@@ -131,7 +134,7 @@ class Facets(Curve):
         return (x, z)
 
     def sign_at(self, point: Point, direction: Point) -> int:
-        """1 where a ray goes through a chord to its right, −1 to its left."""
+        """1 if a ray crosses the nearest chord to its right, −1 if to its left."""
         step = self._table[1][self._chord(point)[0]]
         return 1 if cross((float(step[0]), float(step[1])), direction) < 0.0 else -1
 
@@ -158,7 +161,7 @@ class Facets(Curve):
         return replace(self, corners=self.corners[::-1], low=last - self.high, high=last - self.low)
 
     def _chord(self, point: Point) -> tuple[int, float]:
-        """The chord next to a point, and the share of it up to there."""
+        """The chord nearest to a point, and the position along it as a fraction of its length."""
         starts, steps, lengths = self._table
         offset = np.array(point) - starts
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -169,7 +172,7 @@ class Facets(Curve):
 
 
 def over_line(length: float, scale: float) -> list[float]:
-    """Places along a base of that length at which ray-optics asks a formula over it, from one end to the other."""
+    """Positions along a base at which ray-optics evaluates a formula, from one end to the other."""
     if length / scale > MOST_CORNERS * STEP:
         raise UnreadError("p2", f"would make more than {MOST_CORNERS} facets")
     values, i = [], -STEP * scale
@@ -180,9 +183,9 @@ def over_line(length: float, scale: float) -> list[float]:
 
 
 def along_parameter(low: float, high: float, step: float) -> list[float]:
-    """Parameters at which ray-optics asks a parametric formula."""
+    """Parameters at which ray-optics evaluates a parametric formula."""
     if not step > 0.0 or (high - low) / step > MOST_CORNERS:
-        raise UnreadError("tStep", f"must be above 0 and make at most {MOST_CORNERS} facets, not {step:g}")
+        raise UnreadError("tStep", f"must be above 0 and give at most {MOST_CORNERS} facets, not {step:g}")
     found, t = [low], low + step
     while t < high:
         found.append(t)
@@ -191,8 +194,8 @@ def along_parameter(low: float, high: float, step: float) -> list[float]:
 
 
 def sampled(at: Callable[[float], Point], places: list[float], key: str) -> list[Point]:
-    """Points at places; `UnreadError` if the formula has no value."""
+    """Return the points at these positions; `UnreadError` if the formula is not defined there."""
     points = [at(place) for place in places]
     if not all(abs(x) <= LARGEST and abs(z) <= LARGEST for x, z in points):
-        raise UnreadError(key, f"has no value of at most {LARGEST:g} somewhere in its range")
+        raise UnreadError(key, f"has no value of at most {LARGEST:g} in part of its range")
     return points

@@ -1,6 +1,6 @@
-"""Fields of one object of the file, each with its default; what is missing, of the wrong type or unknown is an error.
+"""Fields of one object of the file, each with its default; a missing field, a wrong type or an unknown key is an error.
 
-The file's y points down; solen's z points up, so that a picture stays as it is: (x, y) is (x, z) = (x, −y).
+In the file y points down; in solen z points up. With (x, z) = (x, −y) a picture keeps its orientation.
 """
 
 import builtins
@@ -13,19 +13,19 @@ from solen.scene.rayoptics.formula import number_in
 from solen.scene.rayoptics.modules import Expression
 
 GREEN_NM = 540.0
-"""Wavelength of a source or filter that names none."""
+"""Wavelength of a source or filter that states none."""
 
 T = TypeVar("T")
 
 LARGEST = 1e12
-"""Numbers of a file and coordinates of a formula are at most as large: their squares and products stay numbers."""
+"""Largest numbers of a file and coordinates of a formula, whose squares and products remain finite."""
 
 
 @dataclass(frozen=True)
 class NotUnderstood:
-    """Omitted content of a file: the object, its type, its key (None: all of it) and the reason.
+    """Omitted content of a file: the object, its type, its key (None: the whole object) and the reason.
 
-    ``object`` counts the file's objects from 1 on; 0 is the scene itself.
+    ``object`` counts the file's objects from 1; 0 is the scene itself.
     """
 
     object: int
@@ -39,7 +39,7 @@ class NotUnderstood:
 
 
 class UnreadError(Exception):
-    """An object cannot be read: the key at fault and the reason."""
+    """An object that cannot be read, with the key at fault and the reason."""
 
     def __init__(self, key: str | None, reason: str) -> None:
         super().__init__(reason)
@@ -49,7 +49,7 @@ class UnreadError(Exception):
 
 @dataclass
 class Fields:
-    """Object number ``number`` of the file; ``unread`` are the keys not read yet."""
+    """Object number ``number`` of the file; ``unread`` contains the keys not read yet."""
 
     number: int
     type: str
@@ -66,7 +66,7 @@ class Fields:
     def number_of(
         self, key: str, default: float | None = None, *, above: float = -math.inf, least: float = -math.inf
     ) -> float:
-        """A finite number within limits."""
+        """Read a finite number within limits."""
         value = self._value(key)
         number = default if default is not None and key not in self.data else finite(key, value)
         if not number > above:
@@ -84,19 +84,19 @@ class Fields:
         return value
 
     def flag(self, key: str, default: bool = False) -> bool:
-        """True or false."""
+        """Read true or false."""
         return self._of_type(key, bool, default, "true or false")
 
     def choice(self, key: str, default: str) -> str:
-        """A word."""
+        """Read a text."""
         return self._of_type(key, str, default, "text")
 
     def point(self, key: str) -> Point:
-        """A point."""
+        """Read a point."""
         return point_of(key, self._value(key))
 
     def items(self, key: str, default: list[dict[str, Any]] | None = None) -> list[dict[str, Any]]:
-        """A list of objects."""
+        """Read a list of objects."""
         value = self._value(key)
         if value is None and default is not None:
             return default
@@ -105,7 +105,7 @@ class Fields:
         return value
 
     def numbers(self, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        """A list of numbers."""
+        """Read a list of numbers."""
         value = self._value(key)
         if value is None:
             return default
@@ -114,17 +114,17 @@ class Fields:
         return tuple(finite(f"{key}[{i}]", item) for i, item in enumerate(value))
 
     def formula(self, key: str, variable: str, default: str) -> Expression:
-        """A formula of one variable."""
+        """Read a formula of one variable."""
         value = self._value(key)
         return expression(key, default if value is None else value, variable)
 
     def skip(self, *keys: str) -> None:
-        """Mark keys as read that do not concern light."""
+        """Mark keys that do not concern light as read."""
         self.unread -= set(keys)
 
 
 def expression(key: str, value: Any, variable: str) -> Expression:
-    """A formula of one variable; a number is one as well."""
+    """Return a formula of one variable; a number is a constant formula."""
     if isinstance(value, Expression):
         return value.of(variable)
     if isinstance(value, int | float) and not isinstance(value, bool):
@@ -135,7 +135,7 @@ def expression(key: str, value: Any, variable: str) -> Expression:
 
 
 def finite(key: str, value: Any) -> float:
-    """The value as a number."""
+    """Return the value as a finite number."""
     if value is None:
         raise UnreadError(key, "is missing")
     number = number_in(value)
@@ -147,7 +147,7 @@ def finite(key: str, value: Any) -> float:
 
 
 def point_of(key: str, value: Any) -> Point:
-    """{x, y} as (x, z) in mm."""
+    """Return {x, y} as (x, z) in mm."""
     if value is None:
         raise UnreadError(key, "is missing")
     if not isinstance(value, dict):
@@ -156,6 +156,6 @@ def point_of(key: str, value: Any) -> Point:
 
 
 def shown(value: object) -> str:
-    """A value, shortened."""
+    """Return the text of a value, shortened."""
     text = repr(value)
     return text if len(text) <= 40 else f"{text[:37]}..."

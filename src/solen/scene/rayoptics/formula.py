@@ -1,13 +1,12 @@
-r"""Formulas of one line, as ray-optics has them: LaTeX, or plain text as in a spreadsheet. Read here, never executed.
+r"""Formulas of one line, as ray-optics writes them: LaTeX, or plain text as in a spreadsheet. They are never executed.
 
-A formula is cut into tokens and read by recursive descent into nested functions of its variables. Nothing in it can
-name anything but the variables, the constants pi and e and the functions listed here: there is no way from a formula
-to the program.
+A formula is divided into tokens and parsed by recursive descent into nested functions of its variables. It can name
+only the variables, the constants pi and e and the functions listed here; it has no access to the program.
 
-Known are + − * / ^, ``\cdot``, ``\times``, ``\frac{a}{b}``, ``\sqrt{a}``, ``\sqrt[n]{a}``, brackets of every
-kind, \|a\|, comparisons (1 or 0), ``and``, ``or``, ``not`` and a product without a sign, as in 2x. Multiplication and
-division go from left to right, so that 1/2x is x/2; a power binds more than a minus before it. Angles are radians.
-Where a function is not defined, as the root of a negative number, the value is NaN.
+Supported are + − * / ^, ``\cdot``, ``\times``, ``\frac{a}{b}``, ``\sqrt{a}``, ``\sqrt[n]{a}``, brackets of every kind,
+\|a\|, comparisons (1 or 0), ``and``, ``or``, ``not`` and a product without a sign, as in 2x. Multiplication and
+division are evaluated from left to right, so 1/2x is x/2; a power binds more strongly than a minus before it. Angles
+are in radians. Where a function is not defined, such as the root of a negative number, the value is NaN.
 """
 
 import functools
@@ -25,9 +24,9 @@ Node = Callable[[Values], float]
 Function = Callable[..., float]
 
 MOST_TOKENS = 400
-"""Numbers, names and signs of a formula at most."""
+"""Largest number of tokens in a formula."""
 DEEPEST = 60
-"""Brackets within brackets at most."""
+"""Deepest nesting of brackets."""
 
 CONSTANTS = {"pi": math.pi, "e": math.e}
 FUNCTIONS: dict[str, Function] = {
@@ -80,9 +79,9 @@ BINARY: tuple[dict[str, Function], ...] = (
     },
     {"+": operator.add, "-": operator.sub},
 )
-"""Signs between two values, by how strongly they bind, products and powers left out."""
+"""Binary operators by increasing strength of binding, except products and powers."""
 NEGATION = 2
-"""How strongly ``not`` binds."""
+"""Strength of binding of ``not``."""
 LATEX_SIGNS = {"cdot": "*", "times": "*", "lt": "<", "gt": ">", "le": "<=", "ge": ">="}
 CLOSING = {"(": ")", "{": "}", "[": "]", "|": "|"}
 NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
@@ -97,7 +96,7 @@ TOKEN = re.compile(
 
 
 class Token(NamedTuple):
-    """A piece of text: its kind (number, name, sign; end), the text without LaTeX, where it begins."""
+    """A token: its kind (number, name, sign or end), its text without LaTeX, and its position."""
 
     kind: str
     text: str
@@ -106,23 +105,23 @@ class Token(NamedTuple):
 
 @dataclass(frozen=True)
 class Formula:
-    """A formula that was read; call it with the values of its variables."""
+    """A parsed formula; call it with the values of its variables."""
 
     text: str
     node: Node
 
     def __call__(self, **values: float) -> float:
-        """Value, NaN where the formula has none."""
+        """Value of the formula; NaN if it is not defined there."""
         return self.node(values)
 
 
 def parse(text: str, variables: Sequence[str] = (), functions: Mapping[str, Function] | None = None) -> Formula:
-    """Read a formula of those variables; ``functions`` are further ones by name.
+    """Parse a formula of these variables; ``functions`` are further functions by name.
 
     Raises
     ------
     DataError
-        With the place in the text, for what is not a formula or names something unknown.
+        If the text is not a formula or names something unknown; the message states the position.
     """
     reader = _Reader(text, set(variables), {**FUNCTIONS, **(functions or {})})
     return Formula(text, reader.whole())
@@ -144,7 +143,7 @@ def _tokens(text: str) -> list[Token]:
             tokens.append(Token(kind, value, at))
         at = match.end()
         if len(tokens) > MOST_TOKENS:
-            _refuse(text, at, f"more than {MOST_TOKENS} signs", "is too long a formula")
+            _refuse(text, at, f"more than {MOST_TOKENS} tokens", "the formula is too long")
     return [*tokens, Token("end", "", len(text))]
 
 
@@ -154,7 +153,7 @@ def _refuse(text: str, at: int, result: str, limit: str) -> NoReturn:
 
 
 class _Reader:
-    """Recursive descent, one method for each strength of binding."""
+    """Parser by recursive descent, with one method for each strength of binding."""
 
     def __init__(self, text: str, variables: set[str], functions: Mapping[str, Function]) -> None:
         self.text = text
@@ -178,7 +177,7 @@ class _Reader:
         _refuse(self.text, self.token.at, self.token.text, limit)
 
     def take(self, *texts: str) -> str | None:
-        """Next token's text where it is a sign or a word among these."""
+        """Consume the next token and return its text if it is one of these signs or words."""
         if self.token.kind in ("sign", "name") and self.token.text in texts:
             self.next += 1
             return self.tokens[self.next - 1].text
@@ -189,7 +188,7 @@ class _Reader:
             self.refuse(f"must be {text}")
 
     def binary(self, level: int = 0) -> Node:
-        """A and b, a < b, a + b and the like: of one strength of binding, from left to right."""
+        """Parse binary operators of one strength of binding (and, <, + and so on), from left to right."""
         if level == len(BINARY):
             return self.product()
         if level == NEGATION and self.take("not"):
@@ -200,7 +199,7 @@ class _Reader:
         return node
 
     def product(self) -> Node:
-        """A * b / c d."""
+        """Parse a * b / c d."""
         node = self.signed()
         while True:
             sign = self.take("*", "/")
@@ -218,7 +217,7 @@ class _Reader:
         return token.kind == "number" or (token.kind == "sign" and token.text in "({[")
 
     def signed(self) -> Node:
-        """− a."""
+        """Parse − a."""
         negative = False
         while (sign := self.take("+", "-")) is not None:
             negative ^= sign == "-"
@@ -226,7 +225,7 @@ class _Reader:
         return _called(operator.sub, _constant(0.0), node) if negative else node
 
     def power(self) -> Node:
-        """A ^ b, from right to left."""
+        """Parse a ^ b, from right to left."""
         node = self.atom()
         if self.take("^"):
             return _called(math.pow, node, self.signed_power())
@@ -238,7 +237,7 @@ class _Reader:
         return self.power()
 
     def atom(self) -> Node:
-        """A number, a name with its arguments, or an expression in brackets."""
+        """Parse a number, a name with its arguments, or an expression in brackets."""
         token = self.token
         if token.kind == "number":
             self.next += 1
@@ -251,7 +250,7 @@ class _Reader:
         return self.named(token)
 
     def bracket(self) -> Node:
-        """Content of the next bracket."""
+        """Parse the content of the next bracket."""
         opened = self.take(*CLOSING)
         if opened is None:
             self.refuse("must be a bracket")
@@ -264,7 +263,7 @@ class _Reader:
         return _called(abs, node) if opened == "|" else node
 
     def named(self, token: Token) -> Node:
-        """Variable, constant, or a function with its arguments."""
+        """Parse a variable, a constant, or a function with its arguments."""
         name = OTHER_NAMES.get(token.text, token.text)
         if name in self.variables:
             return _variable(name)
@@ -280,21 +279,23 @@ class _Reader:
         if len(name) > 1 and all(letter in self.variables or letter in CONSTANTS for letter in name):
             return self.letters(name)
         known = ", ".join(sorted(self.variables)) or "no variables"
-        _refuse(self.text, token.at, token.text, f"is unknown; there are {known}, pi, e and the usual functions")
+        _refuse(
+            self.text, token.at, token.text, f"is unknown; the known names are {known}, pi, e and the usual functions"
+        )
 
     def letters(self, name: str) -> Node:
-        """Product of variables written without a sign."""
+        """Parse a product of variables written without signs."""
         nodes = [_variable(i) if i in self.variables else _constant(CONSTANTS[i]) for i in name]
         return functools.reduce(lambda a, b: _called(operator.mul, a, b), nodes)
 
     def group(self) -> Node:
-        """Something in braces."""
+        """Parse an expression in braces."""
         if self.token.text != "{":
             self.refuse("must be {")
         return self.bracket()
 
     def call(self, name: str) -> Node:
-        """Function with its arguments, in brackets or, of one, without; ``sin^2 x`` is the square of the sine."""
+        """Parse a function and its arguments; a single one needs no brackets. ``sin^2 x`` is the squared sine."""
         exponent = self.atom() if self.take("^") else None
         if self.take("("):
             arguments = [self.binary()]
@@ -330,7 +331,7 @@ def _called(function: Function, *arguments: Node) -> Node:
 
 
 def number_in(value: Any) -> float | None:
-    """A number, or a text that ray-optics accepts as one; None for anything else."""
+    """Return a number, or the value of a text that ray-optics accepts as a number; None for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     if isinstance(value, str) and not NUMBER.fullmatch(value):

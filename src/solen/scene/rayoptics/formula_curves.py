@@ -1,9 +1,9 @@
-"""Curves of formulas: straight lines, circles and cubics are recognised, anything else becomes a chain of cubics.
+"""Curves of formulas: straight lines, circles and cubics are recognised; any other curve becomes a chain of cubics.
 
-A formula gives points only. Where `CHECKED` of them lie on one line, one circle or one cubic of the parameter, to
-rounding, the curve is that one. Otherwise its range is halved until cubics through four of its points pass all others
-within `TOLERANCE` of its size. Where halving does not help there is a jump, which ray-optics bridges by a straight
-line, or the end of the formula's domain, which is an error.
+A formula can only be evaluated at points. If `CHECKED` points are on one line, one circle or one cubic of the
+parameter, up to rounding, the curve is that one. Otherwise its range is halved until cubics through four of its points
+deviate from all others by at most `TOLERANCE` of its size. If halving does not help, there is a jump, which ray-optics
+bridges with a straight line, or the end of the formula's domain, which is an error.
 """
 
 import math
@@ -21,38 +21,41 @@ At = Callable[[float], Point]
 Control = tuple[Point, Point, Point, Point]
 
 EXACT = 1e-12
-"""Deviation, as a share of the curve's size, that is nothing but rounding."""
+"""Deviation, as a fraction of the curve's size, that is due to rounding alone."""
 TOLERANCE = 1e-7
-"""Deviation of a chain of cubics, as a share of the curve's size."""
+"""Deviation of a chain of cubics, as a fraction of the curve's size."""
 CHECKED = np.linspace(0.0, 1.0, 33)
 NARROWEST = 1e-9
-"""Share of the range that is not halved any more."""
+"""Fraction of the range below which it is not halved any more."""
 MOST_PIECES = 2000
 
 
 def fitted(at: At, start: float, end: float, what: str) -> list[Curve]:
-    """Connected curves that follow the point ``at`` a parameter from ``start`` to ``end``.
+    """Fit connected curves to the points ``at`` parameters from ``start`` to ``end``.
 
-    `DataError`, about ``what``, where the formula has no value, stands still, or would take too many pieces.
+    Raises
+    ------
+    DataError
+        About ``what``, if the formula is not defined, is constant, or would need too many pieces.
     """
     points = _sampled(at, start, end)
     if not np.all(np.abs(points) <= LARGEST):
         bad = start + (end - start) * float(CHECKED[int(np.argmin((np.abs(points) <= LARGEST).all(axis=1)))])
-        raise DataError(what, value=f"no value at {bad:g}", limit="must have one everywhere in its range")
+        raise DataError(what, value=f"no value at {bad:g}", limit="must be defined in its whole range")
     size = float(np.ptp(points, axis=0).max())
     if not size > 0.0:
-        raise DataError(what, value="one point", limit="must have a length")
+        raise DataError(what, value="one point", limit="must have a length above 0")
     whole = _recognised(points, size)
     return [whole] if whole is not None else _joined(_pieces(at, start, end, size, what), size)
 
 
 def _sampled(at: At, start: float, end: float) -> FloatArray:
-    """Points (33, 2) of a range; its two ends exactly."""
+    """Points (33, 2) of a range, with its exact ends."""
     return np.array([at(start), *(at(start + (end - start) * float(u)) for u in CHECKED[1:-1]), at(end)])
 
 
 def _recognised(points: FloatArray, size: float) -> Curve | None:
-    """Segment, arc or cubic that all points lie on, if there is one."""
+    """Return the segment, arc or cubic through all points, or None."""
     a, middle, b = (_point(points[i]) for i in (0, len(points) // 2, -1))
     if a != b and _off_line(points, a, b) <= EXACT * size:
         return Segment(a, b)
@@ -64,12 +67,12 @@ def _recognised(points: FloatArray, size: float) -> Curve | None:
         return None
     try:
         return Bezier(*control)
-    except DesignError:  # a cusp, or a line walked to and fro
+    except DesignError:  # a cusp, or a line traversed in both directions
         return None
 
 
 def _off_line(points: FloatArray, a: Point, b: Point) -> float:
-    """Largest distance from a line, infinite where the points do not run along it one after the other."""
+    """Largest distance from a line; infinite if the points are not in order along it."""
     along = np.array(minus(b, a)) / math.dist(a, b)
     from_a = points - np.array(a)
     if np.any(np.diff(from_a @ along) <= 0.0):
@@ -78,7 +81,7 @@ def _off_line(points: FloatArray, a: Point, b: Point) -> float:
 
 
 def _arc(points: FloatArray, a: Point, middle: Point, b: Point, size: float) -> Arc | None:
-    """Arc through all points in order."""
+    """Return the arc through all points in order, or None."""
     third = _point(points[len(points) // 3])
     try:
         circle = Arc.through(a, third, middle)
@@ -112,7 +115,7 @@ def _cubic(points: FloatArray) -> Control:
 
 
 def _off_cubic(points: FloatArray, control: Control) -> float:
-    """Largest distance of a point from the cubic's at the same parameter."""
+    """Largest distance of a point from that of the cubic at the same parameter."""
     v = np.linspace(0.0, 1.0, len(points))[:, None]
     a, b, c, d = (np.array(point) for point in control)
     w = 1.0 - v
@@ -120,14 +123,14 @@ def _off_cubic(points: FloatArray, control: Control) -> float:
 
 
 def _pieces(at: At, start: float, end: float, size: float, what: str) -> list[Curve]:
-    """Lines, arcs and cubics one after the other, found by halving."""
+    """Consecutive lines, arcs and cubics, obtained by halving the range."""
     curves: list[Curve] = []
     waiting = [(start, end)]
     while waiting:
         low, high = waiting.pop()
         points = _sampled(at, low, high)
         if not np.all(np.abs(points) <= LARGEST):
-            raise DataError(what, value=f"no value near {low:g}", limit="must have one everywhere in its range")
+            raise DataError(what, value=f"no value near {low:g}", limit="must be defined in its whole range")
         if high - low <= NARROWEST * (end - start):
             first, last = _point(points[0]), _point(points[-1])
             curves += [] if first == last else [Segment(first, last)]
@@ -139,7 +142,7 @@ def _pieces(at: At, start: float, end: float, size: float, what: str) -> list[Cu
             middle = 0.5 * (low + high)
             waiting += [(middle, high), (low, middle)]
         if len(curves) + len(waiting) > MOST_PIECES:
-            raise DataError(what, value=f"more than {MOST_PIECES} pieces", limit="needs too many pieces")
+            raise DataError(what, value=f"more than {MOST_PIECES} pieces", limit="the curve needs too many pieces")
     return curves
 
 
@@ -157,7 +160,7 @@ def _line_or_cubic(points: FloatArray, control: Control, size: float) -> Curve:
 
 
 def _joined(pieces: list[Curve], size: float) -> list[Curve]:
-    """Neighbours on one line as one segment, neighbouring cubics as one spline."""
+    """Join collinear neighbours into one segment and neighbouring cubics into one spline."""
     rows: list[list[Curve]] = []
     for piece in pieces:
         if rows and type(rows[-1][-1]) is type(piece) and _goes_on(rows[-1], piece, size):

@@ -1,7 +1,7 @@
-"""From a file of ray-optics to a scene: its objects one after the other, its detectors as monitors.
+"""Conversion of a ray-optics file to a scene: its objects in order, with its detectors as monitors.
 
-What is not understood is left out and listed, never guessed: a whole object, or one key of it. Only a file that is
-not a scene of ray-optics, or cannot be traced, is refused.
+Unsupported content is omitted and listed, never guessed: a whole object, or one key of it. A file is rejected only if
+it is not a scene of ray-optics or cannot be traced.
 """
 
 import json
@@ -29,19 +29,19 @@ from solen.scene.sources import Rays
 
 VERSION = 5
 MERGING = 1e-6
-"""Points nearer than this, in length scales of the file, are one point."""
+"""Points closer than this, in length scales of the file, are merged."""
 GREEN = ((GREEN_NM, 1.0),)
-"""Spectrum of light without colours at a grating."""
+"""Spectrum of light at a grating in a scene without colours."""
 WEAK, WEAK_IN_COLOUR = 0.01, 1e-6
-"""Brightness below which a split-off ray is dropped: by default, and where the scene asks for correct brightness."""
+"""Brightness below which a split-off ray is dropped: by default, and if the scene requests correct brightness."""
 NO_LIGHT = ("TextLabel", "LineArrow", "Ruler", "Protractor", "Drawing", "CropBox", "Handle")
-"""Objects that light does not see."""
+"""Objects that do not interact with light."""
 APPEARANCE = frozenset(
     {"version", "name", "importedFromBeta", "showGrid", "snapToGrid", "lockObjs", "gridSize", "observer", "origin"}
     | {"scale", "width", "height", "redWavelength", "violetWavelength", "showRayArrows", "symbolicBodyMerging"}
     | {"theme", "backgroundImage", "numericalTolerances"}
 )
-"""Keys of a scene that say nothing about light, or only how another program computes it."""
+"""Keys of a scene that do not concern light, or only state how another program computes it."""
 LIGHT = frozenset(
     {"objs", "modules", "mode", "rayModeDensity", "imageModeDensity", "lengthScale", "simulateColors", "colorMode"}
     | {"randomSeed", "maxRayDepth"}
@@ -51,19 +51,19 @@ MOST_MODULES_DEEP = 8
 
 
 class Counted(Protocol):
-    """A trace's reading of a monitor."""
+    """Reading of a monitor in a trace."""
 
     @property
     def power(self) -> float:
-        """Net power, as a share of the emitted power."""
+        """Net power, as a fraction of the emitted power."""
 
     @property
     def power_by_bin(self) -> FloatArray:
-        """The same by bins."""
+        """Net power by bin, as fractions of the emitted power."""
 
 
 class Reading(Result):
-    """A detector's reading in the file's units: power, and power per length in bins beginning at each position."""
+    """A detector's reading in the file's units: power, and power per length in bins that begin at each position."""
 
     power: float
     position: FloatArray | None = None
@@ -72,7 +72,7 @@ class Reading(Result):
 
 @dataclass(frozen=True)
 class Detector:
-    """A detector as one or two monitors: its whole bins, and what its line is longer than those."""
+    """A detector as one or two monitors: its complete bins, and the remainder of its line."""
 
     name: str
     monitors: tuple[Monitor, ...]
@@ -80,7 +80,7 @@ class Detector:
     bin_size: float = 0.0
 
     def reading(self, monitors: Mapping[str, Counted], emitted: float) -> Reading:
-        """Its reading from those of its monitors; bins that no monitor has are of no length and stay 0."""
+        """Return its reading from those of its monitors; bins without a monitor have no length and remain 0."""
         found = [monitors[monitor.name] for monitor in self.monitors]
         power = emitted * math.fsum(reading.power for reading in found)
         if not self.bins:
@@ -96,22 +96,23 @@ class Detector:
 class Imported:
     """A scene of ray-optics as solen traces it.
 
-    Lengths are the file's units, taken as mm; y is turned over, so that z points up. Powers are ray-optics' brightness.
+    Lengths in the file's units are interpreted as mm; y is inverted, so that z points up. Powers are brightnesses of
+    ray-optics.
 
     Attributes
     ----------
     scene
-        The same scene of solen; its rays are those of the file, in the file's order.
+        The equivalent scene of solen, with the rays of the file in their order.
     detectors
-        Readings of each detector of the file.
+        The detectors of the file.
     not_understood
-        Parts that were left out.
+        Omitted parts of the file.
     weak, weakest
-        Brightness up to which ray-optics drops a part that is split off, and the part that goes on.
+        Brightness up to which ray-optics drops the split-off part, and the part that continues.
     max_hits
-        How many objects a ray meets at most; None: any number.
+        Largest number of objects that a ray meets; None: no limit.
     fresh
-        For each ray, whether it begins anew rather than following the one before it.
+        For each ray, whether it starts a new sequence instead of continuing that of the ray before it.
     """
 
     scene: Scene
@@ -123,27 +124,27 @@ class Imported:
     fresh: tuple[bool, ...] = field(repr=False)
 
     def readings(self, monitors: Mapping[str, Counted]) -> dict[str, Reading]:
-        """Readings of all detectors from a trace's monitors."""
+        """Return the readings of all detectors from those of a trace's monitors."""
         return {detector.name: detector.reading(monitors, self.scene.emitted) for detector in self.detectors}
 
 
 def load(path: Path | str, *, facets: bool = False) -> Imported:
-    """Scene of a file; as `loads`, and `DataError` if it cannot be read."""
+    """Load the scene of a file; errors as in `loads`, and `DataError` if the file cannot be read."""
     return loads(files.read_text(Path(path), DataError), str(path), facets=facets)
 
 
 def loads(text: str, where: str = "scene", *, facets: bool = False) -> Imported:
-    """Scene of a JSON text.
+    """Load the scene of a JSON text.
 
     Parameters
     ----------
     text
         The file's text.
     where
-        How errors name it.
+        Name of the file in messages.
     facets
-        Curves of formulas as the polylines that ray-optics traces, which only tracers in plain Python know; by default
-        the curves themselves, exactly or to 1e-7 of their size.
+        Whether curves of formulas become the polylines that ray-optics traces, which only the tracers in plain Python
+        support; by default they become the curves themselves, exactly or to 1e-7 of their size.
 
     Raises
     ------
@@ -157,12 +158,12 @@ def loads(text: str, where: str = "scene", *, facets: bool = False) -> Imported:
     except (ValueError, RecursionError) as bad:
         raise DataError(where, limit=f"not JSON: {bad}") from None
     if not recognised(data):
-        raise DataError(where, limit="not a scene of ray-optics: it has no list objs and no version")
+        raise DataError(where, limit="is not a scene of ray-optics: it has no list objs and no version")
     if data["version"] != VERSION:
         raise DataError(
             f"{where}: version",
             value=data["version"],
-            limit=f"this solen reads version {VERSION}",
+            limit=f"this version of solen reads version {VERSION}",
             remedy="open the scene in ray-optics and save it again",
         )
     return _Scene(data, where, facets).imported()
@@ -174,7 +175,7 @@ def recognised(data: object) -> bool:
 
 
 class _Scene:
-    """Gathers a scene from the objects of a file."""
+    """Builder of a scene from the objects of a file."""
 
     def __init__(self, data: dict[str, Any], where: str, facets: bool) -> None:
         self.data = data
@@ -209,7 +210,7 @@ class _Scene:
             self._miss(*self.named[name], None, reason)
         if not self.sources:
             why = "; ".join(map(str, self.missed[:2]))
-            limit = f"no source that is understood{f' ({why})' if why else ''}"
+            limit = f"there is no supported source{f' ({why})' if why else ''}"
             raise DataError(self.where, limit=limit, remedy="add a source")
         ruled = any(interface.behaviour == "grating" for interface in found.interfaces)
         scene = Scene(
@@ -256,7 +257,7 @@ class _Scene:
         self.missed.append(NotUnderstood(number, kind, key, reason))
 
     def _objects(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Objects with their numbers in the file; modules unfolded in their place."""
+        """Objects with their numbers in the file; modules are expanded in their place."""
         for number, item in enumerate(self.data["objs"], 1):
             if isinstance(item, dict):
                 yield from self._unfolded(number, item, 0)
@@ -282,7 +283,7 @@ class _Scene:
             yield from self._unfolded(number, part, depth + 1)
 
     def _read(self, number: int, item: dict[str, Any]) -> None:
-        """Take one object in, or say why not."""
+        """Add one object, or note why it cannot be added."""
         kind = item.get("type")
         if kind in NO_LIGHT:
             return
@@ -292,22 +293,22 @@ class _Scene:
             "Detector": self._take_detector,
         }
         if not isinstance(kind, str) or kind not in kinds:
-            self._miss(number, str(kind), None, "this type of object is unknown to solen")
+            self._miss(number, str(kind), None, "solen does not support this type of object")
             return
         fields = Fields(number, kind, item)
         try:
             kinds[kind](fields)
         except UnreadError as bad:
-            self._miss(number, kind, bad.key, f"{bad.reason}; the object is left out")
+            self._miss(number, kind, bad.key, f"{bad.reason}; the object is omitted")
             return
         except SolenError as bad:
-            self._miss(number, kind, None, f"{bad}; the object is left out")
+            self._miss(number, kind, None, f"{bad}; the object is omitted")
             return
         for key in sorted(fields.unread):
             self._miss(number, kind, key, "unknown key")
 
     def _next_name(self, kind: str) -> str:
-        """Name of the next object of a type, as in glass1."""
+        """Name of the next object of a type, for example glass1."""
         self.counts[kind] = self.counts.get(kind, 0) + 1
         return f"{kind.lower()}{self.counts[kind]}"
 
@@ -322,14 +323,14 @@ class _Scene:
         self.fresh += fresh
 
     def _take_detector(self, fields: Fields) -> None:
-        """The whole bins as one monitor, and what is left of the line as another."""
+        """Add a detector: a monitor for its complete bins, and another for the remainder of its line."""
         segment, mapped, size = line(fields), fields.flag("irradMap"), fields.number_of("binSize", 1.0)
         name = self._detector_name(fields)
         if not mapped:
             self.detectors.append(Detector(name, (Monitor(name, segment.a, segment.b),)))
             return
         if not size > 0.0 or segment.length_mm / size > 1e6:
-            raise UnreadError("binSize", f"must be above 0 and leave at most a million bins, not {size:g}")
+            raise UnreadError("binSize", f"must be above 0 and give at most a million bins, not {size:g}")
         bins, whole = math.ceil(segment.length_mm / size), math.floor(segment.length_mm / size)
         share = whole * size / segment.length_mm
         end = cast(
@@ -342,14 +343,14 @@ class _Scene:
         self.detectors.append(Detector(name, tuple(monitors), bins, size))
 
     def _detector_name(self, fields: Fields) -> str:
-        """Its own name; else, or where that is taken, the number of the detector."""
+        """Return the detector's own name, or, if it has none or the name is taken, a name with its number."""
         number, taken = self._next_name("Detector"), {detector.name for detector in self.detectors}
         name = fields.data.get("name")
         return name if isinstance(name, str) and name and name not in taken else number
 
 
 def _span(objects: list[Any]) -> float:
-    """How far the numbers x and y of the file reach."""
+    """Difference between the largest and the smallest coordinate of the file."""
     values: list[float] = []
     waiting: list[Any] = [objects]
     while waiting:

@@ -1,9 +1,9 @@
-"""Where curves lie on and cross one another, and parts of curves: what an arrangement of the plane is made of.
+"""Overlaps, crossings and parts of curves, for the arrangement of the plane.
 
-Places on a curve are its parameters from 0 to 1, as of `Curve.points`. Crossings of a straight line with anything and
-of two circles come from their equations; those of cubics with arcs or with one another begin at crossings of fine
-polylines and are refined by Newton's method. Two curves that share a stretch have no crossings: their common ends are
-found by `place_of`.
+Positions on a curve are its parameters from 0 to 1, as in `Curve.points`. Crossings of a straight line with any curve
+and of two circles are computed from their equations; those of cubics with arcs or with one another start from crossings
+of fine polylines and are refined with Newton's method. Two curves that overlap have no crossings; `place_of` locates
+their common ends.
 """
 
 import math
@@ -24,15 +24,15 @@ Place = tuple[float, float]
 SAMPLES_PER_CUBIC = 48
 SAMPLES_PER_ARC = 128
 PARALLEL = 1e-7
-"""Sine of the angle below which two chords lie along one another rather than cross."""
+"""Sine of the angle below which two chords are taken as parallel and do not cross."""
 SLIVER = 1e-9
-"""Share of a cubic that is not cut off."""
+"""Smallest fraction of a cubic that is cut off."""
 STEPS = 60
-"""Halvings or Newton steps at most."""
+"""Largest number of halvings or Newton steps."""
 
 
 def part(curve: Curve, low: float, high: float) -> Curve:
-    """The part of a curve between two of its parameters, and at a joint of cubics rather than just beside it."""
+    """Return the part of a curve between two of its parameters; one very close to a joint of cubics is moved there."""
     if isinstance(curve, CubicChain):
         low, high = (_at_joint(u, len(curve.controls)) for u in (low, high))
     return curve if (low, high) == (0.0, 1.0) else curve.part(low, high)
@@ -44,7 +44,7 @@ def _at_joint(u: float, cubics: int) -> float:
 
 
 def place_of(curve: Curve, point: Point, tolerance: float) -> float | None:
-    """Parameter of a point of a curve; None if the curve passes it further off than the tolerance."""
+    """Parameter of a point of a curve; None if the curve is further from the point than the tolerance."""
     if isinstance(curve, Segment):
         u = dot(minus(point, curve.a), unit(minus(curve.b, curve.a))) / curve.length_mm
     elif isinstance(curve, Arc):
@@ -58,7 +58,7 @@ def place_of(curve: Curve, point: Point, tolerance: float) -> float | None:
 
 
 def crossings(a: Curve, b: Curve, tolerance: float) -> list[Place]:
-    """Places at which two curves cross or touch, other than along a common stretch."""
+    """Return the places at which two curves cross or touch, other than where they overlap."""
     if isinstance(a, Segment):
         return _on_line(a, b, tolerance)
     if isinstance(b, Segment):
@@ -69,7 +69,7 @@ def crossings(a: Curve, b: Curve, tolerance: float) -> list[Place]:
 
 
 def turning_deg(curve: Curve) -> float:
-    """How far a curve turns in all, roughly: one that turns by less than 180 degrees cannot cross itself."""
+    """Approximate total turning angle of a curve; one that turns by less than 180 degrees cannot cross itself."""
     steps = np.diff(curve.points(samples(curve)), axis=0)
     here, there = steps[:-1], steps[1:]
     turns = np.arctan2(here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0], (here * there).sum(axis=1))
@@ -96,11 +96,11 @@ def _place_on_arc(arc: Arc, point: Point) -> float:
     turn = turn % 360.0 if arc.sweep_deg > 0 else -(-turn % 360.0)
     u = turn / arc.sweep_deg
     beyond = 360.0 / abs(arc.sweep_deg)
-    return u if u <= 0.5 * (1.0 + beyond) else u - beyond  # just before the start rather than far behind the end
+    return u if u <= 0.5 * (1.0 + beyond) else u - beyond  # just before the start instead of far beyond the end
 
 
 def _nearest(curve: Curve, point: Point, tolerance: float) -> float:
-    """Parameter of the point of a curve next to another, by halving from the nearest samples."""
+    """Parameter of the point of a curve that is nearest to another, by halving from the nearest samples."""
     u = samples(curve)
     points = curve.points(u)
     away = np.hypot(*(points - np.array(point)).T)
@@ -120,7 +120,7 @@ def _nearest(curve: Curve, point: Point, tolerance: float) -> float:
 
 
 def _on_line(line: Segment, other: Curve, tolerance: float) -> list[Place]:
-    """Crossings of a straight line: it is walked as a ray from well before its start."""
+    """Crossings of a curve with a straight line, taken as a ray from well before its start."""
     direction = unit(minus(line.b, line.a))
     if isinstance(other, Segment) and abs(cross(direction, unit(minus(other.b, other.a)))) < 1e-12:
         return []
@@ -187,7 +187,7 @@ def _newton(a: Curve, b: Curve, u: float, v: float) -> Place:
 
 
 def unlooped(curve: Curve) -> list[Curve]:
-    """The curve in parts that cannot cross themselves."""
+    """Divide a curve into parts that cannot cross themselves."""
     turns = turning_deg(curve)
     if isinstance(curve, Segment | Arc) or turns < 175.0:
         return [curve]

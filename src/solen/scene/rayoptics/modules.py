@@ -1,8 +1,8 @@
-"""Modules: objects written once with formulas in backticks, and unfolded for every use, in loops and under conditions.
+"""Modules: objects written once with formulas in backticks, and expanded for each use, in loops and under conditions.
 
-A module has points, which its formulas know as x_1, y_1, x_2..., parameters, and variables and functions of its own.
-A text that is one formula in single backticks is its number; in double backticks it is a formula to be kept, with the
-module's values put in. Nothing is executed: all formulas are those of `solen.scene.rayoptics.formula`.
+A module has points, which its formulas name x_1, y_1, x_2..., parameters, and variables and functions of its own. A
+text that is one formula in single backticks stands for its value; in double backticks it is a formula that is kept,
+with the module's values inserted. Nothing is executed: all formulas are those of `solen.scene.rayoptics.formula`.
 """
 
 import itertools
@@ -15,7 +15,7 @@ from solen.errors import DataError
 from solen.scene.rayoptics.formula import Function, Values, number_in, parse
 
 MOST_TIMES = 1000
-"""Rounds of a loop at most where the module names no limit; it may name a hundredfold."""
+"""Largest number of rounds of a loop if the module states no limit; its own limit may be a hundred times higher."""
 MOST_NUMBER = 1e300
 FUNCTION = re.compile(r"^\s*(\w+)\s*\(\s*([^)]*?)\s*\)\s*=(?!=)\s*(.+)$", re.DOTALL)
 VARIABLE = re.compile(r"^\s*(\w+)\s*=(?!=)\s*(.+)$", re.DOTALL)
@@ -29,18 +29,18 @@ class Scope:
     functions: Mapping[str, Function] = field(default_factory=dict)
 
     def number(self, text: str) -> float:
-        """Value of a formula; `DataError` if it has none."""
+        """Return the value of a formula; `DataError` if it is not defined."""
         value = parse(text, tuple(self.values), self.functions)(**self.values)
         if value != value:
-            raise DataError(f"formula {text!r}", value=value, limit="must have a value")
+            raise DataError(f"formula {text!r}", value=value, limit="must have a finite value")
         return value
 
     def with_values(self, values: Values) -> "Scope":
-        """Further values; of two of one name the new one counts."""
+        """Return a scope with further values, which override those of the same name."""
         return replace(self, values={**self.values, **values})
 
     def defined(self, text: str) -> "Scope":
-        """With one definition more: a variable, or a function of variables."""
+        """Return a scope with one more definition: a variable, or a function of variables."""
         if function := FUNCTION.match(text):
             name, names, body = function.groups()
             variables = tuple(variable.strip() for variable in names.split(","))
@@ -58,18 +58,18 @@ class Scope:
 
 @dataclass(frozen=True)
 class Expression:
-    """A formula of given variables, with everything else that it names."""
+    """A formula of given variables, with the definitions of all other names in it."""
 
     text: str
     variables: tuple[str, ...]
     scope: Scope = field(default_factory=Scope)
 
     def of(self, variable: str) -> "Expression":
-        """The same as a formula of one variable."""
+        """Return the same as a formula of one variable."""
         return replace(self, variables=(variable,))
 
     def compiled(self) -> Function:
-        """As a function of its variables in their order; `DataError` if it is not a formula."""
+        """Return it as a function of its variables in their order; `DataError` if it is not a formula."""
         formula = parse(self.text, (*self.scope.values, *self.variables), self.scope.functions)
         values, names = dict(self.scope.values), self.variables
 
@@ -80,12 +80,12 @@ class Expression:
 
 
 def unfolded(definition: Mapping[str, Any], points: Any, parameters: Any) -> list[dict[str, Any]]:
-    """Objects of one use of a module.
+    """Return the objects of one use of a module.
 
     Raises
     ------
     DataError
-        If a formula is invalid or has no value, or a loop is too long.
+        If a formula is invalid or not defined, or a loop is too long.
     """
     if not isinstance(parameters, dict):
         raise DataError("params", limit="must be an object of numbers")
@@ -124,7 +124,7 @@ def _number(what: str, value: Any) -> float:
     if number is None:
         raise DataError(what, value=value, limit="must be a number")
     if not abs(number) < MOST_NUMBER:
-        raise DataError(what, limit=f"must be below {MOST_NUMBER:g} in size")
+        raise DataError(what, limit=f"must have an absolute value below {MOST_NUMBER:g}")
     return number
 
 
@@ -151,7 +151,7 @@ def _list(items: list[Any], scope: Scope, limit: int) -> list[Any]:
 
 
 def _rounds(loops: Any, scope: Scope, limit: int) -> Iterator[Scope]:
-    """The scope with every combination of the loops' values."""
+    """Yield the scope for each combination of the loops' values."""
     ranges = [_range(text, scope) for text in ([loops] if isinstance(loops, str) else _items("for", loops))]
     series = [_series(start, step, end, limit, name) for name, start, step, end, _ in ranges]
     total = 1
@@ -164,11 +164,11 @@ def _rounds(loops: Any, scope: Scope, limit: int) -> Iterator[Scope]:
 
 
 def _series(start: float, step: float, end: float, limit: int, name: str) -> list[float]:
-    """Values from start on, as long as they are not beyond the end; each is the one before and the step."""
+    """Values from start to at most the end; each is the previous one plus the step."""
     if step == 0.0 or (end - start) * step < 0.0 or (end - start) / step + 1.0 > limit:
         raise DataError(f"for {name}", value=f"{start:g}:{step:g}:{end:g}", limit=f"must end within {limit} rounds")
     values, value = [], start
-    while value <= end:  # as the peer has it: a falling range gives its start at most
+    while value <= end:  # as in ray-optics: a descending range yields at most its start
         values.append(value)
         value += step
     return values
@@ -185,12 +185,12 @@ def _any(value: Any, scope: Scope, limit: int) -> Any:
 
 
 def _text(text: str, scope: Scope) -> Any:
-    """A text with its formulas: a number, a formula, or text with numbers in it."""
+    """Evaluate a text with formulas: to a number, a formula, or text that contains numbers."""
     if text.startswith("``") and text.endswith("``") and len(text) > 4 and "`" not in text[2:-2]:
         return Expression(text[2:-2], (), scope)
     parts = text.split("`")
     if len(parts) == 3 and not parts[0] and not parts[2]:
         return scope.number(parts[1])
     if "" in parts[1:-1:2] or len(parts) % 2 == 0:
-        raise DataError(f"text {text!r}", limit="mixes a formula to be kept with text, or leaves a backtick open")
+        raise DataError(f"text {text!r}", limit="mixes a formula to be kept with text, or does not close a backtick")
     return "".join(f"{scope.number(part):.17g}" if i % 2 else part for i, part in enumerate(parts))

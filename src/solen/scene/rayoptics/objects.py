@@ -31,21 +31,23 @@ from solen.scene.rayoptics.outlines import (
 from solen.scene.surface import Grating, Surface
 
 MOST_ORDERS, LEAST_ORDER = 1000, 1e-7
-"""Orders of a grating to either side at most, and the share of the light below which an order is left out."""
+"""Largest number of orders of a grating to either side, and the fraction of the light below which an order is
+omitted.
+"""
 
 Reader = Callable[[Fields, str, "World"], Sequence[Glass | Element]]
-"""Reads an object of one type under the name that it gets."""
+"""Reads an object of one type and gives it a name."""
 
 
 def glass(fields: Fields, name: str, outline: Sequence[Curve], world: World, **how: bool) -> list[Glass]:
-    """A glass with the keys that all glasses have."""
+    """Return a glass with the keys that all glasses have."""
     index, b = fields.number_of("refIndex", 1.5, above=0.0), fields.number_of("cauchyB", 0.004)
     partial = fields.flag("partialReflect", True)
     return [Glass(name, tuple(outline), index, b if world.colours else 0.0, partial, **how)]
 
 
 def filtered(fields: Fields, world: World) -> tuple[float, float] | None:
-    """Wavelengths at which a filter acts, from the higher to the lower where it acts outside them."""
+    """Return the wavelengths at which a filter acts, the higher one first if it acts outside them."""
     on, invert = fields.flag("filter"), fields.flag("invert")
     center, half = fields.number_of("wavelength", GREEN_NM), fields.number_of("bandwidth", 10.0)
     if not (on and world.colours):
@@ -59,7 +61,7 @@ def filtered(fields: Fields, world: World) -> tuple[float, float] | None:
 def _element(
     behaviour: Behaviour, curves: Outline, *, filters: bool = True, **numbers: Callable[[Fields], float]
 ) -> Reader:
-    """Reader of an element: its curves, its filter if it can have one, and the numbers of its surface."""
+    """Return the reader of an element: its curves, its filter if it can have one, and the numbers of its surface."""
 
     def read(fields: Fields, name: str, world: World) -> Sequence[Glass | Element]:
         here = tuple(curves(fields, world))
@@ -72,12 +74,12 @@ def _element(
 
 
 def _glass(outline: Outline, **how: bool) -> Reader:
-    """Reader of a glass within an outline."""
+    """Return the reader of a glass within an outline."""
     return lambda fields, name, world: glass(fields, name, outline(fields, world), world, **how)
 
 
 def _spherical_lens(fields: Fields, name: str, world: World) -> Sequence[Glass | Element]:
-    """A lens by its outline, or by its two edges, thickness and radii or focal distances."""
+    """Read a lens from its outline, or from its two edges, thickness and radii or focal distances."""
     defined = fields.choice("defBy", "DR1R2")
     if fields.data.get("path") is not None:
         fields.skip("p1", "p2", "params")
@@ -85,7 +87,7 @@ def _spherical_lens(fields: Fields, name: str, world: World) -> Sequence[Glass |
     edges, numbers = (fields.point("p1"), fields.point("p2")), fields.data.get("params")
     fields.skip("path", "params")
     if not isinstance(numbers, dict):
-        raise UnreadError("params", "is missing, and path as well")
+        raise UnreadError("params", "is missing, and so is path")
     if defined == "DR1R2":
         d, r1, r2 = (_radius(f"params.{key}", numbers.get(key)) for key in ("d", "r1", "r2"))
         return glass(fields, name, _lens(*edges, d, r1, r2), world)
@@ -98,19 +100,19 @@ def _spherical_lens(fields: Fields, name: str, world: World) -> Sequence[Glass |
             return [replace(made, outline=tuple(_lens(*edges, d, *radii)))]
         except UnreadError:
             continue
-    raise UnreadError("params", "belong to no lens")
+    raise UnreadError("params", "do not describe a lens")
 
 
 def _radius(key: str, value: Any) -> float:
-    """A radius; text or null stand for infinity in JSON, which has no word for it."""
+    """Read a radius; text or null stands for infinity, which JSON cannot express."""
     return math.inf if value in (None, "Infinity", "-Infinity", "inf", "-inf") else finite(key, value)
 
 
 def _radii(d: float, ffd: float, bfd: float, n: float) -> list[tuple[float, float]]:
-    """Radii of the lenses with a thickness and front and back focal distances, the smaller ones first."""
+    """Radii of the lenses with this thickness and front and back focal distances, the smaller ones first."""
     square = d * d + 4.0 * bfd * ffd * n * n
     if square < 0.0:
-        raise UnreadError("params", "belong to no lens")
+        raise UnreadError("params", "do not describe a lens")
     found = []
     for root in (-math.sqrt(square), math.sqrt(square)):
         try:
@@ -123,7 +125,7 @@ def _radii(d: float, ffd: float, bfd: float, n: float) -> list[tuple[float, floa
 
 
 def _lens(p1: Point, p2: Point, d: float, r1: float, r2: float) -> list[Curve]:
-    """Outline of a lens between two edges, of a thickness on its axis and two radii of curvature."""
+    """Outline of a lens between two edges, with a thickness on its axis and two radii of curvature."""
     length = math.dist(p1, p2)
     if length == 0.0:
         raise UnreadError("p2", "is the same point as p1")
@@ -141,7 +143,7 @@ def _sag(radius: float, length: float) -> float:
         return 0.0
     square = radius * radius - 0.25 * length * length
     if square < 0.0:
-        raise UnreadError("params", "belong to no lens: a radius is less than half its height")
+        raise UnreadError("params", "do not describe a lens: a radius is less than half its height")
     return radius - math.copysign(math.sqrt(square), radius)
 
 
@@ -160,7 +162,7 @@ def _transmitted(fields: Fields) -> float:
 
 
 def _grating(curves: Outline, way: int, mirrored: bool | None = None) -> Reader:
-    """Reader of a grating, with orders counted to the right of the light's direction, to its left for ``way`` −1."""
+    """Return the reader of a grating, with orders to the right of the light, or with ``way`` −1 to its left."""
 
     def read(fields: Fields, name: str, world: World) -> Sequence[Glass | Element]:
         lines, custom = fields.number_of("lineDensity", 1000.0, above=0.0), fields.flag("customBrightness")
@@ -178,14 +180,14 @@ def _grating(curves: Outline, way: int, mirrored: bool | None = None) -> Reader:
 
 
 def _stated_orders(shares: Sequence[float]) -> list[tuple[int, float]]:
-    """Orders 0, 1, −1, 2, −2 and so on with their shares."""
+    """Orders 0, 1, −1, 2, −2 and so on, with their fractions of the power."""
     if min(shares, default=0.0) < 0.0:
         raise UnreadError("brightnesses", f"must be at least 0, not {min(shares):g}")
     return [((i + 1) // 2 * (1 if i % 2 else -1), share) for i, share in enumerate(shares) if share > 0.0]
 
 
 def _of_slits(ratio: float) -> list[tuple[int, float]]:
-    """Orders of a wall with slits of this share of the interval: sin²(π m ratio) / (π m)², the same at all angles."""
+    """Orders of a wall with slits that cover the fraction ``ratio``: sin²(π m ratio) / (π m)² at any angle."""
     of_slits = [(0, ratio * ratio)]
     for m in range(1, MOST_ORDERS + 1):
         share = (math.sin(math.pi * m * ratio) / (math.pi * m)) ** 2
@@ -216,4 +218,4 @@ READERS: dict[str, Reader] = {
     "ConcaveDiffractionGrating": _grating(arc, -1, mirrored=True),
     "BeamSplitter": _element("splitter", straight, transmitted=_transmitted),
 }
-"""Readers by the type of the object; a new type is a line here."""
+"""Readers by the type of the object; a new type is one more entry."""

@@ -16,22 +16,22 @@ from solen.scene.rayoptics.formula_curves import At, fitted
 from solen.scene.rayoptics.modules import Expression
 
 FAR = 1e4
-"""Length of the edge of a half-plane to either side, in units of what the scene spans."""
+"""Half the length of the edge of a half-plane, in units of the scene's extent."""
 HALF_ELLIPSE = "0.5\\cdot\\sqrt{1-x^2}"
 CIRCLE: dict[str, Any] = {"eqnX": "50\\cos(t)", "eqnY": "50\\sin(t)", "tMin": 0.0, "tMax": math.tau, "tStep": 0.01}
 CHECKED, ROUNDING = 200, 1e-9
 """Number of points at which two curves of a glass are compared, and their tolerance relative to its length."""
 SKIN = 1e-6
-"""Length from a surface, in length scales of the file, within which a ray that leaves it does not meet it again."""
+"""Distance from a surface, in length scales of the file, within which a ray that leaves it does not meet it again."""
 Outline = Callable[[Fields, "World"], Sequence[Curve]]
 """Reads the curves of an object."""
 
 
 @dataclass(frozen=True)
 class World:
-    """Data of the scene that objects need: its length scale, whether colours count, how far it reaches.
+    """Data of the scene that objects need: its length scale, whether colours are simulated, and its extent.
 
-    With ``facets`` curves of formulas become the polylines that ray-optics makes of them.
+    With ``facets``, curves of formulas become the polylines that ray-optics makes of them.
     """
 
     length_scale: float
@@ -46,7 +46,7 @@ def straight(fields: Fields, _: World) -> list[Curve]:
 
 
 def line(fields: Fields, first: str = "p1", second: str = "p2") -> Segment:
-    """Straight line between two points of the object."""
+    """Return the straight line between two points of the object."""
     a, b = fields.point(first), fields.point(second)
     if a == b:
         raise UnreadError(second, "is the same point as " + first)
@@ -54,7 +54,7 @@ def line(fields: Fields, first: str = "p1", second: str = "p2") -> Segment:
 
 
 def arc_or_line(a: Point, middle: Point, b: Point) -> list[Curve]:
-    """Arc through three points, straight where they lie on one line; nothing where all is one point."""
+    """Return the arc through three points, a segment if they are collinear, or nothing if both ends are one point."""
     if a == b:
         return []
     try:
@@ -64,13 +64,13 @@ def arc_or_line(a: Point, middle: Point, b: Point) -> list[Curve]:
 
 
 def path_outline(fields: Fields, _: World) -> list[Curve]:
-    """Outline through the points of a path."""
+    """Return the outline through the points of a path."""
     _check_finished(fields)
     return path(fields.items("path"))
 
 
 def path(items: list[dict[str, Any]]) -> list[Curve]:
-    """Sides of an outline: between corners, or from corner to corner by way of a point of an arc."""
+    """Return the sides of an outline: segments between corners, or arcs through the point between two corners."""
     points = [point_of(f"path[{i}]", item) for i, item in enumerate(items)]
     arcs = [item.get("arc") is True for item in items]
     n = len(items)
@@ -89,20 +89,20 @@ def path(items: list[dict[str, Any]]) -> list[Curve]:
 
 
 def circle(fields: Fields, _: World) -> list[Curve]:
-    """A circle by its centre and a point on it."""
+    """Return a circle from its centre and a point on it."""
     spoke = line(fields)
     return [Arc.circle(spoke.a, spoke.length_mm)]
 
 
 def half_plane(fields: Fields, world: World) -> list[Curve]:
-    """Edge of a half-plane."""
+    """Return the edge of a half-plane."""
     edge = line(fields)
     direction, far = unit(minus(edge.b, edge.a)), FAR * max(world.span, 1.0)
     return [Segment(along(edge.a, direction, -far), along(edge.a, direction, far))]
 
 
 def smooth_outline(fields: Fields, _: World) -> list[Curve]:
-    """Outline of Bézier curves."""
+    """Return the outline made of Bézier curves."""
     _check_finished(fields)
     fields.skip("displayControlPoints", "intersectTol")
     return _beziers(fields, closed=True)
@@ -114,7 +114,7 @@ def _beziers(fields: Fields, closed: bool) -> list[Curve]:
     rows = [[point_of(f"points[{i}].{key}", item.get(key)) for key in keys] for i, item in enumerate(items)]
     pairs = list(pairwise([*rows, rows[0]] if closed and rows else rows))
     if not pairs:
-        raise UnreadError("points", "must be at least two")
+        raise UnreadError("points", "must be at least two points")
     return [_bezier(here[0], here[1], here[2], there[0]) for here, there in pairs]
 
 
@@ -126,7 +126,7 @@ def _bezier(a: Point, control_a: Point, control_b: Point, b: Point) -> Curve:
 
 
 def between_formulas(fields: Fields, world: World) -> list[Curve]:
-    """Outline between two curves over a line, which the formulas take as −1 to 1."""
+    """Return the outline between two curves over a line, along which the formulas run from −1 to 1."""
     base = line(fields)
     lower = _over(base, fields.formula("eqn1", "x", "0"))
     upper = _over(base, fields.formula("eqn2", "x", HALF_ELLIPSE))
@@ -147,7 +147,7 @@ def _height(base: Segment, point: Point) -> float:
 
 
 def _check_above(base: Segment, lower: At, upper: At) -> None:
-    """Refuse, as ray-optics does, an upper curve that runs below the lower one."""
+    """Reject an upper curve that runs below the lower one, as ray-optics does."""
     for i in range(CHECKED + 1):
         place = base.length_mm * i / CHECKED
         if _height(base, upper(place)) < _height(base, lower(place)) - ROUNDING * base.length_mm:
@@ -155,10 +155,10 @@ def _check_above(base: Segment, lower: At, upper: At) -> None:
 
 
 def _without_spike(first: float, last: float) -> tuple[float, float]:
-    """Common part of the first and the last chord of an outline from the base's end, as shares of both.
+    """Common part of the first and the last chord of an outline, from the end of its base, as fractions of both.
 
-    The outline goes from there to the ``first`` height and comes back from the ``last``: if both are on one side, the
-    nearer stretch is walked there and back, and is not a surface.
+    The outline starts there towards the ``first`` height and returns from the ``last``. If both are on one side, the
+    lower one of the two chords is passed in both directions, and is not a surface.
     """
     if not first * last > 0.0:
         return 0.0, 0.0
@@ -166,7 +166,10 @@ def _without_spike(first: float, last: float) -> tuple[float, float]:
 
 
 def _over(base: Segment, formula: Expression) -> At:
-    """Point over a place along a base, which runs from −1 to 1 in the formula; its half is the unit of heights."""
+    """Return the function from a position along a base to the point of a curve over it.
+
+    The formula runs from −1 to 1 along the base, and its unit of height is half the base.
+    """
     half, direction, height = 0.5 * base.length_mm, unit(minus(base.b, base.a)), formula.compiled()
 
     def at(place: float) -> Point:
@@ -177,13 +180,13 @@ def _over(base: Segment, formula: Expression) -> At:
 
 
 def _facets(corners: Sequence[Point], joints: Sequence[int], blend: Blend, world: World) -> list[Facets]:
-    """Polyline through corners, in parts that end at the joints, which may be corners of the outline."""
+    """Return a polyline through corners, divided at the joints, which may be corners of the outline."""
     whole = Facets.through(tuple(corners), blend, SKIN * world.length_scale)
     return [replace(whole, low=float(a), high=float(b)) for a, b in pairwise([0, *joints, len(corners) - 1])]
 
 
 def closed_outline(parts: Sequence[Sequence[Curve]]) -> list[Curve]:
-    """Parts of an outline, joined by straight lines where one does not end at the next one's start."""
+    """Join the parts of an outline with straight lines where one does not end at the start of the next."""
     curves: list[Curve] = []
     for here, there in pairwise([*parts, parts[0]]):
         curves += here
@@ -193,17 +196,17 @@ def closed_outline(parts: Sequence[Sequence[Curve]]) -> list[Curve]:
 
 
 def reversed_curves(curves: Sequence[Curve]) -> list[Curve]:
-    """The same curves walked from the end of the last to the start of the first."""
+    """Return the same curves in the opposite direction, from the end of the last to the start of the first."""
     return [curve.reversed() for curve in reversed(curves)]
 
 
 def parametric_outline(fields: Fields, world: World) -> list[Curve]:
-    """Outline of the pieces of a parametric object."""
+    """Return the outline formed by the pieces of a parametric object."""
     return reversed_curves(closed_outline(_parametric(fields, world)))
 
 
 def _parametric(fields: Fields, world: World) -> list[list[Curve]]:
-    """Curves of all pieces of a parametric object."""
+    """Return the curves of all pieces of a parametric object."""
     x0, z0 = point_of("origin", fields.data.get("origin", {"x": 0.0, "y": 0.0}))
     fields.skip("origin")
     parts: list[list[Curve]] = []
@@ -227,27 +230,27 @@ def _parametric(fields: Fields, world: World) -> list[list[Curve]]:
     if world.facets and corners:
         return [[*_facets(_closed(corners), joints, "units", world)]]
     if not parts:
-        raise UnreadError("pieces", "must be at least one")
+        raise UnreadError("pieces", "must be at least one piece")
     return parts
 
 
 def _closed(corners: list[Point]) -> list[Point]:
-    """Corners whose last one is the first where they are one but for rounding."""
+    """Return the corners with the last one set to the first if they are equal up to rounding."""
     return [*corners[:-1], corners[0]] if math.dist(corners[0], corners[-1]) < 1e-9 else corners
 
 
 def _check_finished(fields: Fields) -> None:
     if fields.flag("notDone"):
-        raise UnreadError("notDone", "its drawing was not finished")
+        raise UnreadError("notDone", "the drawing of the object was not finished")
 
 
 def aperture(fields: Fields, _: World) -> list[Curve]:
-    """Both sides of an aperture."""
+    """Return both sides of an aperture."""
     return [line(fields, "p1", "p3"), line(fields, "p4", "p2")]
 
 
 def arc(fields: Fields, _: World) -> list[Curve]:
-    """An arc through three points."""
+    """Return an arc through three points."""
     curves = arc_or_line(fields.point("p1"), fields.point("p3"), fields.point("p2"))
     if not curves:
         raise UnreadError("p2", "is the same point as p1")
@@ -255,7 +258,7 @@ def arc(fields: Fields, _: World) -> list[Curve]:
 
 
 def parabola(fields: Fields, _: World) -> list[Curve]:
-    """A parabola over a line, with its vertex at the height of the third point."""
+    """Return a parabola over a line, with its vertex at the height of the third point."""
     base, top = line(fields), fields.point("p3")
     direction = unit(minus(base.b, base.a))
     height = dot(minus(top, base.a), left_of(direction))
@@ -270,7 +273,7 @@ def parabola(fields: Fields, _: World) -> list[Curve]:
 
 
 def over_line_curves(fields: Fields, world: World) -> list[Curve]:
-    """Curve of a formula over a line."""
+    """Return the curve of a formula over a line."""
     base = line(fields)
     at = _over(base, fields.formula("eqn", "x", HALF_ELLIPSE))
     if world.facets:
@@ -279,13 +282,13 @@ def over_line_curves(fields: Fields, world: World) -> list[Curve]:
 
 
 def parametric_curves(fields: Fields, world: World) -> list[Curve]:
-    """Curves of the pieces of a parametric object, joined."""
+    """Return the curves of the pieces of a parametric object, joined."""
     parts = _parametric(fields, world)
     joints = [Segment(a[-1].end, b[0].start) for a, b in pairwise(parts) if math.dist(a[-1].end, b[0].start) > 1e-9]
     return [*(curve for part in parts for curve in part), *joints]
 
 
 def smooth_curve(fields: Fields, _: World) -> list[Curve]:
-    """Curve of Bézier curves, closed unless stated otherwise."""
+    """Return a chain of Bézier curves, closed unless stated otherwise."""
     _check_finished(fields)
     return _beziers(fields, closed=fields.flag("isClosed", True))

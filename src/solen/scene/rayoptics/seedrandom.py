@@ -1,7 +1,7 @@
-"""The numbers that ray-optics draws with a seed: seedrandom's generator, which is RC4 with its first 256 bytes dropped.
+"""The random numbers of ray-optics for a seed: seedrandom's generator, which is RC4 with its first 256 bytes dropped.
 
-Only with them are the rays of a random beam the same in both programs. Doubles are made of 52 bits, as David Bau's
-seedrandom 3 makes them.
+With them, a random beam has the same rays in both programs. Doubles are made of 52 bits, as in David Bau's seedrandom
+3.
 """
 
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ OVERFLOW = 2.0**53
 
 
 def drawn(seed: str) -> Iterator[float]:
-    """Numbers in [0, 1), without end."""
+    """Yield numbers in [0, 1) without end."""
     stream = _bytes(_key(seed))
     for _ in range(WIDTH):
         next(stream)
@@ -30,7 +30,7 @@ def drawn(seed: str) -> Iterator[float]:
 
 
 def _key(seed: str) -> list[int]:
-    """The seed's characters, smeared over at most 256 numbers."""
+    """Key of at most 256 numbers into which the seed's characters are mixed."""
     key: list[int] = []
     smear = 0
     for j, letter in enumerate(seed):

@@ -1,9 +1,10 @@
-"""Rays as ray-optics places them: number, place and brightness follow from the density of rays of the scene.
+"""Rays as ray-optics places them: their number, origin and brightness follow from the ray density of the scene.
 
-With a density d and a length scale l a *beam* has a ray every l/d along its line, the first half a step from its start,
-and a fan of them there if it diverges; a *point source* has a ray every 2π/int(500 d), and so has what it emits into
-an angle. A ray's brightness is b/d (a beam's b l/d, divided among its fan), but at most 1; where the scene asks for
-correct brightness, d grows by 1/500 until none is more. Half of it is in either polarisation.
+With a density d and a length scale l, a *beam* has a ray every l/d along its line, the first half a step from its
+start, and a fan of rays there if it diverges; a *point source* has a ray every 2π/int(500 d), and so has a source that
+emits into an angle. A ray's brightness is b/d (for a beam b l/d, divided among its fan), but at most 1; if the scene
+requests correct brightness, d is increased in steps of 1/500 until no ray exceeds 1. Half of it is in either
+polarisation.
 """
 
 import math
@@ -18,7 +19,7 @@ from solen.scene.sources import Rays
 from solen.scene.sources.base import LEAST_POWER
 
 MOST_RAYS = 2_000_000
-"""Rays of a scene at most: each is listed on its own."""
+"""Largest number of rays of a scene, as each is listed individually."""
 PER_TURN = 500
 STEP = 1.0 / PER_TURN
 SHORT_OF_END = 1e-5
@@ -27,7 +28,7 @@ SHORT_OF_END = 1e-5
 
 @dataclass(frozen=True)
 class Placed:
-    """One ray: origin, direction, brightness; ``fresh`` where it does not follow the one before it."""
+    """One ray: origin, direction and brightness; ``fresh`` if it starts a new sequence of rays."""
 
     origin: Point
     direction: Point
@@ -51,7 +52,7 @@ class Lamps:
         self.numbers = drawn(self.seed or "")
 
     def settled(self, brightest: Callable[[float], float]) -> float:
-        """Density at which no ray is brighter than 1, where the scene asks for correct brightness."""
+        """Return the density; if the scene requests correct brightness, increase it until no ray is brighter than 1."""
         density = self.density
         if self.correct:
             steps = 0
@@ -59,7 +60,7 @@ class Lamps:
                 density += STEP
                 steps += 1
                 if steps > MOST_RAYS:
-                    raise UnreadError("brightness", "needs too many rays")
+                    raise UnreadError("brightness", "would need too many rays")
         return density
 
 
@@ -67,7 +68,7 @@ Emission = Callable[[Fields, Lamps], list[Placed]]
 
 
 def rays(fields: Fields, lamps: Lamps) -> tuple[tuple[Rays, ...], tuple[bool, ...]]:
-    """Sources of one object, of rays of one brightness each, and which rays begin anew."""
+    """Return the sources of one object, each with rays of one brightness, and for each ray whether it is fresh."""
     wavelength_nm = fields.number_of("wavelength", GREEN_NM, above=0.0)
     placed = [ray for ray in EMISSIONS[fields.type](fields, lamps) if ray.brightness >= LEAST_POWER]
     spectrum = ((wavelength_nm, 1.0),) if lamps.colours else ()
@@ -85,10 +86,10 @@ def rays(fields: Fields, lamps: Lamps) -> tuple[tuple[Rays, ...], tuple[bool, ..
 
 
 def _per_turn(density: float) -> int:
-    """Directions in a full turn."""
+    """Number of directions in a full turn."""
     count = int(min(density * PER_TURN, MOST_RAYS + 1.0))
     if not 0 < count <= MOST_RAYS:
-        raise UnreadError("brightness" if count else None, "the scene's density of rays leaves it none, or too many")
+        raise UnreadError("brightness" if count else None, "the scene's ray density gives it no rays, or too many")
     return count
 
 
@@ -100,12 +101,12 @@ def _single(fields: Fields, lamps: Lamps) -> list[Placed]:  # noqa: ARG001  one 
 
 
 def _upwards(angle: float) -> Point:
-    """Direction of an angle counted from the file's +y, which points down."""
+    """Direction for an angle counted from the file's +y, which points down."""
     return (math.sin(angle), -math.cos(angle))
 
 
 def _angles(start: float, end: float, step: float) -> Iterator[float]:
-    """Angles one step after another, each from the one before."""
+    """Yield angles, each one step after the previous one."""
     angle = start
     while angle < end:
         yield angle
@@ -113,7 +114,7 @@ def _angles(start: float, end: float, step: float) -> Iterator[float]:
 
 
 def _point(fields: Fields, lamps: Lamps) -> list[Placed]:
-    """All directions from a point."""
+    """Place rays in all directions from a point."""
     origin = (fields.number_of("x"), -fields.number_of("y"))
     brightness = fields.number_of("brightness", 0.5, least=0.0)
     density = lamps.settled(lambda d: brightness / d)
@@ -125,7 +126,7 @@ def _point(fields: Fields, lamps: Lamps) -> list[Placed]:
 
 
 def _into_angle(fields: Fields, lamps: Lamps) -> list[Placed]:
-    """Directions from a point about a line, or from the line on."""
+    """Place rays from a point within an angle, centred on a line or starting from it."""
     origin, aim = fields.point("p1"), fields.point("p2")
     brightness, spread = (
         fields.number_of("brightness", 0.5, least=0.0),
@@ -145,7 +146,7 @@ def _into_angle(fields: Fields, lamps: Lamps) -> list[Placed]:
 
 
 def _beam(fields: Fields, lamps: Lamps) -> list[Placed]:
-    """Parallel rays from a line, or a fan at each point, or random points and angles."""
+    """Place parallel rays from a line, a fan at each of its points, or random points and angles."""
     a, b = fields.point("p1"), fields.point("p2")
     if a == b:
         raise UnreadError("p2", "is the same point as p1")
@@ -172,7 +173,7 @@ def _beam(fields: Fields, lamps: Lamps) -> list[Placed]:
 
     if random:
         if lamps.seed is None:
-            raise UnreadError("random", "the scene has no randomSeed, so that its rays differ from time to time")
+            raise UnreadError("random", "the scene has no randomSeed, so its rays differ on each run")
         pairs = [(next(lamps.numbers), next(lamps.numbers)) for _ in range(math.ceil(count * fan(density)))]
         return [placed(u, (2.0 * v - 1.0) * half, fresh=i == 0) for i, (u, v) in enumerate(pairs)]
     step = math.tau / _per_turn(density)

@@ -1,4 +1,4 @@
-"""Sources of rays: fans, chips, emitters with a pattern, beams, single rays, files of rays, ambient light.
+"""Sources of rays: fans, chips, emitters with a pattern, beams, single rays, ray files and ambient light.
 
 Coordinates are (x, z) in mm, in an extruded scene (x, y, z); angles in degrees counter-clockwise from +z.
 """

@@ -1,4 +1,4 @@
-"""Emitters with a size and a pattern: what a light-emitting diode is."""
+"""Emitters with a size and a pattern: models of light-emitting diodes."""
 
 import math
 from dataclasses import dataclass
@@ -16,22 +16,22 @@ EVENLY = Isotropic()
 
 @dataclass(frozen=True)
 class Emitter(LineSource):
-    """A flat chip that emits by a pattern from every point of it, all alike.
+    """A flat chip that emits with the same pattern from each of its points.
 
     Attributes
     ----------
     point, axis_deg
-        Its middle and the direction that the pattern is measured from.
+        Its centre and the direction from which the pattern is measured.
     rays
         Number of rays.
     pattern
-        Relative intensity by the angle from the axis; in the plane its slice is emitted, in space all of it.
+        Relative intensity by the angle from the axis; in the plane its section is emitted, in space the whole pattern.
     cone_deg
-        Full opening angle beyond which nothing is emitted: 360 for light to the side and to the back.
+        Full opening angle beyond which nothing is emitted: 360 includes light to the side and to the back.
     width_mm, height_mm
         Size across the axis in the plane, and along y; 0 for a point or a line. In the plane the height has no effect.
     y_mm
-        Height of its middle over the middle of the slab.
+        Height of its centre above the mid-plane of the slab.
     """
 
     point: Point
@@ -45,12 +45,12 @@ class Emitter(LineSource):
 
     @property
     def shape_dimensions(self) -> int:
-        """The angle, and the place across the axis where it has a width."""
+        """Coordinates of a ray: the angle, and the position across the axis if the chip has a width."""
         return 1 + (self.width_mm > 0.0)
 
     @property
     def space_dimensions(self) -> int:
-        """The angle from the axis, the one round it, and the place where there is width or height."""
+        """Coordinates of a ray: polar angle, azimuth, and the position if the chip has a width or height."""
         return 2 + (self.width_mm > 0.0) + (self.height_mm > 0.0)
 
     def angles(self, u: FloatArray) -> FloatArray:
@@ -72,4 +72,4 @@ class Emitter(LineSource):
         check_numbers("emitter", self.y_mm)
         check_range("emitter height_mm", self.height_mm, 0.0)
         if self.cone_deg > 0.0:
-            self.pattern.stretches(self.half_rad)  # a table refuses a cone in which it is dark
+            self.pattern.stretches(self.half_rad)  # a table raises if it has no intensity within the cone

@@ -18,7 +18,7 @@ from solen.scene.sources.pattern import Isotropic
 
 
 class _Even(LineSource):
-    """Rays evenly spaced in angle, from the right edge of the cone to its left one."""
+    """Rays evenly spaced in angle, from the right edge of the cone to the left one."""
 
     pattern = Isotropic()
 
@@ -31,8 +31,8 @@ class _Even(LineSource):
 class Fan(_Even):
     """Point source, uniform in angle over ``cone_deg`` about ``axis_deg``.
 
-    Each ray stands in the middle of its equal share of the cone, from the right edge of the cone to the left one, so
-    that N rays are the midpoint rule and a symmetric fan has no ray at its edges.
+    Each ray is in the middle of its equal share of the cone, from the right edge to the left one, so N rays are the
+    midpoint rule and a symmetric fan has no ray at its edges.
     """
 
     point: Point
@@ -43,13 +43,13 @@ class Fan(_Even):
 
     @property
     def shape_dimensions(self) -> int:
-        """The angle."""
+        """The only coordinate is the angle."""
         return 1
 
 
 @dataclass(frozen=True)
 class Chip(_Even):
-    """Line of ``width_mm`` about ``point``, across ``axis_deg``; every point of it is a fan over ``cone_deg``."""
+    """Line of ``width_mm`` centred on ``point`` across ``axis_deg``; each point emits a fan over ``cone_deg``."""
 
     point: Point
     width_mm: float
@@ -59,13 +59,13 @@ class Chip(_Even):
 
     @property
     def shape_dimensions(self) -> int:
-        """The angle, and the place on the chip from its right end to its left one."""
+        """Coordinates of a ray: the angle, and the position on the chip from its right end to its left one."""
         return 2
 
 
 @dataclass(frozen=True)
 class Beam(Source):
-    """Parallel beam from the line ``start`` to ``end``: each ray in the middle of its equal share of the line."""
+    """Parallel beam from the line ``start`` to ``end``, with each ray in the middle of its equal share of the line."""
 
     start: Point
     end: Point
@@ -74,7 +74,7 @@ class Beam(Source):
 
     @property
     def shape_dimensions(self) -> int:
-        """The place along the line."""
+        """The only coordinate is the position along the line."""
         return 1
 
     def place(self, u: FloatArray) -> Placed:
@@ -93,7 +93,7 @@ class Beam(Source):
 
 @dataclass(frozen=True)
 class Rays(Source):
-    """Rays one by one: origins and directions (x, z); directions need not be of length 1."""
+    """A list of rays, with origins and directions (x, z); directions need not be of length 1."""
 
     origins: tuple[Point, ...]
     directions: tuple[Point, ...]
@@ -109,7 +109,7 @@ class Rays(Source):
 
     @property
     def shape_dimensions(self) -> int:
-        """Which of the rays."""
+        """The only coordinate selects one of the rays."""
         return 1
 
     def place(self, u: FloatArray) -> Placed:
@@ -125,7 +125,7 @@ class Rays(Source):
         super().check()
         if len(self.origins) != len(self.directions):
             found = f"{len(self.origins)} origins, {len(self.directions)} directions"
-            raise DesignError("rays", value=found, limit="must be of equal number")
+            raise DesignError("rays", value=found, limit="origins and directions must be equal in number")
         check_points("rays", *self.origins, *self.directions)
         if any(not math.hypot(*direction) > 0.0 for direction in self.directions):
-            raise DesignError("rays", value="a direction (0, 0)", limit="must have a length")
+            raise DesignError("rays", value="a direction (0, 0)", limit="must have a length above 0")

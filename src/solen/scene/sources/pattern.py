@@ -1,9 +1,9 @@
-"""How an emitter's intensity depends on the angle from its axis.
+"""Emission patterns: the intensity as a function of the angle from the emitter's axis.
 
-A pattern is a relative intensity I(θ), power per solid angle, the same all round the axis, cut off at half a cone. In
-space a ray's angle is drawn from I(θ) sin θ. In the plane there is a slice of it: rays are drawn from I(θ) on both
-sides of the axis. Both are done by the inverse of the cumulative distribution: in closed form for the analytic
-patterns, and for a table, linear between its angles, by a quadratic in the plane and Newton's method in space.
+A pattern is a relative intensity I(θ), power per solid angle, rotationally symmetric about the axis and truncated at
+half the cone angle. In space a ray's angle is drawn from I(θ) sin θ. In the plane, rays are drawn from I(θ) on both
+sides of the axis, a section of the pattern. Both invert the cumulative distribution: in closed form for the analytic
+patterns, and for a table, linear between its angles, with a quadratic in the plane and Newton's method in space.
 """
 
 import math
@@ -20,7 +20,7 @@ from solen.errors import DesignError
 
 MOST_EXPONENT = 10_000.0
 SAME_ANGLE = 1e-15
-"""Step of Newton's method in radians below which an angle is found."""
+"""Step in radians below which Newton's method has converged."""
 
 
 class Stretch(NamedTuple):
@@ -34,13 +34,13 @@ class Stretch(NamedTuple):
 
     @property
     def most(self) -> float:
-        """Largest intensity, or a little more."""
+        """Upper bound of the intensity."""
         ends = (self.base + self.slope * self.low, self.base + self.slope * self.high)
         return max(abs(end) for end in ends)
 
 
 class AngularPattern(ABC):
-    """Relative intensity by the angle from the axis; ``half`` is where the cone cuts it off, in radians up to π."""
+    """Relative intensity by the angle from the axis; ``half`` is half the cone angle in radians, up to π."""
 
     @abstractmethod
     def intensity(self, angle: FloatArray) -> FloatArray:
@@ -48,27 +48,30 @@ class AngularPattern(ABC):
 
     @abstractmethod
     def in_plane(self, u: FloatArray, half: float) -> FloatArray:
-        """Angles (N,) from −half to half at shares ``u`` (N,) of the slice in the plane."""
+        """Angles (N,) from −half to half for the cumulative fractions ``u`` (N,) of the power in the plane."""
 
     @abstractmethod
     def in_space(self, u: FloatArray, half: float) -> FloatArray:
-        """Angles (N,) from 0 to half at shares ``u`` (N,) of the power in space."""
+        """Angles (N,) from 0 to half for the cumulative fractions ``u`` (N,) of the power in space."""
 
     @abstractmethod
     def stretches(self, half: float) -> tuple[Stretch, ...]:
-        """The slice in the plane, in the order of the angle, in stretches over which it is smooth."""
+        """The section in the plane, in intervals over which it is smooth, in the order of the angle."""
 
     @abstractmethod
     def solid_angle_sr(self, half: float) -> float:
-        """Power in space over the intensity on the axis."""
+        """Power in space divided by the intensity on the axis."""
 
     def space_integral_sr(self, half: float) -> float:
-        """Integral of the relative intensity over all directions in space, in sr; here it is 1 on the axis."""
+        """Integral of the relative intensity over all directions in space, in sr.
+
+        By default the intensity on the axis is 1.
+        """
         return self.solid_angle_sr(half)
 
     @abstractmethod
     def plane_angle(self, half: float) -> float:
-        """Integral of the relative intensity over the slice in the plane, in radians."""
+        """Integral of the relative intensity over the section in the plane, in radians."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,7 @@ class Isotropic(AngularPattern):
 
 @dataclass(frozen=True)
 class CosinePower(AngularPattern):
-    """cos^m θ up to 90°, nothing beyond; m = 1 is Lambert's law."""
+    """Intensity cos^m θ up to 90°, 0 beyond; m = 1 is Lambert's law."""
 
     exponent: float = 1.0
     kind: Literal["lambertian"] = "lambertian"
@@ -119,7 +122,7 @@ class CosinePower(AngularPattern):
 
     def in_plane(self, u: FloatArray, half: float) -> FloatArray:
         """See :meth:`AngularPattern.in_plane`; sin²θ has a beta distribution."""
-        from scipy.special import betainc, betaincinv  # it takes long to import, and few sources need it
+        from scipy.special import betainc, betaincinv  # slow to import, and few sources need it
 
         side, top = 2.0 * u - 1.0, math.sin(_up_to_90(half))
         if self.exponent == 1.0:
@@ -131,7 +134,7 @@ class CosinePower(AngularPattern):
     def in_space(self, u: FloatArray, half: float) -> FloatArray:
         """See :meth:`AngularPattern.in_space`; cos^(m + 1) θ is uniform."""
         m = self.exponent + 1.0
-        with np.errstate(divide="ignore"):  # at 90° the logarithm of 0, whose exponential is 0 again
+        with np.errstate(divide="ignore"):  # at 90° the logarithm of 0, whose exponential is 0
             lost: FloatArray = -np.expm1(np.log1p(-u * (1.0 - math.cos(_up_to_90(half)) ** m)) / m)  # 1 − cos θ
         return np.asarray(2.0 * np.arcsin(np.sqrt(0.5 * lost)))
 
@@ -155,7 +158,7 @@ class CosinePower(AngularPattern):
 
 @dataclass(frozen=True)
 class PatternTable(AngularPattern):
-    """Relative intensity at angles in degrees from the axis, ascending from 0; linear in between, nothing beyond."""
+    """Relative intensity at angles in degrees from the axis, ascending from 0; linear in between, 0 beyond."""
 
     angle_deg: tuple[float, ...]
     relative: tuple[float, ...]
@@ -166,11 +169,13 @@ class PatternTable(AngularPattern):
         check_numbers("pattern relative", *self.relative)
         if len(self.angle_deg) != len(self.relative) or len(self.angle_deg) < 2:
             found = f"{len(self.angle_deg)} angles, {len(self.relative)} intensities"
-            raise DesignError("pattern", value=found, limit="must be of equal number, at least 2")
+            raise DesignError(
+                "pattern", value=found, limit="angles and intensities must be equal in number, at least 2"
+            )
         if self.angle_deg[0] != 0.0 or self.angle_deg[-1] > 180.0 or any(a >= b for a, b in pairwise(self.angle_deg)):
-            raise DesignError("pattern angle_deg", value=self.angle_deg, limit="must ascend from 0, up to 180 at most")
+            raise DesignError("pattern angle_deg", value=self.angle_deg, limit="must ascend from 0 to at most 180")
         if not min(self.relative) >= 0.0 or not max(self.relative) > 0.0:
-            limit = "must be at least 0, and not 0 everywhere"
+            limit = "must be at least 0, and above 0 at some angle"
             raise DesignError("pattern relative", value=self.relative, limit=limit)
 
     def intensity(self, angle: FloatArray) -> FloatArray:
@@ -233,13 +238,15 @@ class PatternTable(AngularPattern):
         return float(np.sum((value[1:] + value[:-1]) * np.diff(angle)))
 
     def _within(self, half: float) -> tuple[FloatArray, FloatArray]:
-        """Angles in radians and intensities up to the cut; `DesignError` if all is dark there."""
+        """Angles in radians and intensities within the cone; `DesignError` if all these intensities are 0."""
         angle, value = np.radians(self.angle_deg), np.asarray(self.relative, dtype=float)
         last = min(half, float(angle[-1]))
         inside = angle < last
         angle, value = np.append(angle[inside], last), np.append(value[inside], np.interp(last, angle, value))
         if not (len(value) > 1 and np.any(value > 0.0)):
-            raise DesignError("cone_deg", value=2.0 * math.degrees(half), limit="the pattern is dark within the cone")
+            raise DesignError(
+                "cone_deg", value=2.0 * math.degrees(half), limit="the pattern has no intensity within the cone"
+            )
         return angle, value
 
 
@@ -251,7 +258,7 @@ def _up_to_90(half: float) -> float:
 
 
 def _segment(share: FloatArray, parts: FloatArray) -> tuple[IndexArray, FloatArray]:
-    """Which of the parts a share of their sum falls in, and how much of the part lies before it."""
+    """Index of the part in which a fraction of their sum falls, and the amount of that part before it."""
     whole = np.concatenate([[0.0], np.cumsum(parts)])
     place = share * whole[-1]
     which = np.clip(np.searchsorted(whole, place, side="right") - 1, 0, len(parts) - 1)

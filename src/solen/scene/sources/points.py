@@ -1,12 +1,12 @@
 """Points that fill the unit cube evenly, by number or at random.
 
-One or two coordinates: a rank-1 lattice whose first coordinate has equal steps, so that one dimension is the midpoint
-rule. Three and more: ``COPIES`` Sobol' nets, used in turn, each with digits shifted by numbers that are drawn once
-for all. A lattice of many dimensions can be poor in a direction that matters, and its halves then have the same error;
-independent copies do not, so their spread gives the uncertainty of their mean (decision 31).
+One or two coordinates use a rank-1 lattice whose first coordinate has equal steps, which in one dimension is the
+midpoint rule. Three and more use ``COPIES`` Sobol' nets in turn, each with a fixed random digital shift. A lattice of
+many dimensions can be poor in a direction that matters, and both of its halves then have the same error; independent
+copies do not, so their standard deviation gives the uncertainty of their mean (decision 31).
 
-Scrambled nets are those of `scipy.stats.qmc.Sobol` with the same generator, number for number; they are made here
-because importing scipy's takes longer than tracing with them, and so that they stay what they are.
+Scrambled nets equal those of `scipy.stats.qmc.Sobol` with the same generator, number for number. They are computed here
+because importing scipy's takes longer than tracing with them, and to keep them unchanged in future versions.
 """
 
 from collections.abc import Callable
@@ -26,24 +26,25 @@ POLYNOMIALS: tuple[tuple[int, int, tuple[int, ...]], ...] = (
     (4, 4, (1, 3, 5, 13)),
     (5, 2, (1, 1, 5, 5, 17)),
 )
-"""Degree, inner coefficients and first numbers of the coordinates from the second on: S. Joe and F. Y. Kuo,
-Constructing Sobol' sequences with better two-dimensional projections, SIAM J. Sci. Comput. 30 (2008), table D6."""
+"""Degree, inner coefficients and first direction numbers of the second and further coordinates: S. Joe and F. Y. Kuo,
+Constructing Sobol' sequences with better two-dimensional projections, SIAM J. Sci. Comput. 30 (2008), table D6.
+"""
 MOST_DIMENSIONS = 1 + len(POLYNOMIALS)
 SCRAMBLED_DIGITS = 30
 COPIES = 16
 DIGITS = 52
-"""Binary digits of a point: as many as leave room for a half in double precision."""
+"""Binary digits of a point, the most to which double precision can add a half."""
 
 
 def copies(dimensions: int) -> int:
-    """Independent copies that the points of so many coordinates are dealt to; 1 where they are one lattice."""
+    """Number of independent copies that share the points of so many coordinates; 1 if they are one lattice."""
     return COPIES if dimensions > 2 else 1
 
 
 def points(number: FloatArray, many: int, dimensions: int) -> FloatArray:
-    """Points (N, dimensions) in [0, 1) by their numbers (N,), of so ``many``.
+    """Points (N, dimensions) in [0, 1) for the numbers (N,) of a set of ``many`` points.
 
-    Those numbered 0, 1, 2, … belong to copy 0, 1, 2, … and so on in turn.
+    Consecutive numbers 0, 1, 2, … belong to the copies 0, 1, 2, … in turn.
     """
     if copies(dimensions) == 1:
         return _lattice(number, many, dimensions)
@@ -53,9 +54,9 @@ def points(number: FloatArray, many: int, dimensions: int) -> FloatArray:
 
 
 def sample(dimensions: int, seed: tuple[int, ...]) -> Callable[[int, int], FloatArray]:
-    """A scrambled Sobol' sequence: gives its points (stop - start, dimensions) from one number up to another.
+    """Return a function for the points (stop − start, dimensions) of a scrambled Sobol' sequence.
 
-    They come in the order of a Gray code, and are those that scipy's ``qmc.Sobol`` draws of ``default_rng(seed)``.
+    They are in the order of a Gray code, and equal those of scipy's ``qmc.Sobol`` with ``default_rng(seed)``.
     """
     net = scrambled(dimensions, np.random.default_rng(seed).spawn(1)[0])
 
@@ -67,7 +68,7 @@ def sample(dimensions: int, seed: tuple[int, ...]) -> Callable[[int, int], Float
 
 
 def _lattice(number: FloatArray, many: int, dimensions: int) -> FloatArray:
-    """The first coordinate in equal steps, a second one in steps of the golden ratio."""
+    """Points with equal steps in the first coordinate and, for two, steps of the golden ratio in the second."""
     first = ((number + 0.5) / many)[:, None]
     if dimensions == 1:
         return first
@@ -87,7 +88,7 @@ def _shifts(dimensions: int) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class Net:
-    """A net: what each binary digit of a point's number contributes (dimensions, digits), and a shift (dimensions,).
+    """A digital net: the contribution of each binary digit of a number (dimensions, digits), and a shift (dimensions,).
 
     Both are whole numbers below 2^digits.
     """
@@ -96,7 +97,7 @@ class Net:
     shift: IntArray
 
     def at(self, index: IntArray) -> IntArray:
-        """Points (N, dimensions) of those numbers (N,), as whole numbers below 2^digits."""
+        """Points (N, dimensions) with these numbers (N,), as whole numbers below 2^digits."""
         values = np.empty((len(self.shift), len(index)), dtype=np.int64)
         values[:] = self.shift[:, None]
         for byte in range((int(index.max(initial=0)).bit_length() + 7) // 8):
@@ -107,7 +108,7 @@ class Net:
 
     @cached_property
     def _tables(self) -> list[list[IntArray]]:
-        """What each value of a byte of the number contributes to a coordinate, by byte and coordinate."""
+        """Contribution of each value of a byte of the number, by byte and coordinate."""
         digits = self.directions.shape[1]
         starts = range(0, digits, 8)
         return [[_table(row[start : start + 8].tolist()) for row in self.directions] for start in starts]
@@ -122,15 +123,16 @@ def _table(directions: list[int]) -> IntArray:
 
 @lru_cache(maxsize=2 * MOST_DIMENSIONS)
 def plain(dimensions: int, digits: int) -> Net:
-    """Sobol's own net."""
+    """Return the unscrambled Sobol' net."""
     directions = np.array([_directions(i, digits) for i in range(dimensions)], dtype=np.int64)
     return Net(directions, np.zeros(dimensions, dtype=np.int64))
 
 
 def scrambled(dimensions: int, draw: np.random.Generator) -> Net:
-    """A net scrambled by a random matrix for each coordinate and a random shift; with `SCRAMBLED_DIGITS` digits.
+    """Return a net of `SCRAMBLED_DIGITS` digits, scrambled with random matrices and a random shift.
 
-    J. Matoušek, On the L2-discrepancy for anchored boxes, J. Complexity 14 (1998).
+    There is one matrix for each coordinate (J. Matoušek, On the L2-discrepancy for anchored boxes, J. Complexity 14,
+    1998).
     """
     digits = SCRAMBLED_DIGITS
     powers = 1 << np.arange(digits, dtype=np.int64)
@@ -143,7 +145,7 @@ def scrambled(dimensions: int, draw: np.random.Generator) -> Net:
 
 
 def _directions(coordinate: int, digits: int) -> list[int]:
-    """Numbers that a coordinate's binary digits are made of."""
+    """Direction numbers of a coordinate, one for each binary digit."""
     if coordinate == 0:
         return [1 << (digits - 1 - bit) for bit in range(digits)]
     degree, inner, first = POLYNOMIALS[coordinate - 1]

@@ -1,4 +1,4 @@
-"""A file of rays as a source."""
+"""Ray files as sources."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -12,18 +12,19 @@ from solen.scene.sources.base import Launch, Placed, PlacedInSpace, Source, draw
 from solen.scene.sources.ray_formats import RaySet, read_rays
 
 ACROSS = 1e-9
-"""A direction that is shorter than this in the plane runs along y."""
+"""Projected length below which a direction is taken as parallel to y."""
 
 
 @dataclass(frozen=True)
 class RayFile(Source):
-    """Rays of a vendor's file, its origin at ``point``, its z-axis along ``axis_deg``.
+    """Rays of a vendor's file, with its origin at ``point`` and its z-axis along ``axis_deg``.
 
-    With as many rays as the file holds, each is launched once with its own share of the power; with fewer or more they
-    are drawn by their power. The file's x runs to the right of the axis, its y along y, ``y_mm`` higher. In the plane
-    points and directions are projected: a ray keeps its power, and one along y goes along the axis.
+    With as many rays as the file contains, each is launched once with its own fraction of the power; with fewer or
+    more, rays are drawn with probability proportional to their power. The file's x points to the right of the axis, its
+    y along y, raised by ``y_mm``. In the plane, points and directions are projected: each ray keeps its power, and one
+    along y is directed along the axis.
 
-    Make it with `RayFile.of`, which takes the number of rays and the colours from the file.
+    Create it with `RayFile.of`, which reads the number of rays and the spectrum from the file.
     """
 
     path: str
@@ -34,7 +35,7 @@ class RayFile(Source):
 
     @classmethod
     def of(cls, path: str, point: Point, axis_deg: float, rays: int | None = None, power: float = 1.0) -> Self:
-        """All rays of a file, or some of them, with the file's spectrum; `DataError` if it cannot be read."""
+        """Return all rays of a file, or some of them, with the file's spectrum; `DataError` if it cannot be read."""
         ray_set = read_rays(path)
         return cls(path, point, axis_deg, rays or len(ray_set), power=power, spectrum=ray_set.spectrum)
 
@@ -45,7 +46,7 @@ class RayFile(Source):
 
     @property
     def shape_dimensions(self) -> int:
-        """Which of the rays."""
+        """The only coordinate selects one of the rays."""
         return 1
 
     def place(self, u: FloatArray) -> Placed:
@@ -62,7 +63,7 @@ class RayFile(Source):
         return self._placed(self._which(u))
 
     def dimensions(self, in_space: bool = False) -> int:  # noqa: ARG002  the same in both
-        """See :meth:`~solen.scene.sources.base.Source.dimensions`; a colour that a file says needs no number."""
+        """See :meth:`~solen.scene.sources.base.Source.dimensions`; wavelengths from the file need none."""
         return 1 + (len(self.spectrum) > 1 and not self._own_colours)
 
     def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:
@@ -83,7 +84,7 @@ class RayFile(Source):
         super().check()
         check_points("ray file", self.point)
         check_numbers("ray file", self.axis_deg, self.y_mm)
-        _ = self.file  # it refuses a file that cannot be read
+        _ = self.file  # raises if the file cannot be read
 
     @property
     def _own_colours(self) -> bool:
@@ -91,7 +92,7 @@ class RayFile(Source):
         return file.line is not None and file.spectrum == self.spectrum
 
     def _which(self, u: FloatArray) -> IntArray:
-        """Which rays: in turn where all of them are launched, else drawn by their power."""
+        """Indices of the rays: in turn if all are launched, else drawn with probability proportional to power."""
         power = self.file.power
         if self.rays == len(power):
             return np.minimum((u[:, 0] * len(power)).astype(np.int64), len(power) - 1)

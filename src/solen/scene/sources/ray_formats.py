@@ -1,12 +1,12 @@
-"""Files of rays that makers of light-emitting diodes publish: Zemax binary source files and IES TM-25.
+"""Ray files that makers of light-emitting diodes publish: Zemax binary source files and IES TM-25.
 
-Both hold a header and then, for each ray, 32-bit floats: a point in the file's own frame, whose z is the emitter's
-axis, a direction, a flux, and in some a wavelength. A **Zemax** file (``.dat``, ``.sdf``) has a header of 208 bytes
-with the format's number 1010, the number of rays, the unit of length and the kind of flux (OpticStudio's help, "Binary
-Source File Format"). A **TM-25** file (``.tm25ray``) begins with the letters TM25, says in flags which numbers each ray
-has, and may hold tables of spectra; lengths are in mm (IES TM-25-13, section 4.7).
+Both contain a header and then, for each ray, 32-bit floats: a point in the file's own frame, whose z is the emitter's
+axis, a direction, a flux, and in some files a wavelength. A **Zemax** file (``.dat``, ``.sdf``) has a header of 208
+bytes with the format number 1010, the number of rays, the unit of length and the kind of flux (OpticStudio's help,
+"Binary Source File Format"). A **TM-25** file (``.tm25ray``) begins with the letters TM25, states in flags which
+numbers each ray has, and may contain tables of spectra; lengths are in mm (IES TM-25-13, section 4.7).
 
-A file is read as it is or refused, with the place: nothing is guessed, and no ray is left out.
+A file is either read completely or rejected with the position of the fault: nothing is guessed, and no ray is omitted.
 """
 
 import struct
@@ -24,22 +24,22 @@ from solen.scene.sources.base import Line
 ZEMAX_HEADER = struct.Struct("<iI100s7fI9f4f4i")
 ZEMAX_NUMBER = 1010
 ZEMAX_MM = {0: 1000.0, 1: 25.4, 2: 10.0, 3: 304.8, 4: 1.0}
-"""Length in mm of the units by their number: metre, inch, centimetre, foot, millimetre."""
+"""Length in mm of each unit number: metre, inch, centimetre, foot, millimetre."""
 TM25_HEADER = struct.Struct("<4siiffQ28siifffiii168s8i")
 TM25_TEXTS = 9 * 4000
 TM25_COLUMN = 512
 TM25_BLOCK = 32
 MOST_LINES = 32
-"""Wavelengths that rays of a file are gathered to."""
+"""Largest number of spectral lines into which the wavelengths of a file are binned."""
 NOT_UNIT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class RaySet:
-    """Rays of a file in its own frame: points in mm and unit directions (N, 3), powers (N,) that add up to 1.
+    """Rays of a file in its own frame: points in mm and unit directions (N, 3), and powers (N,) that add up to 1.
 
-    ``spectrum`` are wavelengths in nm with weights, none where the file states none; ``line`` (N,) is which of them
-    each ray has, or None if the file states no wavelengths by ray.
+    ``spectrum`` contains wavelengths in nm with weights, or nothing if the file states none; ``line`` (N,) is the index
+    of each ray's line, or None if the file does not state a wavelength for each ray.
     """
 
     point_mm: FloatArray
@@ -53,7 +53,7 @@ class RaySet:
 
 
 class _Columns(NamedTuple):
-    """Rays as a file holds them: (N, columns) numbers, and which columns are flux and wavelength (None: not there)."""
+    """Rays as stored in a file: numbers (N, columns), and the columns of flux and wavelength (None: absent)."""
 
     numbers: FloatArray
     flux: int
@@ -63,13 +63,13 @@ class _Columns(NamedTuple):
 
 
 def read_rays(path: Path | str) -> RaySet:
-    """Rays of a file.
+    """Read the rays of a file.
 
     Raises
     ------
     DataError
-        If the file cannot be read, is of another format, truncated or longer than its header states, or where a ray
-        is invalid: with the place and the reason.
+        If the file cannot be read, is of another format, is truncated or longer than its header states, or contains an
+        invalid ray; the message states the position and the reason.
     """
     path = Path(path)
     try:
@@ -81,7 +81,7 @@ def read_rays(path: Path | str) -> RaySet:
 
 @lru_cache(maxsize=4)
 def _read(path: Path, _changed: int) -> RaySet:
-    """Rays of a file, cached by its time of modification, as every scene reads them."""
+    """Read the rays of a file, cached by its modification time, because every scene reads them."""
     try:
         data = path.read_bytes()
     except OSError as bad:
@@ -92,7 +92,9 @@ def _read(path: Path, _changed: int) -> RaySet:
     if len(data) >= 4 and struct.unpack_from("<i", data)[0] == ZEMAX_NUMBER:
         return _zemax(data, what)
     raise DataError(
-        what, limit="is neither a binary Zemax file of version 1010 nor a TM-25 file", remedy="convert it to one"
+        what,
+        limit="is neither a binary Zemax file of version 1010 nor a TM-25 file",
+        remedy="convert it to one of these formats",
     )
 
 
@@ -122,7 +124,7 @@ def _tm25(data: bytes, what: str) -> RaySet:
     if position != 1 or direction != 1 or not (radiant == 1 or luminous == 1):
         raise DataError(f"{what}: flags", limit="each ray must have a position, a direction and a flux")
     if colours not in range(4) or index == 1:
-        limit = "must be 0 to 3: spectra by ray are not read"
+        limit = "must be 0 to 3: a separate spectrum for each ray is not supported"
         raise DataError(f"{what}: header, spectral data", value=colours, limit=limit)
     if radiant != 1 and colours != 1:
         raise _no_power(what)
@@ -132,13 +134,13 @@ def _tm25(data: bytes, what: str) -> RaySet:
     numbers = _rays(data, place, many, width, what)
     stated = ((wavelength_nm, 1.0),) if colours == 1 else spectrum if colours == 3 else ()
     if colours == 3 and tables != 1:
-        raise DataError(f"{what}: header, spectral tables", value=tables, limit="must be one table for all rays")
+        raise DataError(f"{what}: header, spectral tables", value=tables, limit="there must be one table for all rays")
     flux = 6 if radiant == 1 else 6 + by_ray
     return _ray_set(_Columns(numbers, flux, 6 + radiant if by_ray == 1 else None, 1.0), stated, what)
 
 
 def _tm25_tables(data: bytes, tables: int, what: str) -> tuple[int, tuple[Line, ...]]:
-    """Where the tables of spectra end, and the lines of the first one."""
+    """Return the position after the tables of spectra, and the lines of the first one."""
     start = place = TM25_HEADER.size + TM25_TEXTS
     lines: tuple[Line, ...] = ()
     for number in range(tables):
@@ -155,7 +157,7 @@ def _tm25_tables(data: bytes, tables: int, what: str) -> tuple[int, tuple[Line, 
 
 
 def _rays(data: bytes, start: int, many: int, width: int, what: str) -> FloatArray:
-    """Numbers (N, width) of all rays; the file must hold all of them and nothing more."""
+    """Numbers (N, width) of all rays; the file must contain all of them and nothing more."""
     size = 4 * width
     whole = start + many * size
     if many < 1:
@@ -163,13 +165,13 @@ def _rays(data: bytes, start: int, many: int, width: int, what: str) -> FloatArr
     if len(data) < whole:
         raise _short(what, f"ray {max(len(data) - start, 0) // size + 1} of {many}", len(data), whole)
     if len(data) > whole:
-        limit = f"holds {len(data)} bytes, {len(data) - whole} more than its {many} rays of {size} bytes"
-        raise DataError(what, limit=limit, remedy="get the file again")
+        limit = f"has {len(data)} bytes, {len(data) - whole} more than its {many} rays of {size} bytes need"
+        raise DataError(what, limit=limit, remedy="obtain the file again")
     return np.frombuffer(data, "<f4", many * width, start).reshape(many, width).astype(np.float64)
 
 
 def _ray_set(columns: _Columns, stated: tuple[Line, ...], what: str) -> RaySet:
-    """Rays of the numbers of a file, each checked."""
+    """Check the numbers of each ray and return the rays."""
     numbers, flux = columns.numbers, columns.numbers[:, columns.flux]
     length = np.linalg.norm(numbers[:, 3:6], axis=1)
     checks = {
@@ -184,14 +186,14 @@ def _ray_set(columns: _Columns, stated: tuple[Line, ...], what: str) -> RaySet:
         if not np.all(good):
             raise DataError(f"{what}: ray {int(np.argmin(good)) + 1} of {len(numbers)}", limit=limit)
     if not np.sum(flux) > 0.0:
-        raise DataError(what, limit="its rays carry no flux at all")
+        raise DataError(what, limit="its rays have no flux at all")
     power = flux / np.sum(flux)
     spectrum, line = (stated, None) if columns.wavelength is None else _lines(nm, power)
     return RaySet(numbers[:, :3], numbers[:, 3:6] / length[:, None], power, spectrum, line)
 
 
 def _lines(nm: FloatArray, power: FloatArray) -> tuple[tuple[Line, ...], IntArray]:
-    """Wavelengths of rays, gathered to lines of equal width where there are many, and which of them each ray has."""
+    """Spectral lines of the rays, binned in equal widths if there are many, and the index of each ray's line."""
     values, line = np.unique(nm, return_inverse=True)
     if len(values) > MOST_LINES:
         edges = np.linspace(nm.min(), nm.max(), MOST_LINES + 1)
@@ -205,7 +207,7 @@ def _lines(nm: FloatArray, power: FloatArray) -> tuple[tuple[Line, ...], IntArra
 
 
 def _gathered(lines: tuple[Line, ...]) -> tuple[Line, ...]:
-    """A table of a spectrum with few lines."""
+    """Return a spectrum with few lines, by binning if necessary."""
     if len(lines) <= MOST_LINES:
         return lines
     nm, weight = (np.array(column) for column in zip(*lines, strict=True))
@@ -213,10 +215,10 @@ def _gathered(lines: tuple[Line, ...]) -> tuple[Line, ...]:
 
 
 def _short(what: str, where: str, result: int, needed: int) -> DataError:
-    limit = f"is truncated in {where}: {result} bytes, at least {needed} needed"
-    return DataError(what, limit=limit, remedy="get the file again")
+    limit = f"is truncated in {where}: it has {result} bytes and needs at least {needed}"
+    return DataError(what, limit=limit, remedy="obtain the file again")
 
 
 def _no_power(what: str) -> DataError:
-    limit = "its flux is luminous and of no single wavelength: the power is unknown"
-    return DataError(what, limit=limit, remedy="get the file with radiant flux")
+    limit = "states luminous flux without a single wavelength, so the power is unknown"
+    return DataError(what, limit=limit, remedy="obtain the file with radiant flux")

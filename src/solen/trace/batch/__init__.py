@@ -1,8 +1,8 @@
-"""Many designs at many angles and places of the emitter in one call of compiled code.
+"""Many designs at many angles and emitter positions in one call of compiled code.
 
-The kernel makes the tables of a Y from a design's numbers (`solen.trace.kernel.y_tables`) and its rays
-(`solen.trace.kernel.lattices`), and traces them as those of any scene. `Lot` is the room for a design at all its angles
-and places; `places` turns powers by place into those of any chip.
+The kernel computes the tables of a Y from a design's numbers (`solen.trace.kernel.y_tables`) and its rays
+(`solen.trace.kernel.lattices`), and traces them like those of any scene. `Lot` allocates the arrays for a design at all
+its angles and positions; `places` converts powers by position into those of any chip.
 """
 
 from solen.trace.batch.lot import DOUBLE, Found, Lot, empty_sums

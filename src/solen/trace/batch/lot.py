@@ -1,8 +1,8 @@
-"""One design at all its angles and bins of places, as one call of compiled code.
+"""One design at all its angles and bins of emitter positions, in one call of compiled code.
 
-A `Lot` is the room for it: tables, rays and sums of every angle and bin, one after the other. `Lot.traced` fills it by
-compiled code and gives the power at both receivers for every angle and bin. Without Python between the poses a design
-takes some milliseconds.
+A `Lot` has the arrays for it: tables, rays and sums of all angles and bins, one after another. `Lot.traced` fills them
+with compiled code and returns the power at both receivers for each angle and bin. Without Python between the poses, a
+design takes some milliseconds.
 """
 
 import math
@@ -29,19 +29,19 @@ REGIONS, RECEIVERS = 2, 2
 
 
 class Found(NamedTuple):
-    """What became of the light of a design, by angle and bin."""
+    """Powers for one design, by angle and bin."""
 
     power: FloatArray
-    """(A, B, 2) of right and left"""
+    """(A, B, 2) at the right and left receiver"""
     truncated: FloatArray
-    """(A, B)"""
+    """(A, B) power that was truncated"""
     sound: IntArray
-    """(A,) as `solen.trace.batch.y.y_tables` says"""
+    """(A,) as defined in `solen.trace.kernel.y_tables`"""
 
 
 @dataclass
 class Lot:
-    """Room for a design at A angles, B bins and so many rays of ``each``."""
+    """Arrays for a design at A angles and B bins, with ``each`` rays for each of them."""
 
     angle_deg: FloatArray
     bins: int
@@ -87,7 +87,7 @@ class Lot:
         self._make_room()
 
     def traced(self, sensors: Sensors, d: int, bins: Bins, seed: int) -> Found:
-        """Powers of design number ``d``; those of an unsound body are nothing."""
+        """Trace design number ``d`` and return its powers; those of an unsound body are 0."""
         self.prepare(sensors, d, bins, seed)
         while not self._trace(sensors, d):
             self.waiting *= 2
@@ -97,7 +97,7 @@ class Lot:
         return Found(power, truncated, self.sound.copy())
 
     def prepare(self, sensors: Sensors, d: int, bins: Bins, seed: int) -> None:
-        """Make tables and rays of design number ``d``."""
+        """Compute the tables and rays of design number ``d``."""
         prepare(sensors, d, self.angle_deg, self.tables, self.starts, self.poses, self.sound)
         fill: Any = launch_all_in_space if self.in_space else launch_all
         fill(sensors, d, self.tables, self.starts, self.poses, bins, seed, self.rays, self.each)
@@ -122,7 +122,7 @@ class Lot:
 
 
 def _empty_tables(scenes: int, pieces: int) -> Tables:
-    """Room for the tables of so many scenes of two media and one wavelength, with so many pieces together."""
+    """Allocate the tables of scenes with two media and one wavelength each, and ``pieces`` pieces in total."""
 
     def whole(many: int) -> IntArray:
         return np.zeros(many, np.int64)
@@ -141,7 +141,7 @@ def _empty_tables(scenes: int, pieces: int) -> Tables:
 
 
 def empty_sums(tasks: int) -> tally.Sums:
-    """Sums of nothing for so many tasks."""
+    """Allocate empty sums for this number of tasks."""
     return tally.Sums(
         fate=np.zeros((tasks, tally.LEAKED + 2)),
         detected=np.zeros(RECEIVERS * tasks),

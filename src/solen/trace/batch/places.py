@@ -1,12 +1,12 @@
-"""From powers by place of an emitter to those of any chip: weights, and how large their error is.
+"""From powers by emitter position to those of any chip: weights, and their errors.
 
-A chip of any width and decentre is a mean over places: a sum over bins of places, with weights that depend on width and
-decentre alone. Where chips are few, bins begin and end where chips do, and the sum is exact. Where they are many, bins
-are as narrow as the narrowest chip that reaches them needs, and the power up to a place is interpolated between their
-edges by cubics; by how much that differs from straight lines says how far it may be off.
+A chip of any width and decentre is a mean over positions: a sum over bins of positions, with weights that depend only
+on width and decentre. For few chips, the bins begin and end where chips do, and the sum is exact. For many, the bins
+are as narrow as the narrowest chip that covers them requires, and the cumulative power is interpolated with cubics
+between their edges; its difference from linear interpolation gives an estimate of the error.
 
-A bin has two lattices of rays, a point eight, each shifted by chance, by itself: how far they are apart is their
-standard deviation, and that of a chip follows by its weights.
+A bin has two lattices of rays and a point has eight, each with its own random shift: their differences give the
+standard deviation, and with the weights that of a chip.
 """
 
 import math
@@ -20,40 +20,40 @@ from solen.trace.kernel.lots import Bins
 
 FEWEST_BINS, MOST_BINS = 16, 128
 BINS_OF_A_CHIP = 16
-"""Bins of the narrowest chip at a place, as far as `MOST_BINS` allow."""
+"""Number of bins for the narrowest chip at a position, up to `MOST_BINS` in total."""
 MOST_ENDS = 32
-"""Ends of a sensor's chips up to which bins begin and end at all of them."""
+"""Largest number of chip ends for which bins begin and end at all of them."""
 SAME_MM = 1e-9
-"""Ends nearer than this are one."""
+"""Ends closer than this are merged."""
 NOT_STRAIGHT = 0.3
-"""What cubics may be off by, as a share of how far they are from straight lines."""
+"""Estimated error of cubic interpolation, as a fraction of its difference from linear interpolation."""
 SHIFTS, SHIFTS_OF_A_POINT = 2, 8
-"""Lattices of a bin, and of a point."""
+"""Number of lattices of a bin, and of a point."""
 STUDENT = 1.35
 """Student's quantile of 97.5 % is that of the normal distribution times 1 + 1.35 over the degrees of freedom."""
 TINY = 1e-300
 
 
 class Chips(NamedTuple):
-    """Chips of a design: width and decentre in mm (K,); all are points, or none is."""
+    """Chips of a design: width and decentre in mm (K,); either all are points or none is."""
 
     width: FloatArray
     offset: FloatArray
 
     @property
     def are_points(self) -> bool:
-        """Whether they have no width."""
+        """Whether the chips have no width."""
         return not np.any(self.width > 0.0)
 
 
 def lattices_for(width: FloatArray, offset: FloatArray, both: bool) -> int:
-    """How many lattices chips (D, K) of designs need; ``both``: they are symmetric about the axis."""
+    """Return the number of lattices that chips (D, K) of designs need; ``both``: mirrored about the axis, too."""
     points = width == 0.0
     if points.all():
         return int(width.shape[1] * SHIFTS_OF_A_POINT * (1 + both))
     if points.any():
         limit = "must be 0 for all chips of a call, or for none"
-        raise DesignError("widths_mm", value=0.0, limit=limit, remedy="respond to points in a call of their own")
+        raise DesignError("widths_mm", value=0.0, limit=limit, remedy="compute points in a separate call")
     low, high = (offset - 0.5 * width).min(axis=1), (offset + 0.5 * width).max(axis=1)
     whole = 2.0 * np.maximum(np.abs(low), np.abs(high)) if both else high - low
     ends = 2 * width.shape[1] * (1 + both) + both
@@ -68,17 +68,17 @@ def lattices_for(width: FloatArray, offset: FloatArray, both: bool) -> int:
 
 
 def ends_of(chips: Chips, both: bool) -> FloatArray:
-    """Places, ascending, where chips begin or end; with ``both`` their mirror images too, and the axis."""
+    """Positions, ascending, where chips begin or end; with ``both`` also their mirror images, and the axis."""
     ends = np.concatenate([chips.offset - 0.5 * chips.width, chips.offset + 0.5 * chips.width])
     ends = np.sort(np.concatenate([ends, [0.0], -ends]) if both else ends)
     return np.asarray(ends[np.append(True, np.diff(ends) > SAME_MM)])
 
 
 def bins_upto(chips: Chips, ends: FloatArray, both: bool) -> FloatArray:
-    """How many bins chips want from the first of their ends up to each.
+    """Number of bins required from the first chip end up to each end.
 
-    That is `BINS_OF_A_CHIP` for each width of the narrowest chip, or mirror image of one, that reaches a place; where
-    none does, as few as the widest wants.
+    There are `BINS_OF_A_CHIP` bins for each width of the narrowest chip, or mirror image of one, that covers a
+    position; if none does, as few as the widest chip needs.
     """
     offset = np.concatenate([chips.offset, -chips.offset]) if both else chips.offset
     width = np.concatenate([chips.width, chips.width]) if both else chips.width
@@ -89,7 +89,7 @@ def bins_upto(chips: Chips, ends: FloatArray, both: bool) -> FloatArray:
 
 
 def shared_out(lengths: FloatArray, many: int) -> IntArray:
-    """How many of so many bins each of some stretches gets: at least one, and about as many as it is long."""
+    """Distribute ``many`` bins among intervals: at least one each, and approximately in proportion to their lengths."""
     shares = np.ones(len(lengths), np.int64)
     for _ in range(many - len(lengths)):
         shares[np.argmax(lengths / shares)] += 1
@@ -97,9 +97,9 @@ def shared_out(lengths: FloatArray, many: int) -> IntArray:
 
 
 class Places(NamedTuple):
-    """Bins of places, as many times as they have lattices, and the weights (K, B) that make chips of them.
+    """Bins of positions, repeated for each lattice, and the weights (K, B) that combine them into chips.
 
-    ``doubt`` (K, B) are the weights of what an interpolation may be off by.
+    ``doubt`` (K, B) are the weights for the estimated error of the interpolation.
     """
 
     bins: Bins
@@ -109,7 +109,7 @@ class Places(NamedTuple):
 
     @classmethod
     def of(cls, chips: Chips, lattices: int, both: bool) -> "Places":
-        """Places for chips; ``both``: symmetric about the axis, so that they serve a mirror image too."""
+        """Choose positions for chips; ``both``: symmetric about the axis, so they also serve for the mirror image."""
         if chips.are_points:
             at = np.concatenate([chips.offset, -chips.offset[::-1]]) if both else chips.offset
             own = np.eye(len(chips.offset), len(at))
@@ -144,13 +144,13 @@ class Places(NamedTuple):
         return cls(Bins(*(np.repeat(ends, shifts) for ends in bins)), each, doubts, shifts)
 
     def powers(self, found: FloatArray) -> FloatArray:
-        """Powers (..., K) of the chips from those by lattice (..., B)."""
+        """Return powers (..., K) of the chips from those by lattice (..., B)."""
         return np.asarray(found @ self.weights.T)
 
     def u_powers(self, found: FloatArray) -> FloatArray:
-        """Standard errors (..., K) of `powers`: how far the lattices of a bin are apart.
+        """Return standard errors (..., K) of `powers`, from the differences of the lattices of each bin.
 
-        They are widened for their few degrees of freedom (Welch and Satterthwaite's), so that two of them hold 95 %.
+        They are enlarged for their few degrees of freedom (Welch and Satterthwaite's), such that ±2 of them cover 95 %.
         """
         freedom = self.shifts - 1
         lattices = [found[..., i :: self.shifts] for i in range(self.shifts)]
@@ -163,9 +163,9 @@ class Places(NamedTuple):
 
 
 def cumulative(at: FloatArray, edges: FloatArray) -> FloatArray:
-    """Weights (K, B) of bins' mean powers that give the integral from the first edge (B + 1,) up to places (K,).
+    """Weights (K, B) of the bins' mean powers for the integral from the first edge up to positions (K,).
 
-    Between edges a cubic with the slopes that the neighbouring bins give, which are exact for cubic powers.
+    The interpolation is a cubic between edges, with slopes from the neighbouring bins that are exact for cubic powers.
     """
     step = np.diff(edges)
     which = np.clip(np.searchsorted(edges, at, "right") - 1, 0, len(step) - 1)
@@ -178,12 +178,12 @@ def cumulative(at: FloatArray, edges: FloatArray) -> FloatArray:
 
 
 def straightly(at: FloatArray, edges: FloatArray) -> FloatArray:
-    """As `cumulative`, by straight lines."""
+    """The same as `cumulative`, with linear interpolation."""
     return np.asarray(np.clip(at[:, None] - edges[:-1], 0.0, np.diff(edges)))
 
 
 def _slopes(edges: FloatArray) -> FloatArray:
-    """Weights (B + 1, B) that give the power at each edge: slope of the quartic through the integrals to five edges."""
+    """Weights (B + 1, B) for the power at each edge: the slope of the quartic through the integrals to five edges."""
     many = len(edges) - 1
     first = np.clip(np.arange(many + 1) - 2, 0, many - 4)
     near = first[:, None] + np.arange(5)
@@ -198,10 +198,10 @@ def _slopes(edges: FloatArray) -> FloatArray:
 
 
 def mirrored(found: FloatArray) -> FloatArray:
-    """Powers (..., B, 2) of a symmetric sensor at the opposite angle, from symmetric bins."""
+    """Return powers (..., B, 2) of a symmetric sensor at the opposite angle, from symmetric bins."""
     return np.asarray(found[..., ::-1, ::-1])
 
 
 def are_symmetric(angle_deg: FloatArray) -> BoolArray:
-    """Of each angle (A,) whether its opposite is there before it, so that it need not be traced."""
+    """For each angle (A,), whether its opposite is earlier in the list, in which case it need not be traced."""
     return np.array([-angle in angle_deg[:i] for i, angle in enumerate(angle_deg.tolist())], dtype=bool)
