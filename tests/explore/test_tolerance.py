@@ -245,7 +245,7 @@ def test_an_adjustment_of_the_emitter_takes_its_decentre_away(folder: Store) -> 
         ("emitter.offset_mm=0", "greater than 0"),
         ("emitter.offset_mm", "greater than 0"),
         ("emitter.height_mm=0.1", "plane"),
-        ("body.arm_width_mm=0.05", "rise or fall"),
+        ("body.arm_width_mm=0.05", "monotonic"),
     ],
 )
 def test_an_adjustment_without_effect_is_refused(folder: Store, text: str, named: str) -> None:
@@ -319,7 +319,7 @@ def test_a_print_that_no_design_file_describes_is_refused_with_why(tmp_path: Pat
     offset = ("emitter.offset_mm=normal:0:0.02",)
     for more, named in (
         ({"vary": offset, "process": path}, "growth of --process"),
-        ({"vary": ("emitter.distance_mm=normal:0:0.02",)}, "hold it"),
+        ({"vary": ("emitter.distance_mm=normal:0:0.02",)}, "keep it"),
     ):
         with pytest.raises(SpecError, match=named):
             print_design(DESIGN, ToleranceOptions(print_number=3, prints=32, **more))

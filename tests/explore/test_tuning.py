@@ -127,7 +127,7 @@ def test_what_a_picture_does_not_tell_is_not_corrected(lab: Lab, tuned: list[Tun
     assert "size" not in blind.corrected
     said = " ".join(blind.warnings)
     assert "--seen-from" in said
-    assert "cannot be separated" in said
+    assert "--u-um-per-px" in said
     # so the drawing is kept, and the next picture is one of it, without a word
     assert blind.kept
     again = Lab(lab.folder, lab.printer, taken=50)

@@ -201,7 +201,7 @@ def test_what_a_missing_package_leaves_out_is_warned_of(monkeypatch: pytest.Monk
     without = found()
     assert not [effect for effect in without.effects if effect.key == "hold"]
     (warning,) = without.warnings
-    assert "how a soft body is held" in warning
+    assert "holding of a soft body" in warning
     assert "scikit-fem" in warning
 
 

@@ -1,7 +1,7 @@
-"""Axes of a sweep: which numbers of a design vary, over which values.
+"""Axes of a sweep: the numbers of a design that vary, and their values.
 
-The interface: `axis` of a text, ``lens.focus_mm=15:25:11``; `grid` and `sampled` give the points, each a dictionary of
-values by dotted keys.
+The interface: `axis` of a text, ``lens.focus_mm=15:25:11``; `grid` and `sampled` return the points, each a dictionary
+of values by dotted keys.
 """
 
 import math
@@ -17,57 +17,57 @@ from solen.explore.sobol import sobol
 from solen.spec import Design, parse_assignment, value_at
 
 MOST_POINTS = 1_000_000
-"""Points of one sweep, or of one part of it: their responses fit in memory."""
+"""Largest number of points of a sweep, or of one part of it, whose responses fit in memory."""
 FORMS = "write KEY=FROM:TO:NUMBER, KEY=VALUE,VALUE,... or, with --samples, KEY=FROM:TO"
 
 
 @dataclass(frozen=True)
 class Axis:
-    """One key of the design and its values; of a range without a number of values its ends."""
+    """One key of the design and its values; the two ends of a range without a number of values."""
 
     key: str
     values: tuple[Any, ...]
     kind: Literal["list", "spaced", "range"] = "list"
 
     def at(self, share: float) -> Any:
-        """Value at a share, 0 to 1, of the way along the axis."""
+        """Return the value at a fraction, 0 to 1, of the length of the axis."""
         if self.kind == "range":
             return self.values[0] + share * (self.values[1] - self.values[0])
         return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
 
 
 def axis(text: str, design: Design, option: str = "--over", forms: str = FORMS) -> Axis:
-    """Axis of an option's text; `SpecError` where it is malformed, empty, or not about a key of the design."""
+    """Parse the text of an option; raise `SpecError` if it is malformed or empty, or its key is not in the design."""
     key, equals, values = (part.strip() for part in text.partition("="))
     if not (equals and key and values):
         raise SpecError(option, value=text, limit="is not a key with its values", remedy=forms)
-    now = None if key == "name" else value_at(design, key)  # refuses an unknown key
+    now = None if key == "name" else value_at(design, key)  # rejects an unknown key
     if ":" in values:
         return _spaced(f"{option} {key}", key, values, forms)
     listed = tuple(parse_assignment(f"{key}={part}")[1] for part in values.split(","))
     if isinstance(now, float) and any(isinstance(part, str) for part in listed):
-        raise SpecError(f"{option} {key}", value=values, limit="has a value that is not a number", remedy=forms)
+        raise SpecError(f"{option} {key}", value=values, limit="contains a value that is not a number", remedy=forms)
     if any(part == "" for part in listed):
-        raise SpecError(f"{option} {key}", value=values, limit="has an empty value", remedy=forms)
+        raise SpecError(f"{option} {key}", value=values, limit="contains an empty value", remedy=forms)
     if len(set(map(str, listed))) < len(listed):
-        raise SpecError(f"{option} {key}", value=values, limit="has a value twice", remedy="leave one out")
+        raise SpecError(f"{option} {key}", value=values, limit="contains a value twice", remedy="leave one out")
     return Axis(key, listed)
 
 
 def check_not_set(option: str, texts: Sequence[str], assignments: Sequence[str] | None) -> None:
-    """`SpecError` where an assignment already sets an option's key."""
+    """Raise `SpecError` if an assignment already sets the key of an option."""
     fixed = {parse_assignment(text)[0] for text in assignments or ()}
     for text in texts:
         for key in re.split(r"[-+*\s]+", text.partition("=")[0]):
             if key in fixed:
-                limit = f"--set {key} states one value of the same key"
+                limit = f"--set {key} sets the same key to one value"
                 raise SpecError(
-                    f"{option} {key}", limit=limit, remedy="leave one out, or write the value in the design"
+                    f"{option} {key}", limit=limit, remedy="omit one of them, or write the value in the design"
                 )
 
 
 def _spaced(what: str, key: str, text: str, forms: str) -> Axis:
-    """Evenly spaced values, ``15:25:11``, or a range, ``15:25``."""
+    """Return evenly spaced values, ``15:25:11``, or a range, ``15:25``."""
     try:
         low, high, *number = (float(part) for part in text.split(":"))
     except ValueError:
@@ -75,34 +75,36 @@ def _spaced(what: str, key: str, text: str, forms: str) -> Axis:
     if len(number) > 1 or not (math.isfinite(low) and math.isfinite(high)):
         raise SpecError(what, value=text, limit="is not a range", remedy=forms)
     if low == high:
-        raise SpecError(what, value=text, limit="is an empty range", remedy="name two different ends, or one value")
+        raise SpecError(
+            what, value=text, limit="is an empty range", remedy="state two different ends, or a single value"
+        )
     if not number:
         return Axis(key, (low, high), "range")
     if not math.isfinite(number[0]) or number[0] != int(number[0]) or number[0] < 2:
-        raise SpecError(what, value=f"{number[0]:g}", limit="the number of values must be whole, at least 2")
+        raise SpecError(what, value=f"{number[0]:g}", limit="the number of values must be an integer of at least 2")
     _check_number(int(number[0]))
     return Axis(key, tuple(np.linspace(low, high, int(number[0])).tolist()), "spaced")
 
 
 def check_axes(axes: Sequence[Axis], samples: int | None, part: str | None = None) -> range:
-    """Numbers of the points of a sweep, or of a part of it, ``3/10``.
+    """Return the numbers of the points of a sweep, or of a part of it such as ``3/10``.
 
     Raises
     ------
     SpecError
-        Where a key is stated twice, a range is not sampled, or there are too many points.
+        If a key is stated twice, a range is not sampled, or there are too many points.
     """
     if not axes:
         raise SpecError("--over", limit="a sweep needs at least one axis", remedy=FORMS)
     keys = [one.key for one in axes]
     twice = next((key for key in keys if keys.count(key) > 1), None)
     if twice:
-        raise SpecError(f"--over {twice}", limit="is stated twice", remedy="put all its values in one")
+        raise SpecError(f"--over {twice}", limit="is stated twice", remedy="put all values of the key in one --over")
     for one in axes:
         ends = ":".join(f"{value:g}" for value in (one.values[0], one.values[-1])) if one.kind != "list" else ""
         if one.kind == "range" and samples is None:
-            limit = "a range without a number of values"
-            raise SpecError(f"--over {one.key}", value=ends, limit=limit, remedy="add :NUMBER, or use --samples N")
+            limit = "is a range without a number of values"
+            raise SpecError(f"--over {one.key}", value=ends, limit=limit, remedy="add :NUMBER or --samples N")
         if one.kind == "spaced" and samples is not None:
             limit, remedy = "--samples draws its own values from a range", f"write --over {one.key}={ends}"
             raise SpecError(f"--over {one.key}", value=f"{len(one.values)} values", limit=limit, remedy=remedy)
@@ -113,7 +115,7 @@ def check_axes(axes: Sequence[Axis], samples: int | None, part: str | None = Non
 
 
 def _part(text: str, number: int) -> range:
-    """Numbers of the points of one of several parts of even size."""
+    """Return the numbers of the points in one of several parts of equal size."""
     place, slash, parts = text.partition("/")
     if not (slash and place.isdecimal() and parts.isdecimal() and 1 <= int(place) <= int(parts) <= number):
         limit = f"is not a part of {number:,} points"
@@ -123,12 +125,12 @@ def _part(text: str, number: int) -> range:
 
 def _check_number(points: int) -> None:
     if points > MOST_POINTS:
-        remedy = "take fewer values, --samples N of ranges, or --part 1/N and so on"
+        remedy = "use fewer values, --samples N with ranges, or --part 1/N and so on"
         raise SpecError("points", value=f"{points:,}", limit=f"a sweep has at most {MOST_POINTS:,}", remedy=remedy)
 
 
 def grid(axes: Sequence[Axis], points: range | None = None) -> Iterator[dict[str, Any]]:
-    """Combinations of the values by their numbers, default all, the last axis running fastest."""
+    """Return combinations of the values by the numbers of the points, all by default; the last axis varies fastest."""
     for number in range(math.prod(len(one.values) for one in axes)) if points is None else points:
         values = {}
         for one in reversed(axes):
@@ -138,6 +140,6 @@ def grid(axes: Sequence[Axis], points: range | None = None) -> Iterator[dict[str
 
 
 def sampled(axes: Sequence[Axis], points: range, seed: int) -> Iterator[dict[str, Any]]:
-    """Points of a scrambled Sobol' sequence; a list of values is drawn from evenly."""
+    """Return the points of a scrambled Sobol' sequence; values of a list are drawn with equal probability."""
     for row in sobol(len(axes), len(points), np.random.default_rng(seed), points.start).tolist():
         yield {one.key: one.at(share) for one, share in zip(axes, row, strict=True)}

@@ -1,9 +1,9 @@
-"""Chips of a sweep that share their rays: points that differ only in width and decentre are one trace.
+"""Chips of a sweep that share their rays: points that differ only in width and decentre need one trace.
 
-The compiled batch traces a design over all places of an emitter, and each chip is a weighted sum of these
+The compiled batch traces a design for all positions of an emitter, and each chip is a weighted sum of these
 (`solen.sensor.respond`).
 
-The interface: `chips_of` a design and the axes of a grid; `chips_last`, the order in which its points are traced.
+The interface: `chips_of` a design and the axes of a grid; `chips_last` orders the points for tracing.
 """
 
 import math
@@ -19,11 +19,11 @@ from solen.spec import Design
 
 KEYS = ("emitter.width_mm", "emitter.offset_mm")
 MOST_REACH = 8.0
-"""Longest range of places, in widths of the narrowest chip, over which sharing rays pays."""
+"""Longest range of positions, in widths of the narrowest chip, for which sharing rays saves time."""
 
 
 def chips_of(design: Design, axes: Sequence[Axis]) -> tuple[Chip, ...]:
-    """Widths and decentres of a grid that are traced together; none where that is impossible or not worthwhile."""
+    """Return widths and decentres of a grid to be traced together; empty if that is impossible or saves no time."""
     values = {one.key: one.values for one in axes}
     own = Sensor.of(design)
     widths = values.get(KEYS[0], (own.light.width_mm,))
@@ -37,7 +37,7 @@ def chips_of(design: Design, axes: Sequence[Axis]) -> tuple[Chip, ...]:
 
 
 def chips_last(axes: Sequence[Axis]) -> list[int]:
-    """Numbers of the points of a grid with the chips of each design one after the other."""
+    """Return the numbers of the points of a grid, ordered so that the chips of each design follow one another."""
     numbers = np.arange(math.prod(len(one.values) for one in axes)).reshape([len(one.values) for one in axes])
     of_chips = [one.key in KEYS for one in axes]
     order: list[int] = numbers.transpose(np.argsort(of_chips, kind="stable").tolist()).ravel().tolist()

@@ -1,8 +1,8 @@
 """The outline of a lens and its walls as one contour, and the deviation of a pictured print along it.
 
-The idea: wall, front and wall form one contour with the material on its left; lengths along it count from the front's
-left end. A picture's thousand points are averaged over short pieces, whose noise is known; each is the deviation of
-the print from the design there, after registration including size and overgrowth.
+The idea: wall, front and wall form one contour with the material on its left. Lengths along it are measured from the
+left end of the front. The thousand or so points of a picture are averaged over short pieces with known noise. Each
+piece gives the local deviation of the print from the design after registration, with size and overgrowth included.
 
 The interface: `Contour` of a design's front; `Rows` of a measured print.
 """
@@ -19,23 +19,23 @@ from solen.metrology.print_fit import EDGE_BIAS_PX, laid
 
 FRONT_PIECES, WALL_PIECES = 100, 8
 SHARED_LINES = 2.0
-"""Number of neighbouring points of an edge that share grey values and count as one."""
+"""Number of neighbouring edge points that share grey values and count as one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Contour:
-    """Left wall, front and right wall of a design as one line."""
+    """The left wall, the front and the right wall of a design as one line."""
 
     nominal: NominalFront
 
     @property
     def length_mm(self) -> float:
-        """Length of the front."""
+        """Length of the front in mm."""
         return float(self.nominal.arc_mm[-1])
 
     @property
     def centre_mm(self) -> FloatArray:
-        """Centre (2,) of the front, about which a print shrinks."""
+        """Centre (2,) of the front, about which a print shrinks, in mm."""
         return np.asarray(self.nominal.at(np.array([0.5 * self.length_mm]))[0][0])
 
     @cached_property
@@ -59,23 +59,23 @@ class Contour:
         return np.asarray(np.sum((points - self.centre_mm) * normals, axis=1))
 
     def at(self, arc_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points (N, 2) and outward normals (N, 2) at lengths along the contour."""
+        """Return points (N, 2) and outward normals (N, 2) at lengths along the contour."""
         arc, points, normals = self._line
         return interpolated(arc_mm, arc, points), interpolated(arc_mm, arc, normals)
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Deviations of a print along a contour, N pieces of it.
+    """Deviations of a print in N pieces along a contour.
 
     Attributes
     ----------
     arc_mm
-        Lengths (N,) along the contour; walls lie below 0 and beyond the front's length.
+        Lengths (N,) along the contour; those of the walls are below 0 or beyond the front's length.
     deviation_um, u_um
-        Deviation of the print by its picture's scale, and its standard uncertainty from noise (N,).
+        Deviation of the print at the scale of its picture, and its standard uncertainty from noise (N,).
     um_per_px, u_um_per_px
-        The picture's scale; the uncertainty is None if not stated.
+        Scale of the picture, and its standard uncertainty, or None if that is not stated.
     """
 
     arc_mm: FloatArray
@@ -86,7 +86,7 @@ class Rows:
 
     @classmethod
     def of(cls, inspection: LensInspection) -> "Rows":
-        """Rows of the chosen edge and the walls behind it."""
+        """Return the deviations of the chosen edge and the walls behind it."""
         chosen, nominal = inspection.outline.chosen, inspection.nominal
         front, walls = laid(chosen.traced, nominal, chosen.size)
         u_um = chosen.edge.measured[1] * inspection.image.um_per_px
@@ -112,19 +112,19 @@ class Rows:
 
     @property
     def bias_um(self) -> float:
-        """Common shift of all edges that uneven light may cause."""
+        """Common shift of all edges that uneven light may cause, in µm."""
         return EDGE_BIAS_PX * self.um_per_px
 
 
 def near_end(nominal: NominalFront) -> float:
-    """Length along the front at which its right corner begins."""
+    """Return the length along the front at which its right corner begins."""
     return float(nominal.arc_mm[-1]) - END_MM
 
 
 def _pieces(
     arc: FloatArray, deviation: FloatArray, u: FloatArray, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Means of a contour's points over equal pieces, and their uncertainty from noise."""
+    """Return means of a contour's points over equal pieces, and their uncertainty from noise."""
     if not len(arc):
         return np.zeros(0), np.zeros(0), np.zeros(0)
     edges = np.linspace(arc.min(), arc.max(), count + 1)[1:-1]

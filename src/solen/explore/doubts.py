@@ -1,4 +1,4 @@
-"""Warnings about faults that a correction of the drawing cannot remove; none if there are no faults.
+"""Warnings about faults that a correction of the drawing cannot remove.
 
 The interface: `of_picture` and `of_prediction`.
 """
@@ -10,18 +10,18 @@ from solen.metrology import LensInspection
 from solen.ranks import Caution, do_not_use, look_at, note
 
 WORTH = 0.95
-"""A correction is worthwhile if its deviation is below this share of the unchanged drawing's deviation."""
+"""A correction is worthwhile if its predicted deviation is below this fraction of that of the unchanged drawing."""
 SURE = 0.95
 _TAPER_UM = 1.0
 
 
 def of_picture(inspection: LensInspection, model: PrintModel) -> list[Caution]:
-    """Faults of the picture or the part that no drawing can correct."""
+    """Return warnings about faults of the picture or the part that no drawing can correct."""
     return [*_defocus(inspection, model), *_side(inspection), *_design(inspection), *_scale(inspection), *_face(model)]
 
 
 def of_prediction(log: TuningLog, corrected: Residual, unchanged: Residual, *, moved: bool) -> list[Caution]:
-    """Warnings about the next drawing, and about the previous one."""
+    """Return warnings about the next drawing and the previous prediction."""
     last = log.prints[-1]
     kept = f"; {log.name(last.correction.number)} is kept, and no new drawing is made" if last.keeps else ""
     return [*([] if moved else _gain(corrected, unchanged, kept)), *_missed(log)]
@@ -33,9 +33,9 @@ def _defocus(inspection: LensInspection, model: PrintModel) -> list[Caution]:
         return []
     return [
         look_at(
-            f"the edge is blurred over {blur_um:.3g} µm, more than the printer's own {printed_um:.3g}: out of "
-            "focus, or an inclined wall; no drawing can correct that, and two faces may be measured as one. "
-            "Focus on the upper rim"
+            f"the edge is blurred over {blur_um:.3g} µm, more than the {printed_um:.3g} µm of the "
+            "printer: the picture is out of focus or the wall is inclined. No drawing can correct "
+            "this, and two faces may be measured as one. Focus on the upper rim"
         )
     ]
 
@@ -45,8 +45,8 @@ def _side(inspection: LensInspection) -> list[Caution]:
         return []
     return [
         look_at(
-            "the picture does not reveal the visible face (--seen-from): only the symmetric part is corrected, as "
-            "the rest would be doubled if the picture is mirrored"
+            "it is unknown which face the picture shows (--seen-from): only the symmetric part "
+            "is corrected, since the remainder would be doubled if the picture is mirrored"
         )
     ]
 
@@ -58,8 +58,9 @@ def _design(inspection: LensInspection) -> list[Caution]:
         return []
     return [
         do_not_use(
-            f"the outline matches {best.name} (probability {best.probability:.2g} among those compared) better than "
-            f"{inspection.design}: a correction would turn one lens into another. Check which file was printed"
+            f"the outline matches {best.name} (probability {best.probability:.2g} among those compared) "
+            f"better than {inspection.design}: a correction would turn one lens into another. Check "
+            "which file was printed"
         )
     ]
 
@@ -69,8 +70,9 @@ def _scale(inspection: LensInspection) -> list[Caution]:
         return []
     return [
         look_at(
-            "the scale's uncertainty is not stated (--u-um-per-px): a wrong scale and shrinkage cannot be separated, "
-            "so overgrowth and form are corrected and size is not; the predicted residual includes a scale off by 3 %"
+            "the uncertainty of the scale is not stated (--u-um-per-px): a wrong scale cannot "
+            "be distinguished from shrinkage. Overgrowth and form are corrected, but size is not; "
+            "the predicted residual includes an error of 3 % in the scale"
         )
     ]
 
@@ -84,8 +86,9 @@ def _face(model: PrintModel) -> list[Caution]:
         return []
     return [
         note(
-            f"by the model walls stand {ends[0]:+.2g} µm at the first layer and {ends[1]:+.2g} µm at the last "
-            "relative to half the thickness, where the emitter is: the face in the picture is corrected"
+            f"according to the model, walls are displaced by {ends[0]:+.2g} µm at the first layer "
+            f"and {ends[1]:+.2g} µm at the last relative to half the thickness, where the emitter "
+            "is; the face in the picture is corrected"
         )
     ]
 
@@ -95,15 +98,15 @@ def _gain(corrected: Residual, unchanged: Residual, kept: str) -> list[Caution]:
         return []
     return [
         look_at(
-            f"a further correction brings no gain: {corrected.rms_um:.2g} µm (rms) predicted, and "
-            f"{unchanged.rms_um:.2g} for the same drawing printed again; the rest varies from print to print, or "
-            f"is not resolved{kept}"
+            f"a further correction brings no gain: a deviation of {corrected.rms_um:.2g} µm (rms) "
+            f"is predicted, and {unchanged.rms_um:.2g} µm for the same drawing printed again. The "
+            f"remainder varies from print to print or is not resolved{kept}"
         )
     ]
 
 
 def _missed(log: TuningLog) -> list[Caution]:
-    """Warning if a print contradicts its prediction."""
+    """Return a warning if a print contradicts its prediction."""
     last = log.prints[-1]
     was = log.predicted_of(last.number)
     if was is None:
@@ -113,7 +116,8 @@ def _missed(log: TuningLog) -> list[Caution]:
         return []
     return [
         look_at(
-            f"{last.rms_um:.3g} ± {last.u_rms_um:.2g} µm (rms) were measured where {low:.2g} to {high:.2g} µm were "
-            "predicted: printer, resin, cleaning or the picture's scale changed, or --repeat-um is too small"
+            f"{last.rms_um:.3g} ± {last.u_rms_um:.2g} µm (rms) were measured, but {low:.2g} to "
+            f"{high:.2g} µm were predicted: the printer, the resin, the cleaning or the scale of "
+            "the picture has changed, or --repeat-um is too small"
         )
     ]

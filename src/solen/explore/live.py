@@ -1,7 +1,8 @@
-"""The response of a design while a user changes it: roughly at once, then better and better.
+"""The response of a design while a user changes it, first roughly and then with increasing accuracy.
 
-The idea: while a number moves, few rays of the compiled batch give a response with a large but stated uncertainty;
-at rest the rays grow until the contrast is known to `GOAL`. What the batch does not know is integrated at rest.
+The idea: while a number is being changed, a few rays of the compiled batch give a response with a large but stated
+uncertainty. Once it stops changing, the number of rays increases until the contrast is known to `GOAL`. Sensors that
+the batch does not support are integrated.
 
 The interface: `coarse`, `refined`, and `misleading`, which compares the plane with space.
 """
@@ -20,13 +21,13 @@ from solen.sensor.response import shift
 
 COARSE_RAYS = 1280
 REFINED_RAYS = tuple(2**n for n in (14, 17, 19))
-"""Rays at an angle, over all emitter positions together."""
+"""Numbers of rays per angle, over all emitter positions together."""
 GOAL = 2e-3
 """Uncertainty of the contrast at which refinement ends."""
 
 
 class Stopped(Exception):  # noqa: N818  a wish, not an error
-    """Refining was stopped."""
+    """Raised when the refinement is stopped."""
 
 
 class Curve(Result):
@@ -37,11 +38,11 @@ class Curve(Result):
     response
         Powers at both receivers.
     merits
-        Merits of the response; None with fewer than three angles.
+        Merits of the response, or None with fewer than three angles.
     in_space
         Whether rays were traced in space.
     rays
-        Rays at each angle; None where they were integrated.
+        Number of rays per angle, or None if the response was integrated.
     finished
         Whether the response is final.
     """
@@ -54,7 +55,13 @@ class Curve(Result):
 
 
 def coarse(sensor: Sensor, rays: int = COARSE_RAYS) -> Curve | None:
-    """Response from few rays; None where the batch does not know the sensor, `DesignError` where it has none."""
+    """Return the response from few rays; None if the batch does not support the sensor.
+
+    Raises
+    ------
+    DesignError
+        If the sensor has no response.
+    """
     sensor.check_pair()
     if why_not_batched(sensor):
         return None
@@ -63,12 +70,12 @@ def coarse(sensor: Sensor, rays: int = COARSE_RAYS) -> Curve | None:
 
 
 def refined(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterator[Curve]:
-    """Responses at all angles of the motion, each better than the last; ends early where ``stop`` says so.
+    """Yield responses at all angles of the motion with increasing accuracy, until ``stop`` returns True.
 
     Raises
     ------
     SolenError
-        If the sensor has no response: another number of receivers, or a body that cannot be at some angle.
+        If the sensor has no response: it does not have two receivers, or its body is impossible at some angle.
     """
     if why_not_batched(sensor):
         yield from _integrated(sensor, stop)
@@ -85,25 +92,25 @@ def refined(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterato
 
 
 def largest_u(response: Response) -> float:
-    """Largest uncertainty of the contrast, where any light arrives."""
+    """Largest uncertainty of the contrast over the angles at which any light arrives."""
     u = response.u_contrast
     return float(u[np.isfinite(u)].max(initial=0.0))
 
 
 def misleading(plane: Response, space: Response) -> str:
-    """What the plane gets wrong, in words; empty where both agree within their uncertainty and what matters."""
+    """Describe the error of the plane in words; empty if both agree within uncertainty and tolerated difference."""
     found = shift(plane, space)
     if found is None or found.contrast - found.u_contrast <= MOVED:
         return ""
     words = (
-        f"The plane misleads here: its contrast is off by up to {found.contrast:.2f} ± {found.u_contrast:.1g} from "
-        f"that in space, at {found.angle_deg:+.3g}°. Take numbers from the curve in space."
+        f"The plane misleads here: its contrast differs by up to {found.contrast:.2f} ± {found.u_contrast:.1g} "
+        f"from that in space, at {found.angle_deg:+.3g}°. Take numbers from the curve in space."
     )
     return words.replace("-", "−")
 
 
 def _in_parts(sensor: Sensor, rays: int, stop: Callable[[], bool]) -> Response:
-    """Response at all angles, an angle and its opposite at a time, so that it can be stopped soon."""
+    """Return the response at all angles, traced in pairs of opposite angles to allow an early stop."""
     pairs: dict[float, list[float]] = {}
     for angle in sensor.design.motion.angles_deg():
         pairs.setdefault(abs(angle), []).append(angle)
@@ -119,11 +126,11 @@ def _in_parts(sensor: Sensor, rays: int, stop: Callable[[], bool]) -> Response:
 
 
 def batched_response(sensor: Sensor, angles: Sequence[float], rays: int) -> Response:
-    """Response by the compiled batch; `DesignError` where the sensor cannot be at one of the angles."""
+    """Return the response from the compiled batch; raise `DesignError` if the sensor is impossible at an angle."""
     sensor.check_pair()
     traced = respond([sensor], angles, rays=rays)
     if traced.why[0]:
-        sensor.check()  # which says so with its value, limit and remedy
+        sensor.check()  # raises an error with value, limit and remedy
         raise DesignError(traced.why[0])
     powers = (traced.right[0, 0], traced.left[0, 0], traced.u_power[0, 0])
     return Response("power", np.array(angles), *powers, ())
@@ -142,7 +149,7 @@ def _integrated(sensor: Sensor, stop: Callable[[], bool]) -> Iterator[Curve]:
 
 
 def curve_of(sensor: Sensor, response: Response, rays: int | None, *, finished: bool) -> Curve:
-    """A response with its merits; the resolution of one that is ``finished`` too."""
+    """Return a response with its merits; the resolution is computed only for a ``finished`` response."""
     few = len(response.angle_deg) < LEAST_ANGLES
     resolution = worst_resolution_deg(readings_from(sensor, response)) if not few and finished else (np.nan, np.nan)
     merits = None if few else merits_of(response, resolution)

@@ -1,10 +1,10 @@
-"""Where responses are traced: here, or on the workers of a Dask cluster.
+"""Where responses are traced: in this process, or by the workers of a Dask cluster.
 
-Points go in chunks, each a task of a second or more, so that what a task costs does not count. A worker that dies
-loses its chunks alone, and they are traced by another. The compiled tracer is warmed up once on each worker.
+Points are sent in chunks, each a task of a second or more, which makes the overhead of a task negligible. If a worker
+dies, only its chunks are lost, and another worker traces them. The compiled tracer is warmed up once on each worker.
 
-The interface: `Here` and `Cluster` take variants and give responses by their names as they come; `machine_at` makes
-one.
+The interface: `Here` and `Cluster` accept variants and yield responses by name as they become available; `machine_at`
+creates one of them.
 """
 
 import hashlib
@@ -31,22 +31,22 @@ from solen.sensor.readings import readings_from
 from solen.spec.strict import Strict, Text, error_context, parse_toml
 
 ALLOWED_FAILURES = 10
-"""Workers that may die under a task before it counts as the task's fault."""
+"""Number of workers that may die during a task before the task is considered the cause."""
 CHUNK_POINTS, BATCH = 16, 256
-"""Points of a task, and of a call of the compiled batch."""
+"""Number of points of a task, and of a call of the compiled batch."""
 WAIT_S = 30.0
-"""Longest time in s that an address may take to answer."""
+"""Longest time in s to wait for an answer from an address."""
 
 
 class Machine(Protocol):
-    """What traces variants."""
+    """A process or a cluster that traces variants."""
 
     def traced(self, variants: Mapping[str, Variant], accuracy: Accuracy) -> Iterator[dict[str, Point]]:
-        """Responses of variants by their names, some at a time, in the order in which they are ready."""
+        """Yield responses of variants by name, several at a time, in the order of completion."""
 
 
 class Here:
-    """The process itself."""
+    """The calling process."""
 
     def traced(self, variants: Mapping[str, Variant], accuracy: Accuracy) -> Iterator[dict[str, Point]]:
         """See `Machine`."""
@@ -57,7 +57,7 @@ class Here:
 
 
 def responses_of(variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) -> dict[str, Point]:
-    """Responses of designs over their motions, and their resolutions, by name."""
+    """Return responses of designs over their motions, with their resolutions, by name."""
     if accuracy.rays is None:
         return {name: _integrated(variant, accuracy) for name, variant in variants}
     found: dict[str, Point] = {}
@@ -66,7 +66,7 @@ def responses_of(variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) ->
     for name, variant in variants:
         try:
             sensor = variant.sensor()
-        except (SpecError, DesignError) as bad:  # of the design; whatever else fails is not kept as its response
+        except (SpecError, DesignError) as bad:  # due to the design; other failures are not stored as its response
             found[name] = no_response(bad)
             continue
         if why_not_batched(sensor):
@@ -94,9 +94,9 @@ def _integrated(variant: Variant, accuracy: Accuracy) -> Point:
 
 
 def _batched(named: Mapping[str, tuple[Chip, Sensor]], chips: Sequence[Chip], rays: int) -> dict[str, Point]:
-    """Responses by the compiled batch of chips that share its rays, some of all; the others make no difference.
+    """Return responses from the compiled batch of chips that share its rays; grouping does not change the result.
 
-    Sensors that differ in more are traced one by one, as the lattices of a call are made for all its sensors.
+    Sensors that differ in other numbers are traced one by one, since all sensors of a call share one lattice.
     """
     sensor = next(sensor for _, sensor in named.values())
     angle_deg = np.array(sensor.design.motion.angles_deg())
@@ -118,25 +118,27 @@ def _point(sensor: Sensor, response: Response, why: str) -> Point:
 
 
 def _chunk(digest: str, variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) -> dict[str, Point]:
-    """Task of a worker, which must have the same solen."""
+    """Trace a chunk on a worker, which must have the same version of solen."""
     if digest != engine():
-        raise DataError("worker", limit="has another version of solen", remedy="install the same on all workers")
+        raise DataError(
+            "worker", limit="has another version of solen", remedy="install the same version on all workers"
+        )
     return responses_of(variants, accuracy)
 
 
 def _key(variants: Sequence[tuple[str, Variant]]) -> str:
-    """Name of a task: the same for the same points."""
+    """Name of a task, equal for equal points."""
     return f"solen-{hashlib.sha256(''.join(name for name, _ in variants).encode()).hexdigest()}"
 
 
 class Cluster:
-    """Workers of a Dask cluster, by its client; files that designs name must lie at the same paths there."""
+    """Workers of a Dask cluster, given by its client. Files named by designs need the same paths on all workers."""
 
     def __init__(self, client: Any, chunk_points: int = CHUNK_POINTS) -> None:
         self.client, self.chunk_points = client, chunk_points
 
     def traced(self, variants: Mapping[str, Variant], accuracy: Accuracy) -> Iterator[dict[str, Point]]:
-        """See `Machine`; `DataError` where the cluster gives a chunk up."""
+        """See `Machine`; raises `DataError` if the cluster gives up a chunk."""
         from distributed import as_completed
 
         listed = list(variants.items())
@@ -153,40 +155,46 @@ class Cluster:
     def _result(self, future: Any) -> dict[str, Point]:
         try:
             found: dict[str, Point] = future.result()
-        except Exception as bad:  # whatever a worker or the network raises
-            limit = f"gave a chunk of designs up: {type(bad).__name__}: {bad}"
-            raise DataError("--cluster", limit=limit, remedy="look at the workers' logs, and call again") from None
+        except Exception as bad:  # any error of a worker or the network
+            limit = f"gave up a chunk of designs: {type(bad).__name__}: {bad}"
+            raise DataError(
+                "--cluster", limit=limit, remedy="read the workers' logs and run the command again"
+            ) from None
         future.release()
         return found
 
 
 class Slurm(Strict):
-    """File of a SLURM cluster, as `dask_jobqueue.SLURMCluster` takes it."""
+    """File of a SLURM cluster, with arguments of `dask_jobqueue.SLURMCluster`."""
 
     error = DataError
 
     jobs: int = Field(1, ge=1, le=10_000, description="Number of jobs.")
     queue: Text | None = Field(None, description="Partition.")
-    account: Text | None = Field(None, description="Account that is charged.")
-    cores: int = Field(2, ge=1, description="Cores of a job.")
-    processes: int | None = Field(None, ge=1, description="Workers of a job; default: one, with all its cores.")
+    account: Text | None = Field(None, description="Account to be charged.")
+    cores: int = Field(2, ge=1, description="Number of cores of a job.")
+    processes: int | None = Field(
+        None, ge=1, description="Number of workers of a job; default: one worker with all cores."
+    )
     memory: Text = Field("4GB", description="Memory of a job.")
-    walltime: Text = Field("01:00:00", description="Longest time of a job.")
-    interface: Text | None = Field(None, description="Network interface, as in ib0.")
-    log_directory: Text | None = Field(None, description="Folder of what jobs print; default: the working folder.")
-    job_extra_directives: tuple[Text, ...] = Field((), description="Further lines of #SBATCH.")
-    job_script_prologue: tuple[Text, ...] = Field((), description="Lines before the worker begins: modules, folders.")
-    python: Text | None = Field(None, description="Python of the workers; default: this one.")
+    walltime: Text = Field("01:00:00", description="Longest run time of a job.")
+    interface: Text | None = Field(None, description="Network interface, for example ib0.")
+    log_directory: Text | None = Field(None, description="Folder for the output of jobs; default: the working folder.")
+    job_extra_directives: tuple[Text, ...] = Field((), description="Further #SBATCH lines.")
+    job_script_prologue: tuple[Text, ...] = Field(
+        (), description="Lines to run before the worker starts, such as loading modules or changing folders."
+    )
+    python: Text | None = Field(None, description="Python interpreter of the workers; default: this one.")
 
     @classmethod
     def read(cls, path: Path) -> "Slurm":
-        """The file's content; `DataError` where it is malformed."""
+        """Read the content of the file; raise `DataError` if it is malformed."""
         tables = parse_toml(read_text(path, DataError), str(path), DataError)
         with error_context(str(path)):
             return cls(**tables)
 
     def cluster(self) -> Any:
-        """A `dask_jobqueue.SLURMCluster`, no job of which is submitted yet; `DataError` where it cannot be made."""
+        """Create a `dask_jobqueue.SLURMCluster` without submitting a job; raise `DataError` if that fails."""
         import dask_jobqueue
 
         given = self.model_dump(exclude={"jobs", "processes"}, exclude_none=True)
@@ -194,37 +202,37 @@ class Slurm(Strict):
         made: Any = dask_jobqueue.SLURMCluster
         try:
             return made(**given, **lists, processes=self.processes or 1)
-        except (ValueError, RuntimeError) as bad:  # of its memory or its interface
-            raise DataError("--cluster", limit=str(bad), remedy="change the file of the cluster") from None
+        except (ValueError, RuntimeError) as bad:  # in its memory or its interface
+            raise DataError("--cluster", limit=str(bad), remedy="change the cluster's file") from None
 
 
 def check_job(script: str) -> None:
-    """`DataError` where SLURM would refuse a job script, since Dask would wait for its workers forever."""
+    """Raise `DataError` if SLURM would reject a job script, since Dask would wait for its workers forever."""
     submit = shutil.which("sbatch")
     if submit is None:
-        limit, remedy = "sbatch is not installed here", "call from a machine that submits jobs"
+        limit, remedy = "sbatch is not installed here", "run the command on a machine that can submit jobs"
         raise DataError("--cluster", limit=limit, remedy=remedy)
     test = [submit, "--test-only"]
     asked = subprocess.run(test, input=script, text=True, capture_output=True, check=False)  # noqa: S603  sbatch's own options
     if asked.returncode:
-        limit = f"SLURM refuses its jobs: {'; '.join(asked.stderr.splitlines())}"
-        raise DataError("--cluster", limit=limit, remedy="change the file of the cluster")
+        limit = f"SLURM rejects its jobs: {'; '.join(asked.stderr.splitlines())}"
+        raise DataError("--cluster", limit=limit, remedy="change the cluster's file")
 
 
 def machine_at(where: str | None) -> Machine:
-    """The process itself, or the cluster at an address or of a file."""
+    """Return this process, or the cluster at an address or described by a file."""
     return Here() if where is None else cluster_at(where)
 
 
 def cluster_at(where: str) -> Cluster:
-    """Cluster at an address, ``tcp://10.0.0.7:8786``, or of a file, ``slurm.toml``, whose jobs are submitted.
+    """Connect to a cluster at an address, ``tcp://10.0.0.7:8786``, or submit the jobs of a file, ``slurm.toml``.
 
     Raises
     ------
     OutputError
-        Where Dask is not installed.
+        If Dask is not installed.
     SpecError, DataError
-        Where nothing answers at the address, or the file is malformed.
+        If nothing answers at the address, or the file is malformed.
     """
     need("distributed", "dask_jobqueue", what="--cluster", doing="tracing on a cluster")
     import dask
@@ -241,7 +249,7 @@ def cluster_at(where: str) -> Cluster:
     try:
         client = connect(where, timeout=WAIT_S)
     except (OSError, ValueError, TimeoutError) as bad:
-        limit = f"no cluster answers there: {str(bad) or type(bad).__name__}"
-        remedy = "start `dask scheduler`, and name its address"
+        limit = f"no cluster answers at this address: {str(bad) or type(bad).__name__}"
+        remedy = "start `dask scheduler` and give its address"
         raise SpecError("--cluster", value=where, limit=limit, remedy=remedy) from None
     return Cluster(client)

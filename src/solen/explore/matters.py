@@ -1,7 +1,7 @@
-"""Quick estimate of what matters in a design: each number off by its tolerance, traced by the compiled batch.
+"""Quick estimate of the effect of each tolerance: each number deviates by its tolerance in the compiled batch.
 
-`solen.sensor.effects` integrates the same for a report. Here few rays are traced several times with other shifts, the
-same for both sides of a number; the scatter of the differences is their uncertainty.
+`solen.sensor.effects` integrates the same effects for a report. Here few rays are traced several times with different
+lattice shifts, the same for both sides of a number; the scatter of the differences is their uncertainty.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -18,11 +18,11 @@ from solen.sensor.practice import MOST_ANGLES, spread
 
 SEEDS, RAYS = 4, 2**12
 WIDENED = 1.2
-"""Of a standard error of four values: 68 % of Student's t with three degrees of freedom lie within it."""
+"""Factor on a standard error of four values: 68 % of Student's t with three degrees of freedom is within it."""
 
 
 class Matter(Result):
-    """Change of the contrast when one number is higher by its tolerance: half the difference of high and low.
+    """Change of the contrast when one number exceeds its value by its tolerance: half the difference of high and low.
 
     Attributes
     ----------
@@ -42,17 +42,17 @@ class Matter(Result):
 
     @property
     def place(self) -> int:
-        """Where the change is largest."""
+        """Index of the largest change."""
         return int(np.argmax(np.abs(np.nan_to_num(self.contrast))))
 
     @reported
     def largest(self) -> float:
-        """Largest change, in size."""
+        """Largest absolute change of the contrast."""
         return float(abs(self.contrast[self.place]))
 
     @reported
     def u_largest(self) -> float:
-        """Its uncertainty."""
+        """Standard uncertainty of the largest change."""
         return float(self.u_contrast[self.place])
 
     @reported
@@ -62,9 +62,9 @@ class Matter(Result):
 
 
 def matters(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterator[Matter]:
-    """Changes of the contrast by the tolerance of each number, as they are traced; ends early where ``stop``.
+    """Yield the change of contrast due to the tolerance of each number as it is traced, until ``stop`` is true.
 
-    Numbers that the batch does not support get none; a number at its limit is compared on one side.
+    Numbers that the batch does not support are omitted; a number at its limit is compared on one side only.
     """
     if why_not_batched(sensor):
         return
@@ -79,12 +79,12 @@ def matters(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterato
 
 
 def band(found: Sequence[Matter]) -> FloatArray:
-    """All changes together, (A,), independent of each other: the root of the sum of their squares."""
+    """Return the combined change (A,) if all numbers vary independently: the root of the sum of squares."""
     return np.asarray(np.sqrt(np.sum([one.contrast**2 for one in found], axis=0)))
 
 
 def _of(sensor: Sensor, key: str, angles: Sequence[float]) -> Matter | None:
-    """Change of the contrast due to one number; None where the number cannot deviate to either side."""
+    """Return the change of the contrast due to one number; None if the number cannot deviate to either side."""
     tolerance, _ = tolerance_of(sensor, key)
     ends, steps = [], []
     for step in (-tolerance, tolerance):

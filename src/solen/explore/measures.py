@@ -1,6 +1,6 @@
 """Measures for comparing designs: the merits of their points, for a contrast over one motion or for a network.
 
-The interface: `measure_of` a design is a `Measure`; `merits_of_points` by it.
+The interface: `measure_of` a design returns a `Measure`, with which `merits_of_points` computes merits.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,16 +18,16 @@ from solen.spec import Design
 
 
 class Measure(Protocol):
-    """Merits of points of one design and of others with the same states.
+    """Merits of the points of designs with the same states.
 
     Attributes
     ----------
     names
-        Its merits.
+        Names of the merits.
     calibrated
-        Those that a calibration of each sensor makes known, so that they count as those of the design.
+        Merits that a calibration of each sensor makes known; they count as those of the design.
     angle_deg
-        (A,) angles of all points; of a network (A, M) of M motions in A states.
+        (A,) angles of all points; for a network (A, M), the positions of M motions in A states.
     labels
         For a network, the names of its motions, emitters and receivers.
     """
@@ -38,13 +38,13 @@ class Measure(Protocol):
     calibrated: tuple[str, ...]
 
     def merits(self, point: Point) -> Mapping[str, float]:
-        """Merits of a traced point with their uncertainties, ``u_`` and the name; NaN where one does not exist."""
+        """Return the merits of a traced point and, prefixed by ``u_``, their uncertainties; NaN if missing."""
 
     def warnings(self, points: Sequence[Point]) -> Iterator[str]:
-        """Warnings about points whose states do not show their course."""
+        """Return warnings about points whose states are too coarse to show the curve between them."""
 
     def denser(self, design: Design) -> Design:
-        """A design with half the step between states."""
+        """Return the design with half the step between states."""
 
 
 class ContrastMerits:
@@ -55,10 +55,10 @@ class ContrastMerits:
     labels: Mapping[str, tuple[str, ...]] = MappingProxyType({})
 
     def __init__(self, design: Design) -> None:
-        """Measure of a design; `SpecError` where it has too few angles."""
+        """Create the measure of a design; raise `SpecError` if it has too few angles."""
         self.angle_deg = np.array(design.motion.angles_deg())
         if self.angle_deg.size < LEAST_ANGLES:
-            limit, remedy = f"merits need {LEAST_ANGLES}", "take a smaller motion.step_deg"
+            limit, remedy = f"merits need {LEAST_ANGLES}", "use a smaller motion.step_deg"
             raise SpecError("motion", value=f"{self.angle_deg.size} angles", limit=limit, remedy=remedy)
 
     def merits(self, point: Point) -> dict[str, float]:
@@ -74,8 +74,9 @@ class ContrastMerits:
         if wide := sum(change > 0.0 for change in changes):
             of = f" at {wide} of {len(points)} points" if len(points) > 1 else ""
             yield (
-                f"the contrast changes by up to {max(changes):.2g} within one step of motion.step_deg{of}, and the "
-                "angles do not show how: slope, linearity and resolution are unknown there; take a smaller step"
+                f"the contrast changes by up to {max(changes):.2g} within one step of motion.step_deg{of}, "
+                "and the angles are too coarse to resolve the change: slope, linearity and resolution "
+                "are unknown there; use a smaller step"
             )
 
     def denser(self, design: Design) -> Design:
@@ -84,12 +85,12 @@ class ContrastMerits:
 
 
 def measure_of(design: Design) -> Measure:
-    """Measure for comparing a design; `SpecError` where it has too few states."""
+    """Return the measure for comparing a design; raise `SpecError` if it has too few states."""
     return NetworkMerits(design) if design.body.kind == "network" else ContrastMerits(design)
 
 
 def merits_of_points(measure: Measure, points: Sequence[Point]) -> dict[str, FloatArray]:
-    """Merits of P points by name, and their uncertainties, each (P,); NaN where a point has no response."""
+    """Return the merits of P points by name and their uncertainties, each (P,); NaN for a point without a response."""
     names = [each for name in measure.names for each in (name, f"u_{name}")]
     rows = [measure.merits(point) if point.is_traced else {} for point in points]
     return {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}

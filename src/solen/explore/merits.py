@@ -1,10 +1,11 @@
 """Merits of a response: the numbers by which designs are compared, each with its uncertainty.
 
-Between the angles of a motion the contrast is a cubic spline. What that costs is estimated from the spline through
-every second angle and from kinks of the contrast, and is part of the uncertainty. docs/explore.md defines each merit.
+Between the angles of a motion, the contrast is interpolated by a cubic spline. The interpolation error is estimated
+from the spline through every second angle and from kinks of the contrast, and is included in the uncertainty.
+docs/explore.md defines each merit.
 
-The interface: `merits_of` a response, which returns `Merits`; `MERITS` names them; `unresolved_change` says where its
-angles are too far apart.
+The interface: `merits_of` a response returns `Merits`; `MERITS` contains their names; `unresolved_change` reports
+whether the angles are too far apart.
 """
 
 import math
@@ -24,39 +25,43 @@ from solen.sensor.response import Response
 
 LEAST_ANGLES, DENSE = 3, 8
 COARSE_SHARE = 1 / 3
-"""Share of the change from every second angle to all of them that the spline through all may be off by."""
+"""Error of the spline through all angles, as a fraction of its difference from the spline through every second
+angle.
+"""
 KINK_SLOPE, KINK_HEIGHT = 0.3, 0.125
-"""Standard uncertainty by a kink within or at the ends of a step, per change of the slope there: of the slope, which
-may be that of either side, and of the contrast between the angles, per length of the step."""
+"""Standard uncertainties due to a kink within or at the ends of a step, per change of slope there: of the slope,
+which may be that of either side, and of the contrast between the angles, per length of the step.
+"""
 KINK_NOISE = math.sqrt(28.0)
 """Noise of a kink times the step, per noise of the contrast."""
 BEND, MOST_CHANGE = 0.5, 0.1
-"""Change of slope from one step to the next, as a share of the steeper, and as a share of the contrast's range, beyond
-both of which the angles do not show the course between them."""
+"""Changes of slope from one step to the next, as a fraction of the steeper slope and as a fraction of the range of the
+contrast. Above both, the angles are too coarse to show the curve between them.
+"""
 MOST_CHANGE_OF_FEW = 0.5
-"""Change of the contrast within a step that is too much where there are too few angles to compare steps."""
+"""Largest accepted change of the contrast within a step if there are too few angles to compare steps."""
 
 
 class Merits(Result, eq=True):
-    """Merits of one response over the angles of its motion, with their uncertainties; NaN where one does not exist.
+    """Merits of one response over the angles of its motion, with their uncertainties; NaN if a merit does not exist.
 
     Attributes
     ----------
     null_deg, u_null_deg
-        Angle nearest to 0 where the contrast is 0.
+        Angle nearest to 0 at which the contrast is 0.
     slope_per_deg, u_slope_per_deg
         Slope of the contrast at the null.
     span, u_span
-        Contrast at the last angle less that at the first, in size.
+        Absolute difference of the contrast at the last and the first angle.
     linearity_percent, u_linearity_percent
-        Largest deviation of the contrast from the straight line for which it is least, in percent of the span.
+        Largest deviation of the contrast from the straight line that minimises it, in percent of the span.
     range_deg, u_range_deg
-        Length of the range about the null over which the contrast only rises or only falls: `solen.explore.monotone`.
+        Length of the range about the null over which the contrast is monotonic: `solen.explore.monotone`.
     light, u_light
-        Least share of the emitted power at both receivers together.
+        Smallest fraction of the emitted power that reaches both receivers together.
     resolution_deg, u_resolution_deg
-        Standard deviation of an angle from one reading of both receivers, where it is worst; infinite where nothing
-        moves, NaN where the step between angles does not show the contrast's course.
+        Largest standard deviation of an angle from one reading of both receivers; infinite if no reading changes with
+        the angle, NaN if the angles are too coarse to show the curve of the contrast.
     """
 
     null_deg: float
@@ -78,25 +83,25 @@ class Merits(Result, eq=True):
 NAMES = tuple(field.name for field in fields(Merits))
 MERITS = tuple(name for name in NAMES if not name.startswith("u_"))
 CHANNEL = "light_"
-"""Beginning of the names of merits of single channels of a network."""
+"""Prefix of the names of merits of single channels of a network."""
 _WORSE_IF_SMALL = ("slope", "span", "range", "light")
-"""Beginnings of the names of merits that are worse the smaller their size; of the others the larger."""
+"""Prefixes of the names of merits for which a smaller absolute value is worse; for the others a larger one is worse."""
 
 
 def merits_of(response: Response, resolution_deg: tuple[float, float] = (math.nan, math.nan)) -> Merits:
-    """Merits of a response.
+    """Return the merits of a response.
 
     Parameters
     ----------
     response
-        Of at least three angles, ascending.
+        Powers at three or more ascending angles.
     resolution_deg
         Worst resolution of its readings, and the uncertainty of that.
     """
     angle, contrast, u = response.angle_deg, response.contrast, response.u_contrast
     both, place = response.right + response.left, int(np.argmin(response.right + response.left))
     light = float(both[place]), float(2.0 * response.u_power[place])
-    if not np.isfinite(contrast).all():  # in the dark
+    if not np.isfinite(contrast).all():  # no light
         dark = dict.fromkeys(NAMES, math.nan) | {"light": light[0], "u_light": light[1]}
         return Merits(**dark)
     null, u_null, slope, u_slope = _null(angle, contrast, u)
@@ -130,7 +135,7 @@ def merits_of(response: Response, resolution_deg: tuple[float, float] = (math.na
 
 
 def _null(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> tuple[float, float, float, float]:
-    """Null nearest to 0 and the slope there, each with its uncertainty; NaN without a null."""
+    """Return the null nearest to 0 and the slope there, each with its uncertainty; NaN without a null."""
     null, slope = _root(angle, contrast)
     if math.isnan(null):
         return math.nan, math.nan, math.nan, math.nan
@@ -148,14 +153,14 @@ def _null(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> tuple[float
     u_null = (noise + height) / abs(slope) + COARSE_SHARE * abs(rough_null - null) if slope else math.inf
     u_slope = 1.5 * noise / step + max(COARSE_SHARE * abs(rough_slope - slope), KINK_SLOPE * kink)
     if _unresolved(contrast, u)[after - 1 : after + 1].any():
-        if abs(contrast[near]) > u[near]:  # between two angles, and the contrast may cross 0 anywhere there
+        if abs(contrast[near]) > u[near]:  # the contrast may cross 0 anywhere between two angles
             u_null = max(u_null, float(max(null - angle[after - 1], angle[after] - null)) / math.sqrt(3.0))
         u_slope = math.inf
     return null, u_null, slope, u_slope
 
 
 def _root(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
-    """Zero nearest to 0 of the spline through a response, and its slope there; NaN without one."""
+    """Return the zero nearest to 0 of the spline through a response and the slope there; NaN without a zero."""
     if angle.size < LEAST_ANGLES:
         return math.nan, math.nan
     spline = CubicSpline(angle, contrast)
@@ -168,10 +173,10 @@ def _root(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
 
 
 def _linearity(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
-    """Largest deviation from the straight line for which it is least, and what the step between angles costs.
+    """Return the smallest possible largest deviation from a line, and its error due to the step between angles.
 
-    Three angles of an odd response lie on a line whatever is between them: with fewer than five the deviation may be
-    anything up to half the span.
+    Three angles of an odd response are always on a line: with fewer than five angles, the deviation may be anything up
+    to half the span.
     """
     dense = np.linspace(angle[0], angle[-1], DENSE * (angle.size - 1) + 1)
     second = every_second(angle.size)
@@ -185,10 +190,11 @@ def _linearity(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
 
 
 def _kinks(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> FloatArray:
-    """Change of the slope (A - 1,) within or at the ends of each step, beyond that of a smooth course and of noise.
+    """Return the change of slope (A - 1,) within or at the ends of each step, beyond a smooth curve and noise.
 
-    What a smooth course changes follows from the angles around: where curvature varies evenly it is none. Neither a
-    spline nor every second angle shows a kink at an angle, as all of them have that angle.
+    The change of a smooth curve is estimated from neighbouring angles; with evenly varying curvature, the result is 0.
+    Neither a spline nor the comparison with every second angle reveals a kink at an angle, since both contain that
+    angle.
     """
     if angle.size < 2 * LEAST_ANGLES:  # too few to tell a kink from curvature
         return np.zeros(angle.size - 1)
@@ -199,10 +205,10 @@ def _kinks(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> FloatArray
 
 
 def _unresolved(contrast: FloatArray, u: FloatArray) -> BoolArray:
-    """Steps (A - 1,) within which the angles (A,) do not show the course: the slope changes too much to the next.
+    """Return a mask of steps (A - 1,) within which the angles (A,) do not show the curve: the slope changes too much.
 
-    A spline through such angles may be off by as much as it changes, and comparing it with every second angle does not
-    reveal that: +1, 0, -1 is a line to both.
+    The error of a spline through such angles may be as large as the change, and comparing it with every second angle
+    does not reveal this: the contrasts +1, 0, −1 are a line in both.
     """
     change = np.diff(contrast)
     steep = np.abs(change)
@@ -214,12 +220,12 @@ def _unresolved(contrast: FloatArray, u: FloatArray) -> BoolArray:
 
 
 def _largest_change(contrast: FloatArray, steps: BoolArray) -> float:
-    """Largest change of the contrast within some of its steps; 0 for none."""
+    """Return the largest change of the contrast within the selected steps; 0 for none."""
     return float(np.abs(np.diff(contrast))[steps].max(initial=0.0))
 
 
 def unresolved_change(response: Response) -> float:
-    """Largest change of the contrast within a step whose course the angles do not show; 0 where they show all."""
+    """Return the largest change of the contrast within a step whose curve the angles do not show; 0 if none."""
     contrast = response.contrast
     if contrast.size < LEAST_ANGLES or not np.isfinite(contrast).all():
         return 0.0
@@ -227,27 +233,27 @@ def unresolved_change(response: Response) -> float:
 
 
 def every_second(number: int) -> IntArray:
-    """Every second of some places, the last among them."""
+    """Return every second of ``number`` indices, with the last among them."""
     return np.unique(np.r_[0:number:2, number - 1])
 
 
 def worst_place(name: str, values: FloatArray) -> int:
-    """Index of the worst value (C,) of a merit: one that does not exist, else the smallest or the largest."""
+    """Return the index of the worst value (C,) of a merit: a missing one, otherwise the smallest or the largest."""
     size = np.abs(values)
     return int(np.argmax(np.where(np.isnan(values), np.inf, -size if name.startswith(_WORSE_IF_SMALL) else size)))
 
 
 def shown(merits: Mapping[str, object]) -> list[str]:
-    """Names of merits that a table has room for, without those of single channels of a network."""
+    """Return the names of merits shown in a table, without those of single channels of a network."""
     worst = {f"worst_{name}" for name in merits}
     return [name for name in merits if not name.startswith(("u_", CHANNEL)) and name not in worst]
 
 
 def worst_resolution_deg(readings: Readings) -> tuple[float, float]:
-    """Resolution of a reading of all receivers where it is worst, and its uncertainty; infinite where nothing moves.
+    """Return the worst resolution of a reading of all receivers and its uncertainty; infinite if no reading changes.
 
-    Its uncertainty is that of the slopes: by the traced power, and by the step between angles, over which they are
-    means. It is infinite where it exceeds the resolution itself.
+    The uncertainty is that of the slopes, due to the traced power and to the step between angles, over which slopes are
+    averaged. It is infinite if it exceeds the resolution itself.
     """
     angle, slope, sd = readings.angle_deg, readings.slope_V_per_deg, readings.sd_V
     worst = np.where(np.isnan(readings.resolution_of_all_deg), np.inf, readings.resolution_of_all_deg)

@@ -1,8 +1,8 @@
-"""Range of monotony: the stretch about a place over which a reading only rises or only falls.
+"""Monotonic range: the range about a place over which a reading only rises or only falls.
 
-Two stretches bound it: the longest over which no fall between any two angles is certain, and that over which the rise
-is certain. A turn and return that are smaller than the uncertainty and nearer together than a tenth of the motion stay
-unseen.
+Two ranges bound it: the longest over which no fall between any two angles is certain, and the range over which the rise
+is certain. A turn and return that are smaller than the uncertainty and closer together than a tenth of the motion are
+not detected.
 
 The interface: `monotone_deg`.
 """
@@ -14,26 +14,28 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray, IntArray
 
 COVERED = 3.0
-"""Change between two angles that is certain, per sum of their standard uncertainties: of some thousand pairs of angles
-of a constant, hardly one differs by more."""
+"""Change between two angles that is certain, in units of the sum of their standard uncertainties: among a thousand
+pairs of angles of a constant, hardly any differs by more.
+"""
 APART = 0.1
-"""Distance from which on any two angles have to differ with certainty, as a share of the motion: without one the
-certain stretch would vanish as steps become small."""
+"""Distance beyond which any two angles must differ with certainty, as a fraction of the motion. Without such a
+distance, the certain range would vanish for small steps.
+"""
 
 
 def monotone_deg(angle: FloatArray, value: FloatArray, u: FloatArray, at_deg: float) -> tuple[float, float]:
-    """Length of the range about a place over which a reading only rises or only falls, and its uncertainty.
+    """Return the length of the range about a place over which a reading is monotonic, and its uncertainty.
 
-    The length is the middle between the least and the greatest possible, the uncertainty half their difference. A turn
-    may be a step beyond the angle where it is seen. Both are NaN without a place, and where no two angles differ by
-    more than their uncertainties: a constant has no range.
+    The length is the middle between the smallest and the largest possible length; the uncertainty is half their
+    difference. A turn may be one step beyond the angle at which it appears. Both are NaN without a place, or if no two
+    angles differ by more than their uncertainties, since a constant has no range.
 
     Parameters
     ----------
     angle, value, u
         (A,) ascending angles, the reading there, and its standard uncertainty.
     at_deg
-        Place that the range contains; either range may be meant where a turn is within a step.
+        Place inside the range; if a turn is within one step of it, the range on either side may be meant.
     """
     if math.isnan(at_deg):
         return math.nan, math.nan
@@ -51,7 +53,7 @@ def monotone_deg(angle: FloatArray, value: FloatArray, u: FloatArray, at_deg: fl
 
 
 def _bounds(angle: FloatArray, rises: BoolArray, falls: BoolArray, step: int) -> tuple[float, float]:
-    """Least and greatest length of a range about a step over which the reading rises, by what is certain of pairs."""
+    """Return the smallest and largest length of a range about a step with a rising reading, from certain pairs."""
     first_fall = np.where(falls.any(axis=1), falls.argmax(axis=1), angle.size)
     reach = np.minimum.accumulate(first_fall[::-1])[::-1] - 1
     starts: IntArray = np.flatnonzero(reach[: step + 1] > step)
@@ -68,9 +70,9 @@ def _bounds(angle: FloatArray, rises: BoolArray, falls: BoolArray, step: int) ->
 
 
 def _certain(angle: FloatArray, rises: BoolArray, first: int, step: int) -> tuple[int, int]:
-    """Places between which the reading rises with certainty, about a step; the same twice where nothing is certain.
+    """Return the places about a step between which the reading rises with certainty; the same twice if none is certain.
 
-    It ends at the first angle that may be the highest, or where it begins to change too little over `APART`.
+    The range ends at the first angle that may be the highest, or at which the change over `APART` becomes too small.
     """
     count, near = len(rises), step - first
     lowest, highest = (np.asarray(~rises.any(axis=axis)) for axis in (0, 1))  # may be the lowest, the highest

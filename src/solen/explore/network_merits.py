@@ -1,11 +1,11 @@
-"""Merits of a network: how readings follow motions, how much light each channel gets, how well motions are known.
+"""Merits of a network: how readings follow motions, the light of each channel, and the resolution of motions.
 
 The idea: a network is traced in the states of `solen.sensor.network.courses`, each motion over its range while the
-others stand, and beside where each stands, which says how well all are known. A reading has a slope, a span and a range
-by each motion. A name is made of the merit, of what it is about and of its unit, with _ for whatever a name may not
-hold: ``slope_lean_index_bends_per_deg``.
+others are at rest, and on either side of the rest position of each motion, which determines the resolution of all. A
+reading has a slope, a span and a range for each motion. The name of a merit consists of the merit, its subject and its
+unit, with _ in place of characters that a name cannot contain: ``slope_lean_index_bends_per_deg``.
 
-The interface: `network_point` traces one; `NetworkMerits` sums it up.
+The interface: `network_point` traces a network; `NetworkMerits` computes its merits.
 """
 
 import math
@@ -40,18 +40,20 @@ from solen.spec.placed import state_of
 
 LEAST_STEPS = 2
 SLOPE_SHARE = 1 / 16
-"""Part of its range by which a motion is off to either side for slopes: that of `solen sensitivity` at eight steps."""
+"""Fraction of its range by which a motion deviates to either side for slopes: that of `solen sensitivity` at eight
+steps.
+"""
 
 
 class _Beside(NamedTuple):
-    """Places of the states on either side of where a motion stands, and how far they are apart."""
+    """Places of the states on either side of a motion's rest position, and the distance between them."""
 
     places: tuple[int, int]
     step_deg: float
 
 
 def network_point(variant: Variant, accuracy: Accuracy) -> Point:
-    """Powers of a network in the states of its motions; errors as of `network_response`."""
+    """Return the powers of a network in the states of its motions; raises the errors of `network_response`."""
     tolerance = accuracy.tolerance or USUAL_TOLERANCE
     found = network_response(
         variant.design,
@@ -62,12 +64,12 @@ def network_point(variant: Variant, accuracy: Accuracy) -> Point:
     )
     power, u_power = (each.reshape(len(each), -1) for each in (found.power, found.u_power))
     reached = float(u_power.max())
-    why = f"powers are known to {reached:.1e} and not {tolerance:g}" if reached > tolerance else ""
+    why = f"powers are known to {reached:.1e} and not to {tolerance:g}" if reached > tolerance else ""
     return Point(power, u_power, _sds(variant.design, found), why)
 
 
 def _sds(design: Design, found: NetworkResponse) -> FloatArray:
-    """(motions, 2) standard deviation of each motion from one reading of all, where it stands, and its uncertainty."""
+    """Return the standard deviation of each motion at rest from one reading of all, with uncertainty (motions, 2)."""
     states, places, beside = states_of(design.network)
     if not beside:
         return np.empty((0, 2))
@@ -85,7 +87,7 @@ def _sds(design: Design, found: NetworkResponse) -> FloatArray:
 
 
 def states_of(network: Network) -> tuple[list[dict[str, float]], dict[str, list[int]], list[_Beside]]:
-    """States that a network is traced in: of `courses`, and beside where each motion stands; and the places of both."""
+    """Return the states for tracing a network, and the indices of those of `courses` and of those beside rest."""
     states, places = courses(network)
     beside = []
     for motion in network.motion:
@@ -97,12 +99,18 @@ def states_of(network: Network) -> tuple[list[dict[str, float]], dict[str, list[
 
 
 class NetworkMerits:
-    """Merits of a network's points, as `solen.explore.measures.Measure` says."""
+    """Merits of a network's points, as defined by `solen.explore.measures.Measure`."""
 
     calibrated: tuple[str, ...] = ()
 
     def __init__(self, design: Design) -> None:
-        """Of a design; `SpecError` where a motion has too few steps, or two merits would have one name."""
+        """Create the merits of a design.
+
+        Raises
+        ------
+        SpecError, DesignError
+            If a motion has too few steps, or two merits would have one name.
+        """
         self.network = design.network
         self.states, self.places, _ = states_of(self.network)
         for number, motion in enumerate(self.network.motion):
@@ -111,7 +119,9 @@ class NetworkMerits:
                 raise SpecError(f"network.motion[{number}].steps", value=motion.steps, limit=limit)
         twice = next((name for name, times in Counter(self._stated()).items() if times > 1), None)
         if twice is not None:
-            raise DesignError("network", value=twice, limit="would be two merits", remedy="rename a part or a reading")
+            raise DesignError(
+                "network", value=twice, limit="would be the name of two merits", remedy="rename a part or a reading"
+            )
         self.names = tuple(self._stated())
         rest = {one.name: one.at_deg for one in self.network.motion}
         self.angle_deg = np.array([[state.get(name, at) for name, at in rest.items()] for state in self.states])
@@ -122,7 +132,7 @@ class NetworkMerits:
         }
 
     def merits(self, point: Point) -> dict[str, float]:
-        """Merits of a point and their uncertainties, NaN where one does not exist."""
+        """Return the merits of a point and their uncertainties; NaN if one does not exist."""
         shape = (len(self.states), len(self.network.emitters), len(self.network.receivers))
         power, u_power = (each.reshape(shape) for each in (point.power, point.u_power))
         on_ranges = 1 + max((place for row in self.places.values() for place in row), default=0)
@@ -138,15 +148,15 @@ class NetworkMerits:
         return {key: value for name, pair in rows.items() for key, value in zip((name, f"u_{name}"), pair, strict=True)}
 
     def warnings(self, _points: Sequence[Point]) -> Iterator[str]:
-        """None: the step between states is in the uncertainties."""
+        """Yield no warning, since the uncertainties include the step between states."""
         yield from ()
 
     def denser(self, design: Design) -> Design:
-        """A design with half the step between states."""
+        """Return the design with half the step between states."""
         return design.set({f"network.motion[{i}].steps": 2 * one.steps for i, one in enumerate(self.network.motion)})
 
     def _light(self, power: FloatArray, u_power: FloatArray) -> Iterator[tuple[str, tuple[float, float]]]:
-        """Least light of any emitter at all receivers together, and of each channel."""
+        """Yield the smallest light of any emitter at all receivers together, and of each channel."""
         yield "light", (float(power.sum(axis=2).min()), float(u_power.sum(axis=2).max()))
         for i, emitter in enumerate(self.network.emitters):
             for j, receiver in enumerate(self.network.receivers):
@@ -154,7 +164,7 @@ class NetworkMerits:
                 yield _channel(emitter.name, receiver.name), (float(power[place, i, j]), float(u_power[place, i, j]))
 
     def _sds(self, point: Point) -> list[tuple[float, float]]:
-        """Standard deviations of the motions, the largest first."""
+        """Return the standard deviations of the motions after the largest of them."""
         rows: list[tuple[float, float]] = [(sd, u) for sd, u in point.sd_deg.tolist()]
         return [*([max(rows)] if rows else []), *rows]
 
@@ -171,7 +181,7 @@ class NetworkMerits:
 
 
 def word(name: str) -> str:
-    """A name as a part of the name of a merit."""
+    """Convert a name to a part of the name of a merit."""
     return re.sub(r"\W", "_", name)
 
 
@@ -186,7 +196,7 @@ def _names_of_course(reading: str, motion: str) -> tuple[str, str, str]:
 def _of_course(
     angle: FloatArray, value: FloatArray, u: FloatArray, at_deg: float
 ) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
-    """Slope of a reading where the motion stands, its span, and how far from there it only rises or only falls."""
+    """Return the slope of a reading at rest, its span, and the length of the monotonic range about rest."""
     if not (np.isfinite(value).all() and np.isfinite(u).all()):
         return ((math.nan, math.nan),) * 3
     second = every_second(angle.size)

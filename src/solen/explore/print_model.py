@@ -1,4 +1,4 @@
-"""Effect of a drawing on its print, by the print model: differences between drawings, whose common errors cancel.
+"""Effect of a drawing on its print according to the print model, as differences between drawings.
 
 The interface: `PrintModel.of` a design and its slicing; `PrintModel.effect` of a drawing, `PrintModel.against`.
 """
@@ -35,7 +35,7 @@ from solen.sensor import Sensor
 from solen.spec import load
 
 OWN_SHARE, PLACES = 1.0, 4
-"""Relative error of the model for the effect of pixels on an edge, and the pixel phases examined."""
+"""Relative error of the model for the effect of pixels on an edge, and the number of pixel phases compared."""
 SLOW_MM, PIECE_MM = 0.3, 0.1
 """Length above which forms are not caused by pixels, and length over which their size is averaged."""
 
@@ -44,7 +44,7 @@ SLOW_MM, PIECE_MM = 0.3, 0.1
 class PrintModel:
     """A design and the process for printing it flat, with the printer's pixels.
 
-    ``wider`` is the process with the blur increased by its standard uncertainty; None if the blur is exact.
+    ``wider`` is the process with the blur increased by its standard uncertainty, or None if the blur is exact.
     """
 
     sensor: Sensor
@@ -56,7 +56,7 @@ class PrintModel:
 
     @classmethod
     def of(cls, sensor: Sensor, slicing: Slicing) -> "PrintModel":
-        """Model of a design with a slicing.
+        """Create the model of a design from its slicing.
 
         Raises
         ------
@@ -76,7 +76,7 @@ class PrintModel:
             process = process.with_settings(**slicing.exposed(process.process))
         if others := slicing.otherwise(process.process):
             limit = "a tuned lens is printed with the layers of its process"
-            raise SpecError("--process", value=others[0], limit=limit, remedy="leave that option out, or change it")
+            raise SpecError("--process", value=others[0], limit=limit, remedy="omit that option, or change it")
         body = sensor.body()
         target = Target.of(lens_face(body).curve, FLAT_POINTS)
         thickness_mm = sensor.design.body.thickness_mm
@@ -104,22 +104,22 @@ class PrintModel:
 
     @property
     def phase_px(self) -> tuple[float, float]:
-        """Position of the vertex in its pixel."""
+        """Position of the vertex in its pixel, in pixels."""
         return self.plain.phase
 
     @property
     def as_designed(self) -> Drawing:
-        """The drawing of the design itself."""
+        """Drawing of the design itself."""
         return Drawing(np.zeros(len(self.target.points_mm)))
 
     def effect(self, drawing: Drawing) -> tuple[FloatArray, FloatArray]:
-        """Change (N,) of the print by a drawing other than the design, and its increase with a wider blur."""
+        """Return the change (N,) of the print due to another drawing than the design, and its increase with blur."""
         plain = self._moved(self.plain, drawing)
         return plain, (np.zeros_like(plain) if self.wider is None else self._moved(self.wider, drawing) - plain)
 
     @cached_property
     def of_pixels_um(self) -> FloatArray:
-        """Standard uncertainty (N,) along the lens of the model's pixel effects for another drawing."""
+        """Return the standard uncertainty (N,) along the lens of the modelled pixel effects of another drawing."""
         step, (x, z) = float(np.mean(np.diff(self.target.along_mm))), self.phase_px
         squares = []
         for part in range(PLACES):
@@ -130,11 +130,11 @@ class PrintModel:
         return np.asarray(OWN_SHARE * np.sqrt(local))
 
     def is_designed(self, drawing: Drawing) -> bool:
-        """Whether a drawing is the design's own, whose pixel effects are part of its measured prints."""
+        """Return whether a drawing is that of the design, whose pixel effects are part of its measured prints."""
         return drawing.scale == 1.0 and not drawing.wall_um and not drawing.drawn_um.any()
 
     def on(self, rows: Rows, contour: Contour, drawing: Drawing) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The effect of a drawing, its change with a wider blur, and its model error, at the rows of a picture.
+        """Return the effect of a drawing, its change with a wider blur, and its model error, for the rows of a picture.
 
         A wall follows its own drawing.
         """
@@ -150,7 +150,7 @@ class PrintModel:
         return np.where(on_front, lens, wall), np.where(on_front, more, 0.0), np.where(on_front, missed, 0.0)
 
     def blurred(self, by: float) -> "PrintModel":
-        """The same with the learnt blur, wider by a multiple of its standard uncertainty."""
+        """Return the model with the fitted blur, wider by a multiple of its standard uncertainty."""
         if self.wider is None:
             return self
         u = _width(self.wider.settings) - _width(self.settings)
@@ -165,17 +165,17 @@ class PrintModel:
         return -0.5 * _width(self.settings) / (_width(self.wider.settings) - _width(self.settings))
 
     def against(self, beyond_um: FloatArray, start: Drawing) -> Compensation:
-        """Drawing that prints as the designed lens, given that the design prints ``beyond_um`` (N,) beyond it."""
+        """Return the drawing that prints as the designed lens, if the design prints ``beyond_um`` (N,) too large."""
         return self.plain.against(start, beyond_um - self._printed(self.plain, self.as_designed))
 
     def drawn(self, drawing: Drawing) -> Compensation:
-        """A drawing and its predicted print."""
+        """Return a drawing and its predicted print."""
         outlines = self.plain.outlines(drawing)
         printed = Deviation(self.target, self._printed(self.plain, drawing))
         return Compensation(outlines, drawing.drawn_um, drawing.wall_um, drawing.scale, printed, ())
 
     def sha256_of(self, path: Path) -> str | None:
-        """Hash of the outline of a design file; None for the original design."""
+        """Hash of the outline of a design file, or None for the original design."""
         design = load(path)
         if label_of(design, "").sha256 == label_of(self.sensor.design, "").sha256:
             return None
@@ -186,7 +186,7 @@ class PrintModel:
         return self._printed(printing, drawing) - self._printed(printing, self.as_designed)
 
     def _printed(self, printing: Printing, drawing: Drawing) -> FloatArray:
-        """Predicted print of a drawing, cached."""
+        """Return the predicted print of a drawing, from a cache."""
         sizes = np.array([drawing.wall_um, drawing.scale, _width(printing.settings)])
         key = drawing.drawn_um.tobytes() + sizes.tobytes()
         if key not in self._known:
@@ -195,11 +195,11 @@ class PrintModel:
 
 
 def blurred(settings: Settings, more: float) -> Settings:
-    """Settings with a wider blur."""
+    """Return the settings with a wider blur."""
     wider = settings.model_copy(update={settings.blur_key: _width(settings) + more})
     return wider.model_copy(update={"halo_um": max(wider.halo_um, wider.blur_um)})
 
 
 def _width(settings: Settings) -> float:
-    """Key of the blur."""
+    """Return the key of the blur."""
     return float(getattr(settings, settings.blur_key))

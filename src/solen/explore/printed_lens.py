@@ -1,7 +1,7 @@
 """A sensor with the lens that a process prints in place of the designed one.
 
-The print is that of `solen print predict` at half the thickness: flat, its vertex on a corner of pixels, uncompensated,
-by the process's most likely numbers. Only the lens is replaced.
+The print is that of `solen print predict` at half the thickness: flat, with its vertex on a corner of pixels, without
+compensation, and with the process's most likely numbers. Only the lens is replaced.
 
 The interface: `as_printed` of a sensor; `check_printable`.
 """
@@ -22,31 +22,31 @@ from solen.sensor import Sensor
 
 
 def as_printed(sensor: Sensor, settings: Settings) -> Sensor:
-    """The sensor with its lens as printed.
+    """Return the sensor with its lens as printed.
 
     Raises
     ------
     SpecError
-        Where its lens is not printed as one profile.
+        If its lens is not printed as one profile.
     DataError
-        Where the process cannot print it.
+        If the process cannot print it.
     """
     lens = check_printable(sensor)
     return replace(sensor, cut=_printed(_Drawing(lens, sensor.body(), sensor.design.body.thickness_mm, settings)))
 
 
 def check_printable(sensor: Sensor) -> DesignedLens:
-    """Lens of a sensor; `SpecError` where it is not designed as one profile."""
+    """Return the lens of a sensor; raise `SpecError` if it is not designed as one profile."""
     if isinstance(sensor.cut, DesignedLens) and not sensor.is_sampled:
         return sensor.cut
-    limit = "only an oval or a free form is printed as one profile"
+    limit = "only an oval or a free form can be printed as one profile"
     shape = "the lenses of a network" if sensor.is_network else sensor.design.lens.shape
     raise SpecError("--as-printed", value=shape, limit=limit, remedy="leave it out")
 
 
 @dataclass(frozen=True)
 class _Drawing:
-    """What is printed: equal where its outlines and the process are."""
+    """Key of a print: equal if its outlines and the process are equal."""
 
     lens: DesignedLens
     body: Body = field(compare=False)
@@ -64,7 +64,7 @@ class _Drawing:
 
 @lru_cache(maxsize=32)
 def _printed(drawing: _Drawing) -> MeasuredLens:
-    """Lens of a print, the same for all deviations that leave the drawing as it is."""
+    """Return the lens of a print, from a cache shared by all deviations that do not change the drawing."""
     body, settings = drawing.body, drawing.settings
     target = Target.of(lens_face(body).curve, FLAT_POINTS)
     thickness_mm = drawing.thickness_mm

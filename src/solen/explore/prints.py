@@ -1,9 +1,9 @@
-"""Prints of a design, traced, and surrogates of their merits: yields, what costs them, and how each merit varies.
+"""Traced prints of a design and surrogates of their merits: yields, costs of tolerances, variation of merits.
 
-A surrogate of every merit, corrected by what the traced prints say of it, gives the yield; it alone tells which
-tolerance costs most and what each may be.
+The yield comes from a surrogate of every merit, corrected by the traced prints. The surrogate alone gives the cost of
+each tolerance and its largest acceptable value.
 
-The interface: `Prints`, whose methods give `Yield`, `VariedNumber` and `MeritSpread`.
+The interface: `Prints`, whose methods return `Yield`, `VariedNumber` and `MeritSpread`.
 """
 
 import math
@@ -23,26 +23,26 @@ from solen.sensor import Sensor
 from solen.sensor.numbers import number
 
 MODELLED = 2**14
-"""Samples of the surrogates."""
+"""Number of samples of the surrogates."""
 WANTED_YIELD = 0.95
 FAR = 1e100
-"""Uncertainty of a merit that may be anything."""
+"""Finite stand-in for an infinite uncertainty of a merit."""
 
 
 class Yield(Result, eq=True):
-    """Share of the prints that meet a requirement, or all of them.
+    """Fraction of the prints that meet one requirement, or all of them.
 
     Attributes
     ----------
     requirement
-        Its text; empty for all together.
+        Text of the requirement; empty for all together.
     share, u_share
-        Share of the prints as they come out.
+        Fraction of the prints without calibration or adjustment.
     calibrated_share, u_calibrated_share
-        After a calibration of each sensor, which removes the null's offset and the gain: null and slope count as
-        those of the design; None of a network, whose merits no calibration changes.
+        Fraction after a calibration of each sensor, which removes the null's offset and the gain: null and slope count
+        as those of the design; None for a network, whose merits no calibration changes.
     adjusted_share, u_adjusted_share
-        After each print is adjusted as stated, and then not calibrated; None where no adjustment is.
+        Fraction after each print is adjusted as stated, without a calibration; None without an adjustment.
     """
 
     requirement: str
@@ -60,20 +60,20 @@ class VariedNumber(Result, eq=True):
     Attributes
     ----------
     key, value
-        The number and its value in the design; of several that move together their sum as stated or a name of what
-        moves them, and null.
+        The number and its value in the design. Numbers that move together have their sum as stated, or the name of
+        their common cause, as the key and no value.
     distribution
         ``normal`` or ``uniform``.
     deviation
         Mean and standard deviation, or the ends, of its deviation from that value.
     source
-        Where that comes from: ``stated``, ``[tolerance]`` of the design, ``assumed`` by solen, or a process, a part or
-        a resin by name.
+        Source of the distribution: ``stated``, ``[tolerance]`` of the design, ``assumed`` by solen, or the name of a
+        process, a part or a resin.
     share_if_exact
-        Yield if this number alone did not vary but stayed at `Variation.centre`, by the surrogates; None without
+        Yield if this number alone did not vary but stayed at `Variation.centre`, from the surrogates; None without
         requirements.
     factor_alone, factor_together
-        Factor on its deviation for a yield of 95 %, if it alone is tightened or all are; None where that is not
+        Factor on its deviation for a yield of 95 %, if it alone is tightened or all are; None if that yield is not
         reached, or without requirements.
     """
 
@@ -88,22 +88,22 @@ class VariedNumber(Result, eq=True):
 
 
 class MeritSpread(Result):
-    """How one merit varies between prints.
+    """Variation of one merit between prints.
 
     Attributes
     ----------
     merit
-        Its name.
+        Name of the merit.
     base, u_base
-        Of the design itself.
+        Value for the design itself, and its uncertainty.
     mean, sd
-        Over the prints.
+        Mean and standard deviation over the prints.
     first_order, total
-        Sobol' indices by key: share of the variance by that number alone, and with others; of the surrogate.
+        Sobol' indices by key, from the surrogate: fraction of the variance due to that number alone, and with others.
     degree
         Degree of the surrogate's polynomial.
     held_out
-        Share of the variance which the surrogate leaves unexplained of prints that it was not fitted to.
+        Fraction of the variance of held-out prints that the surrogate does not explain.
     """
 
     merit: str
@@ -126,15 +126,15 @@ class Prints:
     variations
         D numbers that vary.
     deviations
-        (P, D).
+        Deviations (P, D) of the prints.
     merits
-        By name the values (P,).
+        Values (P,) of the merits by name.
     base
         Merits of the design itself.
     adjusted
-        The same prints after an adjustment; None where none is.
+        The same prints after an adjustment, or None without one.
     calibrated
-        Merits that a calibration of each sensor makes those of the design, where the first of them exists.
+        Merits that a calibration of each sensor sets to those of the design, if the first of them exists.
     """
 
     variations: Sequence[Variation]
@@ -146,7 +146,7 @@ class Prints:
 
     @cached_property
     def surrogates(self) -> dict[str, Surrogate]:
-        """Surrogates of the merits that enough prints have."""
+        """Surrogates of the merits that exist for enough prints."""
         return {
             name: fit(self.variations, self.deviations, self.merits[name])
             for name in self.merits
@@ -155,11 +155,11 @@ class Prints:
 
     @cached_property
     def modelled(self) -> FloatArray:
-        """Deviations at which surrogates are taken."""
+        """Deviations at which the surrogates are evaluated."""
         return drawn(self.variations, MODELLED, 1)
 
     def met(self, requirements: Sequence[Requirement], merits: Mapping[str, FloatArray]) -> BoolArray:
-        """Where merits (N,) meet all requirements."""
+        """Return a mask of merits (N,) that meet all requirements."""
         size = next(iter(merits.values())).size
         met = np.ones(size, bool)
         for one in requirements:
@@ -167,7 +167,7 @@ class Prints:
         return met
 
     def yields(self, requirements: Sequence[Requirement]) -> Iterator[Yield]:
-        """Yield of each requirement, and of all together."""
+        """Yield the yield of each requirement, and that of all together."""
         groups = [("", requirements)] if requirements else []
         if len(requirements) > 1:
             groups = [*((one.text, [one]) for one in requirements), *groups]
@@ -177,12 +177,12 @@ class Prints:
             yield Yield(text, *self.share(group), *calibrated, *after)
 
     def share(self, requirements: Sequence[Requirement], *, calibrated: bool = False) -> tuple[float, float]:
-        """Share of prints that meet requirements, with its standard uncertainty.
+        """Return the fraction of prints that meet requirements, with its standard uncertainty.
 
-        The share of the traced prints, corrected by what surrogates fitted without each of them miss of the surrogates'
-        share over many samples (a control variate), as far as that lessens the scatter: not at all is counting. The
-        estimate is free of the surrogates' error. Its uncertainty is that of the mean, with what the uncertainties of
-        the merits make of it.
+        The fraction of the traced prints is corrected with a control variate: the difference between surrogates fitted
+        without each of the prints and the surrogates' fraction over many samples. The weight of the correction
+        minimises the scatter; a weight of 0 is counting. The error of the surrogates does not bias the estimate. Its
+        uncertainty is that of the mean, combined with the effect of the uncertainties of the merits.
         """
         part = parts(len(self.deviations))
         true = self.met(requirements, self._calibrated(self.merits) if calibrated else self.merits).astype(float)
@@ -196,15 +196,15 @@ class Prints:
         corrected = true - (scatter[0, 1] / scatter[1, 1] if scatter[1, 1] else 0.0) * missed
         u = max(
             float(corrected.std(ddof=1)) / math.sqrt(true.size), 1.0 / (true.size + 2)
-        )  # none may be a few not seen
+        )  # a count of 0 may be chance
         blurred = self._blurred(requirements, calibrated=calibrated)
         return min(max(float(corrected.mean()), 0.0), 1.0), math.hypot(u, blurred)
 
     def varied(self, sensor: Sensor, requirements: Sequence[Requirement]) -> list[VariedNumber]:
-        """What varies and what it costs, the costliest first."""
+        """Return the numbers that vary and their cost in yield, the costliest first."""
         named = {name for one in requirements for name in one.merits}
         if not all(np.isfinite(self.merits[name]).all() for name in named):
-            requirements = []  # surrogates do not know which prints lack a merit
+            requirements = []  # surrogates cannot predict missing merits
         of_all = self._factor(requirements, range(len(self.variations)))
         rows = [
             VariedNumber(
@@ -222,7 +222,7 @@ class Prints:
         return sorted(rows, key=lambda row: row.share_if_exact or 0.0, reverse=True)
 
     def spreads(self) -> Iterator[MeritSpread]:
-        """Spread of each merit that has a surrogate, but not of single channels of a network."""
+        """Yield the variation of each merit that has a surrogate, except for merits of single channels of a network."""
         keys = [one.key for one in self.variations]
         for name in (name for name in shown(self.merits) if name in self.surrogates):
             made = self.surrogates[name]
@@ -240,12 +240,13 @@ class Prints:
             )
 
     def _blurred(self, requirements: Sequence[Requirement], *, calibrated: bool) -> float:
-        """Uncertainty of a share by those of the merits.
+        """Return the uncertainty of a fraction due to those of the merits.
 
-        What scatters about a surrogate differs from print to print: which prints it moves over a limit is in the
-        scatter of the prints, and that a limit is blurred makes more leave than enter, or fewer. The rest is common to
-        all prints and to the design, so that it shifts them together. What the design alone is off by, as the base of a
-        requirement, its surrogate tells. Changes of the share are those of the surrogates' samples, which are many.
+        Errors that scatter about a surrogate differ from print to print. The scatter of the prints already contains the
+        prints that they move over a limit; they also blur the limit, which changes the number of prints within it. The
+        remaining error is common to all prints and to the design and shifts them together. The error of the design
+        alone, as the base of a requirement, is estimated from its surrogate. Changes of the fraction are computed from
+        the many samples of the surrogates.
         """
         named = list(dict.fromkeys(name for one in requirements for name in one.merits))
         merits = dict(self.merits)
@@ -256,7 +257,7 @@ class Prints:
             }
 
         def met(name: str, by: float, base_by: float) -> float:
-            """Share where a merit is off by so much."""
+            """Return the fraction if the errors of one merit are ``by`` and ``base_by``."""
             moved = {**merits, name: merits[name] + by}
             at = replace(self, base={**self.base, name: self.base[name] + base_by})
             return float(at.met(requirements, at._calibrated(moved) if calibrated else moved).mean())
@@ -270,14 +271,14 @@ class Prints:
         return math.sqrt(squares)
 
     def _parts_of_u(self, name: str) -> tuple[float, float, float]:
-        """Uncertainty of a merit (rms): what differs between prints, what they share, and of the design alone."""
+        """Return the parts of a merit's uncertainty (rms): individual to prints, common, and of the design alone."""
         of_each, of_design = (np.nan_to_num(of[f"u_{name}"], posinf=FAR) for of in (self.merits, self.base))
         u, u_base = float(np.sqrt(np.mean(of_each**2))), float(of_design)
         made = self.surrogates.get(name)
         if made is None:
             return 0.0, u, u_base
         values = self.merits[name][np.isfinite(self.merits[name])]
-        fitted = max(1.0 - len(made.degrees) / (values.size * (1.0 - 1.0 / FOLDS)), 0.0)  # its terms follow noise too
+        fitted = max(1.0 - len(made.degrees) / (values.size * (1.0 - 1.0 / FOLDS)), 0.0)  # its terms also fit noise
         own = min(u, math.sqrt(made.held_out * fitted) * float(values.std()))
         at_design = np.zeros((1, len(self.variations)))
         unsure = math.sqrt(FOLDS - 1.0) * float(np.std([made(at_design, fold) for fold in range(FOLDS)]))  # jackknife
@@ -285,7 +286,7 @@ class Prints:
         return own, math.sqrt(u * u - own * own), min(u_base, math.hypot(off, unsure))
 
     def _calibrated(self, merits: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Merits after a calibration of offset and gain: null and slope of the design, where there is a null."""
+        """Return merits after a calibration of offset and gain: null and slope of the design, if there is a null."""
         exists = [np.isfinite(merits[name]) for name in self.calibrated[:1]]
         return {**merits} | {name: np.where(exists[0], self.base[name], np.nan) for name in self.calibrated}
 
@@ -302,7 +303,7 @@ class Prints:
         return self.met(requirements, self._calibrated(merits) if calibrated else merits)
 
     def _scaled(self, requirements: Sequence[Requirement], places: Sequence[int], factor: float) -> float:
-        """Yield by surrogates with some deviations tightened by a factor."""
+        """Return the yield from surrogates with some deviations scaled by a factor."""
         deviations = self.modelled.copy()
         for place in places:
             centre = self.variations[place].centre
@@ -310,7 +311,7 @@ class Prints:
         return float(self._by_surrogates(requirements, deviations, None).mean())
 
     def _factor(self, requirements: Sequence[Requirement], places: Sequence[int]) -> float | None:
-        """Largest factor, up to 1, on some deviations for the wanted yield; None where none reaches it."""
+        """Return the largest factor, up to 1, on some deviations for the wanted yield; None if there is none."""
         if not requirements or self._scaled(requirements, places, 0.0) < WANTED_YIELD:
             return None
         low, high = 0.0, 1.0

@@ -1,4 +1,4 @@
-"""What a command of exploring was asked, kept beside its results, so that a different one does not overwrite these.
+"""The design and options of an exploration command, stored beside its results so that no other command overwrites them.
 
 The interface: `Request` of a file, a design and options; `Request.check` it, then write its `Request.content`.
 """
@@ -17,18 +17,18 @@ from solen.spec import Design
 from solen.spec.strict import Options
 
 NOT_OF_THE_TABLE = {"print_number"}
-"""Options that select what else is written."""
+"""Options that only select further output."""
 
 
 class Request(NamedTuple):
-    """A command's design and options, and the file that keeps them.
+    """Design and options of a command, and the file that stores them.
 
     Parameters
     ----------
     path
         The file, beside the results.
     design, options
-        What was asked; files that they name count by their content.
+        The design and the options; files named by them count by their content.
     """
 
     path: Path
@@ -36,14 +36,14 @@ class Request(NamedTuple):
     options: Options
 
     def check(self) -> None:
-        """Check that the folder holds no results of another request.
+        """Check that the folder contains no results of another request.
 
         Raises
         ------
         OutputError
-            Where it does, with what differs.
+            If it does, with the difference.
         DataError
-            Where the file is damaged.
+            If the file is damaged.
         """
         if not self.path.exists():
             return
@@ -51,8 +51,8 @@ class Request(NamedTuple):
         changes = list(_changes("", before, self._stated()))
         if changes:
             more = f" and {len(changes) - 1} more" if changes[1:] else ""
-            limit = f"holds the results of another request: {changes[0]}{more}"
-            remedy = f"name another --out, or remove {self.path.name} to replace them"
+            limit = f"contains the results of another request: {changes[0]}{more}"
+            remedy = f"choose another --out, or remove {self.path.name} to replace them"
             raise OutputError(str(self.path.parent), limit=limit, remedy=remedy)
 
     @property
@@ -77,7 +77,7 @@ class Request(NamedTuple):
 
 
 def _changes(key: str, before: Any, now: Any) -> Iterator[str]:
-    """What differs between two values of a key, in words."""
+    """Describe the difference between two values of a key in words."""
     if isinstance(before, dict) and isinstance(now, dict):
         for name in {**before, **now}:
             inner = name if key in {"", "design"} else f"{key}.{name}"
@@ -91,7 +91,7 @@ def _option(key: str) -> str:
 
 
 def _short(value: Any) -> str:
-    """A value as it was stated; what is not stated has its default."""
+    """Format a value as it was stated, or as its default."""
     if value is None:
         return "default"
     if isinstance(value, list):

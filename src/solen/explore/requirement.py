@@ -1,8 +1,8 @@
 """Requirements and goals: expressions of merits, such as ``abs(null_deg) < 0.3``.
 
-Names are the merits. ``base`` is the merit that an expression names, of which there must then be one, for the design
-itself; ``base_null_deg`` names it in full. Where a design is traced with numbers off, ``worst(light)`` is the worst
-over these, and other merits beside it in an expression are those of the design as it is.
+The names in an expression are merits. ``base`` is the value for the design itself of the merit in the expression, which
+must then contain only one; ``base_null_deg`` names it in full. If a design is traced with deviations, ``worst(light)``
+is the worst value over them, and other merits in the expression are those of the design without deviations.
 
 The interface: `Requirement.parse` a condition, ``met`` by arrays of merits, and ``violation`` of it; `Goal.parse` a
 value.
@@ -31,13 +31,13 @@ class Expression:
     Attributes
     ----------
     text
-        As it was stated.
+        Text as it was stated.
     merits
-        Merits that it names.
+        Merits in the expression.
     worst
-        Those of which it names the worst.
+        Merits whose worst values are in the expression.
     known
-        Merits that there are.
+        Merits that exist.
     """
 
     text: str
@@ -51,7 +51,7 @@ class Expression:
 
     @classmethod
     def parse(cls, text: str, known: tuple[str, ...] = MERITS) -> Self:
-        """Expression of a text about the merits that there are; `SpecError` where it is malformed or names none."""
+        """Parse an expression of the existing merits; raise `SpecError` if it is malformed or contains no merit."""
         grammar = cls._grammar(text, known)
         stated = dict.fromkeys(names(parsed(text, grammar), grammar))
         bare = [name.removeprefix(f"{_BASE}_").removeprefix(f"{_WORST} ") for name in stated if name != _BASE]
@@ -59,20 +59,22 @@ class Expression:
         worst = tuple(merit for merit in merits if f"{_WORST} {merit}" in stated)
         if worst and not cls.has_cases:
             raise cls.refusal(
-                text, "worst(...) is over the numbers off of --robust, and there are none", "leave it out"
+                text, "worst(...) needs deviations stated with --robust, and there are none", "leave it out"
             )
         if not merits:
             raise cls.refusal(text, "names no merit", f"the merits are {', '.join(known)}")
         if _BASE in stated and len(merits) > 1:
-            raise cls.refusal(text, "base stands for one merit, and several are named", f"write {_BASE}_{merits[0]}")
+            raise cls.refusal(
+                text, "base stands for a single merit, and several are named", f"write {_BASE}_{merits[0]}"
+            )
         return cls(text, merits, worst, known)
 
     @classmethod
     def refusal(cls, text: str, limit: str, remedy: str = "") -> SpecError:
-        """The error of a malformed expression."""
+        """Return the error of a malformed expression."""
         text = text if len(text) <= LONGEST else f"{text[:20]}..."
         example = "abs(null_deg) < 0.3" if cls.is_condition else "linearity_percent"
-        return SpecError(cls.option, value=text, limit=limit, remedy=remedy or f"write as in {example}")
+        return SpecError(cls.option, value=text, limit=limit, remedy=remedy or f"use the form {example}")
 
     @classmethod
     def _grammar(cls, text: str, known: tuple[str, ...]) -> Grammar:
@@ -103,13 +105,13 @@ class Requirement(Expression):
     """A condition on merits."""
 
     def met(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> BoolArray:
-        """Where merits (P,) meet it, given those of the design itself; a merit that does not exist meets nothing."""
+        """Return a mask of merits (P,) that meet the condition, given those of the design; false if missing."""
         exists = np.all([~np.isnan(merits[name]) for name in self.merits], axis=0)
         with np.errstate(all="ignore"):
             return np.asarray(value(self._tree, self._values(merits, base)) & exists, dtype=bool)
 
     def violation(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> FloatArray:
-        """How far merits (P,) are from meeting it, as shares of its limits; 0 where they do, 1 where one is missing."""
+        """Return the violation by merits (P,) as a fraction of the limits; 0 if they hold, 1 if a merit is missing."""
         with np.errstate(all="ignore"):
             away = missed(self._tree, self._values(merits, base))
         return np.where(self.met(merits, base), 0.0, np.nan_to_num(away, nan=1.0, posinf=1e3))
@@ -125,13 +127,13 @@ class Limit(Requirement):
 
 @dataclass(frozen=True)
 class Goal(Expression):
-    """A value to be made as large or as small as it can be."""
+    """A value to be maximised or minimised."""
 
     option: ClassVar[str] = "--minimise or --maximise"
     is_condition: ClassVar[bool] = False
     has_cases: ClassVar[bool] = True
 
     def value(self, merits: Mapping[str, FloatArray], base: Mapping[str, float]) -> FloatArray:
-        """Its value (P,); NaN where a merit does not exist."""
+        """Return the value (P,); NaN if a merit does not exist."""
         with np.errstate(all="ignore"):
             return np.asarray(value(self._tree, self._values(merits, base)), dtype=float)

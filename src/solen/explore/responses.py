@@ -1,6 +1,6 @@
-"""Responses of many designs: known ones from a store, others traced and kept there as they come.
+"""Responses of many designs: known ones are read from a store, and others are traced and added to it.
 
-The interface: `responses` of variants to an `Accuracy`; `failures_of` and `point_warnings` say what they lack.
+The interface: `responses` of variants to an `Accuracy`; `failures_of` and `point_warnings` report what is missing.
 """
 
 import re
@@ -19,25 +19,27 @@ from solen.spec.strict import Finite, Options
 
 MOST_REASONS = 3
 LOT = 2**14
-"""Points whose designs are in memory at once."""
+"""Number of points whose designs are in memory at the same time."""
 BLOCK_S, BLOCK_POINTS = 5.0, 256
-"""Points are written after this time at the latest, and so many at once at most."""
+"""Longest time in s between writes of points, and the largest number of points in one write."""
 NUMBER = re.compile(r"[-+]?\d[\d.,]*(e[-+]?\d+)?")
 
 
 class AccuracyOptions(Options):
-    """How closely responses are traced."""
+    """Accuracy of traced responses."""
 
     tolerance: Finite | None = Field(None, ge=1e-6, le=1e-2)
-    """Largest uncertainty of a power, as a share of the emitted power; default: 1e-6 for a point in one colour, 1e-4
-    for any other source."""
+    """Largest uncertainty of a power, as a fraction of the emitted power; default: 1e-6 for a point in one colour, 1e-4
+    for any other source.
+    """
     rays: int | None = Field(None, ge=256, le=10_000_000)
-    """Trace so many rays at each angle by the compiled batch in place of integrating, which is quicker for very many
-    designs with a chip in the plane. Designs that the batch does not know are integrated."""
+    """Number of rays to trace at each angle with the compiled batch instead of integrating, which is faster for very
+    many designs with a chip in the plane. Designs that the batch does not support are integrated.
+    """
 
     @property
     def accuracy(self) -> Accuracy:
-        """The same for the machine that traces."""
+        """The accuracy for the machine that traces."""
         return Accuracy(self.tolerance, self.rays)
 
 
@@ -48,10 +50,10 @@ def responses(
     progress: Progress | None = None,
     machine: Machine | None = None,
 ) -> list[Point]:
-    """Responses of designs, in their order: known ones from the store, others traced and kept there as they come.
+    """Return responses of designs in their order: known ones from the store, others traced and added to it.
 
-    A design that cannot be built or traced is a point without angles that says why. They are traced by this process,
-    or by another machine.
+    A design that cannot be built or traced gives a point without angles that states the reason. The responses are
+    traced by this process or by another machine.
     """
     every = list(variants)
     machine = machine or Here()
@@ -70,14 +72,14 @@ def _named(
     machine: Machine,
     progress: Progress | None,
 ) -> list[str | Point]:
-    """Names of responses that are in the store then, or points of designs that cannot be."""
+    """Return the names of responses, which are in the store afterwards, or points of designs that cannot be traced."""
     named: list[str | Point] = []
     missing: dict[str, Variant] = {}
     for make in variants:
         try:
             variant = make()
             named.append(name := variant.name(accuracy))
-        except (SpecError, DesignError) as bad:  # the same at any time, and quickly
+        except (SpecError, DesignError) as bad:  # reproducible, and found quickly
             named.append(no_response(bad))
             continue
         if name not in store.points:
@@ -93,7 +95,7 @@ def _trace(
     machine: Machine,
     progress: Progress | None,
 ) -> None:
-    """Trace variants and keep them, in blocks."""
+    """Trace variants and store them in blocks."""
     fresh: dict[str, Point] = {}
     written, done = time.monotonic(), 0
     try:
@@ -110,9 +112,9 @@ def _trace(
 
 
 def failures_of(points: Sequence[Point]) -> dict[str, int]:
-    """Reasons why points have no response, the most frequent first, with their numbers.
+    """Return the reasons why points have no response, the most frequent first, with their counts.
 
-    Reasons that differ in their numbers alone count as the first of them.
+    Reasons that differ only in their numbers count as the first of them.
     """
     reasons = [point.why for point in points if not point.is_traced]
     first = {NUMBER.sub("", why): why for why in reversed(reasons)}
@@ -120,7 +122,7 @@ def failures_of(points: Sequence[Point]) -> dict[str, int]:
 
 
 def point_warnings(measure: Measure, points: Sequence[Point], failures: Mapping[str, int]) -> Iterator[str]:
-    """Warnings about points without a response, and about those that did not reach the tolerance."""
+    """Return warnings about points without a response, and about those that did not reach the tolerance."""
     if failures:
         many, first = sum(failures.values()), next(iter(failures))
         others = "".join(f"; {number} of them: {why}" for why, number in list(failures.items())[1:MOST_REASONS])

@@ -1,4 +1,4 @@
-"""Deviations that a design must bear: the design as it is, and with numbers off to either side.
+"""Deviations that a design must tolerate: the design without deviations, and with numbers deviating to either side.
 
 The interface: `cases_of` texts, ``emitter.offset_mm=0.03``.
 """
@@ -14,16 +14,16 @@ MOST_NUMBERS = 4
 
 
 def cases_of(sensor: Sensor, texts: Sequence[str], *, mirrors: bool) -> Iterator[dict[str, float]]:
-    """The design as it is, and all combinations of its deviations; with ``mirrors`` one of two mirror images.
+    """Return the design's cases: no deviation, and all combinations; with ``mirrors``, one of two mirror images.
 
     Raises
     ------
     SpecError
-        Where a text is malformed, a number is stated twice, or there are too many.
+        If a text is malformed, a number is stated twice, or there are too many numbers.
     """
     deviations = dict(deviation_of(text, sensor, "--robust") for text in texts)
     if len(deviations) < len(texts) or len(deviations) > MOST_NUMBERS:
-        limit = f"takes each number once, and {MOST_NUMBERS} at most"
+        limit = f"accepts each number once, and at most {MOST_NUMBERS} numbers"
         raise SpecError("--robust", value=f"{len(texts)} numbers", limit=limit, remedy="leave one out")
     mirrors = mirrors and sensor.is_symmetric
     yield {}

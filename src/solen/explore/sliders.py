@@ -1,4 +1,4 @@
-"""Responses and pictures of a design over a few values of its numbers, computed beforehand for a page with sliders."""
+"""Responses and pictures of a design for a few values of its numbers, computed in advance for a page with sliders."""
 
 import math
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from solen.spec.strict import Options
 
 MOST_AXES, MOST_POINTS = 3, 125
 FIRST_RAYS, MORE_RAYS = 2**14, 2**17
-"""Rays at an angle, and those where the first do not reach `GOAL`."""
+"""Numbers of rays per angle: for the first trace, and for a second one if the first does not reach `GOAL`."""
 
 
 class SlidersOptions(Options):
@@ -28,9 +28,10 @@ class SlidersOptions(Options):
 
     over: tuple[str, ...] = ()
     """A slider with its values, lens.focus_mm=15:25:5 or a list; repeatable, three at most. Default: the emitter's
-    decentre and the focus."""
+    decentre and the focus.
+    """
     drawn_rays: int = Field(60, ge=1, le=500)
-    """Rays drawn at an angle."""
+    """Number of rays drawn at each angle."""
 
 
 class Slid(Result):
@@ -41,7 +42,7 @@ class Slid(Result):
     curve
         Its response and its merits.
     misleading
-        What the plane gets wrong, in words.
+        Description of the plane's error in words.
     pictures
         The sensor at each angle of the response.
     """
@@ -65,9 +66,9 @@ class Sliders(Result):
     angle_deg
         (A,) angles of every response.
     points
-        Points of the grid, the last slider running fastest; None where the sensor cannot be built.
+        Points of the grid, with the last slider varying fastest; None if the sensor cannot be built.
     simulated
-        Always true: nothing was measured.
+        Always true, since nothing was measured.
     """
 
     name: str
@@ -80,12 +81,12 @@ class Sliders(Result):
 
     @reported
     def contrast(self) -> FloatArray:
-        """(points, A) contrast at each angle; NaN where the sensor cannot be built."""
+        """(points, A) contrast at each angle; NaN if the sensor cannot be built."""
         return self._rows("contrast")
 
     @reported
     def u_contrast(self) -> FloatArray:
-        """(points, A) its uncertainty."""
+        """(points, A) standard uncertainty of the contrast."""
         return self._rows("u_contrast")
 
     @property
@@ -99,12 +100,12 @@ class Sliders(Result):
 
 
 def sliders(design: Design, options: SlidersOptions = SlidersOptions(), progress: Progress | None = None) -> Sliders:
-    """Responses and pictures of a design over all combinations of the sliders' values.
+    """Compute responses and pictures of a design for all combinations of the sliders' values.
 
     Raises
     ------
     SpecError
-        If a slider is malformed, there are too many, or values are no numbers.
+        If a slider is malformed, there are too many, or values are not numbers.
     DesignError
         If the design itself has no response.
     """
@@ -126,7 +127,7 @@ def sliders(design: Design, options: SlidersOptions = SlidersOptions(), progress
         share(1.0)
     if not any(found):
         raise SpecError(
-            "--over", limit="none of these sensors can be built", remedy="take values nearer to the design's"
+            "--over", limit="none of these sensors can be built", remedy="use values closer to those of the design"
         )
     return Sliders(
         name=design.name,
@@ -145,11 +146,15 @@ def _axes(design: Design, options: SlidersOptions) -> list[Axis]:
         raise SpecError("--over", value=len(axes), limit=f"at most {MOST_AXES} sliders", remedy="leave some out")
     points = math.prod(len(one.values) for one in axes)
     if points > MOST_POINTS:
-        limit = f"a page holds at most {MOST_POINTS} points"
+        limit = f"a page has at most {MOST_POINTS} points"
         raise SpecError("--over", value=points, limit=limit, remedy="take fewer values")
     for one in axes:
         if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in one.values):
-            raise SpecError(f"--over {one.key}", limit="a slider has numbers", remedy="name a number of the design")
+            raise SpecError(
+                f"--over {one.key}",
+                limit="a slider needs a key with numbers as values",
+                remedy="name a number of the design",
+            )
     return axes
 
 

@@ -7,7 +7,7 @@ from solen.arrays import FloatArray
 
 
 def sobol(dimensions: int, number: int, rng: np.random.Generator, first: int = 0) -> FloatArray:
-    """Points (number, dimensions) of a sequence from one on, from 0 to 1, scrambled by a generator."""
+    """Return points (number, dimensions) between 0 and 1 of a Sobol' sequence, scrambled with a generator."""
     sequence = qmc.Sobol(dimensions, rng=rng)
     if first:
         return np.asarray(sequence.fast_forward(first).random(number))

@@ -1,6 +1,6 @@
-"""Keys of a sweep that change nothing: no response and no resolution, at any of its points.
+"""Keys of a sweep that change neither the response nor the resolution at any of its points.
 
-The interface: `still_on_grid` of a grid, `still_in_samples` of samples, which traces a few more points.
+The interface: `still_on_grid` for a grid; `still_in_samples` for samples, which traces a few more points.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,11 +12,11 @@ from solen.explore.axes import Axis
 from solen.explore.store import Point
 
 TRIED = 3
-"""Samples of which each number is moved alone."""
+"""Number of samples in which each number is varied alone."""
 
 
 def still_on_grid(axes: Sequence[Axis], points: Sequence[Point]) -> list[str]:
-    """Keys along whose axes all points are the same, the last axis running fastest."""
+    """Return the keys along whose axes all points are equal; the last axis varies fastest."""
     same = {point.content: place for place, point in enumerate(points)}
     kinds = np.array([same[point.content] for point in points]).reshape([len(one.values) for one in axes])
     return [one.key for place, one in enumerate(axes) if len(one.values) > 1 and not np.diff(kinds, axis=place).any()]
@@ -28,7 +28,7 @@ def still_in_samples(
     points: Sequence[Point],
     traced: Callable[[Sequence[Mapping[str, Any]]], Sequence[Point]],
 ) -> Iterator[str]:
-    """Keys that change none of a few samples where they alone take all values of a list, or both ends of a range."""
+    """Return the keys that change none of a few samples when varied alone over a list, or to both ends of a range."""
     finished = [place for place, point in enumerate(points) if point.is_traced][:TRIED]
     for one in axes:
         moved = [{**values[place], one.key: value} for place in finished for value in one.values]

@@ -1,9 +1,9 @@
-"""Traced points of sweeps, kept in a folder as they come, so that none is ever traced twice.
+"""Traced points of sweeps, stored in a folder as they are traced, so that none is traced twice.
 
-A point is named by a digest of its design, the files that the design names, the tolerance, and the code and data of
-solen and of packages that extend it. Points are written in blocks; a block is named by its points and renamed into
-place, so that a program killed at any moment leaves whole blocks only, and the same command goes on from there to the
-same table.
+The name of a point is a digest of its design, the files named by the design, the tolerance, and the code and data of
+solen and of packages that extend it. Points are written in blocks; a block is named after its points and renamed into
+place. A program that is killed at any moment therefore leaves only complete blocks, and the same command continues from
+there to the same table.
 
 The interface: `Store` of a folder; `Variant`, which names a point.
 """
@@ -34,11 +34,11 @@ from solen.sensor.effects import as_built
 from solen.spec import Design, dumps
 
 BLOCKS = "blocks"
-"""Folder of the blocks within that of the sweep."""
+"""Name of the folder of blocks within the folder of a sweep."""
 MOST_BLOCKS = 256
-"""Blocks above which opening a folder makes one of all: a search writes many small ones."""
+"""Number of blocks above which they are merged on opening a folder, since a search writes many small ones."""
 OF_DESIGNS = (BODY_KINDS, FINISHES)
-"""Groups of entry points whose code a response depends on."""
+"""Groups of entry points whose code affects a response."""
 SUFFIXES = (".py", ".toml", ".csv")
 
 
@@ -49,13 +49,13 @@ class Point:
     Attributes
     ----------
     power, u_power
-        (A, C) powers and their uncertainties at A angles or states, of the right and the left receiver, or of a network
-        of each emitter's receivers in turn; empty where the design cannot be built or traced.
+        (A, C) powers and their uncertainties at A angles or states, for the right and the left receiver or, for a
+        network, the receivers of each emitter in turn; empty if the design cannot be built or traced.
     sd_deg
-        (K, 2) standard deviation of an angle from one reading and its uncertainty: where it is worst, or of a network
-        of each motion.
+        (K, 2) standard deviation of an angle from one reading and its uncertainty: its worst value or, for a network,
+        that of each motion.
     why
-        Why there is no response, or why its tolerance was not reached; empty otherwise.
+        Reason why there is no response or the tolerance was not reached; otherwise empty.
     """
 
     power: FloatArray
@@ -70,26 +70,26 @@ class Point:
 
     @property
     def content(self) -> tuple[bytes, ...]:
-        """What is equal for equal responses."""
+        """Content that is equal for equal responses."""
         return (self.power.tobytes(), self.sd_deg.tobytes())
 
     def response(self, angle_deg: FloatArray) -> Response:
-        """The same as a response of two receivers."""
+        """Return the point as a response of two receivers."""
         right, left = self.power.T
         return Response("power", angle_deg, right, left, self.u_power.max(axis=1), ())
 
 
 def no_response(why: SolenError) -> Point:
-    """Point of a design that cannot be built or traced."""
+    """Return the point of a design that cannot be built or traced."""
     nothing = np.empty((0, 2))
     return Point(nothing, nothing, nothing, str(why))
 
 
 class Store:
-    """Points in memory, and in a folder where one is named."""
+    """Points in memory and, if a folder is named, on disk."""
 
     def __init__(self, folder: Path | None = None) -> None:
-        """Read what the folder holds; `DataError` where a block is damaged."""
+        """Read the content of the folder; raise `DataError` if a block is damaged."""
         self.folder = None if folder is None else folder / BLOCKS
         self.points: dict[str, Point] = {}
         blocks = [] if self.folder is None else sorted(self.folder.glob("*.npz"))
@@ -102,7 +102,7 @@ class Store:
                     files.remove(path)
 
     def add(self, points: Mapping[str, Point]) -> Path | None:
-        """Keep points, as one block on disk if one of them has a response, and return that."""
+        """Store points, as one block on disk if one of them has a response, and return the block."""
         self.points |= points
         if self.folder is None or not any(point.is_traced for point in points.values()):
             return None
@@ -112,9 +112,9 @@ class Store:
 
 
 class Accuracy(NamedTuple):
-    """How closely responses are traced: integrated to a tolerance, or by so many rays of the compiled batch.
+    """Accuracy of tracing: integration to a tolerance, or a number of rays of the compiled batch.
 
-    Powers of a network are sampled, by the lattice of that number.
+    Powers of a network are sampled with the lattice of the given number.
     """
 
     tolerance: float | None = None
@@ -128,10 +128,10 @@ Chip = tuple[float, float]
 
 @dataclass(frozen=True)
 class Variant:
-    """A design to be traced, how far the built part is off some of its numbers, by their keys, and what prints it.
+    """A design to be traced, the deviations of the built part from its numbers by key, and the process that prints it.
 
-    With a process it has the lens that this prints, else the designed one. ``chips`` are widths and decentres of its
-    emitter that share the rays of the compiled batch with its own; none share them by default.
+    With a process, the sensor has the printed lens, otherwise the designed one. ``chips`` are widths and decentres of
+    its emitter that share the rays of the compiled batch with its own; there are none by default.
     """
 
     design: Design
@@ -140,7 +140,7 @@ class Variant:
     chips: tuple[Chip, ...] = ()
 
     def name(self, accuracy: Accuracy) -> str:
-        """Name of its response: equal for equal inputs, different for any other."""
+        """Name of its response, equal for equal inputs and different for any others."""
         design = self.design.set(name="point")
         process = None if self.printed_by is None else self.printed_by.model_dump(mode="json")
         stated: list[Any] = [engine(), dumps(design), self.files, sorted(self.off.items()), accuracy, process]
@@ -148,24 +148,24 @@ class Variant:
         return hashlib.sha256(json.dumps(stated).encode()).hexdigest()
 
     def shared_name(self, accuracy: Accuracy) -> str:
-        """Name that all variants have whose chips are traced with the same rays."""
+        """Name shared by all variants whose chips are traced with the same rays."""
         width_mm, offset_mm = self.chips[0]
         first = self.design.set({"emitter.width_mm": width_mm, "emitter.offset_mm": offset_mm})
         return replace(self, design=first).name(accuracy)
 
     @property
     def files(self) -> dict[str, str]:
-        """Digests of the files that the design names, by key."""
+        """Digests, by key, of the files that the design names."""
         return {key: hashlib.sha256(bytes_of(path)).hexdigest() for key, path in sorted(self.design.files.items())}
 
     def sensor(self) -> Sensor:
-        """The sensor as built."""
+        """Return the sensor as built."""
         built = as_built(Sensor.of(self.design), self.off)
         return built if self.printed_by is None else as_printed(built, self.printed_by)
 
 
 def bytes_of(path: Path) -> bytes:
-    """Content of a file that a design names; `DataError` where it cannot be read."""
+    """Return the content of a file named by a design; raise `DataError` if it cannot be read."""
     try:
         return path.read_bytes()
     except OSError as bad:
@@ -174,7 +174,7 @@ def bytes_of(path: Path) -> bytes:
 
 @cache
 def engine() -> str:
-    """Digest of solen's version, code and data, and of those of packages that add bodies or finishes."""
+    """Digest of the version, code and data of solen and of packages that add bodies or finishes."""
     digest = hashlib.sha256(solen.__version__.encode())
     modules = {entry.module.partition(".")[0] for group in OF_DESIGNS for entry in offered(group).values()}
     for module in ("solen", *sorted(modules)):
@@ -185,7 +185,7 @@ def engine() -> str:
 
 
 def _sources(module: str) -> list[tuple[str, Path]]:
-    """Code and data of a package by their names within it, or of a module in one file."""
+    """Return the code and data of a package, or of a single-file module, by file names."""
     spec = find_spec(module)
     if spec is None or spec.origin is None:
         return []
@@ -197,7 +197,7 @@ def _sources(module: str) -> list[tuple[str, Path]]:
 
 
 def _block(points: Mapping[str, Point]) -> bytes:
-    """Bytes of a block: arrays of points one after the other, and the shape of each."""
+    """Return the bytes of a block: the arrays of all points in order, and the shape of each."""
     values = list(points.values())
     buffer = io.BytesIO()
     np.savez_compressed(
@@ -215,7 +215,7 @@ def _read(path: Path) -> dict[str, Point]:
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as block:
             if "shape" not in block:
-                return {}  # of an earlier solen, whose points are no longer asked for
+                return {}  # from an earlier version of solen, whose points are not used
             shapes = block["shape"]
             powers = np.split(block["power"], np.cumsum(shapes[:, 0] * shapes[:, 1])[:-1])
             sds = np.split(block["sd_deg"], np.cumsum(shapes[:, 2])[:-1])
@@ -225,4 +225,4 @@ def _read(path: Path) -> dict[str, Point]:
                 for name, shape, power, sd, why in rows
             }
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as bad:
-        raise DataError(str(path), limit=f"is not a whole block of a sweep: {bad}", remedy="remove it") from None
+        raise DataError(str(path), limit=f"is not a complete block of a sweep: {bad}", remedy="remove it") from None

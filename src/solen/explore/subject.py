@@ -1,4 +1,4 @@
-"""What is explored: a sensor, its design, or a design file.
+"""The subject of an exploration: a sensor, its design, or a design file.
 
 The interface: `Subject` and `design_of` it.
 """
@@ -13,19 +13,18 @@ Subject = Sensor | Design | Path | str
 
 
 def design_of(subject: Subject) -> Design:
-    """Design of a subject.
+    """Return the design of a subject.
 
     Raises
     ------
     SpecError
-        Where the file is not a valid design, or a sensor is not as designed: explored are designs, and what else a
-        sensor has would be lost.
+        If the file is not a valid design, or a sensor differs from its design, since the difference would be lost.
     """
     if isinstance(subject, Design):
         return subject
     if not isinstance(subject, Sensor):
         return load(subject)
     if Sensor.of(subject.design) != subject:
-        limit = "has another lens or material than its design, and designs are explored"
+        limit = "has another lens or material than its design, and only designs can be explored"
         raise SpecError("sensor", value=subject.design.name, limit=limit, remedy="set the values in its design")
     return subject.design

@@ -1,8 +1,8 @@
-"""A surrogate of a merit: a polynomial of what varies, fitted to traced samples, with its error on samples held out.
+"""A surrogate of a merit: a polynomial of the varying numbers, fitted to traced samples and tested on others.
 
-Polynomials are orthonormal under the distributions of their variables (polynomial chaos: Hermite for normal, Legendre
-for uniform ones), so that Sobol' indices are sums of squared coefficients (Sudret, Reliability Engineering & System
-Safety 93, 964, 2008). The degree is the one with the least error on held-out samples.
+The polynomials are orthonormal under the distributions of their variables (polynomial chaos: Hermite for normal,
+Legendre for uniform ones), which makes Sobol' indices sums of squared coefficients (Sudret, Reliability Engineering &
+System Safety 93, 964, 2008). The degree is that with the smallest error on held-out samples.
 
 The interface: `fit` of samples, which returns a `Surrogate`.
 """
@@ -19,9 +19,9 @@ from solen.explore.variations import Variation
 
 HIGHEST_DEGREE, SAMPLES_A_TERM = 12, 3
 PATIENCE = 3
-"""Degrees without a gain after which none is tried any more."""
+"""Number of degrees without improvement after which no higher degree is tried."""
 FOLDS = 8
-"""Parts of the samples; each is held out once."""
+"""Number of parts of the samples; each is held out once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +35,11 @@ class Surrogate:
     degrees
         (T, D) degree of each term in each variable; the constant first.
     coefficients
-        (T,).
+        Coefficients (T,) of the terms.
     held_out
-        Share of the variance that it leaves unexplained of samples not fitted.
+        Fraction of the variance of held-out samples that the polynomial does not explain.
     folds
-        (FOLDS, T) coefficients without each part of the samples.
+        (FOLDS, T) coefficients fitted without each part of the samples.
     """
 
     variations: tuple[Variation, ...]
@@ -49,7 +49,7 @@ class Surrogate:
     folds: FloatArray
 
     def __call__(self, deviations: FloatArray, fold: int | None = None) -> FloatArray:
-        """Value (N,) at deviations (N, D); with ``fold`` of the polynomial fitted without that part."""
+        """Return values (N,) at deviations (N, D); with ``fold``, of the polynomial fitted without that part."""
         coefficients = self.coefficients if fold is None else self.folds[fold]
         return np.asarray(_terms(self.variations, self.degrees, deviations) @ coefficients)
 
@@ -60,13 +60,13 @@ class Surrogate:
 
     @cached_property
     def first_order(self) -> FloatArray:
-        """First-order Sobol' indices (D,): the share of the variance by each variable alone; NaN without variance."""
+        """First-order Sobol' indices (D,): fraction of variance due to each variable alone; NaN without variance."""
         alone = (self.degrees > 0).sum(axis=1) == 1
         return self._shares((self.degrees > 0) & alone[:, None])
 
     @cached_property
     def total(self) -> FloatArray:
-        """Total Sobol' indices (D,): the share by each variable, together with others included."""
+        """Total Sobol' indices (D,): the fraction of the variance due to each variable, with its interactions."""
         return self._shares(self.degrees > 0)
 
     def _shares(self, counted: BoolArray) -> FloatArray:
@@ -76,9 +76,9 @@ class Surrogate:
 
 
 def fit(variations: Sequence[Variation], deviations: FloatArray, values: FloatArray) -> Surrogate:
-    """Surrogate of values (N,) at deviations (N, D); samples without a finite value are left out.
+    """Fit a surrogate to values (N,) at deviations (N, D); samples without a finite value are omitted.
 
-    Parts that are held out are those of `parts`.
+    The held-out parts are those of `parts`.
     """
     part = parts(values.size)
     finite = np.isfinite(values)
@@ -97,7 +97,7 @@ def fit(variations: Sequence[Variation], deviations: FloatArray, values: FloatAr
 
 
 def parts(number: int) -> IntArray:
-    """Part, 0 to `FOLDS` − 1, of each of some samples; shuffled, as every n-th of a Sobol' sequence fills a corner."""
+    """Return the part, 0 to `FOLDS` − 1, of each sample; shuffled, as every n-th Sobol' point is in a corner."""
     return np.asarray(np.random.default_rng(0).permutation(number) % FOLDS)
 
 
@@ -114,7 +114,7 @@ def _fitted(
 
 
 def _degrees(variables: int, highest: int) -> IntArray:
-    """Degrees of all terms up to a total degree, (T, variables), the constant first."""
+    """Return the degrees (T, variables) of all terms up to a total degree, the constant first."""
     chosen = (
         terms for degree in range(highest + 1) for terms in combinations_with_replacement(range(variables), degree)
     )
@@ -122,7 +122,7 @@ def _degrees(variables: int, highest: int) -> IntArray:
 
 
 def _terms(variations: Sequence[Variation], degrees: IntArray, deviations: FloatArray) -> FloatArray:
-    """Values (N, T) of the terms."""
+    """Return the values (N, T) of the terms."""
     product = np.ones((deviations.shape[0], len(degrees)))
     for place, variation in enumerate(variations):
         variable = variation.standard(deviations[:, place])

@@ -1,6 +1,6 @@
 """A sweep: the response and the merits of a design over values of any of its keys.
 
-The interface: `sweep` of a design by `SweepOptions` returns a `solen.explore.swept.Sweep`.
+The interface: `sweep` of a design with `SweepOptions` returns a `solen.explore.swept.Sweep`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -38,26 +38,28 @@ class SweepOptions(AccuracyOptions):
 
     over: tuple[str, ...] = ()
     """A key of the design and its values, KEY=FROM:TO:NUMBER or KEY=VALUE,VALUE,...; with --samples, KEY=FROM:TO;
-    repeatable."""
+    repeatable.
+    """
     samples: int | None = Field(None, ge=2)
-    """Draw so many points of a scrambled Sobol' sequence in place of the grid of all values."""
+    """Number of points of a scrambled Sobol' sequence to draw instead of the grid of all values."""
     seed: int = Field(0, ge=0)
     """Seed of the samples."""
     part: str | None = None
-    """Trace one of several parts of the points alone, as in 3/10; each part has a table of its own."""
+    """Part of the points to trace, as in 3/10; each part has its own table."""
 
     @property
     def stem(self) -> str:
-        """End of the names of what the sweep writes."""
+        """End of the names of the files written by the sweep."""
         return "sweep" if self.part is None else f"sweep-{self.part.replace('/', '-of-')}"
 
     def folder(self, out: Path) -> Path:
-        """Where its points are kept: those of a part in a folder of their own, so that memory holds one part."""
+        """Return the folder of the points; a part has its own folder, so that only this part is in memory."""
         return out if self.part is None else out / self.stem
 
     robust: tuple[str, ...] = ()
-    """A number and how far off it may be, KEY=DEVIATION: each point is traced with it off to either side as well, in
-    all combinations, and the worst of each merit is in the table, worst_NAME; repeatable."""
+    """A number and its deviation, KEY=DEVIATION: each point is also traced with the number deviating to either side, in
+    all combinations, and the table contains the worst value of each merit, worst_NAME; repeatable.
+    """
 
 
 def sweep(
@@ -67,25 +69,25 @@ def sweep(
     progress: Progress | None = None,
     machine: Machine | None = None,
 ) -> Sweep:
-    """Responses and merits of a design over values of its keys.
+    """Compute responses and merits of a design over values of its keys.
 
     Parameters
     ----------
     subject
-        What the values are set in: a sensor, a design, or the path of a design file.
+        The initial design: a sensor, a design, or the path of a design file.
     options
         The axes.
     store
-        What is known already, and where points are kept as they come; default: in memory alone.
+        Known points, to which new ones are added; default: a store in memory.
     progress
-        Called with the share done, up to 1.
+        Function called with the completed fraction, up to 1.
     machine
-        What traces the points; default: this process.
+        Machine that traces the points; default: this process.
 
     Raises
     ------
     SpecError
-        Where an axis is malformed, or no point is a valid design.
+        If an axis is malformed, or no point is a valid design.
     """
     store, design = Store() if store is None else store, design_of(subject)
     axes = [axis(text, design) for text in options.over]
@@ -93,8 +95,8 @@ def sweep(
     measure = measure_of(design)
     _check_axes(axes)
     if options.samples is None and "seed" in options.model_fields_set:
-        limit = "is the seed of --samples, and a grid has none"
-        raise SpecError("--seed", value=options.seed, limit=limit, remedy="add --samples N, or leave it out")
+        limit = "is the seed of --samples, and a grid uses no seed"
+        raise SpecError("--seed", value=options.seed, limit=limit, remedy="add --samples N, or omit it")
     points = list(grid(axes, numbers) if options.samples is None else sampled(axes, numbers, options.seed))
     known = len(store.points)
     cases = list(cases_of(Sensor.of(design), options.robust, mirrors=False))
@@ -124,12 +126,12 @@ def sweep(
 
 
 def _has_no_effect(design: Design, key: str) -> str:
-    """Warning about a key that changes nothing, and why where that is known."""
+    """Return a warning about a key that changes nothing, with the reason if it is known."""
     try:
         why = inert(Sensor.of(design), key)
     except (SpecError, DesignError):
         why = ""
-    return f"{key} changes no response at any point{f': {why}' if why else ''}; leave --over {key} out"
+    return f"{key} changes no response at any point{f': {why}' if why else ''}; omit --over {key}"
 
 
 def _set_in(
@@ -139,7 +141,7 @@ def _set_in(
 
 
 def _worst(measure: Measure, points: Sequence[Point], cases: int) -> dict[str, FloatArray]:
-    """Worst of each merit over the cases of each point, and its uncertainty there."""
+    """Return the worst of each merit over the cases of each point, and its uncertainty there."""
     table = {name: column.reshape(-1, cases) for name, column in merits_of_points(measure, points).items()}
     found = {}
     for name in measure.names:
@@ -152,11 +154,11 @@ def _worst(measure: Measure, points: Sequence[Point], cases: int) -> dict[str, F
 
 
 def _check_axes(axes: Sequence[Axis]) -> None:
-    """All points of a sweep have the same angles."""
+    """Check that all points of a sweep have the same angles."""
     bad = next((one.key for one in axes if one.key.startswith(OF_THE_MOTION)), None)
     if bad is not None:
-        limit = "all points of a sweep have the same angles"
-        raise SpecError(f"--over {bad}", limit=limit, remedy="set it with --set")
+        limit = "all points of a sweep need the same angles"
+        raise SpecError(f"--over {bad}", limit=limit, remedy="use --set for it")
 
 
 def _swept(
@@ -172,7 +174,7 @@ def _swept(
     points, failures = every[:: len(cases)], failures_of(every)
     first = next((point for point in points if point.is_traced), None)
     if first is None:
-        raise SpecError("sweep", limit=f"no point has a response; the first: {next(iter(failures))}")
+        raise SpecError("sweep", limit=f"no point has a response; the first reason: {next(iter(failures))}")
     nothing = np.full_like(first.power, np.nan)
     power, u_power = (
         np.array([getattr(point, name) if point.is_traced else nothing for point in points])

@@ -22,7 +22,7 @@ class Sweep(Result):
     name
         Name of the design.
     values
-        By key the P values; of a grid the last key runs fastest.
+        The P values of each key; in a grid, the last key varies fastest.
     shape
         Number of values of each key of a grid; one number, P, for samples or a part.
     seed
@@ -32,19 +32,20 @@ class Sweep(Result):
     first
         Number of the first point among all.
     merits
-        By name of merit (`Merits`) the P values, and their uncertainties by ``u_`` and that name. With deviations also
-        the worst over these, by ``worst_`` and that name.
+        P values of each merit (`Merits`) by name, and their uncertainties by that name with the prefix ``u_``. With
+        deviations, also the worst values over them, with the prefix ``worst_``.
     failures
-        Reasons why points have no response, and how many have each; those that differ in numbers alone are one.
+        Reasons why points have no response, with their counts; reasons that differ only in numbers count as one.
     traced
-        Number of responses traced now; the others were known.
+        Number of responses that were traced rather than read from the store.
     robust
-        Deviations with which each point was traced as well.
+        Deviations with which each point was also traced.
     angle_deg, power, u_power
-        Angles (A,) and powers (P, A, 2) at the right and the left receiver; of a network the angles (A, M) of M motions
-        in A states and powers (P, A, C) of C receivers, of each emitter in turn. NaN where a point has no response.
+        Angles (A,) and powers (P, A, 2) at the right and the left receiver; for a network, the angles (A, M) of M
+        motions in A states and powers (P, A, C) of C receivers, of each emitter in turn. NaN for a point without a
+        response.
     labels
-        Of a network the names of its motions, emitters and receivers.
+        For a network, the names of its motions, emitters and receivers.
     design
         The design before its values are set, as TOML.
     """
@@ -80,7 +81,7 @@ class Sweep(Result):
 
     @property
     def is_grid(self) -> bool:
-        """Whether it is a grid of all values, rather than samples."""
+        """Whether the points are a grid of all values rather than samples."""
         return self.seed is None and self.part is None
 
     @property
@@ -89,7 +90,7 @@ class Sweep(Result):
         return {key: list(dict.fromkeys(values)) for key, values in self.values.items()}
 
     def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        """A grid has a dimension for each key, samples have ``sample``."""
+        """Return the parts of a dataset: a dimension for each key of a grid, or ``sample`` for samples."""
         names = tuple(self.values) if self.is_grid else ("sample",)
         numbers = {} if self.part is None else {"sample": np.arange(self.first, self.first + self.points)}
         values = (
@@ -120,7 +121,7 @@ class Sweep(Result):
         return variables, coordinates, attributes
 
     def _curves(self) -> dict[str, FloatArray]:
-        """Responses (P, A) of two receivers."""
+        """Return the responses (P, A) of two receivers."""
         u_power = self.u_power.max(axis=-1)
         with np.errstate(invalid="ignore"):
             u_contrast = 2.0 * u_power / self.power.sum(axis=-1)

@@ -1,15 +1,15 @@
-"""Systematic deviations of a printer, separated from those of single prints by Gaussian processes along the outline.
+"""Systematic deviations of a printer, separated from those of single prints with Gaussian processes along the outline.
 
-The idea: the deviation of a print is the sum of the effect of its drawing (by the print model), deviations common to
+The idea: the deviation of a print is the sum of the effect of its drawing (from the print model), deviations common to
 all prints (uniform overgrowth, size, and a form along the outline), individual deviations, and errors of the picture:
-pose, scale, shift of all edges, noise. All but the first are normal with a stated spread, so the common part follows
-from all prints jointly by linear algebra (C. E. Rasmussen and C. K. I. Williams, Gaussian Processes for Machine
-Learning, 2006, chapter 2). The size and correlation length of the forms are unknown: they are summed over a grid,
-weighted by the marginal likelihood of the pictures. Unresolved quantities stay at their prior, 0, so a correction by
-the mean is damped automatically: strongly if a single picture shows little beyond noise, and less and less as prints
-agree.
+pose, scale, shift of all edges, noise. All but the first are normal with a stated standard deviation. The common part
+therefore follows from all prints jointly by linear algebra (C. E. Rasmussen and C. K. I. Williams, Gaussian Processes
+for Machine Learning, 2006, chapter 2). The size and correlation length of the forms are unknown; they are marginalised
+over a grid with the marginal likelihood of the pictures as weight. Unresolved quantities stay at their prior, 0, so
+that a correction by the mean is damped automatically: strongly if a single picture shows little beyond noise, and
+increasingly less as prints agree.
 
-The interface: `Known` holds the priors; `learnt` from `Print`s returns a `Systematic`.
+The interface: `Known` contains the priors; `learnt` from `Print`s returns a `Systematic`.
 """
 
 import math
@@ -36,17 +36,17 @@ MISSED = ((0.3, 0.4), (0.8, 0.4), (1.5, 0.2))
 U_POSE = 0.1
 """Standard deviations of the priors of rotation (rad) and shift (mm), practically flat."""
 SLIGHT = 1e-4
-"""Grid points with a smaller weight are left out."""
+"""Grid points with a smaller weight are omitted."""
 OVERGROWTH, SIZE, BLUR = -3, -2, -1
-"""Indices of the overgrowth (µm), the size (factor − 1) and the blur (in u) after the form in a state."""
+"""Indices in a state, after the form, of the overgrowth (µm), the size (factor − 1) and the blur (in u)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Print:
-    """A measured print, and the modelled effect of its drawing, on the rows of its picture, µm.
+    """A measured print and the modelled effect of its drawing, for the rows of its picture, in µm.
 
-    ``by_blur_um`` is the change of that effect when the blur is wider by its standard uncertainty, ``missed_um``
-    the standard uncertainty of the model, common to all prints of one ``drawing``.
+    ``by_blur_um`` is the change of that effect if the blur is wider by its standard uncertainty, ``missed_um`` the
+    standard uncertainty of the model, common to all prints of one ``drawing``.
     """
 
     rows: Rows
@@ -58,7 +58,7 @@ class Print:
 
 @dataclass(frozen=True)
 class Known:
-    """Priors before a print is measured; ``blur`` is that of the process relative to the model's, in units of its u."""
+    """Priors before a print is measured; ``blur`` is that of the process minus that of the model, in units of its u."""
 
     overgrowth_um: float
     u_overgrowth_um: float
@@ -72,15 +72,15 @@ class Known:
 class Systematic:
     """The common deviations of all prints of a design, at lengths (n,) along its front.
 
-    A state is the deviation (n,) in µm of prints of the first drawing, including overgrowth and size,
-    then these two separately, then the blur. It is described by a weighted mixture of normal distributions.
+    A state is the deviation (n,) in µm of prints of the first drawing, including overgrowth and size, followed by these
+    two separately and by the blur. Its distribution is a weighted mixture of normal distributions.
 
     Attributes
     ----------
     arc_mm
         Lengths (n,).
     weights, means, covariances
-        Shapes (H,), (H, n + 3), (H, n + 3, n + 3).
+        Arrays of shapes (H,), (H, n + 3) and (H, n + 3, n + 3).
     repeats_um
         Standard deviation (H,) of the individual form of a print.
     lengths_mm
@@ -118,7 +118,7 @@ class Systematic:
         return float(self.weights @ self.repeats_um)
 
     def drawn(self, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Random states (count, n + 3), individual forms of a further print (count, n), and factors.
+        """Draw random states (count, n + 3), individual forms of a further print (count, n), and factors.
 
         The factors (count,) scale the model's error of pixel effects.
         """
@@ -134,7 +134,7 @@ class Systematic:
 
 
 def learnt(contour: Contour, prints: Sequence[Print], known: Known, arc_mm: FloatArray) -> Systematic:
-    """The common deviations of prints of known drawings, at lengths (n,) along the front."""
+    """Return the common deviations of prints of known drawings, at lengths (n,) along the front."""
     problem = _Problem(contour, prints, known, arc_mm)
     grid = [
         (form, length, factor * known.repeat_um, missed, weight * share)
@@ -186,7 +186,7 @@ class _Problem:
         self.same = {length: same * _alone(contour, self.arc, self.arc, length) for length in LENGTHS_MM}
 
     def _of_pictures(self, prints: Sequence[Print]) -> FloatArray:
-        """Effects (N, K) of each picture's pose, each scale's error and each microscope's edge shift: one u each."""
+        """Return the effects (N, K) of each picture's pose, scale error and edge shift, per standard uncertainty."""
         rigid, columns = self.contour.by_rigid(self.arc), []
         for number in range(len(prints)):
             columns += [U_POSE * 1e3 * column * (self.which == number) for column in rigid.T]
@@ -204,12 +204,12 @@ class _Problem:
         return np.asarray(factor), lower
 
     def log_evidence(self, form: float, length: float, repeat: float, missed: float) -> float:
-        """Logarithm of the likelihood of all rows, up to a constant."""
+        """Return the logarithm of the likelihood of all rows, up to a constant."""
         factor = self._factor(form, length, repeat, missed)
         return float(-0.5 * self.off @ cho_solve(factor, self.off) - np.log(np.diag(factor[0])).sum())
 
     def state(self, form: float, length: float, repeat: float, missed: float) -> tuple[FloatArray, FloatArray]:
-        """Mean and covariance of the state."""
+        """Return the mean and covariance of the state."""
         factor = self._factor(form, length, repeat, missed)
         u_grown, u_size = self.u
         ones, at_ones = np.ones(len(self.arc)), np.ones(len(self.at))
@@ -232,18 +232,18 @@ class _Problem:
 
 
 def of_pixels(arc_mm: FloatArray, missed_um: FloatArray) -> FloatArray:
-    """Covariance of the model's error of a drawing's pixel effects, at lengths along the outline."""
+    """Return the covariance of the model's error of a drawing's pixel effects, at lengths along the outline."""
     return np.asarray(np.outer(missed_um, missed_um) * _matern(arc_mm, arc_mm, PIXELS_MM))
 
 
 def _matern(one: FloatArray, other: FloatArray, length: float) -> FloatArray:
-    """Correlation of smooth forms at lengths along the outline, by Matern with ν = 5/2."""
+    """Return the Matérn correlation (ν = 5/2) of smooth forms at lengths along the outline."""
     apart = math.sqrt(5.0) * np.abs(one[:, None] - other[None, :]) / length
     return np.asarray((1.0 + apart + apart**2 / 3.0) * np.exp(-apart))
 
 
 def _alone(contour: Contour, one: FloatArray, other: FloatArray, length: float) -> FloatArray:
-    """Covariance of individual deviations, of unit size each: form, uniform growth, size at the ends."""
+    """Return the covariance of individual deviations, each of unit size: form, uniform growth, and size at the ends."""
     half_mm = 0.5 * contour.nominal.width_mm
     sizes = np.outer(contour.by_size(one), contour.by_size(other)) / half_mm**2
     return np.asarray(_matern(one, other, length) + 1.0 + sizes)

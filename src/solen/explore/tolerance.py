@@ -1,8 +1,9 @@
-"""Tolerances: what many prints of a design will do, whose numbers vary as stated.
+"""Tolerances: statistics of many prints of a design whose numbers vary as stated.
 
-Prints are a scrambled Sobol' sequence of what varies, each traced; `solen.explore.prints` says what they make.
+Prints are a scrambled Sobol' sequence of the varying numbers, and each print is traced; `solen.explore.prints`
+evaluates them.
 
-The interface: `tolerance` of a design by `ToleranceOptions` returns `Tolerances`.
+The interface: `tolerance` of a design with `ToleranceOptions` returns `Tolerances`.
 """
 
 import math
@@ -38,58 +39,61 @@ from solen.spec import Design
 from solen.spec.strict import Finite
 
 OFF = 0.84
-"""Share of a number's distribution below the value at which it is off alone: a standard deviation of a normal one."""
+"""Probability at which the effect of a single deviation is tested: one standard deviation of a normal distribution."""
 
 
 class ToleranceOptions(AccuracyOptions):
-    """What varies between prints, and what they must do."""
+    """Variations between prints, and requirements on them."""
 
     vary: tuple[str, ...] = ()
-    """A number of the design and how it deviates from its value there, KEY=normal:MEAN:SD or KEY=uniform:LOW:HIGH;
-    numbers that move together are a sum, KEY+0.5*KEY=normal:MEAN:SD; repeatable. Default, and for what is not stated
-    where one is "usual": every number that the light depends on by the limits of the emitter's part, a resin's standard
-    uncertainty (normal), or the tolerances of the design, which are limits (uniform)."""
+    """A number of the design and its deviation from the value there, KEY=normal:MEAN:SD or KEY=uniform:LOW:HIGH;
+    numbers that move together are a sum, KEY+0.5*KEY=normal:MEAN:SD; repeatable. By default, or for all numbers
+    not stated if one text is "usual": every number that affects the light, with the limits of the emitter's part,
+    a resin's standard uncertainty (normal), or the tolerances of the design, which are limits (uniform).
+    """
     process: Path | None = None
-    """Process file of the printer: walls grow and the part shrinks as it states, with their uncertainties, in place of
-    the tolerances of its lengths."""
+    """Process file of the printer: walls grow and the part shrinks as stated there, with their uncertainties, in
+    place of the tolerances of its lengths.
+    """
     compensated: bool = False
-    """The drawing is compensated for that process, so that growth and shrinkage deviate about none."""
+    """The drawing is compensated for that process: the mean deviation of growth and shrinkage is 0."""
     adjust: str | None = None
-    """Adjustment of each print on the bench, KEY=LIMIT, as in emitter.offset_mm=0.05: the number is moved by up to that
-    until the contrast at the design's null is the design's. Traces every print twice."""
+    """Adjustment of each print on the bench, KEY=LIMIT, as in emitter.offset_mm=0.05: the number is moved by up to this
+    limit until the contrast at the design's null equals the design's. Every print is then traced twice.
+    """
     require: tuple[str, ...] = ()
     """A condition on merits that a good print meets, as in "abs(null_deg) < 0.3"; repeatable."""
     prints: int = Field(256, ge=32, le=100_000)
-    """Number of prints that are traced."""
+    """Number of prints to trace."""
     seed: int = Field(0, ge=0)
     """Seed of the prints."""
     tolerance: Finite | None = Field(1e-3, ge=1e-6, le=1e-2)
-    """Largest uncertainty of a power, as a share of the emitted power."""
+    """Largest uncertainty of a power, as a fraction of the emitted power."""
     print_number: int | None = Field(None, ge=1)
-    """Write the design of the print of this number as well, NAME-print-NUMBER.toml."""
+    """Number of a print whose design is also written, NAME-print-NUMBER.toml."""
 
 
 class Tolerances(Result):
-    """What prints of a design do whose numbers vary.
+    """Statistics of prints of a design whose numbers vary.
 
     Attributes
     ----------
     name
         Name of the design.
     prints, seed
-        Number of traced prints, and the seed of them.
+        Number of traced prints, and their seed.
     yields
-        Yield of each requirement, and last of all together.
+        Yield of each requirement and, as the last one, of all together.
     varied
-        What varies; what costs most yield first.
+        Numbers that vary, the one with the largest cost in yield first.
     spreads
-        Spread of each merit.
+        Variation of each merit.
     traced
-        Number of prints traced now; the others were known.
+        Number of prints that were traced rather than read from the store.
     deviations
-        By key the deviations (P,) of each print.
+        Deviations (P,) of the prints by key.
     merits
-        By name the merits (P,) of each print, and their uncertainties.
+        Merits (P,) of the prints by name, with their uncertainties.
     """
 
     name: str
@@ -106,7 +110,7 @@ class Tolerances(Result):
     simulated: bool = True
 
     def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        """Deviations by key, merits, and whether all is met, along ``print``."""
+        """Return deviations by key, merits, and whether all requirements are met, along ``print``."""
         coordinates = {"print": np.arange(1, self.prints + 1)} | {
             key: ("print", x) for key, x in self.deviations.items()
         }
@@ -114,7 +118,7 @@ class Tolerances(Result):
         return variables, coordinates, {"title": f"Prints of {self.name}", "simulated": 1}
 
     def table(self) -> str:
-        """CSV of the prints: number, deviations, merits with their uncertainties, and whether it meets everything."""
+        """CSV table of the prints: number, deviations, merits with uncertainties, and whether all is met."""
         columns = {f"{key} off by": values for key, values in self.deviations.items()} | dict(self.merits)
         head = ["print", *columns, "meets all"]
         rows = zip(*(values.tolist() for values in columns.values()), self.met.tolist(), strict=True)
@@ -133,14 +137,14 @@ def tolerance(
     machine: Machine | None = None,
     printed_by: Settings | None = None,
 ) -> Tolerances:
-    """What prints of a design do whose numbers vary; arguments as those of `solen.explore.sweep`.
+    """Trace prints of a design whose numbers vary; the arguments are those of `solen.explore.sweep`.
 
-    With ``printed_by`` each print has the lens that this process makes of the designed one.
+    With ``printed_by``, each print has the lens that this process makes from the designed one.
 
     Raises
     ------
     SpecError
-        Where a variation or a requirement is malformed, or no print has a response.
+        If a variation or a requirement is malformed, or no print has a response.
     """
     store, design = Store() if store is None else store, design_of(subject)
     measure = measure_of(design)
@@ -162,7 +166,7 @@ def tolerance(
     if not points[0].is_traced:
         raise SpecError("design", limit=f"has no response: {points[0].why}")
     if sum(failures.values()) == options.prints:
-        raise SpecError("prints", limit=f"none has a response; the first: {next(iter(failures))}")
+        raise SpecError("prints", limit=f"none has a response; the first reason: {next(iter(failures))}")
     merits = merits_of_points(measure, points)
     base = {name: float(values[0]) for name, values in merits.items()}
     of_prints = {name: values[1:] for name, values in merits.items()}
@@ -193,8 +197,8 @@ def tolerance(
 
 def _varied(sensor: Sensor, options: ToleranceOptions) -> list[Variation]:
     if options.compensated and options.process is None:
-        limit = "is for the process of --process, and none is stated"
-        raise SpecError("--compensated", limit=limit, remedy="add --process FILE, or leave it out")
+        limit = "needs the process of --process, and none is stated"
+        raise SpecError("--compensated", limit=limit, remedy="add --process FILE, or omit it")
     return variations_of(sensor, options.vary, options.process, compensated=options.compensated)
 
 
@@ -203,28 +207,28 @@ def _without_effect(
     base: Point,
     traced: Callable[[Sequence[Mapping[str, float]], Progress | None], Sequence[Point]],
 ) -> Iterator[str]:
-    """Warnings about stated numbers that change nothing where they alone are off."""
+    """Return warnings about stated numbers that change no response when varied alone."""
     stated = [one for one in variations if one.source == STATED]
     off = [offs([one], one.deviation(np.array([OFF])).tolist()) for one in stated]
     for one, point in zip(stated, traced(off, None), strict=True):
         if point.content == base.content:
-            yield f"{one.key} changes no response where it alone is off; leave --vary {one.key} out"
+            yield f"{one.key} changes no response when varied alone; omit --vary {one.key}"
 
 
 def _missed_by_design(requirements: Sequence[Requirement], base: Mapping[str, float]) -> Iterator[str]:
-    """Warnings about requirements that no tolerance brings about, as the design itself misses them."""
+    """Return warnings about requirements that no tolerance can achieve, since the design itself misses them."""
     merits = {name: np.array([value]) for name, value in base.items()}
     for one in requirements:
         if not one.met(merits, base)[0]:
             values = ", ".join(f"{name} is {base[name]:.4g}" for name in one.merits)
             yield (
-                f"the design itself does not meet {one.text}: its {values}; no tolerance mends that: change the "
-                "design or the requirement"
+                f"the design itself does not meet {one.text}: its {values}; no tolerance can correct "
+                "this: change the design or the requirement"
             )
 
 
 def print_design(subject: Subject, options: ToleranceOptions) -> Design | None:
-    """Design of the print that was asked for, with its numbers as they came out; None where none was.
+    """Return the design of the requested print, with its deviations; None if no print was requested.
 
     Raises
     ------
@@ -235,7 +239,7 @@ def print_design(subject: Subject, options: ToleranceOptions) -> Design | None:
     if place is None:
         return None
     if place > options.prints:
-        raise SpecError("--print-number", value=place, limit=f"the prints are 1 to {options.prints}")
+        raise SpecError("--print-number", value=place, limit=f"the prints have the numbers 1 to {options.prints}")
     design = design_of(subject)
     sensor = Sensor.of(design)
     variations = _varied(sensor, options)
@@ -244,20 +248,20 @@ def print_design(subject: Subject, options: ToleranceOptions) -> Design | None:
     values = {key: number(sensor, key) + step for key, step in off.items()}
     if "emitter.distance_mm" in values and sensor.has_lens:
         grown = any(one.moved is not None and "emitter.distance_mm" in one.weights for one in variations)
-        why = "growth of --process brings the lens nearer to the emitter" if grown else "emitter.distance_mm varies"
-        limit = f"{why}, and the lens of a design file is cut for the distance that it states"
-        remedy = "leave --process out" if grown else "hold it fixed: name only the others with --vary"
-        raise SpecError("--print-number", value=place, limit=limit, remedy=f"{remedy}; the table has this print")
+        why = "growth of --process moves the lens towards the emitter" if grown else "emitter.distance_mm varies"
+        limit = f"{why}, and the lens of a design file is designed for the distance stated there"
+        remedy = "leave --process out" if grown else "keep it constant: name only the others with --vary"
+        raise SpecError("--print-number", value=place, limit=limit, remedy=f"{remedy}; the table contains this print")
     if "material.index" in values and design.material.resin is not None:
         if sensor.is_loaded or sensor.light.spectrum:
             limit = "material.index varies, and a design without its resin has neither its stiffness nor its dispersion"
             raise SpecError(
-                "--print-number", value=place, limit=limit, remedy="hold it fixed: name only the others with --vary"
+                "--print-number", value=place, limit=limit, remedy="keep it constant: name only the others with --vary"
             )
         values = {"material.absorption_per_mm": sensor.material.absorption_per_mm} | values
     if sensor.has_lens and not sensor.is_measured and {"material.index", "emitter.wavelength_nm"} & values.keys():
         values = {"lens.design_index": sensor.design.lens.design_index or sensor.material.index} | values
-    if "material.index" in values:  # takes the resin away, with its loss and its dispersion
+    if "material.index" in values:  # replaces the resin, with its loss and its dispersion
         built = as_built(sensor, off).material
         values |= {"material.index": built.index, "material.absorption_per_mm": built.absorption_per_mm}
     return design.set(values)

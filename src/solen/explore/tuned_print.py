@@ -18,12 +18,12 @@ from solen.spec.strict import Finite
 
 
 class TuneOptions(InspectOptions):
-    """How a picture is measured, and priors of prints."""
+    """Options for measuring a picture, and priors of prints."""
 
     repeat_um: Annotated[Finite, Field(gt=0, le=100)] = 1.0
-    """Usual difference (rms) of two prints of one drawing, known within a factor of 2, µm."""
+    """Usual difference (rms) of two prints of one drawing, known within a factor of 2, in µm."""
     drawn: Path | None = None
-    """Design file of this print; default: the design at first, then the log's last correction."""
+    """Design file of this print; default: the design at first, then the last correction in the log."""
     another_copy: bool = False
     """The picture shows another print of the previous drawing."""
 
@@ -37,9 +37,9 @@ class Common:
     overgrowth_um, u_overgrowth_um
         Uniform displacement of all walls outwards.
     size_percent, u_size_percent
-        Relative excess of size apart from that.
+        Relative excess of size in addition to the overgrowth.
     form_um
-        Form (rms, after registration) apart from both, as far as resolved.
+        Form (rms, after registration) without both of these, as far as resolved.
     repeat_um
         Size of the individual form of a print.
     prints
@@ -72,17 +72,18 @@ class TunedPrint(Result):
     Attributes
     ----------
     design, simulated, process
-        Names, and whether any picture was computed.
+        Names of the design and the process, and whether any picture was computed.
     number, drawn_by
         Number of the print, and its drawing.
     rms_um, u_rms_um
-        Its deviation, as `solen print inspect` measures it.
+        Its deviation, as measured by `solen print inspect`.
     common
         Deviations common to all prints.
     corrected
-        Common deviations corrected beyond their uncertainty; the rest is also corrected by its mean.
+        Names of the common deviations that are corrected and exceed their uncertainty; the mean of the others is
+        corrected too.
     kept
-        Whether the previous drawing is kept, as no correction is predicted to be better.
+        Whether the previous drawing is kept, since no correction is predicted to be better.
     wall_um, scale
         Outward displacement of drawn walls, and the factor that enlarges everything.
     unchanged
@@ -94,7 +95,8 @@ class TunedPrint(Result):
     history
         All prints of the log.
     x_mm, measured_um, predicted_um, u_predicted_um
-        Along the front (N,): deviation of this print, NaN where it was not measured, and of the next one.
+        Position along the front (N,), deviation there of this print, NaN if it was not measured, and deviation of the
+        next print with its uncertainty.
     """
 
     design: str

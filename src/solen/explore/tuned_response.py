@@ -21,7 +21,7 @@ from solen.sensor.response import Response
 from solen.trace.chunks import Sampling
 
 MOST_ANGLES, NEAR_DEG, MOST_NULL_DEG = 5, 0.4, 1.0
-"""Angles over the motion, distance from 0 for the slope, and distance from 0 within which it gives the null."""
+"""Number of angles over the motion, distance from 0 for the slope, and largest distance of the null from 0."""
 
 
 def responses(
@@ -30,7 +30,7 @@ def responses(
     after: Sequence[MeasuredLens],
     progress: Progress | None = None,
 ) -> Responses:
-    """Responses with the lens as designed, as printed and as predicted, in the plane or in space.
+    """Return responses with the lens as designed, as printed and as predicted, in the plane or in space.
 
     For the printed and the predicted lens, the first profile is the best estimate; further ones are random draws.
 
@@ -54,14 +54,14 @@ def responses(
 
 
 def _sampled(sensor: Sensor, angles: Sequence[float]) -> FloatArray:
-    """Contrasts (N,) with the same rays for each lens, so that only the lens differs."""
+    """Return contrasts (N,) traced with the same rays for each lens, so that only the lens differs."""
     scene = sensor.scene(angles[0])
     sampling: Sampling = "sobol" if scene.is_random or scene.extrusion is not None else "fan"
     return sensor.power_of_rays(angles, DRAWN_RAYS, sampling).contrast
 
 
 def _response(best: Response, away: Sequence[FloatArray]) -> TunedResponse:
-    """A response, with the spread over other lenses as uncertainty."""
+    """Return a response whose uncertainty includes the standard deviation over other lenses."""
     if not np.isfinite([best.contrast, *away]).all():
         raise DesignError("response", limit="no light arrives at some angle", remedy="narrow the motion")
     u_lens = np.sqrt(np.mean(np.square(away), axis=0)) if away else np.zeros_like(best.contrast)

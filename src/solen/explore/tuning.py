@@ -1,10 +1,10 @@
 """Tuning of a lens print by print: measurement of a picture, corrected drawing, and prediction of the next print.
 
-The idea: a print model predicts the effect of a change of the drawing well, but the absolute print poorly; a
-picture shows the reverse. So common deviations of prints (`solen.explore.systematic`) are taken from the pictures,
-and the drawing that cancels them from the model. Means of uniform overgrowth, size (with a
-stated scale only) and form are corrected: where pictures resolve little, they stay near their priors. The next print is
-then predicted with all uncertainties: of the printer, the pictures, the model, and of individual prints.
+The idea: a print model predicts the effect of a change of the drawing well, but the absolute print poorly; a picture
+does the reverse. Common deviations of prints (`solen.explore.systematic`) are therefore taken from the pictures, and
+the drawing that cancels them from the model. Means of uniform overgrowth, size (with a stated scale only) and form are
+corrected: if pictures resolve little, they stay near their priors. The next print is then predicted with all
+uncertainties: of the printer, the pictures, the model, and of individual prints.
 
 The interface: `tune` returns a `TunedPrint`, whose `log` is the input of the next call.
 """
@@ -40,11 +40,11 @@ from solen.sensor.as_printed import DRAWS
 
 SAMPLES, SEED = 2000, 1
 EVERY = 3
-"""Every so many of the lens's points enter the fit."""
+"""Every n-th point of the lens is used in the fit."""
 MOST_BLUR = 3.0
 """Largest increase of the printer's blur, in standard uncertainties."""
 UNLIKE = 20.0
-"""Logarithm of a likelihood ratio above which a print has another drawing."""
+"""Logarithm of a likelihood ratio above which a print is considered to be one of another drawing."""
 NO_DRAWING = -1
 EXACT = 1e-3
 """Uncertainty in % of a shrinkage that absorbs the scale's error."""
@@ -61,7 +61,7 @@ def tune(
     response: bool = True,
     progress: Progress | None = None,
 ) -> TunedPrint:
-    """Next drawing from a print and those of the log, with the prediction of its print.
+    """Return the next drawing from a print and the prints of the log, with the prediction of its print.
 
     Parameters
     ----------
@@ -76,11 +76,11 @@ def tune(
     log
         Earlier prints; None at first.
     file
-        Name of the design file that will hold the drawing.
+        Name of the design file that will contain the drawing.
     response
         Whether the response is traced.
     progress
-        Called with the completed share, up to 1.
+        Function called with the completed fraction, up to 1.
 
     Raises
     ------
@@ -99,11 +99,11 @@ def tune(
 
 
 def check_tunable(sensor: Sensor) -> None:
-    """`DesignError` where a design has no one outline that a picture of its print shows."""
+    """Raise `DesignError` if a design does not have a single outline visible in a picture of its print."""
     if isinstance(sensor.cut, LensInSpace):
-        limit = "a lens that varies with height is not tuned: a picture shows one height of it"
+        limit = "a lens that varies with height cannot be tuned: a picture shows only one height of it"
         remedy = (
-            "correct it by solen print predict --compensate, and measure both faces by solen print inspect --bottom"
+            "correct it with solen print predict --compensate, and measure both faces with solen print inspect --bottom"
         )
         raise DesignError("lens.shape", value=sensor.design.lens.shape, limit=limit, remedy=remedy)
     if not isinstance(sensor.cut, DesignedLens):
@@ -112,14 +112,14 @@ def check_tunable(sensor: Sensor) -> None:
 
 
 def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspection: LensInspection) -> TuningLog:
-    """The log, or a new one; `DataError` if it is of another design, another printer, or has the picture."""
+    """Return the log or a new one; raise `DataError` for another design or printer, or a picture already in the log."""
     design = sensor.design
     new = TuningLog(design.name, label_of(design, "").sha256, model.settings.pixels_um, model.phase_px)
     if log is None:
         return new
     if log.sha256 != new.sha256:
         limit = f"is not the design of the log, {log.design}, or has changed since"
-        raise DataError("--design", value=design.name, limit=limit, remedy="name that design, or begin another --log")
+        raise DataError("--design", value=design.name, limit=limit, remedy="name that design, or start another --log")
     if (log.pixels_um, log.phase_px) != (new.pixels_um, new.phase_px):
         value = f"pixels of {new.pixels_um[0]:g} x {new.pixels_um[1]:g} µm, vertex at {new.phase_px}"
         limit = f"the log's prints have {log.pixels_um[0]:g} x {log.pixels_um[1]:g} µm and {log.phase_px}"
@@ -133,7 +133,7 @@ def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspectio
 
 
 def _drawing(log: TuningLog, model: PrintModel, options: TuneOptions) -> int:
-    """Number of the correction of the print; `DataError` if its file is another."""
+    """Return the number of the print's correction; raise `DataError` if its file is another one."""
     last = log.last_drawing
     if options.another_copy:
         if not log.prints:
@@ -149,8 +149,8 @@ def _drawing(log: TuningLog, model: PrintModel, options: TuneOptions) -> int:
         return last
     same = [number for number, known in hashes.items() if known == sha256]
     found = f"is {log.name(same[0])}" if same else "is not a drawing of this log"
-    limit = f"{found}; this print is to be one of {log.name(last)}"
-    raise DataError("--drawn", value=options.drawn.name, limit=limit, remedy="photograph a print of that one")
+    limit = f"{found}; this print should be one of {log.name(last)}"
+    raise DataError("--drawn", value=options.drawn.name, limit=limit, remedy="photograph a print of that drawing")
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +166,7 @@ class _Tuning:
     blur: float = 0.0
 
     def settled(self) -> "_Tuning":
-        """The same with the blur that the prints show, as its effect on pixels is not linear."""
+        """Return the tuning with the blur that the prints show, since its effect on pixels is not linear."""
         somewhere = np.array([0.5 * self.contour.length_mm])
         blur = float(np.clip(self._learnt(self.number, somewhere).mean[BLUR], self.model.least_blur, MOST_BLUR))
         return replace(self, model=self.model.blurred(blur), blur=blur)
@@ -181,7 +181,7 @@ class _Tuning:
 
     @cached_property
     def arc_mm(self) -> FloatArray:
-        """Lengths along the front of the points that enter the fit."""
+        """Lengths along the front of the points used in the fit."""
         return self.inspection.nominal.nearest(self.model.target.points_mm[::EVERY]).arc_mm
 
     @cached_property
@@ -196,7 +196,7 @@ class _Tuning:
         return self.log.drawing(number, len(self.model.target.points_mm))
 
     def _learnt(self, number: int, arc_mm: FloatArray, pixels_of: int | None = None, **otherwise: float) -> Systematic:
-        """Common deviations of all prints, given the correction of this one.
+        """Return the common deviations of all prints, given the correction of this one.
 
         Pixel effects are those of another drawing if ``pixels_of`` names one.
         """
@@ -208,7 +208,7 @@ class _Tuning:
         return learnt(self.contour, prints, known, arc_mm)
 
     def check_likeness(self) -> None:
-        """`DataError` if the print looks like one of another drawing, and its drawing is not stated."""
+        """Raise `DataError` if the print looks like one of another drawing, and its drawing is not stated."""
         if not self.log.prints or self.options.drawn is not None:
             return
         somewhere = np.array([0.5 * self.contour.length_mm])
@@ -217,20 +217,20 @@ class _Tuning:
         best = max(logs, key=lambda number: logs[number])
         if logs[best] - logs[self.number] > UNLIKE:
             limit = f"looks like a print of {self.log.name(best)}, but should be one of {self.log.name(self.number)}"
-            remedy = "photograph a print of the latter, or state by --drawn which drawing it was made with"
+            remedy = "photograph a print of the latter, or state with --drawn which drawing it was made from"
             raise DataError(self.inspection.sources[0].file, limit=limit, remedy=remedy)
 
     @cached_property
     def scale_stated(self) -> bool:
-        """Whether the scale of every picture has an uncertainty: without, size is not corrected."""
+        """Whether the scale of every picture has an uncertainty; otherwise the size is not corrected."""
         stated = [one.picture.u_um_per_px for one in self.log.prints]
         return None not in (*stated, self.inspection.scale.u_um_per_px)
 
     @cached_property
     def taken(self) -> tuple[FloatArray, float, float, tuple[str, ...]]:
-        """Corrections: deviation (n,) of the front, overgrowth in µm and size within it, and their names.
+        """Return the corrections: deviation (n,) of the front, overgrowth in µm and size within it, and their names.
 
-        Each as far as resolved: means are damped towards the priors.
+        Each is corrected as far as it is resolved, since means are damped towards the priors.
         """
         common = self.common if self.scale_stated else self._learnt(self.number, self.arc_mm, u_shrinkage_percent=EXACT)
         front = common.mean[: len(self.arc_mm)]
@@ -253,7 +253,7 @@ class _Tuning:
 
     @cached_property
     def _moved(self) -> bool:
-        """Whether walls move by more than their uncertainty, which a registered deviation does not show."""
+        """Return whether walls move by more than their uncertainty, which a registered deviation does not show."""
         return bool(abs(self._against.wall_um - self.drawing.wall_um) > self.common.u[OVERGROWTH])
 
     @cached_property
@@ -266,7 +266,7 @@ class _Tuning:
 
     @cached_property
     def _against(self) -> Compensation:
-        """The drawing that cancels the common deviations."""
+        """Return the drawing that cancels the common deviations."""
         front, grown, size, _ = self.taken
         along = self.inspection.nominal.nearest(self.model.target.points_mm).arc_mm
         start = replace(self.drawing, wall_um=-grown, scale=1.0 / (1.0 + size))
@@ -279,7 +279,7 @@ class _Tuning:
 
     @cached_property
     def _registered(self) -> FloatArray:
-        """Projection (n, n) that removes rotation and shift from deviations, as in registration."""
+        """Return the projection (n, n) that removes rotation and shift from deviations, as registration does."""
         rigid = self.contour.by_rigid(self.arc_mm) * self.measured_part[:, None]
         basis = self.contour.by_rigid(self.arc_mm) @ np.linalg.pinv(rigid)
         return np.asarray(np.eye(len(self.arc_mm)) - basis)
@@ -290,7 +290,7 @@ class _Tuning:
         return np.asarray((self.arc_mm > END_MM) & (self.arc_mm < self.contour.length_mm - END_MM))
 
     def future(self, drawing: Drawing) -> FloatArray:
-        """Deviations (SAMPLES, n) of a further print of a drawing, registered."""
+        """Return the deviations (SAMPLES, n) of a further print of a drawing, registered."""
         states, alone, missed = self.draws
         effect, by_blur = (column[::EVERY] for column in self.model.effect(drawing))
         truth = states[:, : len(self.arc_mm)] + effect + np.outer(states[:, BLUR], by_blur) + alone
@@ -302,13 +302,13 @@ class _Tuning:
         return np.asarray(truth @ self._registered.T)
 
     def residual(self, prints: FloatArray) -> Residual:
-        """Statistics of the root mean squares of prints."""
+        """Return statistics of the root mean squares of prints."""
         rms = np.sqrt(np.mean(prints[:, self.measured_part] ** 2, axis=1))
         low, high = np.quantile(rms, [0.025, 0.975]).tolist()
         return Residual(float(rms.mean()), float(rms.std()), (low, high))
 
     def tuned(self, file: str, progress: Progress | None, *, response: bool) -> TunedPrint:
-        """The result."""
+        """Return the result of the tuning."""
         made, inspection = self.made, self.inspection
         prints = self.future(made.drawing)
         predicted = self.residual(prints)
@@ -359,7 +359,7 @@ class _Tuning:
         )
 
     def _measured(self) -> FloatArray:
-        """Deviation of the picture at the points, registered as `solen print inspect` does; NaN beyond it."""
+        """Return the deviation of the picture at the points, registered as in `solen print inspect`, or NaN."""
         fit, nominal = self.inspection.outline.chosen.registration, self.inspection.nominal
         at = nominal.nearest(fit.points_mm).arc_mm
         order = np.argsort(at)
@@ -367,14 +367,14 @@ class _Tuning:
         return np.asarray(um)
 
     def _profile(self, um: FloatArray, u_um: float) -> MeasuredProfile:
-        """Profile of a lens with a deviation."""
+        """Return the profile of a lens with a deviation."""
         target = self.model.target
         along = self.inspection.nominal.nearest(target.points_mm).arc_mm
         deviation = Deviation(target, np.interp(along, self.arc_mm, um))
         return profile_of_print(deviation, self.sensor.design.name, self.model.process.name, u_um, self.model.sources)
 
     def _responses(self, prints: FloatArray, progress: Progress | None) -> tuple[Responses | None, list[Caution]]:
-        """Responses before and after, or the reason why there are none."""
+        """Return the responses before and after, or the reason why there are none."""
         designed = self.sensor.lens
         assert isinstance(designed, DesignedLens)  # noqa: S101  checked before
         try:
@@ -387,7 +387,7 @@ class _Tuning:
             return None, [look_at(f"no response: {bad}")]
 
     def _entry(self, file: str, predicted: Residual, traced: Responses | None) -> LoggedPrint:
-        """The log's entry of this print."""
+        """Return the log entry of this print."""
         source, rows, made = self.inspection.sources[0], self.rows, self.made
         columns = (tuple(np.round(column, 5).tolist()) for column in (rows.arc_mm, rows.deviation_um, rows.u_um))
         scale = self.inspection.scale

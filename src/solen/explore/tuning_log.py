@@ -1,7 +1,7 @@
 """The log of a tuning: one entry for each print, with its picture, measurement and next drawing.
 
-The idea: the log holds measurements and drawings, but nothing derived from them, so every call evaluates
-all prints afresh. A drawing is identified by the hash of its outline, a picture by that of its file.
+The idea: the log contains measurements and drawings but nothing derived from them, so that every call evaluates all
+prints again. A drawing is identified by the hash of its outline, a picture by that of its file.
 
 The interface: `TuningLog`; `read_log` and `log_text`.
 """
@@ -26,7 +26,7 @@ AS_DESIGNED = "the design itself"
 
 
 class Correction(Result):
-    """A drawing: number 0 is the design itself, others have the number of the print they follow.
+    """A drawing: number 0 is the design itself, and the others have the number of the print that they follow.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ class Correction(Result):
 
     @classmethod
     def of(cls, number: int, file: str, sha256: str, drawing: Drawing) -> "Correction":
-        """Entry of a drawing."""
+        """Return the entry of a drawing."""
         lens = tuple(np.round(drawing.drawn_um, 5).tolist())
         return cls(number, file, sha256, lens, drawing.wall_um, drawing.scale)
 
@@ -72,7 +72,7 @@ class Picture(Result):
 
     @property
     def rows(self) -> Rows:
-        """Its deviations."""
+        """Deviations of the print along its contour."""
         arc, deviation, u = (np.array(column) for column in (self.arc_mm, self.deviation_um, self.u_um))
         return Rows(arc, deviation, u, self.um_per_px, self.u_um_per_px)
 
@@ -153,7 +153,7 @@ class LoggedPrint(Result):
 
 
 class TuningLog(Result):
-    """Prints of one design on one printer, with the drawn heights and position in the pixel."""
+    """Prints of one design on one printer, with the drawn heights and the position in the pixel."""
 
     design: str
     sha256: str
@@ -162,11 +162,11 @@ class TuningLog(Result):
     prints: tuple[LoggedPrint, ...] = ()
 
     def drawing(self, number: int, points: int) -> Drawing:
-        """Drawing of a correction by its number, with a number of points along the lens."""
+        """Return the drawing of a correction by its number, with a number of points along the lens."""
         return Drawing(np.zeros(points)) if number == 0 else self.prints[number - 1].correction.drawing
 
     def name(self, number: int) -> str:
-        """A drawing in words."""
+        """Describe a drawing in words."""
         file = AS_DESIGNED if number == 0 else self.prints[number - 1].correction.file
         return f"correction {number} ({file})"
 
@@ -176,21 +176,21 @@ class TuningLog(Result):
         return self.prints[-1].correction.number if self.prints else 0
 
     def predicted_of(self, number: int) -> Residual | None:
-        """Latest prediction of a print, by its number: made after an earlier print, for its drawing."""
+        """Return the latest prediction of a print by its number: made after an earlier print, for its drawing."""
         drawing, before = self.prints[number - 1].drawing, self.prints[: number - 1]
         return next((one.predicted for one in reversed(before) if one.correction.number == drawing), None)
 
     def correction(self, number: int) -> Correction | None:
-        """The correction of a number; None for the design itself."""
+        """Return the correction with a number; None for the design itself."""
         return self.prints[number - 1].correction if number else None
 
     def with_print(self, one: LoggedPrint) -> "TuningLog":
-        """The same with one more print."""
+        """Return the log with one more print."""
         return replace(self, prints=(*self.prints, one))
 
 
 def read_log(path: Path) -> TuningLog:
-    """Log of a file; `DataError` if it is none, or damaged."""
+    """Read the log from a file; raise `DataError` if it is not a log or is damaged."""
     where = str(path)
     data = parsed(read_text(path, DataError), where)
     if not isinstance(data, dict) or data.pop("solen", None) != KIND:
@@ -208,6 +208,6 @@ def read_log(path: Path) -> TuningLog:
 
 
 def log_text(log: TuningLog) -> str:
-    """JSON text of a log; `read_log` gives it back."""
+    """Return the JSON text of a log, for `read_log`."""
     data: dict[str, Any] = {"solen": KIND, "schema": SCHEMA} | log.to_dict()
     return json.dumps(data, indent=1, allow_nan=False) + "\n"

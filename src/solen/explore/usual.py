@@ -1,4 +1,4 @@
-"""What varies between prints where nobody states it: by the process, the emitter's part, the resin and tolerances.
+"""Default variations between prints: from the process, the emitter's part, the resin and the tolerances.
 
 The interface: `variations_of` texts.
 """
@@ -23,27 +23,27 @@ from solen.sensor.effects import as_built
 from solen.sensor.numbers import OF_THE_MATERIAL, inert, number, tolerance_of, usual_keys
 
 USUAL = "usual"
-"""Text that stands for all that is not stated."""
+"""Text that stands for all variations that are not stated."""
 GROWTH, SHRINKAGE = "process growth_um", "process shrinkage_percent"
 GROWN = {"body.arm_width_mm": 2e-3, "lens.half_width_mm": 1e-3, "emitter.distance_mm": -1e-3}
-"""How far numbers move where all walls grow by a µm; the lens comes nearer to the emitter."""
+"""Displacement of numbers per µm of growth of all walls; the lens moves towards the emitter."""
 SHRUNK = ("body.stem_length_mm", "body.arm_length_mm", "body.arm_width_mm", "lens.half_width_mm", "lens.focus_mm")
 EXACT = 1e-6
-"""Standard deviation of what a process states without uncertainty."""
+"""Standard deviation of a number that a process states without uncertainty."""
 OF_THE_PART = {"emitter.wavelength_nm": "peak_nm", "emitter.width_mm": "width_mm", "emitter.height_mm": "height_mm"}
 
 
 def variations_of(
     sensor: Sensor, texts: Sequence[str], process: Path | None = None, *, compensated: bool = False
 ) -> list[Variation]:
-    """Variations of texts, of a process, and, where there is no text or one is ``usual``, of all that is not stated.
+    """Return the variations of texts, of a process and, without a text or with ``usual``, of all numbers not stated.
 
     Raises
     ------
     SpecError
-        Where one is malformed, or a number varies twice.
+        If a text is malformed, or a number varies twice.
     DataError
-        Where the process file cannot be read.
+        If the process file cannot be read.
     """
     stated = [variation(text, sensor) for text in texts if text.strip() != USUAL]
     printed = [] if process is None else of_process(sensor, read_process(process), compensated=compensated)
@@ -60,12 +60,13 @@ def variations_of(
 
 
 def of_process(sensor: Sensor, process: Process, *, compensated: bool) -> list[Variation]:
-    """Growth of walls and shrinkage as a process states them, independent of one another.
+    """Return the growth of walls and the shrinkage stated by a process, as independent variations.
 
-    Where a calibration fitted both, shrinkage deviates with growth as their covariance says, and the rest is its own.
+    If a calibration fitted both, shrinkage varies with growth according to their covariance, and its remainder is
+    independent.
     """
     if sensor.is_network:
-        limit = "grows the walls of a Y; those of a network are not among its numbers"
+        limit = "describes the growth of the walls of a Y, which does not apply to a network"
         raise SpecError("--process", value=process.name, limit=limit, remedy="vary network.guides[0].width_mm")
     process = with_resin(process, sensor.design)
     keys, covariance = process.covariance()
@@ -89,7 +90,7 @@ def of_process(sensor: Sensor, process: Process, *, compensated: bool) -> list[V
 
 
 def _of_one(process: Process, key: str, u: float) -> list[float]:
-    """Change of growth and shrinkage per unit of one number of a process."""
+    """Return the change of growth and shrinkage per unit of one number of a process."""
 
     def walls(settings: Settings) -> FloatArray:
         return np.array([growth_um(settings), settings.shrinkage_percent])
@@ -99,7 +100,7 @@ def _of_one(process: Process, key: str, u: float) -> list[float]:
 
 
 def _moved(sensor: Sensor, weights: dict[str, float], *, by_length: bool = False) -> dict[str, float]:
-    """Weights of the numbers that the design has, times their values where they are shares."""
+    """Return the weights of the numbers that the design has; relative weights are multiplied by the values."""
     there = {key: weight for key, weight in weights.items() if not _is_absent(sensor, key)}
     return {key: weight * number(sensor, key) for key, weight in there.items()} if by_length else there
 
@@ -113,7 +114,7 @@ def _is_absent(sensor: Sensor, key: str) -> bool:
 
 
 def usual_variations(sensor: Sensor, known: set[str]) -> Iterator[Variation]:
-    """Numbers that the light depends on and that are not known: by part, resin or tolerance."""
+    """Return variations of the numbers that affect the light and are uncertain: by part, resin or tolerance."""
     for key in usual_keys(sensor):
         if key in known or (key not in OF_THE_MATERIAL and inert(sensor, key)):
             continue
@@ -121,7 +122,7 @@ def usual_variations(sensor: Sensor, known: set[str]) -> Iterator[Variation]:
 
 
 def _of_part(sensor: Sensor, key: str) -> Variation | None:
-    """Limits that the datasheet of the design's emitter states for a number that it supplies."""
+    """Return the limits in the datasheet of the design's emitter for a number that the part determines."""
     design, name = sensor.design, OF_THE_PART.get(key, "")
     if not name or design.emitter.part is None or key.partition(".")[2] in design.emitter.model_fields_set:
         return None
@@ -133,7 +134,7 @@ def _of_part(sensor: Sensor, key: str) -> Variation | None:
 
 
 def _of_tolerance(sensor: Sensor, key: str) -> Variation:
-    """A resin's standard uncertainty as a normal distribution, a tolerance as limits."""
+    """Return a resin's standard uncertainty as a normal distribution, or a tolerance as limits."""
     size, is_standard = tolerance_of(sensor, key)
     stated = key.partition("[")[0].replace(".", "_") in sensor.design.tolerance.model_fields_set
     source = f"resin {sensor.design.material.resin}" if is_standard else "[tolerance]" if stated else "assumed"
@@ -145,7 +146,7 @@ def _of_tolerance(sensor: Sensor, key: str) -> Variation:
 
 
 def _is_possible(sensor: Sensor, key: str, step: float) -> bool:
-    """Whether a number may be off by a step: an absorption is not below 0."""
+    """Return whether a number may deviate by a step; an absorption, for example, is not negative."""
     try:
         as_built(sensor, {key: step})
     except (SpecError, DesignError):

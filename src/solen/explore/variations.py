@@ -22,7 +22,7 @@ FORMS = "write KEY=normal:MEAN:SD or KEY=uniform:LOW:HIGH, as deviations from th
 STATED = "stated"
 _TERM = re.compile(r"\s*([+-]?)\s*(?:([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*\*\s*)?([a-z_]+[A-Za-z_0-9.\[\]]+)\s*")
 UNSEEN = ("fabricate", "tolerance", "trace", "motion")
-"""Tables whose numbers light and readout do not depend on, or that all designs of a table have in common."""
+"""Tables whose numbers do not affect light and readout, or are the same for all designs of a table."""
 
 
 @dataclass(frozen=True)
@@ -32,15 +32,15 @@ class Variation:
     Attributes
     ----------
     key
-        The number, or the sum of several with their weights, as stated; or a name of what moves several.
+        The number, or the sum of several with their weights, as stated; or the name of the cause that moves several.
     kind
-        ``normal`` by mean and standard deviation, or ``uniform`` between two ends.
+        ``normal`` with mean and standard deviation, or ``uniform`` between two ends.
     first, second
         Mean and standard deviation, or the ends, in the unit of the key.
     source
-        Where the distribution comes from.
+        Source of the distribution.
     moved
-        Where the key is a name: how far each number moves by its unit.
+        If the key is a name: displacement of each number per unit of it.
     """
 
     key: str
@@ -52,35 +52,35 @@ class Variation:
 
     @property
     def weights(self) -> Mapping[str, float]:
-        """How far each number of the design moves, per unit of the deviation."""
+        """Displacement of each number of the design per unit of the deviation."""
         return together(self.key) if self.moved is None else self.moved
 
     @property
     def centre(self) -> float:
-        """Deviation that stays where it is tightened: a normal one's mean; between two ends the one nearest to 0."""
+        """Deviation that does not change on tightening: the mean if normal, otherwise the deviation nearest to 0."""
         return self.first if self.kind == "normal" else min(max(0.0, self.first), self.second)
 
     def deviation(self, share: FloatArray) -> FloatArray:
-        """Deviation at shares, 0 to 1, of its distribution function."""
+        """Return the deviations at probabilities, 0 to 1, of its distribution function."""
         if self.kind == "normal":
             return np.asarray(self.first + self.second * ndtri(share))
         return np.asarray(self.first + (self.second - self.first) * share)
 
     def standard(self, deviation: FloatArray) -> FloatArray:
-        """Standard variable of deviations: of unit variance about 0, or uniform from -1 to 1."""
+        """Return the standard variable of deviations: with mean 0 and unit variance, or uniform from −1 to 1."""
         if self.kind == "normal":
             return np.asarray((deviation - self.first) / self.second)
         return np.asarray((2.0 * deviation - self.first - self.second) / (self.second - self.first))
 
     def polynomial(self, degree: int, variable: FloatArray) -> FloatArray:
-        """Orthonormal polynomial of its standard variable."""
+        """Return an orthonormal polynomial of its standard variable."""
         if self.kind == "normal":
             return np.asarray(eval_hermitenorm(degree, variable) / math.sqrt(math.factorial(degree)))
         return np.asarray(eval_legendre(degree, variable) * math.sqrt(2 * degree + 1))
 
 
 def variation(text: str, sensor: Sensor) -> Variation:
-    """Variation of a text; `SpecError` where it is malformed or about a number without effect."""
+    """Parse a variation; raise `SpecError` if it is malformed or its number has no effect."""
     key, _, stated = (part.strip() for part in text.partition("="))
     kind, *numbers = stated.split(":")
     what = f"--vary {key}"
@@ -100,12 +100,12 @@ def variation(text: str, sensor: Sensor) -> Variation:
 
 
 def check_key(sensor: Sensor, key: str, option: str, *, material: bool = False) -> None:
-    """`SpecError` where a key is not one of a number that the response depends on.
+    """Raise `SpecError` if a key is not that of a number that affects the response.
 
-    With ``material`` its numbers may be off even where they follow from a resin.
+    With ``material``, numbers of the material are accepted even if they follow from a resin.
     """
     if key.partition(".")[0] in UNSEEN or key.startswith("network.motion["):
-        limit = "is not a number that a response depends on, or the same for all designs"
+        limit = "is not a number that affects a response, or is the same for all designs"
         raise SpecError(f"{option} {key}", limit=limit, remedy="leave it out")
     number(sensor, key)
     if why := "" if material and key in OF_THE_MATERIAL else inert(sensor, key):
@@ -113,7 +113,7 @@ def check_key(sensor: Sensor, key: str, option: str, *, material: bool = False) 
 
 
 def deviation_of(text: str, sensor: Sensor, option: str) -> tuple[str, float]:
-    """Number and size of a text, ``emitter.offset_mm=0.03``; `SpecError` where it is malformed or without effect."""
+    """Parse number and size, ``emitter.offset_mm=0.03``; raise `SpecError` if malformed or without effect."""
     key, _, stated = (part.strip() for part in text.partition("="))
     try:
         size = float(stated)
@@ -127,7 +127,7 @@ def deviation_of(text: str, sensor: Sensor, option: str) -> tuple[str, float]:
 
 
 def together(text: str) -> dict[str, float]:
-    """Weights of the numbers that move together, ``body.arm_width_mm+0.5*lens.half_width_mm``; of one number 1."""
+    """Return weights of numbers that move together, ``body.arm_width_mm+0.5*lens.half_width_mm``."""
     weights: dict[str, float] = {}
     place = 0
     while place < len(text) and (term := _TERM.match(text, place)) and bool(term[1]) == bool(place):
@@ -139,12 +139,14 @@ def together(text: str) -> dict[str, float]:
         place = term.end()
     if place < len(text) or not weights:
         remedy = "write KEY, or KEY+0.5*KEY for numbers that move together"
-        raise SpecError("--vary", value=text, limit="is not a number of the design or a sum of some", remedy=remedy)
+        raise SpecError(
+            "--vary", value=text, limit="is not a number of the design or a sum of its numbers", remedy=remedy
+        )
     return weights
 
 
 def offs(variations: Sequence[Variation], row: Sequence[float]) -> dict[str, float]:
-    """Deviation of each number in one print."""
+    """Return the deviation of each number in one print."""
     moved: dict[str, float] = {}
     for one, deviation in zip(variations, row, strict=True):
         for key, weight in one.weights.items():
@@ -153,6 +155,6 @@ def offs(variations: Sequence[Variation], row: Sequence[float]) -> dict[str, flo
 
 
 def drawn(variations: Sequence[Variation], prints: int, seed: int) -> FloatArray:
-    """Deviations (P, D) of prints, by a scrambled Sobol' sequence."""
+    """Draw deviations (P, D) of prints from a scrambled Sobol' sequence."""
     shares = sobol(len(variations), prints, np.random.default_rng(seed))
     return np.column_stack([one.deviation(column) for one, column in zip(variations, shares.T, strict=True)])

@@ -1,4 +1,4 @@
-"""A body under load: where its walls went, what holds it, where a finger touches it."""
+"""A body under load: displacements of its walls, forces of its supports, and contacts with fingers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ class Wall:
     points_mm
         The same points (N, 2) at rest, exactly on the curve.
     displacement_mm
-        Their displacements (N, 2), of the elements' own accuracy: no interpolation.
+        Displacements (N, 2) of these nodes in the elements, without interpolation.
     """
 
     u: FloatArray
@@ -30,18 +30,18 @@ class Wall:
 
 
 class Reaction(Result):
-    """What a hold, a clamp, a finger or a pull exerts on the body.
+    """Force and moment of a hold, a clamp, a finger or a pull on the body.
 
     Attributes
     ----------
     name
-        Its own.
+        Name of the hold, clamp, finger or pull.
     force_N
         Components along x and z, for the whole thickness.
     moment_Nmm
         Counter-clockwise, about ``about_mm``.
     about_mm
-        Pivot of the hold or clamp; centre of the finger; middle of the pulled stretch.
+        Pivot of the hold or clamp; centre of the finger; middle of the pulled part.
     """
 
     name: str
@@ -51,22 +51,22 @@ class Reaction(Result):
 
 
 class Contact(Result):
-    """Where a finger touches a face; one that touches several stretches has a contact on each.
+    """Contact of a finger with one part of a face; a finger that touches several parts has a contact on each.
 
     Attributes
     ----------
     name
         Name of the press.
     face
-        Of the body.
+        Name of the face.
     u_from, u_to
-        Part of the face's curve that it touches, in its parameter; not in JSON.
+        Part of the face's curve in contact, in its parameter; not in JSON.
     from_mm, to_mm
-        The same along the face, as wall tables count.
+        The same part as lengths along the face, measured as in wall tables.
     depth_mm
-        How far the finger moved on since it first touched.
+        Distance that the finger moved after it first touched.
     force_N
-        Of this stretch, along the finger's way; a corner counts once.
+        Force on this part, along the finger's direction; a corner counts once.
     pressure_MPa
         Largest pressure.
     """
@@ -93,7 +93,7 @@ class Picture:
     triangles
         Numbers of their corners (M, 3).
     strain
-        Size of the largest principal strain, ln λ, at each corner (N,).
+        Absolute value of the largest principal strain, ln λ, at each corner (N,).
     """
 
     points_mm: FloatArray
@@ -109,22 +109,22 @@ class Deformed:
     Attributes
     ----------
     body
-        At rest.
+        The body at rest.
     walls
         Displaced nodes of each face by its name.
     reactions
-        What each hold and load exerts on the body; they add up to nothing.
+        Force and moment of each hold and load on the body; their sum is zero.
     contacts
-        Where fingers touch it.
+        Contacts of fingers with the body.
     picture
         Mesh and strain.
     strain_largest
         Largest principal strain, ln λ, in magnitude.
     bulge_mm
-        How far walls are from upright: by how much the wall of a body that is free along y lies further out, or in,
-        halfway up than at its faces, in nine tenths of the body. The walls that light meets are upright.
+        Deviation of walls from upright: the distance by which the wall of a body that is free along y is further out,
+        or in, at mid-height than at its faces, in nine tenths of the body. The walls that light meets are upright.
     warnings
-        Sentences.
+        Warnings in sentences.
     """
 
     body: Body

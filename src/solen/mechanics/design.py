@@ -1,10 +1,10 @@
-"""The soft body of a design: from its tables to the states that a load brings it through, with walls that light meets.
+"""The soft body of a design, from its tables to its states under load, with walls for the ray tracer.
 
-The idea: the design's holds, fingers and pulls are those of the finite elements, by their names; each state of what the
-motion drives is solved once and kept. The displaced walls become exact curves (`solen.geometry.displaced`). Where a
-finger that is not dry touches, the stretch has a wall table of its own: light goes on into the finger.
+The idea: the design's holds, fingers and pulls become those of the finite elements, by their names. Each state of the
+driven quantity is solved once and stored. The displaced walls become exact curves (`solen.geometry.displaced`). If a
+finger that is not dry touches a wall, the contact has a wall table of its own: light continues into the finger.
 
-The interface: `LoadedBody.of` a design and its lens; `LoadedBody.state` at a value gives a `LoadedState`.
+The interface: `LoadedBody.of` a design and its lens; `LoadedBody.state` at a value returns a `LoadedState`.
 """
 
 import threading
@@ -30,9 +30,9 @@ from solen.spec import Design, Wall
 from solen.spec import soft as tables
 
 FINGER_MM = 0.5
-"""Depth of a finger for light that goes on into it, at most; it ends in black."""
+"""Largest depth of a finger for light that continues into it; its end is black."""
 OF_RADIUS = 0.25
-"""The same as a share of its radius."""
+"""Largest depth of a finger for light, as a fraction of its radius."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,13 @@ class LoadedState:
     Attributes
     ----------
     value
-        Of what is driven: an angle in degrees, a depth in mm or a force in N.
+        Value of the driven quantity: an angle in degrees, a depth in mm or a force in N.
     deformed
-        By the finite elements: reactions, contacts, strain.
+        Result of the finite elements: reactions, contacts, strain.
     displaced
-        With walls as exact curves, and the emitter carried along.
+        The body with walls as exact curves and the emitter carried along.
     design
-        The design with the wall tables of what touches the body in this state.
+        The design with wall tables for the parts that touch the body in this state.
     """
 
     value: float
@@ -63,12 +63,12 @@ class LoadedState:
 
     @property
     def turn_deg(self) -> float:
-        """Angle by which what carries the emitter has turned."""
+        """Angle by which the part that carries the emitter has turned."""
         return self.displaced.carried.angle_deg
 
     @property
     def lens_turn_deg(self) -> float:
-        """Angle by which the lens has turned; that of what carries the emitter where the body has no face ``lens``."""
+        """Angle by which the lens has turned; without a face ``lens``, that of the part that carries the emitter."""
         return (self.displaced.lens or self.displaced.carried).angle_deg
 
 
@@ -84,18 +84,18 @@ class LoadedBody:
 
     @classmethod
     def of(cls, design: Design, lens: Lens | None) -> "LoadedBody":
-        """Soft body of a design.
+        """Create the soft body of a design.
 
         Raises
         ------
         DesignError
-            Where no stiffness is known.
+            If no stiffness is known.
         OutputError
-            Where the finite elements are not installed.
+            If the finite elements are not installed.
         """
         rest = body_of(design, lens)
         soft = SoftBody(
-            replace(rest, front=None),  # of a lens for space the middle section, which stays rigid
+            replace(rest, front=None),  # for a lens in space, its middle section, which remains rigid
             material_of(design),
             (*_holds(design, rest), *_backings(design)),
             design.body.thickness_mm,
@@ -105,11 +105,11 @@ class LoadedBody:
         return cls(design, rest, soft)
 
     def state(self, value: float) -> LoadedState:
-        """The state at a value of what is driven; errors as of `SoftBody.states`."""
+        """Return the state at a value of the driven quantity; raises the errors of `SoftBody.states`."""
         return self.states([value])[0]
 
     def states(self, values: Sequence[float]) -> list[LoadedState]:
-        """States at values, solved in their order where they are not yet known."""
+        """Return the states at values; unknown ones are solved in the given order."""
         with self.solving:
             missing = [value for value in dict.fromkeys(values) if value not in self.known]
             for value, deformed in zip(missing, self.soft.states([self.loads(v) for v in missing]), strict=True):
@@ -117,7 +117,7 @@ class LoadedBody:
             return [self.known[value] for value in values]
 
     def loads(self, value: float) -> list[Load]:
-        """Loads at a value of what is driven."""
+        """Return the loads at a value of the driven quantity."""
         design = self.design
         return [
             *_clamps(design, self.rest, value),
@@ -126,7 +126,7 @@ class LoadedBody:
         ]
 
     def _lit(self, value: float, deformed: Deformed) -> LoadedState:
-        """The state with its walls."""
+        """Return the state with its optical walls."""
         walls: list[Wall] = []
         touches: list[Touch] = []
         fingers = {press.name: press for press in self.design.press}
@@ -140,7 +140,7 @@ class LoadedBody:
         return LoadedState(value, deformed, moved, design.in_folder(self.design.folder))
 
     def _touched(self, finger: tables.Press, contact: Contact) -> Wall | None:
-        """Wall table of what a finger touches; None where light does not reach the finger."""
+        """Return the wall table of a contact with a finger; None if no light reaches the finger."""
         face = self.rest.face(contact.face)
         own = Wall(face=face.name) if face.wall is None else self.design.wall[face.wall]
         is_dark = face.part in DARK or own.finish in ("mirror", "black")
@@ -148,8 +148,11 @@ class LoadedBody:
             return None
         if own.finish_is_added or own.outside != "air":
             there = f'finish = "{own.finish}"' if own.finish_is_added else f'outside = "{own.outside}"'
-            limit = f"touches {face.name}, whose wall[{face.wall}] states {there}: what light meets there is not known"
-            remedy = "leave the index out, or move the finger or the wall's stretch"
+            limit = (
+                f"touches {face.name}, whose wall[{face.wall}] states {there}: the medium behind "
+                "the contact is ambiguous"
+            )
+            remedy = "omit the index, or move the finger or the part of the wall"
             raise DesignError(f"{finger.name}.index", value=finger.index, limit=limit, remedy=remedy)
         medium = {"outside": finger.name, "index": finger.index, "absorption_per_mm": finger.absorption_per_mm}
         depth_mm = min(FINGER_MM, OF_RADIUS * finger.radius_mm)
@@ -157,12 +160,12 @@ class LoadedBody:
 
 
 def material_of(design: Design) -> Material:
-    """Soft material of a design: of its own modulus, else of its resin's model or modulus.
+    """Return the soft material of a design: from its own modulus, otherwise from its resin's model or modulus.
 
     Raises
     ------
     DesignError
-        Where neither states a stiffness.
+        If neither states a stiffness.
     """
     stated = design.mechanics
     if stated.modulus_MPa is not None:
@@ -171,7 +174,7 @@ def material_of(design: Design) -> Material:
     stiffness = None if name is None else resin_of(name, design.resin_file).stiffness
     if stiffness is None:
         limit = "missing: a soft body needs its stiffness" + (f", and {name} states none" if name else "")
-        remedy = "add modulus_MPa = 3.0, or take a resin with [stiffness], from solen resin stiffness"
+        remedy = "add modulus_MPa = 3.0, or use a resin with [stiffness], from solen resin stiffness"
         raise DesignError("mechanics.modulus_MPa", limit=limit, remedy=remedy)
     names = model(stiffness.model).names if stiffness.model else ()
     if names and set(names) <= set(stiffness.parameters):
@@ -180,7 +183,7 @@ def material_of(design: Design) -> Material:
 
 
 def stiffness_cautions(design: Design) -> tuple[Caution, ...]:
-    """Warnings about the stiffness of a design's resin; none where the design states its own modulus."""
+    """Return warnings about the stiffness of a design's resin; none if the design states its own modulus."""
     name = design.material.resin
     if name is None or design.mechanics.modulus_MPa is not None:
         return ()
@@ -192,7 +195,7 @@ def _neo_hookean(modulus_MPa: float, poisson: float) -> Material:
 
 
 def _holds(design: Design, rest: Body) -> Iterable[Hold]:
-    """Supports that do not drive the body."""
+    """Yield the supports that do not drive the body."""
     for name, rows in _supports(design).items():
         first = rows[0]
         if not _is_clamp(design, first):
@@ -201,7 +204,7 @@ def _holds(design: Design, rest: Body) -> Iterable[Hold]:
 
 
 def _backings(design: Design) -> Iterable[Hold]:
-    """Supports behind fingers."""
+    """Yield the supports behind fingers."""
     for press in design.press:
         if press.backing is not None:
             yield Hold((Stretch(press.backing),), "sliding", name=f"backing of {press.name}")
@@ -229,13 +232,13 @@ def _pull(design: Design, pull: tables.Pull, value: float) -> Pull:
 
 
 def _driven(design: Design, name: str, value: float) -> dict[str, float]:
-    """The driven number of a finger or a pull by its key; empty for those that are not driven."""
+    """Return the driven number of a finger or a pull by its key; empty if it is not driven."""
     _, driven, key = tables.driven(design)
     return {key: value} if name == driven else {}
 
 
 def _supports(design: Design) -> dict[str, list[tables.Hold]]:
-    """Tables of each support by its name."""
+    """Yield the tables of each support by its name."""
     found: dict[str, list[tables.Hold]] = {}
     for hold in design.hold:
         found.setdefault(hold.name, []).append(hold)

@@ -1,15 +1,16 @@
 """Forces and stiffness of the quadratic elements at any displacement: finite strain, exact tangent.
 
-The idea: Taylor-Hood elements, displacements quadratic, pressure linear and continuous, so that a material that keeps
-its volume does not lock. The energy per thickness is
+The idea: Taylor-Hood elements, with quadratic displacements and linear, continuous pressure, prevent locking of a
+material that conserves its volume. The energy per thickness is
 
     ∫ Ψ(F) + p (J − 1) − c p²/2 dA,
 
-with Ψ of `solen.mechanics.material` and its compliance c; plane stress is the same without p. Stresses and tangent are
-those of principal stretches (Simo & Taylor 1991), pushed to the deformed body.
+with Ψ and the compliance c of `solen.mechanics.material`; plane stress is the same without p. Stresses and tangent are
+expressed in principal stretches (Simo & Taylor 1991), pushed forward to the deformed body.
 
-The interface: `Elements.forces` gives the derivative of the energy by displacements and pressures, `Elements.tangent`
-its second one, as a sparse matrix. Displacements are numbered node by node, x before z; pressures follow.
+The interface: `Elements.forces` returns the derivative of the energy with respect to displacements and pressures,
+`Elements.tangent` its second derivative, as a sparse matrix. Displacements are numbered node by node, x before z;
+pressures follow.
 """
 
 from dataclasses import dataclass
@@ -23,13 +24,13 @@ from solen.mechanics.material import Material, Plane
 from solen.mechanics.mesh import BodyMesh
 
 ALIKE = 1e-5
-"""Principal strains that differ by less take the limit of the shear's stiffness."""
+"""Difference of principal strains below which the limit of the shear stiffness is used."""
 ORDER = 4
 """Degree of polynomials that the quadrature integrates exactly."""
 
 
 class _State(NamedTuple):
-    """At every quadrature point: gradients by place after the deformation, area ratio, stress."""
+    """Gradients by deformed position, area ratio and stress at every quadrature point."""
 
     gradients: FloatArray  # (elements, points, 6, 2)
     area: FloatArray  # (elements, points)
@@ -50,7 +51,7 @@ class _Principal(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Elements:
-    """Elements of a mesh, of a material, in a plane; all per mm of thickness."""
+    """Elements of a mesh, of a material, in a plane; all quantities per mm of thickness."""
 
     mesh: BodyMesh
     material: Material
@@ -74,12 +75,12 @@ class Elements:
 
     @cached_property
     def _gradients(self) -> FloatArray:
-        """Of the shape functions by place at rest (elements, points, 6, 2)."""
+        """Gradients of the shape functions by position at rest (elements, points, 6, 2)."""
         return np.ascontiguousarray(np.stack([np.moveaxis(one[0].grad, 0, -1) for one in self._basis.basis], axis=2))
 
     @cached_property
     def _flat_gradients(self) -> FloatArray:
-        """The same, (elements, 6, points · 2)."""
+        """Gradients of the shape functions as (elements, 6, points · 2)."""
         swapped = self._gradients.transpose(0, 2, 1, 3)
         return np.ascontiguousarray(swapped.reshape(*swapped.shape[:2], -1))
 
@@ -96,12 +97,12 @@ class Elements:
 
     @property
     def displacements(self) -> int:
-        """Number of components of displacement."""
+        """Number of displacement components."""
         return 2 * len(self.mesh.points_mm)
 
     @property
     def unknowns(self) -> int:
-        """Number of all: displacements, then pressures."""
+        """Number of all unknowns: displacements, then pressures."""
         return self.displacements + (self.mesh.corners if self.has_pressure else 0)
 
     @cached_property
@@ -111,14 +112,14 @@ class Elements:
         return np.hstack([moves, self.displacements + self.nodes[:, :3]]) if self.has_pressure else moves
 
     def deformation(self, unknowns: FloatArray) -> FloatArray:
-        """Deformation gradients F (elements, points, 2, 2)."""
+        """Return deformation gradients F (elements, points, 2, 2)."""
         moves = unknowns[: self.displacements].reshape(-1, 2)[self.nodes].transpose(0, 2, 1)
         elements, points = self.weights.shape
         slopes = (moves @ self._flat_gradients).reshape(elements, 2, points, 2)
         return np.asarray(np.eye(2) + slopes.transpose(0, 2, 1, 3))
 
     def turned_inside_out(self, unknowns: FloatArray) -> BoolArray:
-        """Which elements have no area left somewhere."""
+        """Return a mask of elements that have no positive area somewhere."""
         return np.asarray((_det(self.deformation(unknowns)) <= 0.0).any(axis=1))
 
     def _state(self, unknowns: FloatArray) -> _State:
@@ -148,15 +149,15 @@ class Elements:
         return _Principal(first, second, self.material.stresses(self.plane, first, second), cos, sin)
 
     def largest_strain(self, unknowns: FloatArray) -> FloatArray:
-        """Principal strain ln λ that is largest in magnitude at every quadrature point (elements, points), signed."""
+        """Return the signed principal strain ln λ of largest magnitude at quadrature points (elements, points)."""
         f = self.deformation(unknowns)
         found = self._principal(f, _det(f))
         return np.where(np.abs(found.first) >= np.abs(found.second), found.first, found.second)
 
     def thickness_strain(self, unknowns: FloatArray) -> FloatArray:
-        """Strain along y at the corners of the elements (N,); in plane strain what it would be, were it free.
+        """Return the strain along y at the corners of the elements (N,); in plane strain, that of a body free along y.
 
-        There the stress along y is the pressure, to first order, and E = 3 μ.
+        In that case, the stress along y is the pressure, to first order, and E = 3 μ.
         """
         if self.has_pressure:
             return -unknowns[self.displacements :] / (3.0 * self.material.shear_modulus_MPa)
@@ -165,7 +166,7 @@ class Elements:
         return np.asarray(np.bincount(corners, np.repeat(means, 3)) / np.bincount(corners))
 
     def forces(self, unknowns: FloatArray) -> FloatArray:
-        """Derivative of the energy by every unknown: forces in N/mm, then area that is missing, mm²."""
+        """Return the derivative of the energy by every unknown: forces in N/mm, then missing areas in mm²."""
         state = self._state(unknowns)
         xx, zz, xz = np.moveaxis(state.stress, -1, 0)
         stress = np.stack([xx, xz, xz, zz], axis=-1).reshape(*xx.shape, 2, 2) * self.weights[..., None, None]
@@ -177,7 +178,7 @@ class Elements:
         return np.asarray(summed, dtype=float)
 
     def tangent(self, unknowns: FloatArray) -> Any:
-        """Second derivative of the energy: a symmetric sparse matrix of all unknowns."""
+        """Return the second derivative of the energy: a symmetric sparse matrix of all unknowns."""
         from scipy.sparse import csc_array
 
         local = self._local_tangent(self._state(unknowns))
@@ -203,7 +204,7 @@ class Elements:
         return self._with_pressure(local, state) if self.has_pressure else local
 
     def _moduli(self, state: _State) -> FloatArray:
-        """Moduli (elements, points, 3, 3) from strains xx, zz, 2 xz of the deformed body to its Kirchhoff stress."""
+        """Return moduli (elements, points, 3, 3) from strains xx, zz, 2 xz of the deformed body to Kirchhoff stress."""
         found = state.principal
         mean, half = found.stress.sum(axis=-1) / 2, (found.stress[..., 0] - found.stress[..., 1]) / 2
         slopes = self.material.slopes(self.plane, found.first, found.second)
@@ -224,7 +225,7 @@ class Elements:
         return moduli - volume[..., None, None] * np.diag([2.0, 2.0, 1.0])
 
     def _with_pressure(self, local: FloatArray, state: _State) -> FloatArray:
-        """The tangent bordered by the pressures'."""
+        """Return the tangent bordered by the rows and columns of the pressures."""
         whole = np.zeros((len(local), 15, 15))
         whole[:, :12, :12] = local
         sweep = np.einsum("eq,qp,eqai->epai", state.area * self.weights, self._linear, state.gradients, optimize=True)
@@ -236,7 +237,7 @@ class Elements:
 
     @cached_property
     def _places(self) -> tuple[IndexArray, IndexArray, IndexArray, IndexArray]:
-        """Order of the local entries by their place in the sparse matrix, where each begins, rows and column starts."""
+        """Order of the local entries by their index in the sparse matrix, start of each, rows and column starts."""
         rows = np.repeat(self._numbers[:, :, None], self._numbers.shape[1], axis=2).ravel()
         columns = np.repeat(self._numbers[:, None, :], self._numbers.shape[1], axis=1).ravel()
         order = np.lexsort((rows, columns))

@@ -1,9 +1,9 @@
-"""Triangles between points on outlines: a graded lattice inside them, and Delaunay's triangulation of all.
+"""Triangles between points on outlines: a graded lattice inside them, and a Delaunay triangulation of all points.
 
-The idea: triangular lattices of halved spacings, each where the wanted size is nearest to its own; points move to the
-middle of their neighbours a few times; of the triangles those within the area are kept.
+The idea: triangular lattices of halved spacings are each used in the region whose wanted size is nearest to their own.
+Points are moved to the middle of their neighbours a few times. Triangles outside the area are removed.
 
-The interface: `Sizes` say how large elements are where; `triangulated` fills an area.
+The interface: `Sizes` state the size of elements by position; `triangulated` fills an area.
 """
 
 import math
@@ -16,28 +16,28 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray, IndexArray
 
 GROWTH = 0.35
-"""By how much elements grow per length away from where they are small."""
+"""Growth of elements per length with distance from small ones."""
 CLEAR = 0.65
-"""Least distance of an inner point from the outline and from others, in sizes."""
+"""Smallest distance of an inner point from the outline and from other points, in element sizes."""
 SMOOTHINGS = 6
 
 
 @dataclass
 class Sizes:
-    """Size of elements by place: the least over the sources, each growing with the distance."""
+    """Size of elements by position: the smallest over the sources, each growing with the distance."""
 
     largest_mm: float
     points: list[tuple[float, float]] = field(default_factory=list)
     sizes: list[float] = field(default_factory=list)
 
     def add(self, point: Iterable[float], size_mm: float) -> None:
-        """A place (x, z) with a size of its own."""
+        """Add a position (x, z) with its own size."""
         x, z = point
         self.points.append((float(x), float(z)))
         self.sizes.append(min(size_mm, self.largest_mm))
 
     def at(self, points: FloatArray) -> FloatArray:
-        """Sizes (N,) at points (N, 2)."""
+        """Return sizes (N,) at points (N, 2)."""
         found = np.full(len(points), self.largest_mm)
         for source, size in zip(self.points, self.sizes, strict=True):
             np.minimum(found, size + GROWTH * np.hypot(*(points - source).T), out=found)
@@ -45,7 +45,7 @@ class Sizes:
 
 
 def triangulated(own: FloatArray, area: Any, sizes: Sizes) -> tuple[FloatArray, IndexArray]:
-    """Points (N, 2), the given ones first, and triangles (M, 3), counter-clockwise, that fill a shapely area."""
+    """Return points (N, 2), the given ones first, and counter-clockwise triangles (M, 3) that fill a shapely area."""
     import shapely
 
     shapely.prepare(area)
@@ -58,7 +58,7 @@ def triangulated(own: FloatArray, area: Any, sizes: Sizes) -> tuple[FloatArray, 
 
 
 def _within(points: FloatArray, area: Any) -> IndexArray:
-    """Delaunay triangles (M, 3) whose middles lie in the area; slivers without area are left out."""
+    """Return Delaunay triangles (M, 3) with their middles in the area; slivers without area are omitted."""
     import shapely
     from scipy.spatial import Delaunay
 
@@ -75,7 +75,7 @@ def _within(points: FloatArray, area: Any) -> IndexArray:
 
 
 def _smoothed(points: FloatArray, triangles: IndexArray, fixed: int) -> FloatArray:
-    """Inner points in the middle of their neighbours."""
+    """Return inner points moved to the middle of their neighbours."""
     pairs = np.vstack([triangles[:, [i, j]] for i in range(3) for j in range(3) if i != j])
     n = len(points)
     count = np.bincount(pairs[:, 0], minlength=n)
@@ -85,7 +85,7 @@ def _smoothed(points: FloatArray, triangles: IndexArray, fixed: int) -> FloatArr
 
 
 def _lattice(own: FloatArray, area: Any, sizes: Sizes) -> FloatArray:
-    """Inner points: triangular lattices of halved spacings, each where the sizes are nearest to its own."""
+    """Return inner points: triangular lattices of halved spacings, each in the region with sizes nearest to its own."""
     import shapely
     from scipy.spatial import KDTree
 
@@ -108,7 +108,7 @@ def _lattice(own: FloatArray, area: Any, sizes: Sizes) -> FloatArray:
 def _windows(
     sizes: Sizes, level: int, spacing: float, bounds: tuple[float, float, float, float]
 ) -> list[tuple[float, float, float, float]]:
-    """Boxes that hold all places of a level: the whole for the coarsest, else one round each source."""
+    """Yield boxes that contain all positions of a level: the whole area, or for finer ones one per source."""
     if level == 0:
         return [bounds]
     boxes = []
@@ -121,7 +121,7 @@ def _windows(
 
 
 def _hexagonal(x_low: float, z_low: float, x_high: float, z_high: float, spacing: float) -> FloatArray:
-    """Points (N, 2) of the lattice of a spacing about the axis x = 0, in a box."""
+    """Return points (N, 2) of a lattice with a spacing about the axis x = 0, in a box."""
     rise = spacing * math.sqrt(0.75)
     rows = np.arange(math.floor(z_low / rise), math.ceil(z_high / rise) + 1)
     columns = np.arange(math.floor(x_low / spacing) - 1, math.ceil(x_high / spacing) + 1)
@@ -131,7 +131,7 @@ def _hexagonal(x_low: float, z_low: float, x_high: float, z_high: float, spacing
 
 
 def _apart(points: FloatArray, size: FloatArray) -> BoolArray:
-    """Which points (N,) to keep so that none are nearer than they should be: the earlier of two stays."""
+    """Return a mask of points (N,) that are far enough from all earlier ones."""
     from scipy.spatial import KDTree
 
     kept = np.ones(len(points), dtype=bool)

@@ -1,10 +1,10 @@
 """Contact of the outline with rigid, frictionless round fingers.
 
-The idea: the nodes that a finger touches lie on its circle, and it can only push. The contact is solved
-together with the displacements: a node belongs to it while its force pushes, or as soon as it would lie inside the
-circle (primal-dual active set; Hintermüller, Ito & Kunisch 2003).
+The idea: nodes touched by a finger are on its circle, and the finger can only push. The contact is solved together with
+the displacements: a node is in contact while its force pushes, or as soon as it would be inside the circle (primal-dual
+active set; Hintermüller, Ito & Kunisch 2003).
 
-The interface: `fingers_of` a mesh; `Touch` holds the contact of all of them in one state, and its derivatives.
+The interface: `fingers_of` a mesh; `Touch` contains the contact of all of them in one state, and its derivatives.
 """
 
 import math
@@ -25,14 +25,14 @@ from solen.mechanics.stretches import edge_shares, place_of
 from solen.plane import heading
 
 LEAST_SLANT = 0.1
-"""Least cosine between the way of a finger and the wall's inward normal."""
+"""Smallest cosine between the direction of a finger and the wall's inward normal."""
 OUTLINE_MM = 1e-4
 INTO_HELD_MM = 1e-6
-"""How far a finger may reach into what is held: rounding."""
+"""Depth to which a finger may enter a held region, as a tolerance for rounding."""
 ACROSS_CONTACT = 6
-"""Elements across half of a contact."""
+"""Number of elements across half of a contact."""
 SHALLOW = 1e-3
-"""Least depth, in radii, for which a contact is resolved."""
+"""Smallest depth, in radii, for which a contact is resolved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,15 +42,15 @@ class Finger:
     Attributes
     ----------
     press
-        Its own.
+        The load that describes it.
     face
         Name of the face that it touches first.
     start_mm
-        Its centre (2,) where it just touches.
+        Its centre (2,) at first contact.
     way
-        Unit direction (2,) in which it moves.
+        Unit vector (2,) of its movement.
     through_mm
-        Length of the body along its way from where it touches.
+        Length of the body along this direction from the first contact.
     """
 
     press: Press
@@ -61,39 +61,37 @@ class Finger:
 
     @property
     def by_force(self) -> bool:
-        """Whether its force is given, and its depth follows."""
+        """Whether its force is given and its depth follows."""
         return self.press.force_N is not None
 
     def check(self, depth_mm: float, push: float, held: FloatArray) -> None:
-        """`DesignError` where it went through the body, runs into held points (N, 2), or pushes nothing any more."""
+        """Raise `DesignError` if it passed through the body, meets held points (N, 2), or has lost contact."""
         centre = self.start_mm + depth_mm * self.way
         x, z = centre + self.press.radius_mm * self.way
         place = place_text((float(x), float(z)))
         inside = np.hypot(*(held - centre).T) < self.press.radius_mm - INTO_HELD_MM
         if inside.any():
             hit_x, hit_z = held[inside][0]
-            limit = f"runs into a place that is held, {place_text((float(hit_x), float(hit_z)))}"
-            raise DesignError(self.press.name, limit=limit, remedy="press elsewhere, or hold less")
+            limit = f"runs into a held point, {place_text((float(hit_x), float(hit_z)))}"
+            raise DesignError(self.press.name, limit=limit, remedy="press at another place, or hold less of the body")
         if self.by_force and depth_mm >= self.through_mm:
             limit = f"pushes the finger {depth_mm:.3g} mm into a body of {self.through_mm:.3g} mm there, to {place}"
             raise DesignError(f"{self.press.name}.force_N", value=self.press.force_N, limit=limit, remedy="push less")
         if depth_mm > 0.0 and not push > 0.0:
             limit = f"the body has moved away from the finger, whose tip is at {place}"
-            raise DesignError(
-                self.press.name, value="contact lost", limit=limit, remedy="move it there, or leave it out"
-            )
+            raise DesignError(self.press.name, value="contact lost", limit=limit, remedy="move it there, or omit it")
 
 
 def finger_of(body: Body, press: Press) -> Finger:
-    """The finger of a press.
+    """Return the finger of a press.
 
     Raises
     ------
     DesignError
-        Where its numbers make no finger, it does not move into the wall, or moves through the body.
+        If its numbers are invalid, it does not move into the wall, or it passes through the body.
     """
     if (press.depth_mm is None) == (press.force_N is None):
-        raise DesignError(press.name, limit="takes one of depth_mm and force_N")
+        raise DesignError(press.name, limit="requires either depth_mm or force_N")
     for key in ("radius_mm", "depth_mm", "force_N"):
         value = getattr(press, key)
         if value is not None and not (math.isfinite(value) and (value > 0.0 or (value == 0.0 and key != "radius_mm"))):
@@ -103,7 +101,7 @@ def finger_of(body: Body, press: Press) -> Finger:
     normal = np.array(face.curve.normal_at((float(at[0]), float(at[1]))))
     way = normal if press.direction_deg is None else np.array(heading(press.direction_deg))
     if way @ normal < LEAST_SLANT:
-        limit = f"does not lead into {face.name} at {place_text((at[0], at[1]))}"
+        limit = f"does not point into {face.name} at {place_text((at[0], at[1]))}"
         raise DesignError(f"{press.name}.direction_deg", value=press.direction_deg, limit=limit)
     finger = Finger(press, face.name, at - press.radius_mm * normal, way, _through(body, at, way))
     if press.depth_mm is not None and press.depth_mm >= finger.through_mm:
@@ -138,13 +136,13 @@ class Touch:
     Attributes
     ----------
     pairs
-        Which.
+        Fingers and nodes.
     normal
-        From the finger's centre to the node (M, 2), unit.
+        Unit vector (M, 2) from the finger's centre to the node.
     distance_mm
-        Between them (M,).
+        Distance (M,) between them.
     gap_mm
-        From the finger's circle (M,), negative inside.
+        Distance (M,) from the finger's circle, negative inside.
     """
 
     pairs: Pairs
@@ -153,7 +151,7 @@ class Touch:
     gap_mm: FloatArray
 
     def active(self, force: FloatArray, stiffness: float, forced: BoolArray) -> BoolArray:
-        """Which pairs (M,) touch; the nearest at least of fingers (K,) that are ``forced`` to."""
+        """Return a mask of pairs (M,) that touch; for fingers (K,) that are ``forced``, at least the nearest node."""
         found = force > stiffness * self.gap_mm
         for k in np.flatnonzero(forced):
             own = np.flatnonzero(self.pairs.finger == k)
@@ -163,7 +161,7 @@ class Touch:
 
 
 def touch_of(fingers: Sequence[Finger], pairs: Pairs, points: FloatArray, depth: FloatArray) -> Touch:
-    """Contact geometry of displaced nodes (N, 2) with fingers at depths (K,)."""
+    """Return the contact geometry of displaced nodes (N, 2) with fingers at depths (K,)."""
     centres = np.array([f.start_mm + d * f.way for f, d in zip(fingers, depth, strict=True)]).reshape(-1, 2)
     radii = np.array([f.press.radius_mm for f in fingers])
     apart = points[pairs.node] - centres[pairs.finger]
@@ -172,14 +170,14 @@ def touch_of(fingers: Sequence[Finger], pairs: Pairs, points: FloatArray, depth:
 
 
 def pairs_of(mesh: BodyMesh, count: int, free: BoolArray) -> Pairs:
-    """Every finger with every free node of the outlines."""
+    """Return every finger with every free node of the outlines."""
     nodes = np.unique(np.concatenate([edges.nodes for edges in mesh.faces.values()]))
     nodes = nodes[free[nodes]]
     return Pairs(np.repeat(np.arange(count), len(nodes)), np.tile(nodes, count))
 
 
 def shares_of(mesh: BodyMesh, points: FloatArray) -> FloatArray:
-    """Length of the outline (N,) that each node stands for; 0 inside."""
+    """Return the length of the outline (N,) represented by each node; 0 inside."""
     shares = np.zeros(len(points))
     for edges in mesh.faces.values():
         np.add.at(shares, edges.nodes, edge_shares(points, edges.nodes))
@@ -187,7 +185,7 @@ def shares_of(mesh: BodyMesh, points: FloatArray) -> FloatArray:
 
 
 def contact_sizes(body: Body, finger: Finger, stuff: Material, thickness_mm: float) -> list[tuple[float, float, float]]:
-    """Sizes of elements that resolve a contact: (x, z, size in mm) along the wall, by Hertz's half width."""
+    """Return element sizes that resolve a contact: (x, z, size in mm) along the wall, from Hertz's half width."""
     face, u = place_of(body, finger.press)
     half_mm = _half_width_mm(finger, stuff, thickness_mm)
     speed = math.hypot(*face.curve.velocity_at(u))
@@ -197,9 +195,9 @@ def contact_sizes(body: Body, finger: Finger, stuff: Material, thickness_mm: flo
 
 
 def _half_width_mm(finger: Finger, stuff: Material, thickness_mm: float) -> float:
-    """About half the width of the contact: Hertz's under a force, three quarters of the chord at a depth.
+    """Return about half the width of the contact: Hertz's for a force, three quarters of the chord for a depth.
 
-    In steps of a factor of 2^½, so that a slightly different finger or modulus meets the same mesh.
+    It is rounded to steps of a factor of 2^½, so that a slightly different finger or modulus leads to the same mesh.
     """
     press = finger.press
     if press.force_N:

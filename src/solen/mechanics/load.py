@@ -1,10 +1,10 @@
-"""What holds a body and what loads it, by the names of its faces.
+"""Supports and loads of a body, by the names of its faces.
 
-A `Stretch` is a part of the outline, named as wall tables name theirs: lengths along a face count from its start, or
-from its end where the face is walked backwards (`solen.geometry.Face.from_end`).
+A `Stretch` is a part of the outline, named as in wall tables: lengths along a face are measured from its start, or from
+its end if the face is walked backwards (`solen.geometry.Face.from_end`).
 
-Frictionless throughout. Forces are newtons for the whole thickness, moments N·mm counter-clockwise, directions degrees
-counter-clockwise from +z.
+All contacts are frictionless. Forces are in newtons for the whole thickness, moments in N·mm counter-clockwise,
+directions in degrees counter-clockwise from +z.
 """
 
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ from solen.plane import Point, Rigid
 
 @dataclass(frozen=True)
 class Stretch:
-    """Part of a face, or of every face that a pattern names.
+    """Part of a face, or of every face that matches a pattern.
 
     Attributes
     ----------
     face
-        Name of a face, or a pattern: ``stem-right``, ``outer-*``, ``*``. Numbers of pieces may be left out.
+        Name of a face, or a pattern: ``stem-right``, ``outer-*``, ``*``. Numbers of pieces may be omitted.
     from_mm, to_mm
-        Where it begins and ends along the face; None for the face's end.
+        Beginning and end along the face; None for the face's end.
     """
 
     face: str
@@ -40,16 +40,16 @@ class Hold:
     Attributes
     ----------
     stretches
-        The parts of the outline that it touches.
+        The supported parts of the outline.
     kind
-        ``fixed``: no point of them moves. ``sliding``: they move along the wall's own direction at rest, not across.
-        ``turning``: they turn together as one rigid piece about ``pivot_mm``, freely.
+        ``fixed``: none of their points moves. ``sliding``: they move along the wall's direction at rest, not across it.
+        ``turning``: they turn freely as one rigid piece about ``pivot_mm``.
     pivot_mm
-        Of ``turning``, and the point about which the moment is stated; None: the middle of the held points.
+        Pivot of ``turning``, and the point about which the moment is stated; None: the middle of the held points.
     solid
-        Whether the material within the convex hull of the stretches is held too, as in a clamp that encloses it.
+        Whether the material within the convex hull of the stretches is also held, as in a clamp that encloses it.
     name
-        How results and messages call it.
+        Name in results and messages.
     """
 
     stretches: tuple[Stretch, ...]
@@ -61,7 +61,7 @@ class Hold:
 
 @dataclass(frozen=True)
 class Turn:
-    """A driven clamp: its stretches turn as one rigid piece by a stated angle, exactly and not to first order.
+    """A driven clamp: its stretches turn as one rigid piece by a stated finite angle.
 
     Attributes are those of `Hold`, and ``angle_deg``, counter-clockwise.
     """
@@ -74,26 +74,26 @@ class Turn:
 
     @property
     def motion(self) -> Rigid:
-        """Of the clamp, and of whatever is fixed to it: an emitter."""
+        """Rigid motion of the clamp and of any part fixed to it, such as an emitter."""
         return Rigid.about(self.pivot_mm, self.angle_deg)
 
 
 @dataclass(frozen=True)
 class Press:
-    """A rigid, frictionless round finger that is pushed straight into a wall from where it just touches it.
+    """A rigid, frictionless round finger that is pushed straight into a wall from its first contact.
 
     Attributes
     ----------
     face, at_mm
-        Where it first touches: length along a face, counted as in `Stretch`.
+        First contact: length along a face, measured as in `Stretch`.
     radius_mm
         Radius of the finger.
     depth_mm, force_N
-        How far it moves on, or the force along its way with which it does: one of the two.
+        Distance that it moves further, or the force along its direction: one of the two.
     direction_deg
-        In which it moves; None: square to the wall, into the material.
+        Direction of its movement; None: perpendicular to the wall, into the material.
     name
-        How results and messages call it.
+        Name in results and messages.
     """
 
     face: str
@@ -107,16 +107,16 @@ class Press:
 
 @dataclass(frozen=True)
 class Pull:
-    """A dead force spread evenly over a part of the outline; its direction does not turn with the body.
+    """A dead force distributed evenly over a part of the outline; its direction does not turn with the body.
 
     Attributes
     ----------
     stretches
-        Over which it is spread, by their length at rest.
+        Parts over which it is distributed, by their length at rest.
     force_N
         Its components along x and z, for the whole thickness.
     name
-        How results and messages call it.
+        Name in results and messages.
     """
 
     stretches: tuple[Stretch, ...]

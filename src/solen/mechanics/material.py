@@ -1,9 +1,9 @@
-"""How a soft material resists: the hyperelastic models that `solen resin stiffness` fits, in a plane.
+"""Stress of a soft material in a plane: the hyperelastic models that `solen resin stiffness` fits.
 
-The idea: their energies hold for solids that keep their volume. Plane stress has the third stretch follow, and needs no
-pressure. Plane strain has a third stretch of 1; the energy takes the two others scaled to an area of 1, and a pressure
-holds the area (`solen.mechanics.elements`). At small strain that is Hooke's law of the same shear modulus and Poisson's
-ratio, exactly.
+The idea: their energies apply to solids that conserve their volume. In plane stress, the third stretch follows, and no
+pressure is needed. In plane strain, the third stretch is 1; the energy depends on the two others scaled to an area of
+1, and a pressure enforces the area (`solen.mechanics.elements`). At small strain this is exactly Hooke's law with the
+same shear modulus and Poisson's ratio.
 """
 
 from dataclasses import dataclass
@@ -16,13 +16,15 @@ from solen.errors import DesignError
 from solen.material.stiffness.models import model
 
 Plane = Literal["strain", "stress"]
-"""``strain``: nothing moves along y, as far inside a thick body. ``stress``: free to move along y, as in a thin one."""
+"""``strain``: no displacement along y, as deep inside a thick body. ``stress``: free to move along y, as in a thin
+one.
+"""
 
 LEAST_COMPLIANCE = 1e-8
-"""Relative to the shear's: what a pressure may change an area that cannot change."""
+"""Smallest compliance to a pressure, relative to that in shear, for a material of constant area."""
 SIGNS = np.array([1.0, -1.0])
 LEAST_POISSON = 0.4
-"""The models are those of solids that keep their volume: nearly so at least."""
+"""Smallest Poisson's ratio, since the models apply to solids that nearly conserve their volume."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class Material:
     parameters
         Parameters of the model, in the order of its names.
     poisson
-        Poisson's ratio at small strain, 0.4 to 0.5; 0.5 keeps every volume. Plane stress takes 0.5.
+        Poisson's ratio at small strain, 0.4 to 0.5; 0.5 conserves every volume. Plane stress requires 0.5.
     """
 
     kind: str
@@ -48,14 +50,14 @@ class Material:
         if len(self.parameters) != len(names):
             raise DesignError("material.parameters", value=self.parameters, limit=f"{self.kind} takes {len(names)}")
         if not LEAST_POISSON <= self.poisson <= 0.5:
-            limit = f"must be from {LEAST_POISSON} to 0.5: the models are those of rubbers, which keep their volume"
+            limit = f"must be from {LEAST_POISSON} to 0.5: the models are those of rubbers, which conserve their volume"
             raise DesignError("mechanics.poisson", value=self.poisson, limit=limit)
         if not self.shear_modulus_MPa > 0.0:
             raise DesignError("material.shear_modulus_MPa", value=self.shear_modulus_MPa, limit="must be above 0")
 
     @classmethod
     def neo_hookean(cls, shear_modulus_MPa: float, poisson: float = 0.5) -> "Material":
-        """Of a shear modulus alone: E / (2 (1 + ν)) of Young's modulus E, a third of it at ν = 0.5."""
+        """Create a material from a shear modulus: E / (2 (1 + ν)) for a Young's modulus E, a third of it at ν = 0.5."""
         return cls("neo-hookean", (0.5 * shear_modulus_MPa,), poisson)
 
     @property
@@ -65,11 +67,11 @@ class Material:
 
     @property
     def compliance_per_MPa(self) -> float:
-        """Change of area by the mean pressure in plane strain, (1 − 2ν)/μ; never quite 0, so that it is solvable."""
+        """Change of area per mean pressure in plane strain, (1 − 2ν)/μ, but always positive to be solvable."""
         return max(1.0 - 2.0 * self.poisson, LEAST_COMPLIANCE) / self.shear_modulus_MPa
 
     def stresses(self, plane: Plane, first: FloatArray, second: FloatArray) -> FloatArray:
-        """Kirchhoff stresses (…, 2) in MPa at principal strains ln λ (…,); in plane strain without the pressure."""
+        """Return Kirchhoff stresses (…, 2) in MPa at principal strains ln λ (…,), in plane strain without pressure."""
         law = model(self.kind)
         if plane == "stress":
             return law.gradient(self.parameters, np.exp(first), np.exp(second))
@@ -78,7 +80,7 @@ class Material:
         return np.asarray(0.5 * (slopes[..., :1] - slopes[..., 1:]) * SIGNS)
 
     def slopes(self, plane: Plane, first: FloatArray, second: FloatArray) -> FloatArray:
-        """Derivatives (…, 2, 2) of `stresses` by the principal strains."""
+        """Return derivatives (…, 2, 2) of `stresses` with respect to the principal strains."""
         law = model(self.kind)
         if plane == "stress":
             return law.hessian(self.parameters, np.exp(first), np.exp(second))

@@ -1,9 +1,9 @@
 """Triangles that fill the exact outline of a body.
 
-The idea: points on the exact curves, finer at corners, at the ends of what is held and where it is asked for; a
-triangular lattice inside, graded like them; Delaunay's triangulation of both, and of its triangles those within the
-outline. An edge of the outline that the triangulation lacks is halved until it is there. The elements are quadratic:
-those along the outline have their middle nodes on the curve.
+The idea: points are placed on the exact curves, more densely at corners, at the ends of holds and at requested
+positions. A triangular lattice with the same grading fills the inside. Delaunay triangles of all points are kept if
+they are within the outline. An edge of the outline that is missing in the triangulation is halved until it is present.
+The elements are quadratic: those along the outline have their middle nodes on the curve.
 
 The interface: `mesh_of` a body, with `MeshOptions`.
 """
@@ -24,13 +24,13 @@ from solen.geometry.measures import area_mm2, perimeter_mm
 from solen.mechanics.filling import Sizes, triangulated
 
 ACROSS = 6.0
-"""Elements across the mean width of a body, by default."""
+"""Default number of elements across the mean width of a body."""
 AT_CORNER = 0.25
 """Size of elements at corners and ends of holds, relative to those elsewhere."""
 IN_NOTCH = 1 / 32
-"""The same in corners that cut into the body, where the strain has no bound."""
+"""Relative size in re-entrant corners, where the strain is unbounded."""
 SHARP_DEG = 15.0
-"""Faces that meet at less are no corner."""
+"""Smallest angle between two faces that counts as a corner."""
 PER_RADIUS = 0.4
 """Size of elements relative to the radius of a curved wall."""
 ROUNDS = 8
@@ -40,14 +40,14 @@ MOST_TRIANGLES = 200_000
 
 @dataclass(frozen=True)
 class MeshOptions:
-    """How finely a body is meshed.
+    """Density of the mesh of a body.
 
     Attributes
     ----------
     size_mm
         Size of the elements away from corners; None: a sixth of the body's mean width.
     finer
-        Places with sizes of their own, each (x, z, size in mm); sizes grow from there.
+        Positions with their own sizes, each (x, z, size in mm); sizes grow from there.
     """
 
     size_mm: float | None = None
@@ -70,7 +70,7 @@ class BodyMesh:
     mesh
         The mesh of scikit-fem, corners first among its nodes.
     points_mm
-        All nodes (N, 2).
+        Positions (N, 2) of all nodes.
     faces
         Nodes along each face, by name.
     """
@@ -86,21 +86,21 @@ class BodyMesh:
 
 
 def mesh_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]]) -> BodyMesh:
-    """Mesh of a body at rest.
+    """Return the mesh of a body at rest.
 
     Parameters
     ----------
     body
-        Checked; with an outline that holds at all heights.
+        A checked body with an outline that is the same at all heights.
     options
         Sizes.
     cuts
-        Parameters on faces, by name, at which an edge must end: where a hold begins or ends, where a finger touches.
+        Parameters on faces, by name, at which an edge must end: ends of holds and contacts of fingers.
 
     Raises
     ------
     DesignError
-        Where the sizes would take too many triangles, or a corner is too sharp to be filled.
+        If the sizes require too many triangles, or a corner is too sharp to be filled.
     """
     body.upright()
     sizes = _sizes_of(body, options, cuts)
@@ -115,7 +115,7 @@ def mesh_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[float]
         rings = outline.halved(rings, missing)
     at = outline.points[int(np.flatnonzero(missing)[0])]
     raise DesignError(
-        "mesh", value=f"no triangles at {place_text((at[0], at[1]))}", limit="walls too near each other there"
+        "mesh", value=f"no triangles at {place_text((at[0], at[1]))}", limit="walls are too close to each other there"
     )
 
 
@@ -139,13 +139,13 @@ def _sizes_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[floa
 
 
 def _corner_deg(before: Face, after: Face) -> float:
-    """By how much the outline turns between two faces, counter-clockwise: negative in a notch."""
+    """Return the turn of the outline between two faces, counter-clockwise: negative in a notch."""
     (ax, az), (bx, bz) = before.curve.velocity_at(1.0), after.curve.velocity_at(0.0)
     return math.degrees(math.atan2(ax * bz - az * bx, ax * bx + az * bz))
 
 
 def _bound_by_radius(sizes: Sizes, face: Face) -> None:
-    """Finer elements where a wall is curved too much for the size elsewhere."""
+    """Add smaller sizes if a wall is curved too much for the size elsewhere."""
     u = np.linspace(0.0, 1.0, 33)
     points, heading = face.curve.points(u), np.unwrap(np.arctan2(*face.curve.velocities(u).T))
     turns, lengths = np.abs(np.diff(heading)), np.hypot(*np.diff(points, axis=0).T)
@@ -155,18 +155,18 @@ def _bound_by_radius(sizes: Sizes, face: Face) -> None:
 
 
 def _refuse_many(body: Body, sizes: Sizes, stated_mm: float | None) -> None:
-    """`DesignError` before a mesh too large to hold."""
+    """Raise `DesignError` if a mesh would be too large."""
     smallest = min(sizes.sizes, default=sizes.largest_mm)
     triangles = 2.3 * area_mm2(body.outlines) / sizes.largest_mm**2
     if triangles > MOST_TRIANGLES or smallest < 1e-4 * sizes.largest_mm:
         sized = f"elements of {min(smallest, sizes.largest_mm):.2g} to {sizes.largest_mm:.2g} mm"
-        limit = f"{sized} would take more than {MOST_TRIANGLES} triangles"
-        remedy = "raise it" if triangles > MOST_TRIANGLES else "make the smallest radius of a wall or finger larger"
+        limit = f"{sized} would need more than {MOST_TRIANGLES} triangles"
+        remedy = "raise it" if triangles > MOST_TRIANGLES else ("make the smallest radius of a wall or finger larger")
         raise DesignError("mechanics.mesh_mm", value=stated_mm, limit=limit, remedy=remedy)
 
 
 def _parameters(face: Face, sizes: Sizes, cuts: Sequence[float]) -> FloatArray:
-    """Parameters (N,) of the ends of edges along a face: at the cuts, and between them as the sizes say."""
+    """Return parameters (N,) of the ends of edges along a face: at the cuts, and between them by the sizes."""
     ends = np.unique([0.0, *cuts, 1.0])
     pieces = [_spaced(face, low, high, sizes)[:-1] for low, high in pairwise(ends)]
     return np.concatenate([*pieces, [1.0]])
@@ -183,7 +183,7 @@ def _spaced(face: Face, low: float, high: float, sizes: Sizes) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Outline:
-    """Ends of the edges along all outlines: points (N, 2) in order, and for each the number of the next one."""
+    """Ends of the edges along all outlines: points (N, 2) in order, and the number of the next point for each."""
 
     points: FloatArray
     following: IndexArray
@@ -199,7 +199,7 @@ class _Outline:
         return cls(np.vstack(points), np.concatenate(following))
 
     def polygon(self) -> Any:
-        """The area within, as a shapely geometry."""
+        """Area within the outlines, as a shapely geometry."""
         rings, begin = [], 0
         while begin < len(self.points):
             end = begin + int(np.argmax(self.following[begin:] == begin)) + 1
@@ -208,7 +208,7 @@ class _Outline:
         return filled(rings)
 
     def missing(self, triangles: IndexArray) -> BoolArray:
-        """Which of its edges (N,) no triangle has."""
+        """Return a mask of its edges (N,) that no triangle has."""
         sides = np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
         own = np.sort(np.column_stack([np.arange(len(self.points)), self.following]), axis=1)
         factor = max(int(triangles.max()), len(self.points)) + 1
@@ -216,7 +216,7 @@ class _Outline:
 
     @staticmethod
     def halved(rings: list[list[FloatArray]], missing: BoolArray) -> list[list[FloatArray]]:
-        """Parameters with the marked edges halved."""
+        """Return parameters with the marked edges halved."""
         edges = iter(missing)
         made: list[list[FloatArray]] = []
         for ring in rings:
@@ -230,7 +230,7 @@ class _Outline:
 def _quadratic(
     body: Body, rings: list[list[FloatArray]], outline: _Outline, points: FloatArray, triangles: IndexArray
 ) -> BodyMesh:
-    """The mesh with middle nodes, those along the outline on its curves."""
+    """Return the mesh with middle nodes, which are on the curves along the outline."""
     from skfem import MeshTri, MeshTri2
 
     used, inverse = np.unique(triangles, return_inverse=True)
@@ -253,7 +253,7 @@ def _quadratic(
 def _along(
     face: Face, u: FloatArray, ends: IndexArray, by_ends: Mapping[tuple[int, int], int], places: FloatArray
 ) -> Edges:
-    """Nodes along a face; their places are set on its curve, middle nodes at half of the length."""
+    """Return the nodes along a face, after moving them to its curve, middle nodes to half of the length."""
     middles_u = _middles(face, u)
     middles = np.array([by_ends[min(a, b), max(a, b)] for a, b in pairwise(ends.tolist())], dtype=np.intp)
     places[middles] = face.curve.points(middles_u)
@@ -263,7 +263,7 @@ def _along(
 
 
 def _middles(face: Face, u: FloatArray) -> FloatArray:
-    """Parameters of the middles of edges by length: Newton's method on the difference of two chords."""
+    """Return parameters of the middles of edges by length: Newton's method on the difference of two chords."""
     a, b = face.curve.points(u[:-1]), face.curve.points(u[1:])
     middle = 0.5 * (u[:-1] + u[1:])
     for _ in range(3):

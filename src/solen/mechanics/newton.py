@@ -1,10 +1,10 @@
 """One step of Newton's method towards the equilibrium of a held and loaded body.
 
-The idea: the unknowns are the displacements that the supports leave, the pressures, the forces of the fingers on the
-nodes that they touch, and the depths of fingers whose force is given. Their equations are the balance of forces, the
-areas, the circles of the fingers and their forces; what is given of the displacements enters the right side.
+The idea: the unknowns are the displacements not fixed by the supports, the pressures, the forces of the fingers on the
+nodes in contact, and the depths of fingers with a given force. Their equations are the balance of forces, the areas,
+the circles of the fingers and their forces; given displacements are on the right-hand side.
 
-The interface: `step`; its `Factors` may be kept for further steps where no finger touches.
+The interface: `step`; its `Factors` may be reused in further steps without contact.
 """
 
 from typing import Any, NamedTuple
@@ -18,17 +18,17 @@ from solen.mechanics.fingers import Finger, Pairs, Touch, touch_of
 from solen.mechanics.supports import Supports
 
 SMALLEST_SHARE = 1 / 64
-"""Least share of a step that is tried."""
+"""Smallest fraction of a step that is tried."""
 LARGEST_PUSH = 0.2
-"""Most of its radius that a finger moves in one step, or nodes would come to lie behind it."""
+"""Largest step of a finger as a fraction of its radius; with a larger one, nodes could pass behind it."""
 
 
 PIVOT = 0.01
-"""Least pivot of the factors, relative to the largest: enough for these matrices, and it keeps more of them empty."""
+"""Smallest pivot of the factors, relative to the largest: sufficient for these matrices, and it reduces fill-in."""
 
 
 class DivergedError(Exception):
-    """A load that Newton's method does not reach from where it began."""
+    """Raised if Newton's method does not reach a load from its starting point."""
 
 
 class Problem(NamedTuple):
@@ -40,7 +40,7 @@ class Problem(NamedTuple):
     pairs: Pairs
 
     def displaced(self, unknowns: FloatArray) -> FloatArray:
-        """Positions (N, 2) of all nodes."""
+        """Return positions (N, 2) of all nodes."""
         return self.supports.points_mm + unknowns[: self.elements.displacements].reshape(-1, 2)
 
 
@@ -62,7 +62,7 @@ class Guess(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """A stiffness matrix, its projection onto what is free, and the factors of that."""
+    """A stiffness matrix, its projection onto the free displacements, and the factors of the projection."""
 
     matrix: Any
     projection: Any
@@ -70,7 +70,7 @@ class Factors(NamedTuple):
 
 
 class Taken(NamedTuple):
-    """A step that was taken: where to, which pairs touch, by how much nodes moved, and the matrix that it took."""
+    """A completed step: its result, the pairs in contact, the largest movement of nodes, and the matrix used."""
 
     guess: Guess
     active: BoolArray
@@ -79,7 +79,7 @@ class Taken(NamedTuple):
 
 
 class _Border(NamedTuple):
-    """Derivatives that contact adds: of gaps by displacements, of gaps and of forces by the depths of fingers."""
+    """Derivatives due to contact: of gaps by displacements, and of gaps and forces by the depths of fingers."""
 
     gaps: Any  # (touching pairs, unknowns)
     sinks: FloatArray  # (touching pairs, fingers)
@@ -89,12 +89,12 @@ class _Border(NamedTuple):
 
 
 def step(problem: Problem, guess: Guess, demand: Demand, kept: Factors | None) -> Taken:
-    """One step, shortened where an element would turn inside out.
+    """Take one step, shortened if an element would turn inside out.
 
     Raises
     ------
     DivergedError
-        Where no share of it keeps all elements whole, with the place.
+        If every fraction of the step turns an element inside out, with its place.
     """
     elements, supports = problem.elements, problem.supports
     touch = touch_of(problem.fingers, problem.pairs, problem.displaced(guess.unknowns), guess.depth)
@@ -131,7 +131,7 @@ def _solved(
     gap: FloatArray,
     push: FloatArray,
 ) -> _Solved:
-    """Solution of the linear equations."""
+    """Return the solution of the linear equations."""
     right = [-(_projection(problem, guess.angles).T @ (residual + kept.matrix @ jump))]
     right.append(-gap - border.gaps @ jump)
     right.append(push[push > 0.0] - border.turns.T @ jump)
@@ -148,7 +148,7 @@ def _solved(
 def _shortened(
     problem: Problem, guess: Guess, jump: FloatArray, solved: _Solved, force: FloatArray, taken: Taken
 ) -> Taken:
-    """The step, or the largest share by halves that turns no element inside out."""
+    """Return the step, halved until no element turns inside out."""
     count = problem.elements.displacements
     before = guess.unknowns[:count].reshape(-1, 2)
     radii = np.array([finger.press.radius_mm for finger in problem.fingers])
@@ -158,7 +158,7 @@ def _shortened(
         moves, angles = problem.supports.moved(jumped, share * solved.moves, guess.angles)
         unknowns = np.concatenate([moves.ravel(), guess.unknowns[count:] + share * solved.pressures])
         if not np.isfinite(unknowns).all():
-            raise DivergedError("its equations have no single solution")
+            raise DivergedError("its equations have no unique solution")
         bad = problem.elements.turned_inside_out(unknowns)
         if not bad.any():
             break
@@ -178,7 +178,7 @@ def _place(problem: Problem, bad: BoolArray) -> str:
 
 
 def _projection(problem: Problem, angles: FloatArray) -> Any:
-    """All unknowns by those that are free: T of the supports, and the pressures."""
+    """Return the matrix from free to all unknowns: T of the supports, and the pressures."""
     from scipy.sparse import block_diag, csc_array, eye_array
 
     pressures = problem.elements.unknowns - problem.elements.displacements
@@ -187,7 +187,7 @@ def _projection(problem: Problem, angles: FloatArray) -> Any:
 
 
 def _factors(problem: Problem, guess: Guess, residual: FloatArray, border: _Border, force: FloatArray) -> Factors:
-    """Factors of the matrix at a guess, bordered by the contact's equations."""
+    """Return factors of the matrix at a guess, bordered by the contact's equations."""
     from scipy.sparse import block_array, csc_array, diags_array
     from scipy.sparse.linalg import splu
 
@@ -212,8 +212,8 @@ def _factors(problem: Problem, guess: Guess, residual: FloatArray, border: _Bord
         )
     try:
         return Factors(matrix, projection, splu(csc_array(inner), diag_pivot_thresh=PIVOT))
-    except RuntimeError:  # it says that its matrix is singular
-        raise DivergedError("its equations have no single solution") from None
+    except RuntimeError:  # the matrix is singular
+        raise DivergedError("its equations have no unique solution") from None
 
 
 def _border(problem: Problem, touch: Touch, active: BoolArray, force: FloatArray, forced: BoolArray) -> _Border:

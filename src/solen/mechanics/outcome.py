@@ -1,4 +1,4 @@
-"""What an equilibrium says: displaced walls, reactions, contacts, strain, warnings."""
+"""Results of an equilibrium: displaced walls, reactions, contacts, strain, warnings."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from solen.mechanics.newton import Guess, Problem
 from solen.plane import Point
 
 PULLED = 0.02
-"""Share of its push that a sliding hold may pull without a warning."""
+"""Pull of a sliding hold, as a fraction of its push, that is accepted without a warning."""
 MOST_OF_IT = 0.9
-"""Share of the area in which walls bulge by no more than is stated: at sharp corners no bound holds."""
+"""Fraction of the area in which walls bulge by no more than stated; at sharp corners the bulge is unbounded."""
 FAINT = 1e-6
-"""Share of the largest force below which a node only rests on the finger."""
+"""Fraction of the largest force below which a node does not count as loaded by the finger."""
 FEW = 5
-"""Nodes in contact below which its width is not resolved."""
+"""Number of nodes in contact below which its width is not resolved."""
 LARGE = 1.0
-"""Principal strain ln λ beyond which no model was fitted to most resins."""
+"""Principal strain ln λ beyond the range in which models were fitted for most resins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,9 +34,9 @@ class Outcome:
     Attributes
     ----------
     body, problem, guess
-        The body at rest, how it is held and pressed, and the equilibrium.
+        The body at rest, its supports and fingers, and the equilibrium.
     pulls
-        Forces (N, 2) on all nodes of every pull by its name, N for the whole thickness.
+        Forces (N, 2) of every pull on all nodes by its name, in N for the whole thickness.
     thickness_mm
         Thickness of the body.
     """
@@ -48,7 +48,7 @@ class Outcome:
     thickness_mm: float
 
     def deformed(self) -> Deformed:
-        """The deformed body: walls, reactions, contacts and strain."""
+        """Return the deformed body: walls, reactions, contacts and strain."""
         mesh = self.problem.elements.mesh
         moves = self._points - mesh.points_mm
         walls = {name: Wall(e.u, mesh.points_mm[e.nodes], moves[e.nodes]) for name, e in mesh.faces.items()}
@@ -79,15 +79,15 @@ class Outcome:
 
     @cached_property
     def _at_corners(self) -> FloatArray:
-        """Size of the strain at the corners of the triangles (N,): the mean over the elements round each."""
+        """Return absolute strain at the corners of the triangles (N,), averaged over the adjacent elements."""
         elements = self.problem.elements
         corners, n = elements.nodes[:, :3].ravel(), elements.mesh.corners
-        means = np.repeat(np.abs(self._strain).mean(axis=1), 3)  # of either sign where the volume is kept
+        means = np.repeat(np.abs(self._strain).mean(axis=1), 3)  # both signs occur if the volume is conserved
         return np.asarray(np.bincount(corners, means, n) / np.bincount(corners, minlength=n))
 
     @cached_property
     def _bulge_mm(self) -> float:
-        """See `Deformed`: a strain along y that changes across a wall bends it, by t²/8 of its gradient in x and z."""
+        """Return the bulge, see `Deformed`: a gradient in x and z of the strain along y bends a wall by t²/8 of it."""
         elements = self.problem.elements
         strain = elements.thickness_strain(self.guess.unknowns)[elements.nodes[:, :3]]
         a, b, c = elements.mesh.points_mm[elements.nodes[:, :3]].transpose(1, 0, 2)
@@ -101,12 +101,12 @@ class Outcome:
 
     @cached_property
     def _pushes(self) -> FloatArray:
-        """Forces (M, 2) of the fingers on their pairs, N."""
+        """Return forces (M, 2) of the fingers on their pairs, in N."""
         return np.asarray(self.thickness_mm * self.guess.force[:, None] * self._touch.normal)
 
     @cached_property
     def _exerted(self) -> FloatArray:
-        """Forces (N, 2) of holds and clamps on the nodes, N: what the balance of forces lacks there."""
+        """Return forces (N, 2) of holds and clamps on the nodes, in N: the residual of the balance of forces there."""
         elements = self.problem.elements
         inner = elements.forces(self.guess.unknowns)[: elements.displacements]
         exerted = self.thickness_mm * inner.reshape(-1, 2)
@@ -160,7 +160,7 @@ class Outcome:
                     )
 
     def _touched(self, face: Face, nodes: IndexArray) -> Iterator[tuple[float, float, IndexArray]]:
-        """Stretches of a face in contact, with their nodes: each to halfway to the next node that does not touch."""
+        """Yield parts of a face in contact, with their nodes; each extends halfway to the next node without contact."""
         edges = self.problem.elements.mesh.faces[face.name]
         touching = np.isin(edges.nodes, nodes)
         if not touching.any():
@@ -172,16 +172,19 @@ class Outcome:
     def _warnings(self) -> Iterator[str]:
         largest = float(np.abs(self._strain).max())
         if largest > LARGE:
-            yield f"strains reach {largest:.2f} (ln of the stretch): check that the material's model holds so far"
+            yield (
+                f"strains reach {largest:.2f} (ln of the stretch): check that the material's "
+                "model is valid in this range"
+            )
         for k, finger in enumerate(self.problem.fingers):
             count = int(np.sum((self.problem.pairs.finger == k) & (self.guess.force > 0.0)))
             if 0 < count < FEW:
-                nodes = f"{finger.press.name} touches {count} nodes only"
-                yield f"{nodes}: its contact is not resolved, mesh it finer there"
+                nodes = f"{finger.press.name} touches only {count} nodes"
+                yield f"{nodes}: its contact is not resolved; use a finer mesh there"
         yield from self._pulling()
 
     def _pulling(self) -> Iterator[str]:
-        """Warnings of sliding holds that the body would leave if it could."""
+        """Yield warnings about sliding holds that pull at the body."""
         supports = self.problem.supports
         x, z = supports.ways.T
         push = np.zeros(len(self._points))
@@ -191,8 +194,8 @@ class Outcome:
             pulled, pushed = -own[own < 0.0].sum(), own[own > 0.0].sum()
             if pulled > PULLED * pushed and pulled > FAINT:
                 yield (
-                    f"{group.name} pulls at the body with {pulled:.2g} N where it would leave a support, and pushes "
-                    f"with {pushed:.2g} N: a support that only pushes is shorter"
+                    f"{group.name} pulls at the body with {pulled:.2g} N and pushes "
+                    f"with {pushed:.2g} N: if it can only push, its contact is shorter"
                 )
 
 
@@ -202,7 +205,7 @@ class _Stretch(TypedDict):
 
 
 def _lengths(face: Face, u_from: float, u_to: float) -> _Stretch:
-    """A part of a face by its lengths, as wall tables count them."""
+    """Return a part of a face as lengths, measured as in wall tables."""
     measure = Measure(face.curve)
     low, high = measure.lengths_at(np.array([u_from, u_to])).tolist()
     ends = (measure.length_mm - high, measure.length_mm - low) if face.from_end else (low, high)

@@ -1,9 +1,9 @@
-"""A soft body, from state to state of its loads.
+"""A soft body through the successive states of its loads.
 
-The idea: Newton's method on finite strains. Its matrix is factorised at rest and kept as long as that converges: the
-first step with it is the small-strain solution, and those that follow remove its error, so that a clamp's turn is exact
-at every angle (docs/decisions/0090). Where a finger touches, the matrix is made anew at every step. A load that is too
-far from the state before is reached in halves.
+The idea: Newton's method for finite strains. Its matrix is factorised at rest and reused as long as it converges: the
+first step is the small-strain solution, and the following steps remove its error, so that a clamp's turn is exact at
+every angle (docs/decisions/0090). During contact with a finger, the matrix is recomputed at every step. If a load is
+too far from the previous state, the step to it is halved.
 
 The interface: `SoftBody.states` and `SoftBody.state`.
 """
@@ -31,35 +31,35 @@ from solen.mechanics.stretches import cuts_of, edge_shares, nodes_on
 from solen.mechanics.supports import supports_of
 
 EXACT_MM = 1e-8
-"""Displacements are computed to this."""
+"""Accuracy of the computed displacements."""
 MOST_STEPS = 25
 SLOW = 0.3
-"""A kept matrix with which a step leaves more than this of the error is made anew."""
+"""Fraction of the error remaining after a step above which a reused matrix is recomputed."""
 MOST_HALVINGS = 5
 LARGEST_TURN_DEG = 12.0
-"""Most that a clamp turns in one step."""
+"""Largest turn of a clamp in one step."""
 REMEMBERED = 4
-"""States from which the next one is extrapolated."""
+"""Number of states from which the next one is extrapolated."""
 
 
 @dataclass(frozen=True)
 class SoftBody:
-    """A body of soft material that is held, ready to be loaded.
+    """A held body of soft material, ready to be loaded.
 
     Attributes
     ----------
     body
-        At rest.
+        The body at rest.
     material
-        Of all of it.
+        Material of the whole body.
     holds
-        What holds it at rest.
+        Supports at rest.
     thickness_mm
-        Along y; forces are for all of it.
+        Thickness along y; forces are for the whole thickness.
     plane
         Plane strain or plane stress.
     mesh
-        How finely it is meshed.
+        Density of the mesh.
     """
 
     body: Body
@@ -74,26 +74,26 @@ class SoftBody:
         if not self.thickness_mm > 0.0:
             raise DesignError("body.thickness_mm", value=self.thickness_mm, limit="must be above 0")
         if self.plane == "stress" and self.material.poisson != 0.5:
-            limit = "must be 0.5 in plane stress, where the thickness keeps the volume"
+            limit = "must be 0.5 in plane stress, where the thickness conserves the volume"
             raise DesignError("mechanics.poisson", value=self.material.poisson, limit=limit)
 
     def state(self, loads: Sequence[Load]) -> Deformed:
-        """The body under some loads, brought there from rest; errors as of `states`."""
+        """Return the body under some loads, brought there from rest; raises the errors of `states`."""
         return self.states([loads])[0]
 
     def states(self, loads: Sequence[Sequence[Load]]) -> list[Deformed]:
-        """The body in every one of several states, in the order in which it passes through them.
+        """Return the body in each of several states, in the order in which it passes through them.
 
         Parameters
         ----------
         loads
-            Of each state; they differ by their angles, depths and forces alone.
+            Loads of each state, which differ only by their angles, depths and forces.
 
         Raises
         ------
         DesignError
-            Where the body is not held, a stretch is none of its own, a finger would go through it, or a load is beyond
-            what it bears: with the place.
+            If the body is not held, a stretch is not on its outline, a finger would pass through it, or it cannot bear
+            a load: with the place.
         """
         if not loads:
             return []
@@ -116,7 +116,7 @@ def _with(load: Load, amounts: Iterator[float]) -> Load:
 
 
 def _names(loads: Sequence[Load]) -> tuple[str, ...]:
-    """What each of the `_values` is."""
+    """Name of each of the `_values`."""
     found: list[str] = []
     for load in loads:
         if isinstance(load, Turn):
@@ -129,7 +129,7 @@ def _names(loads: Sequence[Load]) -> tuple[str, ...]:
 
 
 def _values(loads: Sequence[Load]) -> FloatArray:
-    """Amounts of loads: degrees, mm or N, one for each and two for a pull."""
+    """Return the amounts of loads in degrees, mm or N: one for each, and two for a pull."""
     found: list[float] = []
     for load in loads:
         if isinstance(load, Turn):
@@ -159,11 +159,11 @@ class Path:
     problem
         The held body.
     names, kinds
-        What each amount is, and of which load.
+        Name of each amount, and the kind of its load.
     by_force
-        Which fingers have their force given.
+        Mask of fingers with a given force.
     spread
-        Forces on all components of displacement by each amount of a pull of 1 N, per mm of thickness.
+        Forces on all components of displacement for each amount of a pull of 1 N, per mm of thickness.
     thickness_mm
         Thickness of the body.
     passed
@@ -181,10 +181,10 @@ class Path:
 
     @classmethod
     def of(cls, soft: SoftBody, states: Sequence[Sequence[Load]]) -> "Path":
-        """The body at rest, meshed for what its loads need."""
+        """Create the body at rest, with a mesh that suits its loads."""
         loads = states[0]
         if any(_without_amounts(one) != _without_amounts(loads) for one in states):
-            raise DesignError("loads", limit="states must differ by their angles, depths and forces alone")
+            raise DesignError("loads", limit="states may differ only by their angles, depths and forces")
         every = [[finger_of(soft.body, load) for load in one if isinstance(load, Press)] for one in states]
         fingers = {finger.press: finger for one in every for finger in one}
         sized = (contact_sizes(soft.body, one, soft.material, soft.thickness_mm) for one in fingers.values())
@@ -205,7 +205,7 @@ class Path:
         return cls(problem, _names(loads), tuple(kinds), by_force, spread, soft.thickness_mm, [first])
 
     def outcome(self, body: Body, loads: Sequence[Load]) -> Outcome:
-        """The equilibrium under some loads, from the last state."""
+        """Return the equilibrium under some loads, from the last state."""
         guess = self.reach(_values(loads))
         own = self.thickness_mm * self.spread.reshape(-1, 2, *self.problem.supports.points_mm.shape)
         pulls = [load for load in loads if isinstance(load, Pull)]
@@ -213,7 +213,7 @@ class Path:
         return Outcome(body, self.problem, guess, forces, self.thickness_mm)
 
     def reach(self, values: FloatArray) -> Guess:
-        """The equilibrium at given amounts of the loads, from the last one."""
+        """Return the equilibrium at given amounts of the loads, from the last one."""
         state = self._reached(self.passed[-1], values, MOST_HALVINGS)
         self.passed.append(state)
         held = self._points_held(state.guess)
@@ -223,13 +223,13 @@ class Path:
         return state.guess
 
     def _points_held(self, guess: Guess) -> FloatArray:
-        """Where nodes (N, 2) of the outline are whose position is given."""
+        """Return positions of the nodes (N, 2) of the outline whose displacement is given."""
         own = np.unique(np.concatenate([e.nodes for e in self.problem.elements.mesh.faces.values()]))
         held = np.intersect1d(own, self.problem.supports.fixed)
         return np.asarray(self.problem.displaced(guess.unknowns)[held])
 
     def _reached(self, start: State, values: FloatArray, halvings: int) -> State:
-        """The state at some amounts from another one, by halves where that is too far."""
+        """Return the state at some amounts from another one, in halved steps if that is too far."""
         if not self._too_far(values - start.values):
             try:
                 return State(values, self._equilibrium(self._extrapolated(start, values), values))
@@ -242,21 +242,21 @@ class Path:
         return self._reached(half, values, halvings)
 
     def _too_far(self, way: FloatArray) -> bool:
-        """Whether fingers or clamps move further than one step should take them."""
+        """Return whether fingers or clamps move further than allowed in one step."""
         pushed = np.abs(way[[kind is Press for kind in self.kinds]])
         radii = np.array([finger.press.radius_mm for finger in self.problem.fingers])
         turned = np.abs(way[[kind is Turn for kind in self.kinds]])
         return bool((pushed > LARGEST_PUSH * radii)[~self.by_force].any() or (turned > LARGEST_TURN_DEG).any())
 
     def _unbearable(self, reached: FloatArray, tried: FloatArray, reason: str) -> DesignError:
-        """Error about loads that the body did not bear, with those that it did."""
+        """Return an error about loads that the body cannot bear, with those that it can."""
         most, values = ("no more", reached) if reached.any() else ("less", tried)
         names = [f"{name} = {value:.4g}" for name, value in zip(self.names, values, strict=True)]
         limit = f"the body bears {most} than about {', '.join(names)}: {reason}"
         return DesignError("loads", limit=limit, remedy="load it less")
 
     def _extrapolated(self, start: State, values: FloatArray) -> Guess:
-        """A guess by the polynomial through the last states, where the loads lie on one line."""
+        """Return a guess from the polynomial through the last states, if the loads are on one line."""
         known = self.passed[-REMEMBERED:]
         way = values - start.values
         square = float(way @ way)
@@ -274,7 +274,7 @@ class Path:
         return start.guess._replace(unknowns=np.asarray(next(mixed)), angles=np.asarray(next(mixed)))
 
     def _equilibrium(self, guess: Guess, values: FloatArray) -> Guess:
-        """Equilibrium at some amounts of the loads, from a guess."""
+        """Return the equilibrium at some amounts of the loads, from a guess."""
         turns, presses, pulls = (values[[k is kind for k in self.kinds]] for kind in (Turn, Press, Pull))
         push = np.where(self.by_force, presses, 0.0) / self.thickness_mm
         guess = guess._replace(depth=np.where(push > 0.0, guess.depth, np.where(self.by_force, 0.0, presses)))
@@ -290,7 +290,7 @@ class Path:
     def _stepped(
         self, guess: Guess, demand: Demand, before: BoolArray | None, errors: list[float]
     ) -> tuple[Guess, BoolArray, bool]:
-        """One step: the guess after it, which pairs touched, and whether nothing moves any more."""
+        """Take one step, and return the new guess, the pairs in contact, and whether it has converged."""
         taken = step(self.problem, guess, demand, self._kept)
         self._kept = taken.kept
         errors.append(taken.moved_mm)
@@ -312,7 +312,7 @@ def _problem(soft: SoftBody, mesh: BodyMesh, loads: Sequence[Load], fingers: tup
 
 
 def _spread(body: Body, mesh: BodyMesh, pull: Pull) -> FloatArray:
-    """Forces (2, components of displacement) at the nodes for a pull of 1 N along x, and for one along z."""
+    """Return forces (2, components of displacement) at the nodes for a pull of 1 N along x, and for one along z."""
     forces = np.zeros((2, len(mesh.points_mm), 2))
     for _, nodes in nodes_on(body, mesh, pull.stretches, pull.name):
         shares = edge_shares(mesh.points_mm, nodes)

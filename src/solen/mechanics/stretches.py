@@ -1,4 +1,4 @@
-"""Where stretches lie on a body: parameters on its faces, and nodes of its mesh."""
+"""Positions of stretches on a body: parameters on its faces, and nodes of its mesh."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -14,7 +14,7 @@ from solen.mechanics.load import Hold, Load, Press, Stretch
 from solen.mechanics.mesh import BodyMesh
 
 SHORTEST_MM = 1e-6
-"""A shorter stretch is none."""
+"""Smallest length of a stretch."""
 U_TOLERANCE = 1e-9
 
 
@@ -27,12 +27,12 @@ class Part(NamedTuple):
 
 
 def parts_of(body: Body, stretch: Stretch, what: str) -> list[Part]:
-    """Parts of faces that a stretch covers.
+    """Return the parts of faces that a stretch covers.
 
     Raises
     ------
     DesignError
-        Where it names no face of an outline, or reaches beyond the end of all that it names.
+        If it names no face of an outline, or extends beyond the end of all faces that it names.
     """
     named = [face for face in body.all_faces if called(face, stretch.face)]
     if not named:
@@ -40,16 +40,16 @@ def parts_of(body: Body, stretch: Stretch, what: str) -> list[Part]:
     longest_mm = max(face.begins_mm + Measure(face.curve).length_mm for face in named)
     if stretch.to_mm is not None and stretch.to_mm > longest_mm + SHORTEST_MM:
         limit = f"must be at most {longest_mm:.4g} mm, the length of {stretch.face}"
-        raise DesignError(f"{what}.to_mm", value=stretch.to_mm, limit=limit, remedy="leave it out to reach the end")
+        raise DesignError(f"{what}.to_mm", value=stretch.to_mm, limit=limit, remedy="omit it to reach the end")
     parts = [part for face in named if (part := _covered(face, stretch)) is not None]
     if not parts:
-        limit = f"covers nothing of {stretch.face}, which is {longest_mm:.4g} mm long"
+        limit = f"covers no part of {stretch.face}, which is {longest_mm:.4g} mm long"
         raise DesignError(f"{what}.from_mm", value=stretch.from_mm, limit=limit)
     return parts
 
 
 def place_of(body: Body, press: Press) -> tuple[Face, float]:
-    """Face and parameter at which a finger first touches; `DesignError` where there is no such place."""
+    """Return face and parameter of a finger's first contact; raise `DesignError` if there is no such place."""
     named = [face for face in body.all_faces if called(face, press.face)]
     if not named:
         raise _unknown(body, press.face, press.name)
@@ -65,7 +65,7 @@ def place_of(body: Body, press: Press) -> tuple[Face, float]:
 
 
 def cuts_of(body: Body, holds: Sequence[Hold], loads: Sequence[Load]) -> dict[str, list[float]]:
-    """Parameters by face at which elements must end: the ends of all stretches, and where fingers touch."""
+    """Return parameters by face at which elements must end: the ends of all stretches, and the contacts of fingers."""
     cuts: dict[str, list[float]] = defaultdict(list)
     for one in (*holds, *loads):
         if isinstance(one, Press):
@@ -79,7 +79,7 @@ def cuts_of(body: Body, holds: Sequence[Hold], loads: Sequence[Load]) -> dict[st
 
 
 def nodes_on(body: Body, mesh: BodyMesh, stretches: Iterable[Stretch], what: str) -> list[tuple[Face, IndexArray]]:
-    """Nodes on the parts of faces that stretches cover, in order along each; every second is the middle of an edge."""
+    """Return the nodes on parts covered by stretches, in order along each; every second is the middle of an edge."""
     found = []
     for stretch in stretches:
         for part in parts_of(body, stretch, what):
@@ -90,7 +90,7 @@ def nodes_on(body: Body, mesh: BodyMesh, stretches: Iterable[Stretch], what: str
 
 
 def edge_shares(points: FloatArray, nodes: IndexArray) -> FloatArray:
-    """Lengths (N,) that each of the nodes along edges stands for: Simpson's 1, 4, 1 sixths of every edge."""
+    """Return lengths (N,) represented by each node along edges: Simpson's 1, 4, 1 sixths of every edge."""
     ends = points[nodes[::2]]
     lengths = np.hypot(*np.diff(ends, axis=0).T)
     shares = np.zeros(len(nodes))
@@ -113,4 +113,4 @@ def _covered(face: Face, stretch: Stretch) -> Part | None:
 
 def _unknown(body: Body, name: str, what: str) -> DesignError:
     known = ", ".join(face.name for face in body.all_faces)
-    return DesignError(f"{what}.face", value=name, limit=f"names no face; there are {known}")
+    return DesignError(f"{what}.face", value=name, limit=f"is not the name of a face; the faces are {known}")

@@ -1,8 +1,8 @@
-"""What the holds and clamps leave free: the displacements that a body can have.
+"""Displacements of a body that its holds and clamps leave free.
 
-The idea: u = given + T q, with one column of T for every displacement that is left: both components of a free node, the
-one along the wall of a sliding node, and one for all nodes of a piece that turns about a point. Those columns depend on
-the angle that it has turned by.
+The idea: u = given + T q, with one column of T for every free displacement: both components of a free node, the
+component along the wall of a sliding node, and one for all nodes of a piece that turns about a point. The latter
+columns depend on the angle of the turn.
 
 The interface: `supports_of` a mesh; `Supports.matrix`, `Supports.given` and `Supports.moved`.
 """
@@ -25,15 +25,15 @@ from solen.mechanics.stretches import nodes_on
 from solen.plane import Point
 
 CORNERED = (0.0, 0.0)
-"""Direction of a node that slides along two walls: none."""
+"""Direction of a node that slides along two walls and so cannot move."""
 PARALLEL = 1e-6
-"""Sliding directions of a corner whose vector product is less are one."""
+"""Vector product of the sliding directions of a corner below which they count as equal."""
 FREE = 1e-6
-"""A rigid motion whose constraints are all below this share of the largest is free."""
+"""Fraction of the largest constraint below which all constraints of a free rigid motion are."""
 
 
 class Group(NamedTuple):
-    """Nodes that one hold or clamp holds, and the point about which its moment counts."""
+    """Nodes of one hold or clamp, and the point about which its moment is stated."""
 
     name: str
     nodes: IndexArray
@@ -41,7 +41,7 @@ class Group(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """Nodes that move as one, and the point about which they turn."""
+    """Nodes that move as one piece, and the point about which they turn."""
 
     nodes: IndexArray
     pivot: FloatArray
@@ -54,13 +54,13 @@ class Supports:
     Attributes
     ----------
     points_mm
-        All nodes (N, 2) at rest.
+        Positions (N, 2) of all nodes at rest.
     groups
-        Of every hold, then of every clamp.
+        Nodes of every hold, then of every clamp.
     fixed
-        Nodes whose position is given.
+        Nodes with a given position.
     driven
-        For every clamp, its nodes and pivot.
+        Nodes and pivot of every clamp.
     sliding, ways
         Nodes that move along a line, and its unit direction (M, 2).
     hinges
@@ -77,7 +77,7 @@ class Supports:
 
     @cached_property
     def _free(self) -> IndexArray:
-        """Nodes that nothing holds."""
+        """Nodes without a hold."""
         held = np.zeros(len(self.points_mm), dtype=bool)
         for nodes in (self.fixed, self.sliding, *(hinge.nodes for hinge in self.hinges)):
             held[nodes] = True
@@ -97,7 +97,7 @@ class Supports:
         return csc_array((data, (rows, columns)), shape=(2 * len(self.points_mm), first + len(sliding)))
 
     def matrix(self, angles: FloatArray) -> Any:
-        """T, sparse, where the hinges have turned by angles in radians."""
+        """Return the sparse matrix T for angles of the hinges in radians."""
         from scipy.sparse import csc_array, hstack
 
         if not self.hinges:
@@ -109,20 +109,20 @@ class Supports:
         return csc_array(hstack([self._constant, csc_array(columns)]))
 
     def hinge_stiffness(self, angles: FloatArray, forces: FloatArray) -> FloatArray:
-        """What forces (2 N,) at the nodes add to the stiffness of every hinge's angle as its columns turn."""
+        """Return the stiffness that forces (2 N,) at the nodes add to every hinge's angle as its columns turn."""
         pairs = forces.reshape(-1, 2)
         arms = [_turned(self.points_mm[h.nodes] - h.pivot, angle) for h, angle in zip(self.hinges, angles, strict=True)]
         return np.array([-np.sum(pairs[h.nodes] * arm) for h, arm in zip(self.hinges, arms, strict=True)])
 
     def given(self, angles_deg: Sequence[float]) -> FloatArray:
-        """Displacements (N, 2) of nodes whose position is given, at the angles of the clamps; 0 elsewhere."""
+        """Return displacements (N, 2) of nodes with a given position, at the angles of the clamps; 0 elsewhere."""
         found = np.zeros_like(self.points_mm)
         for clamp, angle_deg in zip(self.driven, angles_deg, strict=True):
             found[clamp.nodes] = _turn_less_one(self.points_mm[clamp.nodes] - clamp.pivot, math.radians(angle_deg))
         return found
 
     def moved(self, displacement: FloatArray, steps: FloatArray, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Displacements (N, 2) and angles of the hinges after steps of the free displacements."""
+        """Return displacements (N, 2) and angles of the hinges after steps of the free displacements."""
         count = self._constant.shape[1]
         after = displacement + (self._constant @ steps[:count]).reshape(-1, 2)
         angles = angles + steps[count:]
@@ -132,12 +132,12 @@ class Supports:
 
 
 def supports_of(body: Body, mesh: BodyMesh, holds: Sequence[Hold], turns: Sequence[Turn]) -> Supports:
-    """Constraints of holds and clamps.
+    """Return the constraints of holds and clamps.
 
     Raises
     ------
     DesignError
-        Where nothing holds the body, or not enough, with the motion that is left; or where two hold one place.
+        If the body is not held sufficiently, with the motion that is free, or if two supports hold one place.
     """
     held: dict[int, Hold | Turn] = {}
     lines: dict[int, Point] = {}
@@ -174,7 +174,7 @@ def supports_of(body: Body, mesh: BodyMesh, holds: Sequence[Hold], turns: Sequen
 
 
 def _apart(group: Group, held: dict[int, Hold | Turn], one: Hold | Turn, points: FloatArray) -> Group:
-    """The group without nodes that another one fixes; `DesignError` where either of the two moves."""
+    """Return the group without nodes that another one fixes; raise `DesignError` if either of the two moves."""
     twice = [n for n in group.nodes.tolist() if n in held]
     for n in twice:
         if any(isinstance(other, Turn) or other.kind == "turning" for other in (held[n], one)):
@@ -194,7 +194,7 @@ def _group(body: Body, mesh: BodyMesh, one: Hold | Turn) -> Group:
 
 
 def _enclosed(mesh: BodyMesh, nodes: IndexArray) -> IndexArray:
-    """All nodes in the convex hull of some."""
+    """Return all nodes in the convex hull of some."""
     import shapely
 
     hull = shapely.MultiPoint(mesh.points_mm[nodes]).convex_hull.buffer(1e-9)
@@ -202,7 +202,7 @@ def _enclosed(mesh: BodyMesh, nodes: IndexArray) -> IndexArray:
 
 
 def _lines(known: dict[int, Point], body: Body, mesh: BodyMesh, hold: Hold) -> dict[int, Point]:
-    """Directions in which nodes on a sliding stretch move, by node."""
+    """Return the directions in which nodes on a sliding stretch move, by node."""
     lines = dict(known)
     for face, nodes in nodes_on(body, mesh, hold.stretches, hold.name):
         edges = mesh.faces[face.name]
@@ -221,7 +221,7 @@ def _direction(face: Face, u: float) -> Point:
 
 
 def _refuse_unheld(mesh: BodyMesh, supports: Supports) -> None:
-    """`DesignError` where a connected piece of the body can still move as a whole."""
+    """Raise `DesignError` if a connected piece of the body can still move as a rigid body."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -264,7 +264,7 @@ def _refuse_free(supports: Supports, own: Any) -> None:
 
 
 def _rows(arms: FloatArray, ways: FloatArray | None) -> FloatArray:
-    """What points move by in the directions that are held, per unit of shifts along x and z and of a turn: (M, 3)."""
+    """Return the movement of points in the held directions, per unit of shifts along x and z and of a turn: (M, 3)."""
     one, zero = np.ones(len(arms)), np.zeros(len(arms))
     along_x, along_z = np.column_stack([one, zero, -arms[:, 1]]), np.column_stack([zero, one, arms[:, 0]])
     if ways is None:
@@ -278,6 +278,6 @@ def _turned(arms: FloatArray, angle: float) -> FloatArray:
 
 
 def _turn_less_one(arms: FloatArray, angle: float) -> FloatArray:
-    """How far points at arms (N, 2) from a pivot move in a turn; to all digits for the smallest angle."""
+    """Return displacements of points at arms (N, 2) from a pivot in a turn, accurate for the smallest angle."""
     s, less = math.sin(angle), -2.0 * math.sin(0.5 * angle) ** 2
     return np.asarray(arms @ np.array([[less, s], [-s, less]]))

@@ -1,10 +1,10 @@
-"""One design under its motion, as plain calls: lens, body, scene, trace, response, readings.
+"""One design under its motion, as function calls: lens, body, scene, trace, response, readings.
 
 A :class:`Sensor` is a design with its material and lens; a :class:`Response` is the power at its receivers over the
-angles of a motion; `readings` are their voltages; a :class:`DesignStudy` holds all of it, with and without the lens. A
-:class:`Sensitivity` is the derivative with respect to one number of the design; an :class:`Effect` is the change when
-one is off by its tolerance; a :class:`Practice` is the sensor as built; an :class:`AsPrinted` compares printed and
-designed lens.
+angles of a motion; `readings` returns their voltages; a :class:`DesignStudy` contains all of these, with and without
+the lens. A :class:`Sensitivity` is the derivative with respect to one number of the design; an :class:`Effect` is the
+change due to the tolerance of one number; a :class:`Practice` is the sensor as built; an :class:`AsPrinted` compares
+the printed with the designed lens.
 """
 
 from solen.sensor.acceptance import Acceptance

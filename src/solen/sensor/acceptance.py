@@ -1,14 +1,13 @@
-"""The effect of the receivers' directionality on traced power.
+"""Effect of the receivers' directionality on traced power.
 
 A trace gives the power through a receiver's face. A part with a lens collects less of the light from the side, so its
-current is not proportional to that power. `Acceptance` applies its directionality to the light of a scene;
-everything that converts traced power to currents uses it: `solen.sensor.readings`, the simulated
-bench and the diagnosis.
+current is not proportional to that power. `Acceptance` applies its directionality to the light of a scene. All code
+that converts traced power to currents uses it: `solen.sensor.readings`, the simulated bench and the diagnosis.
 
-A trace gives the angle of incidence in projection. In space light also comes from above and below: upright walls
-conserve the y-component of a ray's direction times the index, so it is known from the start. Light is traced in bands
-of it, which gives each band's angle of incidence. Scattering or textured walls do not conserve it;
-then the factor for smooth walls is used.
+A trace gives the angle of incidence in projection. In space, light also arrives from above and below: upright walls
+conserve the product of the index and the y-component of a ray's direction, which is therefore known at the emitter.
+Light is traced in bands of this component, which gives the angle of incidence for each band. Scattering or textured
+walls do not conserve it; for them, the factor for smooth walls is used.
 """
 
 import math
@@ -32,7 +31,7 @@ SIDES = ("right", "left")
 ANGLE_BINS, BANDS = 90, 8
 """Bins of the angle of incidence in projection, and bands of the y-component of light."""
 FLAT = 1e-6
-"""An exponent this close to 1 is that of a flat window."""
+"""An exponent within this distance of 1 is treated as that of a flat window."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ class Acceptance:
 
     @classmethod
     def of(cls, sensor: Sensor) -> "Acceptance":
-        """Acceptance of the part that a design names; `DataError` if there is no such receiver."""
+        """Return the acceptance of the part that a design names; raise `DataError` if there is no such receiver."""
         matched = sensor.design.receivers.coupling == "matched"
         exponent = exponent_of(named_part(sensor.design, "part", ReceiverPart))
         return cls(exponent, sensor.material.index if matched else 1.0)
@@ -63,9 +62,9 @@ class Acceptance:
         return abs(self.exponent - 1.0) < FLAT
 
     def factors(self, scene: Scene, receivers: Sequence[str] = SIDES) -> FloatArray:
-        """Shares (R,) of the power from a scene's first source that receivers detect, by default right and left.
+        """Return the fractions (R,) of the first source's power that receivers detect, by default right and left.
 
-        1 if no light arrives.
+        The fraction is 1 if no light arrives.
         """
         if self.is_flat:
             return np.ones(len(receivers))
@@ -81,7 +80,7 @@ class Acceptance:
 
 
 def _bands(scene: Scene) -> Iterator[tuple[Source, tuple[float, ...]]]:
-    """Bands of a scene's first source by the y-component of direction in air, each represented by two values.
+    """Yield bands of a scene's first source by the y-component of direction in air, each represented by two values.
 
     They match the mean and the standard deviation of the band's emitted light.
     """
@@ -103,7 +102,7 @@ def _bands(scene: Scene) -> Iterator[tuple[Source, tuple[float, ...]]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Band(Source):
-    """A source restricted to y-components of direction whose size lies between two limits; other rays have no power."""
+    """A source limited to y-components of direction with a size between two limits; other rays have no power."""
 
     whole: Source
     least: float
@@ -111,7 +110,7 @@ class Band(Source):
 
     @property
     def rays(self) -> int:
-        """Rays of the whole source."""
+        """Number of rays of the whole source."""
         return self.whole.rays
 
     @property
@@ -124,15 +123,15 @@ class Band(Source):
         return self.whole.dimensions(in_space)
 
     def place(self, u: FloatArray) -> Placed:
-        """Rays of the whole source at numbers."""
+        """Return rays of the whole source by their numbers."""
         return self.whole.place(u)
 
     def place_in_space(self, u: FloatArray) -> PlacedInSpace:
-        """The same in space."""
+        """Return rays of the whole source in space by their numbers."""
         return self.whole.place_in_space(u)
 
     def lines(self, u: FloatArray) -> IntArray:
-        """Lines of the spectrum that the rays belong to."""
+        """Return the spectral lines to which the rays belong."""
         return self.whole.lines(u)
 
     def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:
@@ -144,6 +143,6 @@ class Band(Source):
 
 
 def _ups(launch: Launch) -> FloatArray:
-    """Sizes (N,) of the y-components of direction in air; 1 at most."""
+    """Return the sizes (N,) of the y-components of direction in air, at most 1."""
     up = np.zeros_like(launch.dx) if launch.dy is None else np.abs(launch.dy)
     return up if launch.behind is None else np.minimum(launch.behind.inside * up, 1.0)

@@ -1,9 +1,9 @@
-"""The tracer compiled by several processes at once, on the first use after an installation.
+"""Parallel compilation of the tracer by several processes, on the first use after an installation.
 
-What `solen run` needs falls into three parts of about the same size: the integration in space that the design itself is
-traced with, the integration in the plane for the comparison with the paper, and sampled rays through a lens for space.
-numba compiles one function at a time in a process, and keeps each on disk; so two more processes trace a small case of
-the other two parts, while the command begins with its own. Whoever comes second reads what the first has left.
+`solen run` needs three parts of about the same size: the integration in space for the design itself, the integration in
+the plane for the comparison with the paper, and sampled rays through a lens for space. In one process, numba compiles
+one function at a time and stores each on disk. Two more processes therefore trace a small case of the other two parts
+while the command starts with its own. A process that needs a function later reads the compiled one from disk.
 """
 
 import subprocess
@@ -15,7 +15,7 @@ PARTS: dict[str, tuple[str, dict[str, str]]] = {
     "adapt.integrate_cone": ("paper-860", {}),
     "extruded.trace_in_space": ("solen-860", {"lens.shape": "layered"}),
 }
-"""A function of each part, and a design that is traced with it: template and values."""
+"""A function of each part, and the template and values of a design that is traced with it."""
 PROGRAM = """
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
@@ -24,7 +24,7 @@ Sensor.of(with_values(loads(template({name!r})), {values!r})).power((0.0,), tole
 
 
 def parts_to_compile() -> list[str]:
-    """Programs that compile the parts of which nothing is kept yet; none where nothing can be kept."""
+    """Return programs that compile the parts not yet on disk; empty if nothing can be stored."""
     folder = cache_folder()
     if folder is None:
         return []
@@ -36,7 +36,7 @@ def parts_to_compile() -> list[str]:
 
 
 def compile_ahead() -> None:
-    """Begin to compile in processes of their own, which end by themselves; nothing is waited for."""
+    """Start to compile in separate processes, which end by themselves, and return without waiting."""
     for program in parts_to_compile():
         nowhere = subprocess.DEVNULL
         command = [sys.executable, "-c", program]

@@ -1,12 +1,12 @@
-"""The effect of the printed lens on the response, compared with the designed one.
+"""Effect of the printed lens on the response, compared with the designed lens.
 
-The idea: the same body, emitter and material with two lenses. The difference of their responses is the effect of
-printing; its uncertainty follows from outlines drawn within that of the measured profile. These are traced at fewer
-angles and with fewer rays than the lens itself: eight outlines give an uncertainty to a quarter. Light of a point is
-integrated, because its response has steps; for a chip, whose response is smooth, a fan of `DRAWN_RAYS` suffices. For
-a point, a chip is compared as well: the steps hide what a real emitter would show.
+The idea: two lenses are traced with the same body, emitter and material. The difference of their responses is the
+effect of printing. Its uncertainty follows from outlines drawn within that of the measured profile. These are traced at
+fewer angles and with fewer rays than the lens itself: eight outlines give an uncertainty to a quarter. Light of a point
+is integrated, because its response has steps; for a chip, whose response is smooth, a fan of `DRAWN_RAYS` suffices. For
+a point emitter, a chip is also compared, since the steps hide the response of a real emitter.
 
-The interface: `as_printed` of a sensor with a measured lens, which returns an `AsPrinted`.
+The interface: `as_printed` of a sensor with a measured lens returns an `AsPrinted`.
 """
 
 from collections.abc import Sequence
@@ -27,18 +27,18 @@ from solen.spec import with_values
 from solen.trace.adaptive import is_extended
 
 MOST_ANGLES, MOST_ANGLES_IN_SPACE = 13, 5
-"""Most angles at which the two are compared, in the plane and in space."""
+"""Largest number of angles at which the two lenses are compared, in the plane and in space."""
 DRAWS = 8
-"""Outlines drawn within the uncertainty; this many determine a standard uncertainty to a quarter."""
+"""Number of outlines drawn within the uncertainty, which determines a standard uncertainty to a quarter."""
 DRAWN_TOLERANCE = 1e-3
 """Tolerance of the integration through a drawn outline, as a fraction of the emitted power."""
 DRAWN_RAYS = 2**14
-"""Rays of a chip through a drawn outline; they give a contrast to about 5e-4."""
+"""Number of rays of a chip through a drawn outline, for an accuracy of about 5e-4 in the contrast."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Contrast with the printed lens minus that with the designed one, at an angle."""
+    """Contrast with the printed lens minus that with the designed lens, at an angle."""
 
     angle_deg: float
     contrast: float
@@ -46,7 +46,7 @@ class Difference:
 
 
 class Comparison(Result):
-    """Responses of one emitter with the designed lens and with the printed one, at the same N angles.
+    """Responses of one emitter with the designed lens and with the printed lens, at the same N angles.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Comparison(Result):
     u_shape
         (N,) standard uncertainty of the printed lens's contrast due to its outline alone.
     null_designed_deg, null_printed_deg
-        Their nulls, None if there is none.
+        Their nulls, or None if there is none.
     u_null_shift_deg
         Standard uncertainty of the distance between the nulls.
     """
@@ -82,7 +82,7 @@ class Comparison(Result):
 
     @reported
     def largest(self) -> Difference | None:
-        """The largest difference; None without light."""
+        """Largest difference, or None without light."""
         size = np.abs(self.difference)
         if not np.isfinite(size).any():
             return None
@@ -92,7 +92,7 @@ class Comparison(Result):
 
     @reported
     def null_shift_deg(self) -> float | None:
-        """Shift of the null by printing."""
+        """Shift of the null due to printing."""
         before, after = self.null_designed_deg, self.null_printed_deg
         return None if before is None or after is None else after - before
 
@@ -105,9 +105,9 @@ class AsPrinted(Result):
     lens
         The measured lens.
     emitter, chip
-        Comparison with the design's emitter, and with a chip of `CHIP_MM` where that is a point, else None.
+        Comparison with the design's emitter and, if that is a point, with a chip of `CHIP_MM`, otherwise None.
     draws
-        Outlines drawn for the uncertainties; 0 for an exact profile.
+        Number of outlines drawn for the uncertainties; 0 for an exact profile.
     """
 
     lens: MeasuredLens = field(metadata=HIDDEN)
@@ -134,18 +134,18 @@ def as_printed(
     *,
     draws: int = DRAWS,
 ) -> AsPrinted:
-    """Compare a sensor with a measured lens with the designed one.
+    """Compare a sensor with a measured lens with the designed sensor.
 
     Parameters
     ----------
     sensor
         The sensor with the measured lens.
     own, designed
-        Its response in power, and that of the design where it is known.
+        Its response in power, and that of the design if it is known.
     progress
-        Called with the completed share, up to 1.
+        Function called with the completed fraction, up to 1.
     draws
-        Outlines to draw within the uncertainty of the profile.
+        Number of outlines to draw within the uncertainty of the profile.
 
     Raises
     ------
@@ -199,9 +199,9 @@ def _comparison(
 
 
 def _contrasts(drawn: Sensor, response: Response) -> FloatArray:
-    """Contrasts (N,) with a drawn outline at the angles of a response; NaN where no light arrives.
+    """Return contrasts (N,) with a drawn outline at the angles of a response; NaN without light.
 
-    Integrated or sampled like that response; otherwise from a fan of rays.
+    They are integrated or sampled like that response, or otherwise traced with a fan of rays.
     """
     angles, scene = response.angle_deg.tolist(), drawn.scene(float(response.angle_deg[0]))
     integrated = not is_extended(scene) and all(trace.method == "adaptive" for trace in response.traces)
@@ -211,7 +211,7 @@ def _contrasts(drawn: Sensor, response: Response) -> FloatArray:
 
 
 def _u_null(response: Response, u_shape: FloatArray, null_deg: float | None) -> float | None:
-    """Uncertainty of a null: that of the contrast there, divided by the slope between neighbouring angles."""
+    """Return the uncertainty of a null: that of the contrast, divided by the slope between neighbouring angles."""
     if null_deg is None or len(response.angle_deg) < 2:
         return None
     slope = slope_per_deg(response, null_deg)

@@ -1,4 +1,4 @@
-"""Responses of many sensors at once, of any chip before them: the compiled batch as a plain call."""
+"""Responses of many sensors at once, each with several chips: a function call for the compiled batch."""
 
 import math
 from collections.abc import Sequence
@@ -20,17 +20,17 @@ from solen.trace.batch import places
 from solen.trace.batch.places import Chips, Places
 
 RAYS = 2**12
-"""Rays at an angle: with a chip of 0.2 mm the contrast is then good to some 1e-3."""
+"""Number of rays per angle, for an accuracy of about 1e-3 in the contrast with a chip of 0.2 mm."""
 FEWEST_RAYS = 16
-"""Of one lattice."""
+"""Smallest number of rays of one lattice."""
 
 
 class Responses(NamedTuple):
-    """Powers of D sensors with K chips at A angles, as fractions of what each chip emits.
+    """Powers of D sensors with K chips at A angles, as fractions of the power emitted by each chip.
 
-    ``u_power`` is the standard error of either receiver's power, which the rays' places make; ``truncated`` the largest
-    share of the light that was followed no further. ``why`` says of each sensor why it cannot be at some angle, its
-    powers being NaN; it is empty where it can.
+    ``u_power`` is the standard error of either receiver's power due to the positions of the rays; ``truncated`` is the
+    largest fraction of light that was followed no further. ``why`` is empty for a sensor that can be built at all
+    angles; otherwise it states the reason, and the powers are NaN.
     """
 
     right: FloatArray
@@ -41,13 +41,13 @@ class Responses(NamedTuple):
 
     @property
     def contrast(self) -> FloatArray:
-        """(R − L)/(R + L), NaN where no light arrives."""
+        """Contrast (R − L)/(R + L); NaN without light."""
         whole = self.right + self.left
         return np.divide(self.right - self.left, whole, out=np.full_like(whole, math.nan), where=whole > 0.0)
 
     @property
     def u_contrast(self) -> FloatArray:
-        """Its uncertainty, as `solen.sensor.Response` states it."""
+        """Uncertainty of the contrast, defined as in `solen.sensor.Response`."""
         whole = self.right + self.left
         return np.divide(2.0 * self.u_power, whole, out=np.full_like(whole, math.nan), where=whole > 0.0)
 
@@ -64,35 +64,35 @@ def respond(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Responses:
-    """Responses of sensors to an emitter at their own places, or of several widths and decentres.
+    """Return responses of sensors to their own emitters, or to emitters of several widths and decentres.
 
-    Every sensor is traced once over all places that its chips reach, and each chip is a weighted sum of that; a sensor
-    that is its own mirror image is traced on one side only.
+    Every sensor is traced once for all positions covered by its chips, and each chip is a weighted sum of these; a
+    mirror-symmetric sensor is traced on one side only.
 
     Parameters
     ----------
     sensors
-        D sensors that `why_not_batched` has nothing against, all of the plane or all of space.
+        D sensors for which `why_not_batched` is None, all in the plane or all in space.
     angles_deg
         Angles (A,) of the motion.
     widths_mm, offsets_mm
-        Width of the chip and decentre, broadcast to (K,) for all sensors or (D, K); None: each sensor's own. Widths of
-        one call are all 0 or all above.
+        Width of the chip and decentre, broadcast to (K,) for all sensors or (D, K); None: each sensor's own. The widths
+        of one call are either all 0 or all positive.
     rays
-        Rays at each angle, over all places together.
+        Number of rays at each angle, over all positions together.
     mode
         ``"power"`` or ``"count"``.
     seed
-        Of the lattices' shifts. They are the same for all sensors, so that differences are less noisy than responses.
+        Seed of the lattices' shifts, which are the same for all sensors: differences are less noisy than responses.
     threads
-        By default one per core.
+        Number of threads; default: one per core.
     progress
-        Called with the share done, up to 1.
+        Function called with the completed fraction, up to 1.
 
     Raises
     ------
     DesignError
-        Where a sensor is none for the batch, or the numbers do not fit together.
+        If the batch does not support a sensor, or the numbers do not fit together.
     """
     check_count("rays", rays, 1)
     check_count("seed", seed, 0)
@@ -105,7 +105,7 @@ def respond(
 
 
 class _Batch:
-    """What all sensors of a call share."""
+    """Data shared by all sensors of a call."""
 
     def __init__(
         self,
@@ -137,7 +137,7 @@ class _Batch:
         self.responses = Responses(right, left, u, np.full(len(sensors), math.nan), [""] * len(sensors))
 
     def _mirrors(self) -> bool:
-        """Whether one side of every response gives the other, and tracing it is less than tracing both."""
+        """Return whether one side of every response gives the other, and needs fewer rays than both."""
         numbers = self.numbers.body
         symmetric = all(_is_symmetric(batch.Y(*row)) for row in numbers.tolist())
         low, high = self.offset - 0.5 * self.width, self.offset + 0.5 * self.width
@@ -163,7 +163,7 @@ class _Batch:
         out.truncated[d] = found.truncated.max(initial=0.0)
 
     def _why_not(self, d: int, angle_deg: FloatArray) -> str:
-        """Why a body cannot be at one of the angles, as its scene reports."""
+        """Return why a body is impossible at one of the angles, as its scene reports."""
         try:
             for angle in angle_deg.tolist():
                 self.sensors[d].scene(angle, 1)
@@ -172,7 +172,7 @@ class _Batch:
         return ""
 
     def _places(self, d: int) -> Places:
-        """Places of a sensor's chips; made once for all that have the same."""
+        """Return the positions of a sensor's chips, computed once for consecutive sensors with the same chips."""
         key = (self.width[d].tobytes(), self.offset[d].tobytes())
         where = self.places.get(key)
         if where is None:
@@ -181,7 +181,7 @@ class _Batch:
         return where
 
     def _all_angles(self, power: FloatArray) -> FloatArray:
-        """Powers (A, B, 2) at all angles from those that were traced."""
+        """Return powers (A, B, 2) at all angles from those at the traced angles."""
         if not self.both:
             return power
         place = {angle: i for i, angle in enumerate(self.angle_deg[self.traced].tolist())}
@@ -193,12 +193,12 @@ class _Batch:
 
 
 def _is_symmetric(y: batch.Y) -> bool:
-    """Whether a sensor is at every angle the mirror image of itself at the opposite one."""
+    """Return whether a sensor is at every angle the mirror image of itself at the opposite angle."""
     return y.lens != batch.PIECES and not (y.pivot == batch.AT_POINT and y.pivot_x != 0.0)
 
 
 def _of_each(given: ArrayLike | None, own: Sequence[float]) -> FloatArray:
-    """Numbers (D, K) of each sensor."""
+    """Return numbers (D, K) of each sensor."""
     if given is None:
         return np.array(own, dtype=float)[:, None]
     values = np.atleast_1d(np.asarray(given, dtype=float))

@@ -1,7 +1,7 @@
-"""The light budget of a sensor at rest: shares of the emitter's power that add up to 1.
+"""Light budget of a sensor at rest: fractions of the emitter's power that add up to 1.
 
-The idea: a ledger cannot separate light reflected by the lens from light that missed everything. Tracing the scene
-with black faces and with a black body can. The interface: `budget` of a sensor, which returns a `Budget`.
+The idea: a ledger cannot separate light reflected by the lens from light that missed everything. Tracing the scene with
+black faces and with a black body can. The interface: `budget` of a sensor returns a `Budget`.
 """
 
 from dataclasses import dataclass, replace
@@ -21,14 +21,14 @@ OPAQUE_PER_MM = 1e6
 
 @dataclass(frozen=True)
 class Budget:
-    """Shares of the emitter's power at rest, which add up to 1 within ``u``; without ambient light.
+    """Fractions of the emitter's power at rest, which add up to 1 within ``u``; without ambient light.
 
     Attributes
     ----------
     right, left
-        At the receivers.
+        Detected by the right and the left receiver.
     beside
-        Meets nothing: it passes beside the lens and the body.
+        Passes beside the lens and the body and meets nothing.
     above_below
         Passes above or below them, in space.
     reflected
@@ -38,11 +38,11 @@ class Budget:
     escaped
         Leaves it elsewhere.
     absorbed
-        In the material, at walls and at the backs of receivers.
+        Is absorbed in the material, at walls and at the backs of receivers.
     truncated
         Was followed no further.
     u
-        Uncertainty of a share.
+        Uncertainty of each fraction.
     """
 
     right: float
@@ -58,10 +58,10 @@ class Budget:
 
 
 def budget(sensor: Sensor) -> Budget:
-    """Light budget of a sensor at rest.
+    """Return the light budget of a sensor at rest.
 
-    It takes three traces: of the scene itself; with all faces black, so that only light that hits nothing remains; and
-    with a body that absorbs all light entering it, so that only light that never enters remains.
+    Three traces are compared: of the scene itself; with all faces black, which leaves only light that hits nothing; and
+    with a body that absorbs all light entering it, which leaves only light that never enters.
     """
     scene = sensor.scene(0.0)
     scene = replace(scene, sources=scene.sources[:1])
@@ -88,9 +88,9 @@ def budget(sensor: Sensor) -> Budget:
 
 
 def _of_a_face_in_space(scene: Scene, whole: Trace, u: float) -> Budget:
-    """Budget if the trace itself gives the light reflected at the front face; an absorbing body gives the rest.
+    """Return the budget if the trace itself gives the light reflected at the front face.
 
-    A face in space cannot be black.
+    A face in space cannot be black; an absorbing body gives the remaining fractions.
     """
     opaque, u_opaque = _settled(_opaque(scene))
     right, left = (whole.detectors[name].power for name in ("right", "left"))
@@ -109,7 +109,7 @@ def _of_a_face_in_space(scene: Scene, whole: Trace, u: float) -> Budget:
 
 
 def _black(scene: Scene) -> Scene:
-    """The scene with faces that absorb all light."""
+    """Return the scene with faces that absorb all light."""
     return replace(
         scene,
         interfaces=tuple(
@@ -120,7 +120,7 @@ def _black(scene: Scene) -> Scene:
 
 
 def _opaque(scene: Scene) -> Scene:
-    """The scene with a body that absorbs all light entering it."""
+    """Return the scene with a body that absorbs all light entering it."""
     regions = tuple(
         replace(region, absorption_per_mm=OPAQUE_PER_MM, scattering_per_mm=0.0) if region.name == "body" else region
         for region in scene.regions
@@ -129,14 +129,14 @@ def _opaque(scene: Scene) -> Scene:
 
 
 def _settled(scene: Scene) -> tuple[Trace, float]:
-    """Powers of a scene, integrated or else sampled, and their uncertainty."""
+    """Return the integrated or else sampled powers of a scene, and their uncertainty."""
     if not why_not(scene):
         settled = integrate(scene, "power", TOLERANCE)
         if settled.reached:
             return settled, settled.u_power
     made_of_points = all(source.emission() is not None for source in scene.sources)
     many = scene
-    if made_of_points:  # a file has the rays that it has
+    if made_of_points:  # the rays of a file are fixed
         many = replace(scene, sources=tuple(source.with_rays(BUDGET_RAYS) for source in scene.sources))
     settled = trace(many, "power", sampling="sobol" if made_of_points else "fan")
-    return settled, float(0.5 / np.sqrt(settled.rays))  # no share's standard error is larger
+    return settled, float(0.5 / np.sqrt(settled.rays))  # upper bound of a fraction's standard error

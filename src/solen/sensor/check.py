@@ -26,11 +26,11 @@ class Focus:
     Attributes
     ----------
     material_index, step
-        Index of the material, and its difference from the stated one.
+        Index of the material, and its difference from the stated index.
     by_uncertainty
         Whether the step is the standard uncertainty of the index.
     paraxial_focus_mm, marginal_focus_mm
-        Of rays near the axis and of those at the edge; None unless the lens is an oval.
+        Foci of rays near the axis and at the edge; None unless the lens is an oval.
     best_focus_mm, u_best_focus_mm
         Position of the smallest spot of all rays; its uncertainty is due to the measured profile.
     spot_rms_mm, spot_x_mm
@@ -53,12 +53,12 @@ class Focus:
 
 @dataclass(frozen=True)
 class BodySizes:
-    """Sizes derived from a body's dimensions, at rest; None for those that a kind of body lacks.
+    """Sizes derived from a body's dimensions, at rest; None if a kind of body does not have them.
 
     Attributes
     ----------
     file
-        File of the drawing, of an outline.
+        File of the drawing, for an outline.
     faces, receivers
         Names of the faces and of the receivers.
     area_mm2
@@ -70,7 +70,7 @@ class BodySizes:
     fork_width_mm
         Width of the stem at the fork.
     stem_base_z_mm, crotch_z_mm
-        Where the stem begins and where the arms separate.
+        Positions at which the stem begins and the arms separate.
     """
 
     file: str | None
@@ -131,11 +131,11 @@ class Check(Result):
     material
         Index and absorption at that wavelength.
     lens, foci
-        The lens, None for a drawn body, and where it focuses.
+        The lens, or None for a drawn body, and its foci.
     body
         Sizes of the body at rest.
     warnings
-        Warnings about the design, and keys of it that have no effect.
+        Warnings about the design, and its keys without effect.
     """
 
     name: str
@@ -150,7 +150,7 @@ class Check(Result):
 
 
 def check(sensor: Sensor) -> Check:
-    """Check that a sensor can be built at every angle of its motion; `DesignError` if it cannot."""
+    """Check that a sensor can be built at every angle of its motion; raise `DesignError` if it cannot."""
     sensor.check()
     return Check(
         name=sensor.design.name,
@@ -166,13 +166,13 @@ def check(sensor: Sensor) -> Check:
 
 
 def lens_check(sensor: Sensor) -> LensCheck:
-    """The lens of a sensor; `DesignError` if its body cannot be built, or is drawn."""
+    """Return the lens of a sensor; raise `DesignError` if its body cannot be built or is drawn."""
     sensor.body()
     return LensCheck(sensor.design.name, sensor.lens, foci_of(sensor), tuple(sensor.warnings))
 
 
 def foci_of(sensor: Sensor) -> tuple[Focus, ...]:
-    """Foci in the sensor's material; of a designed lens also at a lower and a higher index, none for a flat face."""
+    """Return the foci in the material; for a designed lens also at other indices, none for a flat face."""
     lens, index = sensor.cut, sensor.material.index
     if isinstance(lens, MeasuredLens):
         designed_mm, u_mm = lens.designed.best_focus_mm(index), lens.u_best_focus_mm(index)
@@ -186,7 +186,7 @@ def foci_of(sensor: Sensor) -> tuple[Focus, ...]:
 
 
 def _focus(lens: CurvedLens, index: float) -> Focus:
-    """Foci in a material of ``index``; of the smallest spot its size too where the lens is no oval."""
+    """Return the foci in a material of ``index``, with the spot size unless the lens is an oval."""
     if isinstance(lens, OvalLens):
         paraxial_mm, marginal_mm = lens.paraxial_focus_mm(index), lens.marginal_focus_mm(index)
         return Focus(index, 0.0, False, paraxial_mm, marginal_mm, lens.best_focus_mm(index))
@@ -197,7 +197,7 @@ def _focus(lens: CurvedLens, index: float) -> Focus:
 
 
 def body_sizes(sensor: Sensor) -> BodySizes:
-    """Sizes of a sensor's body at rest."""
+    """Return the sizes of a sensor's body at rest."""
     body, stated = sensor.body(), sensor.design.body
     faces = (*body.all_faces, *body.apart)
     sizes = BodySizes(

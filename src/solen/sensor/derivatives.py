@@ -1,4 +1,4 @@
-"""Derivatives of a sensor's powers and contrast, by numbers of its design and by its angle."""
+"""Derivatives of a sensor's powers and contrast with respect to numbers of its design and to its angle."""
 
 import math
 from collections.abc import Sequence
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from solen.sensor.sensor import Sensor
 
 SAMPLED_TOLERANCE = 2e-4
-"""Required standard error of sampled light: in space, scattered."""
+"""Required standard error of sampled light, which is light in space or scattered light."""
 AROUND_ZERO, LEAST_STEP_MM = ("emitter.offset_mm", "emitter.y_mm"), 0.003
-"""Numbers that are about 0, and the least step by which their derivatives are taken."""
+"""Numbers with values around 0, and the smallest step for their derivatives."""
 SLOPE_DEG, WIDE_SLOPE_DEG = 0.04, 0.2
 """Angle span of a slope: for a point in the plane, whose response is steep, and for any other light."""
 
@@ -38,21 +38,21 @@ def derivative_of(sensor: "Sensor", key: str, angle_deg: float, mode: Mode, emit
         raise SpecError("emitter", limit=f"missing: the emitters are {names}", remedy="name one of them")
     value = number(sensor, key)
     loss = {"material.absorption_per_mm": sensor.material.absorption_per_mm}
-    kept = loss if key == "material.index" else {}  # a stated index takes the resin away, and its loss with it
+    kept = loss if key == "material.index" else {}  # a stated index replaces the resin and its loss
 
     def scene_at(value: float) -> Scene:
         other = type(sensor).of(with_values(sensor.design, kept | {key: value}))
-        return (replace(other, cut=sensor.cut) if sensor.is_measured else other).scene(angle_deg)  # it is as it is
+        return (replace(other, cut=sensor.cut) if sensor.is_measured else other).scene(angle_deg)  # its shape is fixed
 
     wide = sensor.is_loaded or (key.startswith("lens.knots_um") and _has_smooth_light(sensor, angle_deg))
-    step = 0.5 * tolerance_of(sensor, key)[0] if wide else None  # well above the noise of a mesh, of an integral
+    step = 0.5 * tolerance_of(sensor, key)[0] if wide else None  # well above the noise of a mesh or an integral
     if key in AROUND_ZERO and _has_smooth_light(sensor, angle_deg):
         step = max(LEAST_STEP_MM, 0.01 * abs(value))
     return derivative(scene_at, value, mode=mode, step=step)
 
 
 def _has_smooth_light(sensor: "Sensor", angle_deg: float) -> bool:
-    """Whether light comes from more than a point in the plane: a number that may be 0 does not scale a step."""
+    """Return whether the light is more than a point in the plane: numbers around 0 then need an absolute step."""
     scene = sensor.scene(angle_deg)
     return is_extended(scene) or scene.extrusion is not None
 
@@ -72,7 +72,7 @@ def sensitivities(
     scene = sensor.scene(angle_deg)
     if (why := why_not(scene)) and not sensor.is_sampled:
         limit = "derivatives need point sources and no random scatter"
-        raise DesignError("sensitivity", value=why, limit=limit, remedy="compare two designs by solen trace")
+        raise DesignError("sensitivity", value=why, limit=limit, remedy="compare two designs with solen trace")
     in_space = scene.extrusion is not None
     tolerance = EXTENDED_TOLERANCE if is_extended(scene) else TOLERANCE
     tolerance = SPACE_TOLERANCE if in_space else tolerance
@@ -93,12 +93,14 @@ def sensitivities(
 
 
 def _sensitivity(sensor: "Sensor", key: str, value: float, angle_deg: float, base: Trace) -> Sensitivity:
-    """Row of one key; a value at the limit of its range has no derivative, and ``why`` says so."""
+    """Return the row of one key; a value at the limit of its range has no derivative, and ``why`` states this."""
     nothing = Slope(math.nan, math.nan)
     try:
         derivative = sensor.derivative(key, angle_deg)
     except SolenError as bad:
-        return Sensitivity(key, value, nothing, nothing, nothing, f"not on both sides of {value:g}: {bad}")
+        return Sensitivity(
+            key, value, nothing, nothing, nothing, f"both sides of {value:g} are needed, and one is impossible: {bad}"
+        )
     right, left = derivative.detectors["right"], derivative.detectors["left"]
     if not derivative.reached:
         return Sensitivity(key, value, nothing, nothing, nothing, derivative.why)

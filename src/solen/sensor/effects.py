@@ -1,12 +1,12 @@
-"""Effects of tolerances: the change of the response when each number of a design is off by its tolerance.
+"""Effects of tolerances: the change of the response when each number of a design deviates by its tolerance.
 
-The idea: derivatives in different units cannot be ranked. Multiplied by tolerances they show what real prints and LEDs
-do to the sensor. Each number is changed to both sides while the lens keeps its designed shape, and
-the contrast is integrated near the null, at a third of the motion and at its ends; on one side for symmetric sensors.
-How a turned lens joins the stem is a choice of the model without a tolerance; there the other joins are compared.
-So is the body's rigidity: soft ones, held as parts usually are, are compared where the extra `mechanics` is installed.
+The idea: derivatives in different units cannot be ranked. Multiplied by tolerances, they are the effects of real prints
+and LEDs on the sensor. Each number is changed to both sides while the lens keeps its designed shape, and the contrast
+is integrated near the null, at a third of the motion and at its ends; on one side for symmetric sensors. The join of a
+turned lens to the stem is a choice of the model without a tolerance; for it, the other joins are compared. The body's
+rigidity is also such a choice: soft bodies with usual mounts are compared if the extra `mechanics` is installed.
 
-The interface: `effects` of a sensor and its response, which returns an `Effect` for each number, the largest first.
+The interface: `effects` of a sensor and its response returns an `Effect` for each number, the largest first.
 """
 
 import math
@@ -39,21 +39,21 @@ KEYS = (
 """Numbers that are compared; others affect the light less in designs like the shipped ones."""
 JOIN, HOLD = "motion.join", "hold"
 HOLDS = {"outer-*": "the outer edges of the arms", "receiver-*": "the ends of the arms"}
-"""Faces that usual mounts hold, and what they are called."""
+"""Faces held by usual mounts, and their names in sentences."""
 HOLD_MESH_MM = 1.0
 TOLERANCE, STANDARD_ERROR = 3e-4, 1e-3
 """Tolerance of integrated powers, and standard error of sampled ones."""
 NEAR_SHARE = 1 / 3
 OF_MATERIAL = {"material.absorption_per_mm", "emitter.wavelength_nm"}
-"""Numbers beside the index that the material at the emitter's wavelength depends on."""
+"""Numbers other than the index on which the material at the emitter's wavelength depends."""
 OFF_A_DRAWING = ("emitter.", "material.", "network.emitters[")
-"""Beginnings of keys of numbers that a network's lenses are not drawn again for."""
+"""Prefixes of keys whose deviations do not change the drawing of a network's lenses."""
 RESOLVED = 2.0
 """A change counts if it exceeds this multiple of its uncertainty."""
 
 
 class Effect(Result):
-    """Change of the response when one number is higher by its tolerance: half the difference of high and low.
+    """Change of the response when one number exceeds its value by its tolerance: half the difference of high and low.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class Effect(Result):
     received, u_received
         Relative change of the power at both receivers, averaged over these angles.
     null_deg, u_null_deg
-        Change of the null; None without one.
+        Change of the null; None without a null.
     """
 
     key: str
@@ -83,7 +83,7 @@ class Effect(Result):
 
     @reported
     def largest(self) -> float:
-        """Largest change of the contrast, in size."""
+        """Largest absolute change of the contrast."""
         return float(np.abs(self.contrast[np.isfinite(self.contrast)]).max(initial=0.0))
 
     @reported
@@ -95,7 +95,7 @@ class Effect(Result):
 def effects(
     sensor: Sensor, response: Response, null: tuple[float, Slope] | None, progress: Progress | None = None
 ) -> tuple[tuple[Effect, ...], dict[str, str]]:
-    """Effects of the numbers in `KEYS` and of the joins, the largest first, and why others are left out.
+    """Return the effects of the numbers in `KEYS` and of the joins, the largest first, and why others are omitted.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def effects(
     null
         Its null and the slope of the contrast there.
     progress
-        Called with the completed share, up to 1.
+        Function called with the completed fraction, up to 1.
     """
     asked: list[tuple[str, Callable[[], Effect]]] = []
     skipped: dict[str, str] = {}
@@ -127,12 +127,12 @@ def effects(
 
 
 def off_by(sensor: Sensor, key: str, step: float) -> Sensor:
-    """The sensor with a number off by a step; see `as_built`."""
+    """Return the sensor with one number changed by a step; see `as_built`."""
     return as_built(sensor, {key: step})
 
 
 def as_built(sensor: Sensor, steps: Mapping[str, float]) -> Sensor:
-    """The sensor with numbers off by steps; the lens keeps its designed shape, unless its own drawing is off."""
+    """Return the sensor with numbers changed by steps; the lens keeps its shape unless its drawing is changed."""
     index = steps.get("material.index", 0.0)
     values = {key: number(sensor, key) + step for key, step in steps.items() if key != "material.index"}
     other = Sensor.of(with_values(sensor.design, values)) if values else sensor
@@ -147,13 +147,13 @@ def as_built(sensor: Sensor, steps: Mapping[str, float]) -> Sensor:
 
 
 def _lenses_cut(sensor: Sensor, values: Mapping[str, float]) -> dict[str, Lens]:
-    """Lenses of a network, drawn for what was designed: emitters and the material are off, drawings are not."""
+    """Return the lenses of a network; deviations of emitters and the material do not change their drawing."""
     drawn = {key: value for key, value in values.items() if not key.startswith(OFF_A_DRAWING)}
     return network_lenses(with_values(sensor.design, drawn))
 
 
 def swept(sensor: Sensor, angles: Sequence[float], known: Response | None = None) -> Response:
-    """Response at angles; angles of a known response are not traced again."""
+    """Return the response at angles; angles of a known response are not traced again."""
     missing = [angle for angle in angles if known is None or angle not in known.angle_deg]
     old = None if known is None else known.part([known.at(angle) for angle in angles if angle not in missing])
     if not missing and old is not None:
@@ -163,14 +163,14 @@ def swept(sensor: Sensor, angles: Sequence[float], known: Response | None = None
 
 
 def index_steps(material: Optical, step: float) -> list[tuple[float, bool]]:
-    """Offsets of the index (lower, none, higher), and whether they are its standard uncertainty."""
+    """Return the offsets of the index (lower, none, higher), and whether they are its standard uncertainty."""
     size = material.u_index or step
     offsets = [one for one in (-size, 0.0, size) if material.index + one >= 1.0]
     return [(one, bool(material.u_index) and one != 0.0) for one in offsets]
 
 
 def _base(sensor: Sensor, response: Response, null_deg: float) -> Response:
-    """Response near the null, at a third of the motion and at its ends; on one side only if symmetric."""
+    """Return the response near the null, at a third of the motion and at its ends; on one side only if symmetric."""
     there = response.angle_deg
     wanted = {float(there[0]), *(() if sensor.is_symmetric and there[0] < 0.0 else (float(there[-1]),))}
     wanted |= {null_deg + NEAR_SHARE * (end - null_deg) for end in wanted} | {null_deg}
@@ -178,7 +178,7 @@ def _base(sensor: Sensor, response: Response, null_deg: float) -> Response:
 
 
 def _of_number(sensor: Sensor, key: str, base: Response, null: tuple[float, Slope] | None) -> Effect:
-    """Half of the change between the number minus and plus its tolerance; one-sided at a limit."""
+    """Return half of the change between the number minus and plus its tolerance; one-sided at a limit."""
     tolerance, stated = tolerance_of(sensor, key)
     angles = base.angle_deg.tolist()
     ends = []
@@ -190,7 +190,7 @@ def _of_number(sensor: Sensor, key: str, base: Response, null: tuple[float, Slop
             continue
         ends.append(_still(sensor, other, base) or swept(other, angles))
     if not ends:
-        off_by(sensor, key, tolerance).body(angles[0])  # which says why it cannot be
+        off_by(sensor, key, tolerance).body(angles[0])  # raises the reason if impossible
     low, high = ends if len(ends) == 2 else (base, ends[0])
     half = 1.0 / len(ends)
     effect = _effect(key, number(sensor, key), low, high, half)
@@ -199,7 +199,7 @@ def _of_number(sensor: Sensor, key: str, base: Response, null: tuple[float, Slop
 
 
 def _still(sensor: Sensor, other: Sensor, base: Response) -> Response | None:
-    """Response at rest of symmetric sensors, whose contrast is 0 without a trace; None for others."""
+    """Return the response at rest of symmetric sensors, whose contrast is 0 without a trace; None for others."""
     resting = base.angle_deg == 0.0
     if not (resting.any() and sensor.is_symmetric and other.is_symmetric):
         return None
@@ -208,7 +208,7 @@ def _still(sensor: Sensor, other: Sensor, base: Response) -> Response | None:
 
 
 def _of_join(sensor: Sensor, join: str, base: Response) -> Effect:
-    """Effect of another join of the turned lens and the stem."""
+    """Return the effect of another join of the turned lens and the stem."""
     other = sensor.set({JOIN: join})
     other = replace(other, cut=sensor.cut, material=sensor.material)
     ends = {float(base.angle_deg[place]) for place in (0, -1)} - {0.0}
@@ -217,14 +217,14 @@ def _of_join(sensor: Sensor, join: str, base: Response) -> Effect:
 
 
 def _of_hold(sensor: Sensor, face: str, base: Response) -> Effect:
-    """Effect of a soft body that is held by some faces, its lens in a clamp that turns."""
+    """Return the effect of a soft body with some faces held and its lens in a turning clamp."""
     ends = {float(base.angle_deg[place]) for place in (0, -1)} - {0.0}
     found = swept(soft(sensor, face), sorted(ends))
     return _effect(HOLD, face, base.part([base.at(angle) for angle in found.angle_deg]), found, 1.0)
 
 
 def soft(sensor: Sensor, face: str) -> Sensor:
-    """The sensor on a soft body that some faces hold; driven by its clamp's angle, it asks for no modulus."""
+    """Return the sensor on a soft body with some faces held; driven by its clamp's angle, it needs no modulus."""
     design = sensor.design
     motion = Motion(
         kind="loaded",
@@ -239,18 +239,18 @@ def soft(sensor: Sensor, face: str) -> Sensor:
 
 
 def _turns(sensor: Sensor) -> bool:
-    """Whether its lens turns, cut by solen."""
+    """Return whether solen designs the lens and the motion turns it."""
     motion = sensor.design.motion
     return motion.kind == "rotation" and "lens" in motion.moves and sensor.has_lens and not sensor.is_drawn
 
 
 def _joins(sensor: Sensor) -> tuple[str, ...]:
-    """Other joins of a lens that turns."""
+    """Return the other joins of a lens that turns."""
     return tuple(join for join in get_args(Join) if _turns(sensor) and join != sensor.design.motion.join)
 
 
 def _effect(key: str, value: float | str, low: Response, high: Response, half: float) -> Effect:
-    """Difference of two responses at the same angles, times ``half``."""
+    """Return the difference of two responses at the same angles, times ``half``."""
     light = [float(np.mean(one.right + one.left)) for one in (low, high)]
     u_light = [float(np.max(2.0 * one.u_power)) for one in (low, high)]
     return Effect(
@@ -267,7 +267,7 @@ def _effect(key: str, value: float | str, low: Response, high: Response, half: f
 
 
 def _shift(effect: Effect, null: tuple[float, Slope] | None) -> tuple[float | None, float | None]:
-    """Shift of the null, from the change of the contrast there and its slope."""
+    """Return the shift of the null, from the change of the contrast there and its slope."""
     if null is None or not abs(null[1].value) > 0.0:
         return None, None
     near, slope = int(np.argmin(np.abs(effect.angle_deg - null[0]))), null[1]
@@ -276,7 +276,7 @@ def _shift(effect: Effect, null: tuple[float, Slope] | None) -> tuple[float | No
 
 
 def _offset(material: Optical, step: float, light: Light) -> Optical:
-    """The material with its index off by a step, at all wavelengths of a light."""
+    """Return the material with its index changed by a step at all wavelengths of a light."""
     dispersion = material.dispersion
     if dispersion is None or not light.spectrum:
         return replace(material, index=material.index + step, dispersion=None)

@@ -1,7 +1,8 @@
-"""Points of a drawn sensor that are dragged, and the numbers of the design that bring one to another place.
+"""Points of a drawn sensor that a user drags, and the numbers of the design that move them there.
 
-A Y and an outline are turned or bent by a lever; an emitter is moved before its lens, wherever the motion has carried
-both; a network's nodes and what stands on its sides move along what states their place.
+A Y and an outline are turned or bent with a lever. An emitter is moved in front of its lens, in the position to which
+the motion has moved both. A network's nodes, and the parts on its sides, move along the numbers that state their
+positions.
 
 The interface: `handles_of`.
 """
@@ -27,20 +28,20 @@ if TYPE_CHECKING:
     from solen.sensor.sensor import Sensor
 
 LEVER_MM = 8.0
-"""Distance of the handle that turns the lens from the pivot."""
+"""Distance from the pivot of the handle that turns the lens."""
 LEAST_MM = 1e-3
 STEP, ENOUGH, STEPS = 1e-4, 1e-3, 5
-"""Of a node on its way to where it is dragged: step of its derivatives, change that ends it, and most steps."""
+"""For a dragged node: step of the derivatives, change that ends the iteration, and largest number of iterations."""
 
 Values = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Handle:
-    """A point that is dragged.
+    """A point that a user drags.
 
-    ``values`` gives the values of the design, by dotted keys, that bring it to a point; ``angle`` the angle, or what
-    else the motion drives, where it is that which is dragged.
+    ``values`` returns the values of the design, by dotted keys, that move it to a point. ``angle`` returns the angle,
+    or other value driven by the motion, if the point changes that instead.
     """
 
     point: Point
@@ -49,7 +50,7 @@ class Handle:
 
 
 def handles_of(sensor: "Sensor", body: Body, angle_deg: float) -> dict[str, Handle]:
-    """Handles of a sensor by name; ``body`` is its body at the angle. None of a soft body, and of other kinds."""
+    """Return the handles of a sensor by name; ``body`` is its body at the angle. Soft bodies have none."""
     kinds = {"y": _of_y, "outline": _of_outline, "network": _of_network}
     kind = sensor.design.body.kind
     return {} if sensor.is_loaded or kind not in kinds else dict(kinds[kind](sensor, body, angle_deg))
@@ -77,7 +78,7 @@ def _of_outline(sensor: "Sensor", body: Body, angle_deg: float) -> Iterator[tupl
 def _moved(
     design: Design, emitter: Point, base: Point, length_mm: float, angle_deg: float
 ) -> Iterator[tuple[str, Handle]]:
-    """Handles of the motion: a lever, and the pivot of a rotation."""
+    """Yield the handles of the motion: a lever, and the pivot of a rotation."""
     motion = design.motion
 
     def limited(angle: float) -> float:
@@ -104,14 +105,14 @@ def _moved(
 
 
 def _parts(body: Body, to: Point) -> tuple[float, float]:
-    """Way of the emitter to a point, to its right and ahead."""
+    """Return the displacement of the emitter to a point, as components to its right and ahead."""
     ahead = heading(body.emitter.axis_deg)
     way = minus(to, body.emitter.point)
     return float(np.dot(way, right_of(ahead))), float(np.dot(way, ahead))
 
 
 def _emitter(design: Design, body: Body, table: str, along_side: tuple[str, float, float] | None = None) -> Handle:
-    """An emitter before a lens; on a guide's side, ``along_side`` is its key, place and sense there."""
+    """Return the handle of an emitter; ``along_side`` is its key, position and sense on a guide's side."""
     key, place, sense = along_side or (f"{table}.offset_mm", design.emitter.offset_mm, 1.0)
 
     def values(to: Point) -> Values:
@@ -123,7 +124,7 @@ def _emitter(design: Design, body: Body, table: str, along_side: tuple[str, floa
 
 
 def _drawn_emitter(design: Design, body: Body, rest: Body) -> Handle:
-    """The emitter of an outline: a place in the design, which replaces that of the drawing."""
+    """Return the handle of an outline's emitter: its position in the design replaces that in the drawing."""
     drawn = {"axis_deg": rest.emitter.axis_deg} if design.emitter.axis_deg is None else {}
     if rest.emitter.width_mm and not design.emitter.states("width_mm"):
         drawn["width_mm"] = rest.emitter.width_mm
@@ -139,14 +140,14 @@ def _drawn_emitter(design: Design, body: Body, rest: Body) -> Handle:
 
 
 def _arm(design: Design, fork: Point, side: int) -> Handle:
-    """Middle of an arm's end."""
+    """Return the handle at the middle of an arm's end."""
     angle, half = math.radians(arm_angle_deg(design)), 0.5 * design.body.arm_width_mm
     shoulder = (fork[0] - side * half * math.cos(angle), fork[1] + half * math.sin(angle))
     end = along(shoulder, (side * math.sin(angle), math.cos(angle)), design.body.arm_length_mm)
 
     def values(to: Point) -> Values:
         across, up = side * (to[0] - fork[0]), to[1] - fork[1]
-        # the arm's axis runs beside the fork at half its width: a triangle with a right angle at the fork
+        # the distance of the arm's axis from the fork is half its width: a right-angled triangle
         angle = math.atan2(across, up) + math.asin(min(half / max(math.hypot(across, up), half), 1.0))
         length = math.sqrt(max(across**2 + up**2 - half**2, LEAST_MM))
         limited = min(max(round(math.degrees(angle), 2), 0.01), 89.0)
@@ -184,7 +185,10 @@ Free = tuple[list[float], Callable[[list[float]], Values]]
 
 
 def _free(design: Design, number: int) -> Free | None:
-    """Numbers that say where a node is, and the values of the design for others; None of one that nothing says."""
+    """Return the numbers that state the position of a node, and a function that converts them to values of the design.
+
+    None if no number states the position.
+    """
     network = design.network
     node = network.nodes[number]
     if node.at_mm is not None:
@@ -204,7 +208,7 @@ def _named(keys: tuple[str, ...], numbers: list[float]) -> Values:
 def _to_node(
     design: Design, name: str, start: list[float], values: Callable[[list[float]], Values]
 ) -> Callable[[Point], Values]:
-    """Values that bring a node to a point, or as near as they can, by steps of Gauss and Newton."""
+    """Return a function for the values that move a node to a point, or as near as possible, by Gauss-Newton steps."""
 
     def place(numbers: FloatArray) -> FloatArray:
         return np.array(plan_of(with_values(design, values(numbers.tolist()))).places[name])
@@ -224,17 +228,17 @@ def _to_node(
 
 
 def _through(key: str, place: int, point: Point) -> Handle:
-    """A point that a guide's middle line goes through."""
+    """Return the handle of a point on a guide's middle line."""
     return Handle(point, lambda to: {f"{key}[{place}]": [round(to[0], 3), round(to[1], 3)]})
 
 
 def _on_side(body: Body, one: PlacedLens | PlacedReceiver, table: str) -> Handle:
-    """A lens or a receiver on a guide's side, which moves along it."""
+    """Return the handle of a lens or a receiver, which moves along a guide's side."""
     word = "lens" if isinstance(one, PlacedLens) else "receiver"
     curve = body.face(f"{word}-{one.name}").curve
     walked = unit(minus(curve.end, curve.start))
     middle = (0.5 * (curve.start[0] + curve.end[0]), 0.5 * (curve.start[1] + curve.end[1]))
-    sense = 1.0 if one.side == "right" else -1.0  # lengths on a left side count from its end
+    sense = 1.0 if one.side == "right" else -1.0  # lengths on a left side are measured from its end
     keys = ("at_mm",) if isinstance(one, PlacedLens) else ("from_mm", "to_mm")
     stated = [(key, getattr(one, key)) for key in keys]
 

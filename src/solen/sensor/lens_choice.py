@@ -1,11 +1,11 @@
 """Choice of lens: a design compared with the cylinder, the layered and the line-focus lens.
 
-The idea: lenses for space keep the focus for skew rays, so a small angle moves more light; they require an emitter at
-mid-height of the body, and their response is less linear. So each lens is traced at a few angles of the design's
-motion, and at one angle also with the emitter off in y. Angles are fractions of the way from the null to the ends
-of the motion; on one side only for symmetric sensors.
+The idea: lenses for space preserve the focus for skew rays, so a small angle moves more light. They need an emitter at
+mid-height of the body, and their response is less linear. Each lens is therefore traced at a few angles of the design's
+motion and, at one angle, also with the emitter displaced in y. Angles are fractions of the distance from the null to
+the ends of the motion, on one side only for symmetric sensors.
 
-The interface: `lens_choice` of a sensor and its response, which returns a `LensChoice`.
+The interface: `lens_choice` of a sensor and its response returns a `LensChoice`.
 """
 
 import math
@@ -25,7 +25,9 @@ from solen.spec import with_values
 
 SHAPES = CYLINDER, LAYERED, _ = ("cartesian-oval", "layered", "line-focus")
 SIXTHS, OFF_SIXTH = (1, 2, 3, 6), 2
-"""Sixths of the way from the null to an end of the motion: those compared, and the one with the emitter off."""
+"""Sixths of the distance from the null to an end of the motion: those compared, and the one with the emitter
+displaced.
+"""
 Y_OFF_MM, LEAST_DEG = 0.1, 1e-6
 WORTH, RESOLVED = 1.1, 2.0
 """Gain of the signal above which another lens is worthwhile, and the required margin in uncertainties of the gain."""
@@ -37,18 +39,18 @@ class LensFigures(Result):
     Attributes
     ----------
     shape
-        The lens.
+        Shape of the lens.
     angle_deg, contrast, u_contrast
         Angles (K,) and the contrast there, with its uncertainty.
     slope_per_deg, u_slope_per_deg, within_deg
         Slope of the contrast about the null, between the nearest angles on both sides, and half their distance.
     received, u_received
-        Power at both receivers, mean over the angles.
+        Mean power at both receivers over the angles.
     nonlinearity, u_nonlinearity
         Largest deviation of the contrast from the minimax straight line, relative to half its range.
     off_deg, off_contrast, u_off_contrast, off_received
-        Angle also traced with the emitter off in y, and the results there; of given profiles, which are not symmetric
-        about the middle of the body, to the side of the smaller signal.
+        Angle that was also traced with the emitter displaced in y, and the results there. Given profiles are not
+        symmetric about the middle of the body: for them, the displacement is to the side with the smaller signal.
     given
         Whether its profiles are given: as printed, or drawn for a print.
     """
@@ -72,13 +74,13 @@ class LensFigures(Result):
 
     @property
     def there(self) -> tuple[float, float]:
-        """Contrast and its uncertainty at the angle that was also traced with the emitter off."""
+        """Contrast and its uncertainty, without displacement, at the angle of the displaced emitter."""
         place = int(np.argmin(np.abs(self.angle_deg - self.off_deg)))
         return float(self.contrast[place]), float(self.u_contrast[place])
 
     @property
     def off_signal(self) -> tuple[float, float]:
-        """Absolute signal |R − L| with the emitter off, and its uncertainty."""
+        """Absolute signal |R − L| with the emitter displaced, and its uncertainty."""
         return abs(self.off_contrast) * self.off_received, self.u_off_contrast * self.off_received
 
 
@@ -88,9 +90,9 @@ class LensChoice(Result):
     Attributes
     ----------
     y_off_mm
-        Offset of the emitter in y from mid-height of the body.
+        Displacement of the emitter in y from mid-height of the body.
     own
-        The design's own lens.
+        Shape of the design's own lens.
     lenses
         The lenses that can be made, the cylinder first.
     skipped
@@ -103,12 +105,12 @@ class LensChoice(Result):
     skipped: dict[str, str]
 
     def of(self, shape: str) -> LensFigures | None:
-        """Figures of a lens."""
+        """Return the figures of a lens."""
         return next((lens for lens in self.lenses if lens.shape == shape), None)
 
     @reported
     def gain(self) -> float | None:
-        """Signal of the layered lens relative to the cylinder's, with the emitter off; None if one is missing."""
+        """Signal of the layered lens relative to the cylinder's, with the emitter displaced; None if one is missing."""
         found = self._gained
         return None if found is None else found[0]
 
@@ -120,7 +122,7 @@ class LensChoice(Result):
 
     @reported
     def layers_pay(self) -> bool | None:
-        """Whether its gain with the emitter off exceeds 1.1, beyond twice its uncertainty."""
+        """Whether its gain with the emitter displaced exceeds 1.1 by more than twice its uncertainty."""
         found = self._gained
         return None if found is None else found[0] - WORTH > RESOLVED * found[1]
 
@@ -173,20 +175,20 @@ def lens_choice(sensor: Sensor, known: Response, null_deg: float | None) -> Lens
 
 
 def _why_not(sensor: Sensor, null_deg: float | None) -> str:
-    """Reason why no comparison is possible; empty if one is."""
+    """Return the reason why no comparison is possible; empty if one is."""
     plane = sensor.design.trace.dimension != "extruded"
     cases = {
         "light stays in the plane, where all of them are the Cartesian oval": plane,
         "the design has no oval of its own": sensor.is_drawn or sensor.design.lens.shape not in SHAPES,
-        "rays of a file cannot be traced through a lens for space": sensor.light.ray_file is not None,
-        "the emitter is a point: state its chip": not sensor.light.width_mm > 0.0,
+        "rays from a file cannot be traced through a lens for space": sensor.light.ray_file is not None,
+        "the emitter is a point: state the size of its chip": not sensor.light.width_mm > 0.0,
         "the response has no null": null_deg is None,
     }
     return next((why for why, applies in cases.items() if applies), "")
 
 
 def _why_not_about(ends_deg: Sequence[float], *, mirrored: bool) -> str:
-    """Reason why the motion allows no comparison about the null; empty if it does."""
+    """Return the reason why the motion allows no comparison about the null; empty if it does."""
     if not ends_deg:
         return "the motion does not extend beyond the null"
     if len(ends_deg) == 1 and not mirrored:
@@ -195,12 +197,12 @@ def _why_not_about(ends_deg: Sequence[float], *, mirrored: bool) -> str:
 
 
 def _is_mirrored(sensor: Sensor, known: Response) -> bool:
-    """Whether the response is mirror-symmetric about 0, and 0 lies within the motion."""
+    """Return whether the response is mirror-symmetric about 0, and 0 is within the motion."""
     return sensor.is_symmetric and float(known.angle_deg[0]) <= 0.0 <= float(known.angle_deg[-1])
 
 
 def _ends_deg(known: Response, null_deg: float, *, mirrored: bool) -> list[float]:
-    """Ends of the motion used for the comparison, the farther first; one for a symmetric sensor."""
+    """Return the ends of the motion used for the comparison, the farther first; one for a symmetric sensor."""
     first, last = float(known.angle_deg[0]), float(known.angle_deg[-1])
     ends = [first] if mirrored and first < -LEAST_DEG else [first, last]
     return sorted((end for end in ends if abs(end - null_deg) > LEAST_DEG), key=lambda end: -abs(end - null_deg))
@@ -225,7 +227,7 @@ def _figures(sensor: Sensor, null_deg: float, ends_deg: Sequence[float], known: 
     inner = [np.flatnonzero(angle < 0.0)[-1], np.flatnonzero(angle > 0.0)[0]]
     span, half_range = float(np.ptp(angle[inner])), 0.5 * float(np.ptp(contrast))
     if not half_range > 0.0:
-        raise DesignError("contrast", value=float(contrast[0]), limit="must change over the motion to be compared")
+        raise DesignError("contrast", value=float(contrast[0]), limit="must change over the motion for a comparison")
     nonlinearity = off_a_line(angle, contrast) / half_range
     return LensFigures(
         shape=sensor.design.lens.shape,

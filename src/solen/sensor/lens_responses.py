@@ -1,6 +1,6 @@
 """Responses of one sensor with several lenses: contrast at a few angles, and light, each with its standard error.
 
-All are sampled in the same way, so that a cylinder and a lens for space are comparable.
+All are sampled in the same way, which makes a cylinder and a lens for space comparable.
 
 The interface: `lens_responses` of sensors by name.
 """
@@ -30,7 +30,7 @@ class LensResponse:
     angle_deg, contrast, u_contrast
         Angles (N,), contrast there, and its standard error; NaN without light.
     light, u_light
-        Share of the emitted power at both receivers, averaged over the angles, and an upper limit of its standard
+        Fraction of the emitted power at both receivers, averaged over the angles, and an upper limit of its standard
         error: errors of both receivers and of all angles, which share a seed, are added linearly.
     """
 
@@ -43,7 +43,7 @@ class LensResponse:
 
     @classmethod
     def of(cls, name: str, sensor: Sensor, angles_deg: Sequence[float]) -> "LensResponse":
-        """Response of a sensor; angles above 0 brighten the right receiver."""
+        """Return the response of a sensor; angles above 0 brighten the right receiver."""
         read = Response.of("power", angles_deg, [sensor.sampled(-angle, TOLERANCE) for angle in angles_deg])
         u_light = 2.0 * float(read.u_power.max())
         return cls(name, read.angle_deg, read.contrast, read.u_contrast, read.received_share, u_light)
@@ -52,7 +52,7 @@ class LensResponse:
 def lens_responses(
     sensors: Mapping[str, Sensor], angles_deg: Sequence[float] = ANGLES_DEG, progress: Progress | None = None
 ) -> tuple[LensResponse, ...]:
-    """Responses of sensors by the names of their lenses; `DesignError` if one does not have two receivers."""
+    """Return responses of sensors by the names of their lenses; raise `DesignError` without two receivers."""
     made = []
     for name, sensor in tracked(sensors.items(), progress):
         sensor.check_pair()

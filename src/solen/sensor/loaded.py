@@ -1,9 +1,9 @@
-"""A soft sensor under load: its response against an angle, a depth or a force, beside that of a rigid one.
+"""A soft sensor under load: its response to an angle, a depth or a force, compared with that of a rigid sensor.
 
-The idea: every value that the motion drives is a state of the body (`solen.mechanics.design`), and its light is traced
-as at an angle of any other motion. Beside it stands the rigid answer, the lens turned by as much on a body that stays
-as it is, and the response in the other plane: a part lies between plane strain and plane stress, and how far they are
-apart is the uncertainty of the model.
+The idea: every value driven by the motion gives a state of the body (`solen.mechanics.design`), and its light is traced
+as at an angle of any other motion. Two responses are computed for comparison. In the rigid one, the lens turns by the
+same angle on an undeformed body. The other uses the other plane model: a real part is between plane strain and plane
+stress, and the difference of the two is the uncertainty of the model.
 
 The interface: `loaded_study` of a design, `deform` for one state.
 """
@@ -32,20 +32,20 @@ from solen.spec import Design, Motion
 from solen.spec.soft import Mechanics, driven
 
 FEW = 3
-"""Values at which the planes are compared."""
+"""Number of values at which the plane models are compared."""
 APART = 0.02
-"""Contrast by which the planes may differ without a warning."""
+"""Difference in contrast of the plane models that is accepted without a warning."""
 OFF_MM = 2e-3
-"""How far a wall of the light may lie from the finite elements without a warning: about 0.001 of contrast."""
+"""Distance of an optical wall from the finite elements that is accepted without a warning: about 0.001 of contrast."""
 SLIGHT_MM = 1e-4
-"""How far walls of a closed notch may lie in each other without a warning."""
+"""Overlap of the walls of a closed notch that is accepted without a warning."""
 LARGE_STRAIN = 0.3
-"""Strain from which on a neo-Hookean body is a guess."""
+"""Strain above which a neo-Hookean model is unreliable."""
 
 
 @dataclass(frozen=True)
 class PlaneSpread:
-    """Contrast in both planes at some values, and how far they are apart at most."""
+    """Contrast in both plane models at some values, and its largest difference."""
 
     values: FloatArray
     strain: FloatArray
@@ -53,7 +53,7 @@ class PlaneSpread:
 
     @reported
     def apart(self) -> float | None:
-        """Largest difference; None where every value is dark in one of the planes."""
+        """Largest difference; None if every value is without light in one of the models."""
         off = np.abs(self.strain - self.stress)
         return float(np.nanmax(off)) if np.isfinite(off).any() else None
 
@@ -64,21 +64,22 @@ class Deformation(Result):
     Attributes
     ----------
     name, drives
-        Name of the design, and what its motion drives.
+        Name of the design, and the quantity that its motion drives.
     angle_deg, depth_mm, force_N
-        Value of that; the other two are None.
+        Value of that quantity; the other two are None.
     turn_deg, shift_mm
-        Turn of what carries the emitter, counter-clockwise, and where it moves the centre of the stem's base.
+        Turn, counter-clockwise, of the part that carries the emitter, and its displacement at the centre of the stem's
+        base.
     strain_largest
         Largest principal strain, ln λ, in magnitude.
     reactions
-        What each hold and load exerts on the body.
+        Force and moment of each hold and load on the body.
     contacts
-        Where fingers touch it.
+        Contacts of fingers with the body.
     off_mm
-        How far a wall of the light may lie from the finite elements between their nodes.
+        Largest distance of an optical wall from the finite elements between their nodes.
     bulge_mm
-        How far walls would lie from upright at mid-height, were the body free along y; the light meets upright ones.
+        Distance of the walls from upright at mid-height for a body that is free along y; the light meets upright walls.
     warnings
         Reasons to doubt a value.
     simulated
@@ -104,7 +105,7 @@ class Deformation(Result):
 
 
 class LoadedStudy(Result):
-    """Response of a soft sensor against what its motion drives; arrays are (N,) over the values.
+    """Response of a soft sensor to the quantity that its motion drives; arrays are (N,) over its values.
 
     Attributes
     ----------
@@ -113,21 +114,22 @@ class LoadedStudy(Result):
     drives
         Number of the design that is driven.
     angle_deg, depth_mm, force_N
-        Values of an angle, a depth and a force; of a finger both of the latter, None where the motion has none.
+        Values of an angle, a depth and a force; both of the latter for a finger; None for quantities that the motion
+        lacks.
     moment_Nmm
         Moment of a driven clamp, about its pivot; None otherwise.
     turn_deg, lens_turn_deg
-        Turn of what carries the emitter, 0 where that is the ground, and of the lens.
+        Turn of the part that carries the emitter, 0 if that is the ground, and of the lens.
     rigid_contrast, rigid_refused
-        Contrast of the rigid sensor whose lens has turned by as much; None where it cannot be, and why.
+        Contrast of the rigid sensor with the lens turned by the same angle, or None with the reason.
     receivers, voltage_V
-        Names of the receivers, and what the circuit of ``[readout]`` gives at each (N, 2).
+        Names of the receivers, and the voltage of the circuit of ``[readout]`` at each (N, 2).
     strain_largest, off_mm
-        Largest principal strain, and how far a wall of the light may lie from the finite elements.
+        Largest principal strain, and largest distance of an optical wall from the finite elements.
     planes
-        Contrast in both planes at some values; None where one of them has no solution.
+        Contrast in both plane models at some values; None if one of them has no solution.
     reactions
-        Of every value, what each hold and load exerts on the body.
+        For every value, the force and moment of each hold and load on the body.
     warnings
         Reasons to doubt a value.
     simulated
@@ -158,44 +160,44 @@ class LoadedStudy(Result):
 
     @reported
     def right(self) -> FloatArray:
-        """Power at the right receiver, as a share of the emitted power."""
+        """Power at the right receiver, as a fraction of the emitted power."""
         return self.response.right
 
     @reported
     def left(self) -> FloatArray:
-        """Power at the left receiver."""
+        """Power at the left receiver, as a fraction of the emitted power."""
         return self.response.left
 
     @reported
     def u_power(self) -> FloatArray:
-        """Uncertainty of both powers, of the trace alone."""
+        """Uncertainty of both powers due to the trace alone."""
         return self.response.u_power
 
     @reported
     def contrast(self) -> FloatArray:
-        """(R − L)/(R + L)."""
+        """Contrast (R − L)/(R + L)."""
         return self.response.contrast
 
     @reported
     def u_contrast(self) -> FloatArray:
-        """Its uncertainty, of the trace alone."""
+        """Uncertainty of the contrast due to the trace alone."""
         return self.response.u_contrast
 
     @property
     def values(self) -> FloatArray:
-        """Values of what is driven, in its own unit."""
+        """Values of the driven quantity, in its own unit."""
         return self.response.angle_deg
 
 
 def deform(sensor: Sensor, value: float | None = None) -> Deformation:
-    """A soft body at a value of what its motion drives, by default the last of the motion.
+    """Return a soft body at a value of the quantity that its motion drives, by default the last value of the motion.
 
     Raises
     ------
     SpecError
-        Where the value is none.
+        If the value is not a valid one.
     DesignError
-        Where the design is no loaded one, or the load is beyond what the body bears.
+        If the design is not a loaded one, or the body cannot bear the load.
     """
     loaded, motion = sensor.loaded, sensor.design.motion
     value = motion.values()[-1] if value is None else value
@@ -220,7 +222,7 @@ def deform(sensor: Sensor, value: float | None = None) -> Deformation:
 
 
 def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStudy:
-    """Response of a soft sensor over its motion, in power; errors as of `deform`."""
+    """Return the response of a soft sensor over its motion, in power; raises the errors of `deform`."""
     sensor.check_pair()
     values = sensor.design.motion.values()
     states = tuple(sensor.loaded.states(values))
@@ -260,7 +262,7 @@ def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStud
 
 
 def rigid_design(design: Design) -> Design:
-    """The same design with a rigid lens that turns on a rigid body, as far as its light is concerned."""
+    """Return an optically equivalent design with a rigid lens that turns on a rigid body."""
     pivots = [hold.about for hold in design.hold if hold.name == driven(design)[1] and hold.about is not None]
     moves = ("lens",) if design.motion.emitter_on == "ground" else ("lens", "emitter")
     motion = Motion(pivot=pivots[0] if pivots else "stem-base", moves=moves)
@@ -269,9 +271,9 @@ def rigid_design(design: Design) -> Design:
 
 
 def _rigid(sensor: Sensor, turns_deg: Sequence[float]) -> tuple[FloatArray | None, str | None]:
-    """Contrast of the rigid sensor at turns of its lens, or why there is none."""
+    """Return the contrast of the rigid sensor at turns of its lens, or the reason why there is none."""
     if sensor.is_drawn:
-        return None, "the body is drawn: its lens is part of it and does not turn by itself"
+        return None, "the body is drawn: its lens is part of it and cannot turn separately"
     rigid = replace(sensor, design=rigid_design(sensor.design))
     try:
         return rigid.power(turns_deg).contrast, None
@@ -280,7 +282,7 @@ def _rigid(sensor: Sensor, turns_deg: Sequence[float]) -> tuple[FloatArray | Non
 
 
 def _planes(sensor: Sensor, response: Response) -> PlaneSpread | None:
-    """Contrast in both planes at a few values; plane stress keeps the volume."""
+    """Return the contrast in both plane models at a few values; plane stress conserves the volume."""
     design = sensor.design
     other = "stress" if design.mechanics.plane == "strain" else "strain"
     places = sorted({round(i) for i in np.linspace(0, len(response.angle_deg) - 1, FEW)})
@@ -296,7 +298,7 @@ def _planes(sensor: Sensor, response: Response) -> PlaneSpread | None:
 
 
 def _array(states: Sequence[LoadedState], what: str) -> FloatArray | None:
-    """Angle, depth, force or moment of what is driven in every state; None where it has none."""
+    """Return the angle, depth, force or moment of the driven quantity in every state; None if it has none."""
     found = [_number(state, what) for state in states]
     return None if None in found else np.array(found, dtype=float)
 
@@ -316,20 +318,25 @@ def _number(state: LoadedState, what: str) -> float | None:
 
 
 def force_of(sensor: Sensor, value: float) -> float:
-    """Force in N on the driven finger or pull of a soft body at a value of what its motion drives; 0 of a clamp."""
+    """Return the force in N on the driven finger or pull at a value of the motion; 0 for a clamp."""
     return _number(sensor.loaded.state(value), "force_N") or 0.0
 
 
 def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
-    """Warnings of the given states, each once."""
+    """Return the warnings of the given states, without duplicates."""
     found: list[Caution | str] = list(dict.fromkeys(text for state in states for text in state.deformed.warnings))
     strain = max(abs(state.deformed.strain_largest) for state in states)
-    if LARGE_STRAIN < strain <= LARGE:  # beyond it the body says so
-        found.append(look_at(f"strains reach {strain:.2f}: a modulus alone does not say how a rubber gives there"))
+    if LARGE_STRAIN < strain <= LARGE:  # above LARGE the body warns itself
+        found.append(
+            look_at(
+                f"strains reach {strain:.2f}: a modulus alone does not determine the "
+                "deformation of a rubber at such strains"
+            )
+        )
     off_mm = max(state.displaced.off_mm for state in states)
     if off_mm > OFF_MM:
-        limit = "a wall of the light may lie that far from the finite elements between their nodes"
-        found.append(look_at(f"{limit}: {off_mm:.1g} mm; set a smaller mechanics.mesh_mm"))
+        limit = "the largest distance of an optical wall from the finite elements between their nodes"
+        found.append(look_at(f"{limit} is {off_mm:.1g} mm; set a smaller mechanics.mesh_mm"))
     notches = [one for state in states for one in state.displaced.closed if one.overlap_mm > SLIGHT_MM]
     return [*found, *([_of_notch(max(notches, key=lambda notch: notch.overlap_mm))] if notches else [])]
 
@@ -337,7 +344,7 @@ def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
 def _of_notch(notch: Closed) -> Caution:
     where = f"{' and '.join(notch.faces)} close their notch to {place_text(notch.at_mm)}, over {notch.length_mm:.2g} mm"
     deep = f"would lie {1e3 * notch.overlap_mm:.2g} µm in each other"
-    return look_at(f"{where}, and {deep}: light meets them as one piece, and what they exert on each other is left out")
+    return look_at(f"{where}, and {deep}: for light they are one piece, and their contact force is neglected")
 
 
 def _of_planes(sensor: Sensor, planes: PlaneSpread | None) -> list[Caution]:
@@ -345,7 +352,8 @@ def _of_planes(sensor: Sensor, planes: PlaneSpread | None) -> list[Caution]:
         return []
     return [
         look_at(
-            f"plane strain and plane stress differ by up to {planes.apart:.2f} in the contrast: a part of "
-            f"{sensor.design.body.thickness_mm:g} mm lies in between; only a model in three dimensions could say where"
+            f"plane strain and plane stress differ by up to {planes.apart:.2f} in the contrast: "
+            f"a part of {sensor.design.body.thickness_mm:g} mm is between the two, and only a three-dimensional "
+            "model could give its response"
         )
     ]

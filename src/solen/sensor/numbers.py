@@ -23,25 +23,25 @@ OF_A_LENS_IN_SPACE = ("emitter.y_mm", "lens.y_focus_mm")
 """Further numbers that affect light through a lens for space."""
 
 MATCHED = (
-    "a medium of the same index touches a wall: no derivative exists there, as light is reflected for either sign "
-    "of the change"
+    "a medium of the same index touches a wall: no derivative exists there, since light is reflected "
+    "for either sign of the change"
 )
-LAYERS = "the number of layers is whole, so their borders jump: compare two designs with --set"
+LAYERS = "the number of layers is an integer, so their borders jump: compare two designs with --set"
 OF_THE_MATERIAL = ("material.index", "material.absorption_per_mm")
 USUAL = {"material.index": 0.01, "material.absorption_per_mm": 0.005}
-"""Tolerances where the resin states no uncertainty: a reflectance good to 0.001 gives the index to 0.008."""
+"""Tolerances for a resin without a stated uncertainty: a reflectance known to 0.001 gives the index to 0.008."""
 DRAWN_MM, DRAWN_DEG = 0.05, 0.5
-"""How well a length and a direction of a network are printed."""
+"""Tolerance of a printed length and of a direction of a network."""
 PLACED_MM = 0.5
-"""How well a place of a hold or a finger on a soft body is known."""
+"""Tolerance of the position of a hold or a finger on a soft body."""
 MODULUS_SHARE = 0.1
-"""How well the modulus of a soft body is known, as a share of it."""
+"""Tolerance of the modulus of a soft body, as a fraction of it."""
 OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
 """Numbers of the emitter that a part may supply."""
 
 
 def number(sensor: "Sensor", key: str) -> float:
-    """Value of a number of the design; `SpecError` if it is not a real number stated in the design."""
+    """Return a number of the design; raise `SpecError` if it is not a real number stated in the design."""
     value = value_at(sensor.design, key)
     table, _, name = key.partition(".")
     if table == "emitter" and name in OF_THE_LIGHT:
@@ -49,7 +49,7 @@ def number(sensor: "Sensor", key: str) -> float:
     if value is None and key == "body.arm_angle_deg":
         value = arm_angle_deg(sensor.design)
     if key == "material.absorption_per_mm" or (key == "material.index" and value is None):
-        value = getattr(sensor.material, name)  # the design's own absorption where stated, else the resin's
+        value = getattr(sensor.material, name)  # the design's stated absorption, otherwise the resin's
     if isinstance(value, bool | int) or not isinstance(value, float):
         raise SpecError(
             key, value=value, limit="must be a real number stated in the design", remedy="set it in the design"
@@ -58,7 +58,7 @@ def number(sensor: "Sensor", key: str) -> float:
 
 
 def tolerance_of(sensor: "Sensor", key: str) -> tuple[float, bool]:
-    """Tolerance of a number, and whether it is a standard uncertainty; default: one per cent of the number."""
+    """Return the tolerance of a number, and whether it is a standard uncertainty; default: one per cent."""
     stated = sensor.design.tolerance.of(key)
     u = {
         "material.index": sensor.material.u_index,
@@ -75,7 +75,7 @@ def tolerance_of(sensor: "Sensor", key: str) -> tuple[float, bool]:
 
 
 def inert(sensor: "Sensor", key: str) -> str:
-    """Reason why a number of the design has no independent effect on the light; empty if it has one."""
+    """Return why a number of the design has no independent effect on the light; empty if it has one."""
     design = sensor.design
     resin = design.material.resin is not None
     flat, in_plane = design.trace.dimension == "2d", "has no effect in the plane"
@@ -103,7 +103,7 @@ def inert(sensor: "Sensor", key: str) -> str:
         ),
         "emitter.width_mm": (sensor.light.width_mm == 0.0, "the emitter is a point"),
         "emitter.height_mm": (flat or sensor.light.height_mm == 0.0, in_plane if flat else "the emitter is a line"),
-        "body.thickness_mm": (flat and not sensor.is_loaded, in_plane),  # a force spreads over it
+        "body.thickness_mm": (flat and not sensor.is_loaded, in_plane),  # a force is distributed over it
         "material.index": (
             resin or _is_matched(sensor),
             "follows from the resin and the wavelength" if resin else MATCHED,
@@ -121,7 +121,7 @@ def inert(sensor: "Sensor", key: str) -> str:
 
 
 def _without_effect_on(design: Design, key: str) -> str:
-    """Reason why a number has none on a network: another kind of body has it, or all parts state their own."""
+    """Return why a number has no effect on a network: another kind of body has it, or all parts state it."""
     table, _, name = key.partition(".")
     if table == "body" and name != "thickness_mm":
         return "the body is a network"
@@ -135,13 +135,13 @@ def _without_effect_on(design: Design, key: str) -> str:
 
 
 def _is_matched(sensor: "Sensor") -> bool:
-    """Whether a medium of the body's own index touches a bare wall; behind a film the dependence is smooth."""
+    """Return whether a medium of the body's own index touches a bare wall; behind a film the dependence is smooth."""
     bare = [wall for wall in sensor.design.wall if wall.gap_um is None and not wall.coating]
     return any(wall.index == sensor.material.index for wall in bare)
 
 
 def usual_keys(sensor: "Sensor") -> tuple[str, ...]:
-    """Numbers that a sensor's light depends on, inert ones included."""
+    """Return the numbers on which a sensor's light depends, inert ones included."""
     if sensor.is_network:
         return (*OPTICAL_KEYS, *_of_network(sensor.design.network))
     knots = (f"lens.knots_um[{place}]" for place in range(len(sensor.design.lens.knots_um or ())))
@@ -150,7 +150,7 @@ def usual_keys(sensor: "Sensor") -> tuple[str, ...]:
 
 
 def _of_network(network: Network) -> Iterator[str]:
-    """Widths, lengths and directions of guides, and what lenses and emitters state of their own."""
+    """Yield widths, lengths and directions of guides, and the numbers that lenses and emitters state themselves."""
     for number, guide in enumerate(network.guides):
         key = f"network.guides[{number}]"
         yield f"{key}.width_mm" if isinstance(guide.width_mm, float) else f"{key}.width_mm[0]"
@@ -162,7 +162,7 @@ def _of_network(network: Network) -> Iterator[str]:
 
 
 def _of_loads(sensor: "Sensor") -> Iterator[str]:
-    """Where a soft body is held and pressed, as far as the design states it, and its modulus."""
+    """Yield the stated positions of holds and fingers of a soft body, and its modulus."""
     for table in ("hold", "press", "pull"):
         for number, row in enumerate(getattr(sensor.design, table)):
             stated = [key for key in ("from_mm", "to_mm", "at_mm", "radius_mm") if getattr(row, key, None)]

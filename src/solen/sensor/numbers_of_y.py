@@ -1,4 +1,4 @@
-"""Sensors as the numbers that `solen.trace.batch` makes their tables of, and why some have none."""
+"""Sensors as the numbers from which `solen.trace.batch` computes its tables, and why some cannot be converted."""
 
 import math
 from collections.abc import Sequence
@@ -25,17 +25,17 @@ NAN = math.nan
 
 
 def why_not_batched(sensor: Sensor) -> str | None:
-    """Reason why a sensor is traced scene by scene alone; None where the batch knows it."""
+    """Return why a sensor can only be traced scene by scene; None if the batch supports it."""
     design, light = sensor.design, sensor.light
     reasons = (
-        (design.body.kind != "y", "the batch knows the Y alone"),
-        (isinstance(sensor.cut, LensInSpace), "its lens is no cylinder"),
-        (not isinstance(sensor.cut, (FlatFace, OvalLens)) and not _is_spline(sensor), "its lens is no spline"),
+        (design.body.kind != "y", "the batch supports the Y only"),
+        (isinstance(sensor.cut, LensInSpace), "its lens is not a cylinder"),
+        (not isinstance(sensor.cut, (FlatFace, OvalLens)) and not _is_spline(sensor), "its lens is not a spline"),
         (design.motion.kind == "bend", "its stem bends"),
         (design.motion.kind == "loaded", "a load deforms its body"),
         (design.motion.join == "smooth", "its lens joins the stem smoothly"),
         (bool(design.wall), "it has wall tables"),
-        (design.ambient.power > 0.0 or design.ambient.irradiance_per_mm > 0.0, "it stands in ambient light"),
+        (design.ambient.power > 0.0 or design.ambient.irradiance_per_mm > 0.0, "it has ambient light"),
         (light.ray_file is not None, "its light is a file of rays"),
         (len(light.spectrum) > 1 and isinstance(sensor.material.dispersion, Dispersion), "its index disperses"),
     )
@@ -47,12 +47,12 @@ def _is_spline(sensor: Sensor) -> bool:
 
 
 def numbers_of(sensors: Sequence[Sensor]) -> batch.Sensors:
-    """Numbers of sensors that are all traced in the plane, or all in space.
+    """Return the numbers of sensors that are all traced in the plane, or all in space.
 
     Raises
     ------
     DesignError
-        Where `why_not_batched` has a reason, or some are of the plane and some of space.
+        If `why_not_batched` gives a reason, or some are traced in the plane and some in space.
     """
     bodies, lights, pieces, before, patterns = [], [], [np.zeros((0, 12))], [np.zeros(0, np.int64)], []
     first_piece, first_row = 0, 0
@@ -69,7 +69,9 @@ def numbers_of(sensors: Sequence[Sensor]) -> batch.Sensors:
         patterns.append(table)
     thickness = [_thickness(sensor) for sensor in sensors]
     if len({value > 0.0 for value in thickness}) > 1:
-        raise DesignError("trace.dimension", value="2d and extruded", limit="must be the same for all of a batch")
+        raise DesignError(
+            "trace.dimension", value="2d and extruded", limit="must be the same for all sensors of a batch"
+        )
     return batch.Sensors(
         np.array(bodies),
         np.array(lights),
@@ -121,7 +123,7 @@ def _body(sensor: Sensor, first: int, many: int) -> tuple[float, ...]:
 
 
 def _pieces_of(sensor: Sensor) -> tuple[FloatArray, IntArray]:
-    """Rows of the lens's cubics in its own frame, and which each continues."""
+    """Return the rows of the lens's cubics in its own frame, and the row that each continues."""
     if isinstance(sensor.lens, (FlatFace, OvalLens)):
         return np.zeros((0, 12)), np.zeros(0, np.int64)
     lens = Interface("lens", sensor.lens.front, "body", "air")
@@ -157,5 +159,5 @@ def _pattern(light: Light) -> Pattern:
 
 @lru_cache(maxsize=256)
 def _whole(pattern: Pattern, half: float, flat: bool) -> float:
-    """Integral of the intensity over angles in the plane, or over directions in space."""
+    """Return the integral of the intensity over angles in the plane, or over directions in space."""
     return pattern.plane_angle(half) if flat else pattern.space_integral_sr(half)

@@ -1,7 +1,7 @@
-"""A sensor at an angle as it is drawn in its plane: outline, emitter, rays, and handles by which it is taken.
+"""A sensor at an angle, drawn in its plane: outline, emitter, rays, and handles for dragging.
 
-Whatever the design's rays, those drawn are rays of the plane: they show where light goes, and no power is read from
-them. `dragged` says which numbers of the design change where a handle is dragged.
+The drawn rays are always rays in the plane: they show the path of the light and are not used for powers. `dragged`
+gives the numbers of the design that change if a handle is dragged.
 
 The interface: `in_plane`, `picture` and `dragged`.
 """
@@ -23,9 +23,9 @@ from solen.trace.result import DETECTED, FATES, GOES_ON, TRUNCATED
 
 RAYS, MOST_RAYS = 200, 5000
 WEAKEST = 0.01
-"""Share of its ray's power below which a branch is not drawn."""
+"""Fraction of its ray's power below which a branch is not drawn."""
 FLAT_MM = 2e-3
-"""Distance by which drawn outlines may leave the exact ones."""
+"""Largest distance of drawn outlines from the exact ones."""
 
 
 class Picture(Result):
@@ -34,17 +34,17 @@ class Picture(Result):
     Attributes
     ----------
     angle_deg
-        Angle, or whatever else the motion drives.
+        Angle, or other value driven by the motion.
     faces
         Name of each face, and its number of points.
     outline
-        (N, 2) points x, z in mm of all faces, one after the other.
+        (N, 2) points x, z in mm of all faces in order.
     emitter
-        (2, 2) ends of the chip; the same twice for a point.
+        (2, 2) ends of the chip, which are equal for a point.
     ends
-        What rays end at: names of receivers, then ``escaped``, ``absorbed`` and ``truncated``.
+        Ends of rays: names of receivers, then ``escaped``, ``absorbed`` and ``truncated``.
     rays
-        (M, 6) stretches: start x, z, end x, z in mm, power at the start relative to a ray's launched one, and place in
+        (M, 6) segments: start x, z, end x, z in mm, power at the start relative to a ray's launched power, and index in
         ``ends``.
     handles
         Points that can be dragged.
@@ -60,7 +60,7 @@ class Picture(Result):
 
 
 def in_plane(sensor: Sensor) -> Sensor:
-    """The sensor with its rays in the plane; a lens that is no cylinder is the oval there."""
+    """Return the sensor with its rays in the plane; a lens that is not a cylinder is replaced by the oval."""
     if sensor.design.trace.dimension == "2d":
         return sensor
     oval = OF_SHAPES | {"lens.shape": "cartesian-oval"} if sensor.is_sampled else {}
@@ -76,9 +76,9 @@ def picture(sensor: Sensor, angle_deg: float = 0.0, rays: int = RAYS, *, split: 
     sensor
         A sensor; see `in_plane`.
     angle_deg
-        Angle, or whatever else the motion drives.
+        Angle, or other value driven by the motion.
     rays
-        Rays that start at the emitter.
+        Number of rays that start at the emitter.
     split
         Follow both branches at each face, down to a hundredth of the power, rather than whole rays.
 
@@ -106,7 +106,7 @@ def picture(sensor: Sensor, angle_deg: float = 0.0, rays: int = RAYS, *, split: 
 
 
 def dragged(sensor: Sensor, handle: str, to: Point, angle_deg: float = 0.0) -> tuple[float, dict[str, Any]]:
-    """Angle, and values of the design by dotted keys, that bring a handle to a point.
+    """Return the angle, and values of the design by dotted keys, that move a handle to a point.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def _chip(body: Body, width_mm: float) -> FloatArray:
 
 
 def _stretches(found: Trace, receiver: list[int], receivers: int, rays: int) -> FloatArray:
-    """Stretches of a trace, each with what its branch ends at; those that escape have the length 1 mm."""
+    """Return the segments of a trace, each with the end of its branch; escaping segments have a length of 1 mm."""
     legs = found.legs
     if legs is None or len(legs) == 0:
         return np.zeros((0, 6))

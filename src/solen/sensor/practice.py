@@ -1,11 +1,11 @@
-"""A sensor as built: with an LED of finite size that emits into space, and numbers off by their tolerances.
+"""A sensor as built: with an LED of finite size that emits into space, and numbers that deviate by their tolerances.
 
-The idea: three descriptions of one sensor. As in the paper: a point in the plane. As the design states it.
-And as built: with the design's chip (one of `CHIP_MM` in place of a point), in space, Lambertian in place of a fan.
-Effects are computed for the sensor as built (`solen.sensor.effects`). What does not apply to a design, or cannot
-be built, is omitted; `Practice.skipped` gives the reasons.
+The idea: one sensor is described in three ways. As in the paper: a point in the plane. As the design states it. And as
+built: with the design's chip (or one of `CHIP_MM` in place of a point), in space, Lambertian in place of a fan. Effects
+are computed for the sensor as built (`solen.sensor.effects`). Parts that do not apply to a design, or cannot be built,
+are omitted; `Practice.skipped` gives the reasons.
 
-The interface: `practice` of a sensor and its response, which returns a `Practice`.
+The interface: `practice` of a sensor and its response returns a `Practice`.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,9 +28,9 @@ from solen.trace import Slope
 CHIP_MM = 0.2
 """Width and height of a small LED chip, used if the design states none."""
 MOST_ANGLES = 13
-"""Angles at most at which a sensor is traced that differs from the design."""
+"""Largest number of angles for tracing a sensor that differs from the design."""
 PAPER_TOLERANCE = 1e-5
-"""To what the response as in the paper is integrated."""
+"""Tolerance of the integrated response as in the paper."""
 MOVED = 0.05
 """Change of the contrast above which the uncertainty of the index raises a warning: a fortieth of its range."""
 UNSTATED = ("part", "spectrum", "fwhm_nm", "pattern_table", "pattern_file", "ray_file")
@@ -68,7 +68,7 @@ class Built(Result):
     pattern, pattern_replaced
         Its pattern, and whether that replaces the design's fan, which has no light out of the plane.
     cone_deg, thickness_mm
-        Of the emitter and of the body.
+        Cone of the emitter and thickness of the body.
     is_design
         Whether it is the design itself.
     response
@@ -105,7 +105,7 @@ class Practice(Result):
     lenses
         The design with other lenses.
     skipped
-        Reasons.
+        Reasons for missing parts.
     """
 
     paper: Response | None
@@ -116,7 +116,7 @@ class Practice(Result):
     skipped: dict[str, str]
 
     def effect(self, key: str) -> Effect | None:
-        """Effect of a number by its key."""
+        """Return the effect of a number by its key."""
         return next((effect for effect in self.effects if effect.key == key), None)
 
     @reported
@@ -125,23 +125,23 @@ class Practice(Result):
         return (*self._of_the_index(), *self._of_holds())
 
     def _of_holds(self) -> tuple[str, ...]:
-        """Warning where it matters how a soft body is held."""
+        """Return a warning if the holding of a soft body matters."""
         found = [effect for effect in self.effects if effect.key == HOLD]
         most = max(found, key=lambda effect: effect.largest, default=None)
         for key, why in self.skipped.items():
             if key.startswith(HOLD) and "not installed" in why:
-                return (f"how a soft body is held, which may matter most, is left out: {why}",)
+                return (f"the holding of a soft body, which may matter most, was not compared: {why}",)
         if most is None or most.largest < MOVED:
             return ()
         place = int(np.nanargmax(np.abs(most.contrast)))
         return (
-            f"the body counts as rigid: a soft one held by {HOLDS[str(most.value)]} moves the contrast by "
-            f"{most.contrast[place]:+.2g} at {most.angle_deg[place]:+.3g}°; state what holds it by "
+            f"the body counts as rigid: for a soft one held by {HOLDS[str(most.value)]}, the contrast "
+            f"differs by {most.contrast[place]:+.2g} at {most.angle_deg[place]:+.3g}°; state its holds with "
             'motion.kind = "loaded"',
         )
 
     def _of_the_index(self) -> tuple[str, ...]:
-        """Warning where the index is known too badly."""
+        """Return a warning if the index is not known well enough."""
         index = self.effect("material.index")
         if index is None or not index.by_uncertainty or index.largest < MOVED:
             return ()
@@ -168,7 +168,7 @@ def practice(
     own
         Its response in power.
     progress
-        Called with the completed share, up to 1.
+        Function called with the completed fraction, up to 1.
     slope
         Slope of its contrast at the null, if known.
     """
@@ -201,7 +201,7 @@ def practice(
 
 
 def extent_of(sensor: Sensor) -> Extent:
-    """Size of the emitter as built."""
+    """Return the size of the emitter as built."""
     light = sensor.light
     if light.ray_file is not None:
         return Extent(0.0, 0.0, "file")
@@ -214,7 +214,7 @@ def extent_of(sensor: Sensor) -> Extent:
 def _as_in_paper(sensor: Sensor, own: Response) -> Response:
     light = sensor.light
     values = PAPER | {"emitter.wavelength_nm": light.wavelength_nm}
-    if sensor.design.lens.in_space:  # in the plane it is the oval
+    if sensor.design.lens.in_space:  # it would be the oval in the plane
         values |= OF_SHAPES | {"lens.shape": "cartesian-oval"}
     paper = _with(sensor, values)
     if paper.light == light and sensor.scene().extrusion is None:
@@ -224,7 +224,7 @@ def _as_in_paper(sensor: Sensor, own: Response) -> Response:
 
 
 def as_built(sensor: Sensor) -> Sensor:
-    """The sensor with its LED in space: a chip that emits into space in place of a point or a fan."""
+    """Return the sensor with its LED in space: a chip that emits into space in place of a point or a fan."""
     changes: dict[str, Any] = DARK | {"trace.dimension": "extruded"}
     extent, light = extent_of(sensor), sensor.light
     if extent.kind != "file":
@@ -256,18 +256,18 @@ def _built(sensor: Sensor, real: Sensor, own: Response, known: Slope | None) -> 
 
 
 def _with(sensor: Sensor, values: dict[str, Any]) -> Sensor:
-    """The sensor with some values set; lens and material are unchanged."""
+    """Return the sensor with some values set; lens and material are unchanged."""
     return replace(sensor, design=with_values(sensor.design, values))
 
 
 def spread(angles: Sequence[float], most: int) -> list[float]:
-    """At most the given number of angles, evenly spaced, both ends included."""
+    """Return at most the given number of angles, evenly spaced, with both ends."""
     places = np.unique(np.round(np.linspace(0, len(angles) - 1, min(len(angles), most))).astype(int))
     return [angles[i] for i in places.tolist()]
 
 
 def slope_per_deg(response: Response, null_deg: float) -> float:
-    """Slope of the contrast between the neighbouring angles of a null."""
+    """Return the slope of the contrast between the neighbouring angles of a null."""
     angle, value = response.angle_deg, response.contrast
     high = int(np.clip(np.searchsorted(angle, null_deg), 1, len(angle) - 1))
     low = high - 1 if angle[high] > null_deg or high == len(angle) - 1 else high

@@ -1,9 +1,9 @@
-"""The response lost by printing: contrast, slope and light compared with the designed lens.
+"""Loss of response due to printing: contrast, slope and light compared with the designed lens.
 
-Both are traced in power with the same fan of rays, so that only the lens differs. A point emitter shows every ripple
-of a lens, which no real emitter does: a small chip is compared as well.
+Both lenses are traced in power with the same fan of rays, so that only the lens differs. A point emitter shows every
+ripple of a lens, unlike a real emitter: a small chip is therefore also compared.
 
-The interface: `print_loss` of a sensor and a profile, which returns a `PrintLoss`.
+The interface: `print_loss` of a sensor and a profile returns a `PrintLoss`.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from solen.spec import with_values
 RAYS = 2**14
 MOST_ANGLES = 13
 SLOPE_DEG = 0.1
-"""Angle to either side of 0 over which the slope about the null is taken."""
+"""Angle to either side of 0 for the slope about the null."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +56,12 @@ class EmitterLoss:
 
     @reported
     def slope_lost_percent(self) -> float | None:
-        """Share of the slope that is lost; negative if it is steeper."""
+        """Percentage of the slope that is lost; negative if it is steeper."""
         return _lost_percent(self.slope_designed_per_deg, self.slope_printed_per_deg)
 
     @reported
     def light_lost_percent(self) -> float | None:
-        """Share of the light that is lost, summed over all angles."""
+        """Percentage of the light that is lost, summed over all angles."""
         return _lost_percent(float(sum(self.light_designed)), float(sum(self.light_printed)))
 
     @reported
@@ -86,7 +86,7 @@ class EmitterLoss:
 
 @dataclass(frozen=True, eq=False)
 class PrintLoss:
-    """Responses with the design's own emitter, and with a chip of `CHIP_MM` if that is a point."""
+    """Responses with the design's own emitter and, if that is a point, with a chip of `CHIP_MM`."""
 
     own: EmitterLoss
     chip: EmitterLoss | None
@@ -94,17 +94,17 @@ class PrintLoss:
 
     @property
     def real(self) -> EmitterLoss:
-        """Responses of an emitter with a width: the chip, or the design's own."""
+        """Responses of an emitter of finite width: the chip, or the design's own."""
         return self.chip or self.own
 
 
 def print_loss(sensor: Sensor, profile: MeasuredProfile, progress: Progress | None = None) -> PrintLoss:
-    """Compare the response of a sensor with its designed lens and with a printed profile in its place.
+    """Compare the response of a sensor with its designed lens to that with a printed profile in its place.
 
     Raises
     ------
     DesignError
-        If the lens is not a designed one of a Y, or a body cannot be built.
+        If the lens is not the designed lens of a Y, or a body cannot be built.
     """
     sensor.check_pair()
     own = _compared(sensor, profile)
@@ -118,7 +118,7 @@ def print_loss(sensor: Sensor, profile: MeasuredProfile, progress: Progress | No
 def _compared(sensor: Sensor, profile: MeasuredProfile) -> EmitterLoss:
     if not isinstance(sensor.cut, DesignedLens):
         limit = "only a designed lens of a Y can be replaced by a printed profile"
-        raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="leave the response out")
+        raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="omit the response")
     printed = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, profile))
     angles = spread(sensor.design.motion.angles_deg(), MOST_ANGLES)
     before, after = (one.power_of_rays(angles, RAYS) for one in (sensor, printed))

@@ -1,6 +1,6 @@
 """Readings of a sensor's receivers over its motion: traced power with directionality, and voltages.
 
-`received` gives the share of the light that receivers convert to current (see `solen.sensor.acceptance`);
+`received` returns the fraction of the light that receivers convert to current (see `solen.sensor.acceptance`);
 `readings` converts it to voltages.
 """
 
@@ -22,11 +22,13 @@ from solen.sensor.unused_keys import keys_without_effect
 from solen.spec import Design
 
 ANGLE_RAYS, ANGLE_RAYS_IN_SPACE = 2**12, 2**15
-"""Rays that sample the angles of arrival: a directional part's share is then good to about 0.2 %."""
+"""Numbers of rays that sample the angles of arrival, for an accuracy of about 0.2 % in a directional part's
+fraction.
+"""
 
 
 def received(sensor: Sensor, response: Response) -> FloatArray:
-    """Shares (A, 2) of the emitted power that the right and the left receiver of a response convert to current."""
+    """Return fractions (A, 2) of the emitted power that the right and the left receiver convert to current."""
     acceptance = Acceptance.of(sensor)
     power = np.maximum(np.column_stack([response.right, response.left]), 0.0)
     if acceptance.is_flat:
@@ -36,13 +38,13 @@ def received(sensor: Sensor, response: Response) -> FloatArray:
 
 
 def angle_rays(sensor: Sensor) -> int:
-    """Rays by which a directional part's share is sampled."""
+    """Return the number of rays that sample a directional part's fraction."""
     return ANGLE_RAYS if sensor.design.trace.dimension == "2d" else ANGLE_RAYS_IN_SPACE
 
 
 @dataclass(frozen=True)
 class PartUsed:
-    """A part of a circuit, its document, and which of its numbers are estimates."""
+    """A part of a circuit, its document, and its numbers that are estimates."""
 
     name: str
     kind: str
@@ -80,7 +82,7 @@ class DesignReadings(Readings, kw_only=True):
 
 
 def design_readings(sensor: Sensor, progress: Progress | None = None) -> DesignReadings:
-    """Readings of a sensor, with the parts of its circuit, warnings and sources."""
+    """Return the readings of a sensor, with the parts of its circuit, warnings and sources."""
     design, found = sensor.design, readings(sensor, progress)
     in_space, dark_V = design.trace.dimension == "extruded", float(found.off_V.max())
     reasons = cautions(found.circuit, found.advice, sensor.light.wavelength_nm, dark_V, in_space=in_space)
@@ -96,7 +98,7 @@ def design_readings(sensor: Sensor, progress: Progress | None = None) -> DesignR
 
 
 def parts_used(*lit: Design) -> tuple[PartUsed, ...]:
-    """Parts of the circuit of designs that differ in their emitter."""
+    """Return the parts of the circuits of designs that differ in their emitter."""
     design = lit[0]
     parts: tuple[Part, ...] = (
         named_part(design, "part", ReceiverPart),
@@ -108,7 +110,7 @@ def parts_used(*lit: Design) -> tuple[PartUsed, ...]:
 
 
 def readings(sensor: Sensor, progress: Progress | None = None) -> Readings:
-    """Readings of a sensor at the angles of its motion, traced in power.
+    """Return the readings of a sensor at the angles of its motion, traced in power.
 
     Raises
     ------
@@ -121,7 +123,7 @@ def readings(sensor: Sensor, progress: Progress | None = None) -> Readings:
 
 
 def readings_from(sensor: Sensor, response: Response) -> Readings:
-    """Readings of a sensor at the angles of a response; raises as `readings` does."""
+    """Return the readings of a sensor at the angles of a response; raises the errors of `readings`."""
     sensor.check_pair()
     design = sensor.design
     areas = face_areas_mm2(design, sensor.body())

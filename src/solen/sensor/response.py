@@ -19,7 +19,7 @@ Reading = tuple[Trace, float]
 
 @dataclass(frozen=True)
 class Shift:
-    """Largest change of the contrast over the angles, the angle where it is, and its uncertainty there."""
+    """Largest change of the contrast over the angles, its angle, and its uncertainty there."""
 
     contrast: float
     angle_deg: float
@@ -52,7 +52,7 @@ class Response(Result):
 
     @classmethod
     def of(cls, mode: Mode, angles_deg: Sequence[float], readings: Sequence[Reading]) -> "Response":
-        """Response from the reading at each angle."""
+        """Create a response from the reading at each angle."""
         light = [powers(trace) for trace, _ in readings]
         return cls(
             mode=mode,
@@ -65,17 +65,17 @@ class Response(Result):
 
     @reported
     def contrast(self) -> FloatArray:
-        """(R − L)/(R + L), NaN where no light arrives."""
+        """Contrast (R − L)/(R + L); NaN without light."""
         return _share(self.right - self.left, self.right + self.left)
 
     @reported
     def u_contrast(self) -> FloatArray:
-        """Uncertainty of the contrast, from that of both powers; NaN where no light arrives."""
+        """Uncertainty of the contrast, from that of both powers; NaN without light."""
         return _share(2.0 * self.u_power, self.right + self.left)
 
     @reported
     def rays(self) -> IntArray:
-        """Rays traced at each angle."""
+        """Number of rays traced at each angle."""
         return np.array([trace.rays for trace in self.traces])
 
     @reported
@@ -85,16 +85,16 @@ class Response(Result):
 
     @property
     def received_share(self) -> float:
-        """Power at both receivers, mean over the angles."""
+        """Mean power at both receivers over the angles."""
         return float((self.right + self.left).mean())
 
     def contrast_at(self, angle_deg: float) -> float | None:
-        """Contrast at the angle nearest to ``angle_deg``; None if no light arrives."""
+        """Return the contrast at the angle nearest to ``angle_deg``; None if no light arrives."""
         value = float(self.contrast[self.at(angle_deg)])
         return value if math.isfinite(value) else None
 
     def part(self, places: Sequence[int]) -> "Response":
-        """The same at some of the angles, by index."""
+        """Return the response at some of the angles, by index."""
         chosen = list(places)
         arrays = (self.angle_deg[chosen], self.right[chosen], self.left[chosen], self.u_power[chosen])
         return Response(self.mode, *arrays, tuple(self.traces[i] for i in chosen if self.traces))
@@ -112,20 +112,20 @@ class Response(Result):
         return both.part(np.argsort(both.angle_deg, kind="stable").tolist())
 
     def at(self, angle_deg: float) -> int:
-        """Index of the angle nearest to ``angle_deg``."""
+        """Return the index of the angle nearest to ``angle_deg``."""
         return int(np.argmin(np.abs(self.angle_deg - angle_deg)))
 
     def null_deg(self) -> float | None:
         """Angle of equal power nearest to 0, interpolated linearly between angles; None if there is none."""
         u_contrast = _share(2.0 * np.nan_to_num(self.u_power), self.right + self.left)
-        zero = (np.abs(self.contrast) <= u_contrast) & (u_contrast < 0.1)  # in the dark every angle would be one
+        zero = (np.abs(self.contrast) <= u_contrast) & (u_contrast < 0.1)  # without light every angle would be a zero
         nulls = [*self.angle_deg[zero].tolist(), *self._crossings_deg(0.0)]
         return min(nulls, key=abs, default=None)
 
     def saturation_deg(self) -> float | None:
         """Smallest distance from the null at which the contrast reaches `SATURATED`, interpolated linearly.
 
-        None if it never does, or without a null.
+        None without a null, or if the contrast stays below.
         """
         null = self.null_deg()
         if null is None:
@@ -135,7 +135,7 @@ class Response(Result):
         return min((abs(angle_deg - null) for angle_deg in reached), default=None)
 
     def _crossings_deg(self, level: float) -> list[float]:
-        """Angles, between neighbouring ones, at which the contrast crosses a level."""
+        """Return the angles, interpolated between neighbours, at which the contrast crosses a level."""
         above = self.contrast - level
         first = np.flatnonzero(above[:-1] * above[1:] < 0.0)
         share = above[first] / (above[first] - above[first + 1])
@@ -161,7 +161,7 @@ class Sensitivity:
 
     @reported
     def effect(self) -> float:
-        """Absolute change of the contrast for a number off by its tolerance; 0 if unknown."""
+        """Absolute change of the contrast if the number deviates by its tolerance; 0 if unknown."""
         effect = abs(self.contrast.value) * self.tolerance
         return effect if math.isfinite(effect) else 0.0
 
@@ -172,18 +172,18 @@ class Sensitivity:
 
 
 def _share(part: FloatArray, whole: FloatArray) -> FloatArray:
-    """Quotients; NaN for a denominator of 0."""
+    """Return quotients; NaN for a denominator of 0."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.asarray(np.where(whole > 0.0, part / whole, np.nan))
 
 
 def powers(trace: Trace) -> dict[str, float]:
-    """Emitter power by receiver: that of the first source, as ambient light is measured separately and subtracted."""
+    """Return the first source's power by receiver, since ambient light is measured and subtracted."""
     return {name: (*reading.power_by_source, reading.power)[0] for name, reading in trace.detectors.items()}
 
 
 def contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:
-    """Derivative of (R − L)/(R + L) from those of R and L; NaN without light."""
+    """Return the derivative of (R − L)/(R + L) from those of R and L; NaN without light."""
     found = powers(base)
     total = found["right"] + found["left"]
     if not total > 0.0:
@@ -195,7 +195,7 @@ def contrast_slope(base: Trace, right: Slope, left: Slope) -> Slope:
 
 
 def shift(response: Response, other: Response) -> Shift | None:
-    """Largest difference in contrast between two responses, over their common angles.
+    """Return the largest difference in contrast between two responses, over their common angles.
 
     None if no light arrives at any of them.
     """

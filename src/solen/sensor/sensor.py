@@ -34,15 +34,15 @@ from solen.trace.nets import by_nets
 MOST_SAMPLED = 2**19
 """Largest number of samples."""
 OF_SHAPES: dict[str, Any] = {f"lens.{key}": None for key, *_ in KEYS_OF_SHAPES}
-"""Keys that lenses of another shape do not have, as `solen.spec.with_values` takes them away."""
+"""Keys that lenses of another shape do not have, for removal with `solen.spec.with_values`."""
 RECENT_SCENES = 64
 """Number of scenes that a sensor caches."""
 BUILDING = RLock()
-"""Scenes are built one at a time, as angles are traced on several threads."""
+"""Lock to build scenes one at a time, since angles are traced on several threads."""
 
 
 class TraceKeywords(TypedDict, total=False):
-    """Options that `Sensor.trace` passes on to `solen.trace.trace`, where they are described."""
+    """Options that `Sensor.trace` passes to `solen.trace.trace`, where they are described."""
 
     sampling: Sampling
     seed: int
@@ -57,10 +57,10 @@ class TraceKeywords(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Sensor:
-    """A design with its material and lens; make it with `Sensor.of`. A drawn body and a network have no ``cut`` lens.
+    """A design with its material and lens, created with `Sensor.of`. A drawn body and a network have no ``cut`` lens.
 
-    Of a network it is that of one emitter, ``design.network.lit``, with the motions at their ``at_deg``; ``lenses`` are
-    its lenses by name where they were cut for other numbers than those of the design.
+    For a network, it is the sensor of one emitter, ``design.network.lit``, with the motions at their ``at_deg``.
+    ``lenses`` are its lenses by name if they were designed for other numbers than those of the design.
     """
 
     design: Design
@@ -70,12 +70,12 @@ class Sensor:
 
     @classmethod
     def of(cls, design: Design | Path | str) -> "Sensor":
-        """Sensor of a design or of a design file.
+        """Create the sensor of a design or of a design file.
 
         Raises
         ------
         SpecError
-            Where the file is not a valid design.
+            If the file is not a valid design.
         DesignError, DataError
             If its lens cannot be made, or its resin cannot be read.
         """
@@ -86,12 +86,12 @@ class Sensor:
         return cls(design, material, None if drawn else lens_of(design, material.index))
 
     def set(self, values: Mapping[str, Any] | None = None, /, **keys: Any) -> "Sensor":
-        """Sensor of the design with some values changed, as in `Design.set`."""
+        """Return the sensor of the design with some values changed, as in `Design.set`."""
         return Sensor.of(self.design.set(values, **keys))
 
     @property
     def lens(self) -> Lens:
-        """Lens cut for the design; `DesignError` for a drawn body, whose lens is part of the drawing."""
+        """Lens of the design; raises `DesignError` for a drawn body, whose lens is part of the drawing."""
         if self.cut is None:
             drawn = "the lens of an outline is drawn and has no formula"
             limit = "a network has several lenses, by name" if self.is_network else drawn
@@ -100,7 +100,7 @@ class Sensor:
 
     @property
     def is_drawn(self) -> bool:
-        """Whether the body is drawn as a whole, or a network: no lens stands before all of it."""
+        """Whether the body is drawn, or a network: a single lens does not precede the whole body."""
         return self.cut is None
 
     @property
@@ -115,7 +115,7 @@ class Sensor:
 
     @property
     def is_sampled(self) -> bool:
-        """Whether its lens is not a cylinder."""
+        """Whether its lens is not a cylinder, so that its light is sampled."""
         return isinstance(self.cut, LensInSpace)
 
     @property
@@ -125,7 +125,7 @@ class Sensor:
 
     @property
     def all_lenses(self) -> tuple[Lens, ...]:
-        """Its lens, or those of a network; none where the body is drawn."""
+        """Its lens, or the lenses of a network; empty if the body is drawn."""
         if self.is_network:
             return tuple((network_lenses(self.design) if self.lenses is None else self.lenses).values())
         return () if self.cut is None else (self.cut,)
@@ -138,7 +138,7 @@ class Sensor:
 
     @cached_property
     def as_designed(self) -> "Sensor":
-        """The same sensor with the designed lens, if this one is measured."""
+        """The same sensor with the designed lens, if this one has a measured lens."""
         return Sensor.of(with_values(self.design, {"lens.shape": self.design.lens.designed_shape}))
 
     @cached_property
@@ -147,9 +147,14 @@ class Sensor:
         return Sensor.of(with_values(self.design, OF_SHAPES | {"lens.shape": "none"}))
 
     def body(self, angle_deg: float | None = None) -> Body:
-        """Body with its moving parts turned by ``angle_deg``, by default at rest; `DesignError` where it cannot be.
+        """Return the body with its moving parts turned by ``angle_deg``, by default at rest.
 
-        Of a loaded design the value is that of what is driven, in deg, mm or N: here and wherever an angle is asked.
+        For a loaded design, ``angle_deg`` here and elsewhere is the value of the driven quantity, in deg, mm or N.
+
+        Raises
+        ------
+        DesignError
+            If the body is impossible at this angle.
         """
         if self.lenses is not None:
             return network_body(self.design, angle_deg or 0.0, self.lenses)
@@ -164,7 +169,7 @@ class Sensor:
 
     @cached_property
     def loaded(self) -> LoadedBody:
-        """Its soft body; `DesignError` where its motion is not one of a loaded body."""
+        """Soft body of the sensor; raises `DesignError` if its motion is not that of a loaded body."""
         if self.is_network:
             limit, remedy = (
                 "is rigid: no load deforms it",
@@ -172,14 +177,14 @@ class Sensor:
             )
             raise DesignError("body.kind", value="network", limit=limit, remedy=remedy)
         if not self.is_loaded:
-            limit, remedy = "is no load", 'set motion.kind = "loaded", with what holds and loads the body'
+            limit, remedy = "is no load", 'set motion.kind = "loaded", and state what holds and loads the body'
             raise DesignError("motion.kind", value=self.design.motion.kind, limit=limit, remedy=remedy)
         return LoadedBody.of(self.design, self.cut)
 
     def check_pair(self) -> None:
-        """`DesignError` unless there are two receivers, ``right`` and ``left``, as the contrast requires."""
+        """Raise `DesignError` unless there are two receivers, ``right`` and ``left``, as the contrast requires."""
         if self.is_network:
-            limit, remedy = "a network has other readings than right and left", "use check, trace, sensitivity or run"
+            limit, remedy = "a network has readings other than right and left", "use check, trace, sensitivity or run"
             raise DesignError("body.kind", value="network", limit=limit, remedy=remedy)
         body = self.body()
         receivers = sorted({face.whose for face in (*body.all_faces, *body.apart) if face.part == "receiver"})
@@ -192,7 +197,7 @@ class Sensor:
             )
 
     def check(self) -> None:
-        """`DesignError` where the body cannot be built at some angle of the motion."""
+        """Raise `DesignError` if the body cannot be built at some angle of the motion."""
         if self.is_loaded:
             self.loaded.states(self.design.motion.values())
             return
@@ -204,7 +209,7 @@ class Sensor:
             self.body(angle_deg)
 
     def scene(self, angle_deg: float = 0.0, rays: int | None = None) -> Scene:
-        """Scene at an angle, with ``rays`` rays in place of the design's."""
+        """Return the scene at an angle, with ``rays`` rays in place of the design's number."""
         with BUILDING:
             scene = self._scenes.get((angle_deg, rays))
             if scene is None:
@@ -217,7 +222,7 @@ class Sensor:
 
     @cached_property
     def _scenes(self) -> dict[tuple[float, int | None], Scene]:
-        """Cache of recent scenes: an angle is counted, integrated and drawn."""
+        """Cache of recent scenes, since the same angle is counted, integrated and drawn."""
         return {}
 
     def trace(
@@ -240,10 +245,10 @@ class Sensor:
         return light_of(self.design)
 
     def integrate(self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float | None = None) -> Trace:
-        """Powers at an angle, integrated over the emitter to a tolerance; see `solen.trace.integrate`.
+        """Integrate the powers at an angle over the emitter to a tolerance; see `solen.trace.integrate`.
 
         By default the tolerance is 1e-6 for a point in one colour, and 1e-4 for any other source. Light through a lens
-        that is no cylinder is integrated by randomised nets, and its uncertainty is a standard error.
+        that is not a cylinder is integrated with randomised nets, and its uncertainty is a standard error.
         """
         scene = self.scene(angle_deg)
         tolerance = usual_tolerance(scene) if tolerance is None else tolerance
@@ -252,22 +257,22 @@ class Sensor:
     def derivative(
         self, key: str, angle_deg: float = 0.0, mode: Mode = "power", *, emitter: str | None = None
     ) -> Derivative:
-        """Derivative of the powers at an angle with respect to a number of the design, by its dotted key.
+        """Return the derivative of the powers at an angle with respect to a number, given by its dotted key.
 
-        See `solen.trace.derivative`; moving edges between light paths are included. ``emitter`` names the one that
-        lights of a network with several.
+        See `solen.trace.derivative`; moving edges between light paths are included. ``emitter`` names the lit emitter
+        of a network with several.
 
         Raises
         ------
         SpecError
-            If the key is not that of a real number stated in the design, or no emitter is named of several.
+            If the key is not that of a real number stated in the design, or none of several emitters is named.
         """
         return derivative_of(self, key, angle_deg, mode, emitter)
 
     def sensitivity(
         self, keys: Sequence[str] | None = None, angle_deg: float = 0.0, progress: Progress | None = None
     ) -> tuple[Sensitivity, ...]:
-        """Derivatives of the powers and of the contrast at an angle, ranked by the effect of each number's tolerance.
+        """Return derivatives of powers and contrast at an angle, ranked by the effect of each number's tolerance.
 
         Parameters
         ----------
@@ -276,7 +281,7 @@ class Sensor:
         angle_deg
             Angle of the motion.
         progress
-            Called with the completed share, up to 1.
+            Function called with the completed fraction, up to 1.
 
         Raises
         ------
@@ -288,33 +293,33 @@ class Sensor:
         return sensitivities(self, keys, angle_deg, progress)
 
     def sampled(self, angle_deg: float = 0.0, tolerance: float = SAMPLED_TOLERANCE) -> tuple[Trace, float]:
-        """Power from more and more Sobol' samples, until all standard errors are within ``tolerance``.
+        """Return the power from more and more Sobol' samples, until all standard errors are within ``tolerance``.
 
-        For light scattered at random, and wherever `integrate` fails. Returns the last trace and the largest
-        error, above ``tolerance`` if `MOST_SAMPLED` rays do not reach it; ``reached`` is False then.
+        Used for light scattered at random, and if `integrate` fails. Returns the last trace and the largest error,
+        which is above ``tolerance`` if `MOST_SAMPLED` rays do not suffice; ``reached`` is then False.
         """
         found = by_nets(self.scene(angle_deg), tolerance, most_rays=MOST_SAMPLED)
         return found, found.u_power
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether it is, at every angle of its motion, the mirror image of itself at the opposite angle."""
+        """Whether the sensor is, at every angle of its motion, the mirror image of itself at the opposite angle."""
         motion = self.design.motion
         last_deg = max(abs(motion.from_deg), abs(motion.to_deg))
-        if self.light.ray_file is not None or self.is_loaded:  # its elements are not those of its mirror image
+        if self.light.ray_file is not None or self.is_loaded:  # its mesh is not mirror-symmetric
             return False
         return all(are_mirrored(self.body(angle), self.body(-angle)) for angle in (0.0, last_deg / 2, last_deg))
 
     def slope_per_deg(self, angle_deg: float, tolerance: float | None = None) -> Slope | None:
-        """Change of the contrast per degree at an angle, in power, with its uncertainty; None if no light arrives.
+        """Return the change of contrast per degree at an angle, in power, with uncertainty; None without light.
 
-        From two spans about the angle, one twice the other; curvature within them counts as uncertainty. The
-        tolerance is that of `integrate`.
+        It is computed from two spans about the angle, one twice the other; curvature within them counts as uncertainty.
+        The tolerance is that of `integrate`.
         """
         return slope_per_deg(self, angle_deg, tolerance)
 
     def smooth(self, response: Response, tolerance: float | None = None) -> Response:
-        """A response with angles added where its contrast bends, so that straight lines between them look smooth.
+        """Return a response with more angles where its contrast is curved, so that lines between them look smooth.
 
         The tolerance is that of `power`.
         """
@@ -326,11 +331,11 @@ class Sensor:
         return response
 
     def count(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
-        """Response by counting the design's own number of rays, as the paper does."""
+        """Return the response by counting the design's own number of rays, as in the paper."""
         return self._by_rays("count", self._angles(angles_deg), progress)
 
     def power_of_rays(self, angles_deg: Sequence[float], rays: int, sampling: Sampling = "fan") -> Response:
-        """Response in power from a fixed number of rays at each angle: the same for each lens that is compared."""
+        """Return the response in power from a fixed number of rays at each angle, equal for all lenses compared."""
         return self._by_rays("power", angles_deg, None, rays, sampling)
 
     def _by_rays(
@@ -352,10 +357,10 @@ class Sensor:
         standard_error: float | None = None,
         tolerance: float | None = None,
     ) -> Response:
-        """Response in power, integrated at every angle, or sampled if integration does not reach its tolerance.
+        """Return the response in power, integrated at every angle, or sampled if the tolerance is not reached.
 
-        The tolerance is that of `integrate`; scattered light is sampled to the standard error, by default the
-        tolerance where one is stated. For symmetric sensors one of two opposite angles is traced.
+        The tolerance is that of `integrate`. Scattered light is sampled to the standard error, which defaults to a
+        stated tolerance. For symmetric sensors one of two opposite angles is traced.
         """
         angles = self._angles(angles_deg)
 
@@ -383,7 +388,7 @@ class Sensor:
         tolerance: float | None = None,
         standard_error: float | None = None,
     ) -> Reading:
-        """Powers at an angle with their uncertainty: integrated, or sampled if that is better.
+        """Return powers at an angle with their uncertainty: integrated, or sampled if that is better.
 
         Random scatter is sampled.
         """
@@ -399,9 +404,9 @@ class Sensor:
         return sampled, u
 
     def _angles(self, angles_deg: Sequence[float] | None) -> Sequence[float]:
-        """Angles of a response; default: the design's."""
+        """Return the angles of a response; default: the design's."""
         self.check_pair()
         angles = self.design.motion.angles_deg() if angles_deg is None else angles_deg
         if self.is_loaded:
-            self.loaded.states(angles)  # all of them by one mesh
+            self.loaded.states(angles)  # all with one mesh
         return angles

@@ -26,7 +26,7 @@ FLAT_TOLERANCE = 5e-4
 
 @dataclass(frozen=True)
 class Summary:
-    """The key figures of a case, from its integrated power.
+    """Key figures of a case, from its integrated power.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class Summary:
     saturation_deg
         Distance from the null at which the contrast saturates.
     received_share
-        Power at both receivers, mean over the angles.
+        Mean power at both receivers over the angles.
     u_power
         Largest uncertainty of a power.
     ledger_error
@@ -47,9 +47,9 @@ class Summary:
     truncated
         Largest truncated power at any angle.
     undefined_rays
-        Rays that hit an inconsistent interface.
+        Number of rays that hit an inconsistent interface.
     rays_traced
-        Rays traced for the count and for the power.
+        Number of rays traced for the count and for the power.
     """
 
     from_deg: float
@@ -89,7 +89,7 @@ class Case(Result):
 
     @property
     def summary(self) -> Summary:
-        """Its key figures."""
+        """Return the key figures of the case."""
         power = self.power
         first, last = float(power.angle_deg[0]), float(power.angle_deg[-1])
         return Summary(
@@ -121,9 +121,9 @@ class DesignStudy(Result):
     design
         The design studied; in files of results, as in its TOML with defaults omitted.
     with_lens
-        None for a design without a lens.
+        Case with the lens, or None for a design without a lens.
     no_lens, no_lens_refused
-        The case without lens; if it cannot be built, None and the reason.
+        Case without a lens, or None with the reason if it cannot be built.
     practice
         The design as built and its variants, if requested.
     designed, as_printed
@@ -204,7 +204,7 @@ class DesignStudy(Result):
 
     @reported
     def summary(self) -> dict[str, Summary]:
-        """The key figures of each case."""
+        """Key figures of each case."""
         return {name: case.summary for name, case in self.cases.items()}
 
     @reported
@@ -225,8 +225,8 @@ class DesignStudy(Result):
 def study(design: Design, progress: Progress | None = None, *, practical: bool = False) -> DesignStudy:
     """Trace a design over its motion, with and without its lens, counting and in power.
 
-    All bodies of the motion are built before the first ray is traced, so that an impossible motion is rejected
-    at once. ``progress`` is called with the completed share, up to 1. ``practical`` adds the comparison of
+    All bodies of the motion are built before the first ray is traced, so that an impossible motion is rejected at once.
+    ``progress`` is called with the completed fraction, up to 1. ``practical`` adds the comparison of
     `solen.sensor.practice`, and that of a measured lens with the designed one.
     """
     if not practical:
@@ -240,7 +240,7 @@ def study(design: Design, progress: Progress | None = None, *, practical: bool =
 
 
 def _beside_design(plain: DesignStudy, progress: Progress | None) -> DesignStudy:
-    """The same with the designed lens, if the design's own is measured."""
+    """Return the case with the designed lens, if the design's own lens is measured."""
     lens = plain.with_lens
     if lens is None or not lens.sensor.is_measured:
         return plain
@@ -266,7 +266,7 @@ def _study(design: Design, progress: Progress | None) -> DesignStudy:
 
 
 def _comparison(sensor: Sensor) -> tuple[Sensor | None, str | None]:
-    """The sensor without its lens, or the reason why it cannot be built."""
+    """Return the sensor without its lens, or the reason why it cannot be built."""
     if sensor.is_drawn:
         return None, "the body is drawn, and has no version without its lens"
     try:
@@ -293,7 +293,7 @@ def _case(sensor: Sensor, progress: Progress | None, tolerance: float | None = N
 
 
 def _null(sensor: Sensor, null_deg: float, slope: Slope) -> tuple[float, float]:
-    """Null refined by a Newton step from linear interpolation, and its uncertainty."""
+    """Return the null, refined by a Newton step from linear interpolation, and its uncertainty."""
     if sensor.is_symmetric and null_deg == 0.0:
         return 0.0, 0.0
     there = sensor.power([null_deg])

@@ -11,9 +11,9 @@ from solen.sensor.response import Reading, Response
 from solen.trace.result import Detected
 
 FEW_ANGLES, MOST_ANGLES = 5, 129
-"""Least (given two ends) and most angles of a drawn curve."""
+"""Smallest (with both ends) and largest number of angles of a drawn curve."""
 BEND = 0.02
-"""Angles are added where a contrast deviates by more than this from the line between its neighbours."""
+"""Angles are added if a contrast deviates by more than this from the line between its neighbours."""
 
 FAILURES = 2
 """If integration fails at this many first angles of a sweep, it is not tried at the others."""
@@ -22,10 +22,10 @@ FAILURES = 2
 def readings_at(
     at: Callable[[float, bool], Reading], angles_deg: Sequence[float], progress: Progress | None
 ) -> dict[float, Reading]:
-    """Readings at angles, on several threads; ``at`` takes the angle and whether to integrate.
+    """Return readings at angles, computed on several threads; ``at`` accepts the angle and whether to integrate.
 
-    The first few are computed one by one; if integration fails at all of them, the others are
-    sampled one by one, each on several threads.
+    The first few are computed one by one; if integration fails at all of them, the others are sampled one by one, each
+    on several threads.
     """
     count, first, rest = len(angles_deg), angles_deg[:FAILURES], angles_deg[FAILURES:]
     readings = [at(angle, True) for angle in tracked(first, part_of(progress, 0, count, len(first)))]
@@ -38,32 +38,32 @@ def readings_at(
 
 
 def mirrored(reading: Reading) -> Reading:
-    """Readings of a symmetric sensor at the opposite angle."""
+    """Return the readings of a symmetric sensor at the opposite angle."""
     detectors = reading[0].detectors
     return _with(reading, {name: detectors[OTHER[name]] for name in detectors})
 
 
 def balanced(reading: Reading) -> Reading:
-    """Readings of a symmetric sensor at rest: equal at both receivers."""
+    """Return the readings of a symmetric sensor at rest, equal at both receivers."""
     detectors = reading[0].detectors
     return _with(reading, dict.fromkeys(detectors, _mean(detectors)))
 
 
 def _with(reading: Reading, detectors: dict[str, Detected]) -> Reading:
-    """A reading with other powers at the receivers."""
+    """Return a reading with other powers at the receivers."""
     trace, u = reading
     return replace(trace, detectors=detectors), u
 
 
 def _mean(detectors: Mapping[str, Detected]) -> Detected:
-    """Mean of two receivers."""
+    """Return the mean of two receivers."""
     right, left = (detectors[name] for name in OTHER)
     sources = zip(right.power_by_source, left.power_by_source, strict=True)
     return replace(right, power=(right.power + left.power) / 2, power_by_source=tuple((a + b) / 2 for a, b in sources))
 
 
 def between(response: Response) -> list[float]:
-    """Midpoints between angles of a response where its contrast is curved."""
+    """Return the midpoints between angles of a response in the region where its contrast is curved."""
     angle, contrast = response.angle_deg, response.contrast
     middles = (angle[1:] + angle[:-1]) / 2
     if len(angle) < FEW_ANGLES:

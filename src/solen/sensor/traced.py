@@ -27,7 +27,7 @@ class DesignTrace(Trace, kw_only=True):
     sensor
         The scene traced; not in JSON.
     value
-        Of what the motion drives; not in JSON.
+        Value of the quantity that the motion drives; not in JSON.
     name, lens
         Name of the design, and shape of its lens.
     angle_deg, depth_mm, force_N
@@ -39,7 +39,7 @@ class DesignTrace(Trace, kw_only=True):
     branches
         Paths of all rays, if requested.
     warnings
-        Warnings, and keys that have no effect.
+        Warnings, and keys without effect.
     """
 
     sensor: Sensor = field(metadata=HIDDEN)
@@ -56,7 +56,7 @@ class DesignTrace(Trace, kw_only=True):
 
 
 class DesignConvergence(Convergence, kw_only=True):
-    """Error against rays of a design at an angle, or under a load, of a network's ``emitter``, with warnings."""
+    """Error against the number of rays of a design at an angle or load, with warnings; networks have ``emitter``."""
 
     name: str
     emitter: str | None
@@ -76,9 +76,9 @@ class Sensitivities(Result):
     angle_deg, depth_mm, force_N
         Angle of its motion, or the depth or force that loads a soft body; the others are None.
     sensitivities
-        One for each number of the design.
+        Derivatives with respect to each number of the design.
     skipped
-        Reasons why numbers were left out, by key.
+        Reasons why numbers were omitted, by key.
     warnings
         Warnings about the numbers.
     simulated
@@ -98,7 +98,7 @@ class Sensitivities(Result):
 def trace_design(
     sensor: Sensor, angle_deg: float = 0.0, options: TraceOptions = TraceOptions(), *, paths: bool = False
 ) -> DesignTrace:
-    """Trace a design at an angle; ``paths`` keeps the paths of all rays.
+    """Trace a design at an angle; ``paths`` stores the paths of all rays.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def trace_design(
 
 
 def design_convergence(sensor: Sensor, angle_deg: float = 0.0) -> DesignConvergence:
-    """Error against rays of a design at an angle, in its own mode, for each way to choose the rays."""
+    """Return the error against the number of rays at an angle, in the design's mode, for each sampling method."""
     check_value(sensor, angle_deg)
     found = convergence(sensor.scene(angle_deg), sensor.design.trace.mode)
     return DesignConvergence(
@@ -140,7 +140,7 @@ def design_convergence(sensor: Sensor, angle_deg: float = 0.0) -> DesignConverge
 def sensitivities(
     sensor: Sensor, keys: Sequence[str] = (), angle_deg: float = 0.0, progress: Progress | None = None
 ) -> Sensitivities:
-    """Derivatives of a design's readings at an angle by numbers of it; see `Sensor.sensitivity`."""
+    """Return derivatives of a design's readings at an angle with respect to its numbers; see `Sensor.sensitivity`."""
     check_value(sensor, angle_deg)
     rows = sensor.sensitivity(keys or None, angle_deg, progress)
     skipped = {} if keys else {key: why for key in usual_keys(sensor) if (why := inert(sensor, key))}
@@ -154,12 +154,12 @@ def sensitivities(
 
 
 def one_lit(design: Design, emitter: str | None) -> Design:
-    """Design with the emitter alight that is named: of a network with several, one must be, here or as ``network.lit``.
+    """Return the design with the named emitter lit; a network with several needs a name, here or as ``network.lit``.
 
     Raises
     ------
     SpecError
-        If none is named of several, or one of a design that is no network.
+        If none of several is named, or one is named for a design that is not a network.
     """
     network = design.network
     if emitter is not None:
@@ -171,12 +171,12 @@ def one_lit(design: Design, emitter: str | None) -> Design:
 
 
 def value_asked(sensor: Sensor, angle_deg: float | None, at: float | None) -> float:
-    """Value of what the motion drives: an angle, by default 0, or what ``at`` says of a soft body, by default the last.
+    """Return the requested value of the driven quantity: an angle, by default 0, or a load, by default the last.
 
     Raises
     ------
     SpecError
-        Where the other of the two is stated.
+        If ``at`` is stated for an angle, or an angle for a load.
     """
     motion = sensor.design.motion
     if sensor.is_network and (angle_deg is not None or at is not None):
@@ -195,21 +195,21 @@ def value_asked(sensor: Sensor, angle_deg: float | None, at: float | None) -> fl
 
 
 def check_value(sensor: Sensor, value: float) -> None:
-    """`SpecError` for an angle that no motion reaches, or a load that is no number."""
+    """Raise `SpecError` for an angle that no motion reaches, or a load that is not a number."""
     if not (math.isfinite(value) and (abs(value) < 90.0 or sensor.design.motion.unit != "deg")):
         limit = "must be between -90 and 90" if sensor.design.motion.unit == "deg" else "must be a finite number"
         raise SpecError("--at" if sensor.is_loaded else "--angle-deg", value=value, limit=limit)
 
 
 def beyond(sensor: Sensor, value: float) -> tuple[Caution, ...]:
-    """A warning where a load is none of those that the motion of a soft body passes through."""
+    """Return a warning if a load is outside the range of a soft body's motion."""
     if not sensor.is_loaded:
         return ()
     motion = sensor.design.motion
     low, high = motion.values()[0], motion.values()[-1]
     if low <= value <= high:
         return ()
-    return (look_at(f"{motion.drives} = {value:g} is beyond the motion's {low:g} to {high:g} {motion.unit}"),)
+    return (look_at(f"{motion.drives} = {value:g} is outside the motion's range of {low:g} to {high:g} {motion.unit}"),)
 
 
 class Driven(Protocol):
@@ -226,6 +226,6 @@ class Driven(Protocol):
 
 
 def where(result: Driven) -> str:
-    """Angle, depth or force of a result, with its unit."""
+    """Format the angle, depth or force of a result with its unit."""
     values = {"deg": result.angle_deg, "mm": result.depth_mm, "N": result.force_N}
     return next((f"{value:g} {unit}" for unit, value in values.items() if value is not None), "")

@@ -1,7 +1,7 @@
-"""Keys of a design that its trace does not use, so that warnings can name them.
+"""Keys of a design that its trace does not use, for warnings.
 
-Such a key is not an error, as it is used elsewhere: `solen run` compares the plane with space and counting with
-power, whatever the design's own dimension and mode.
+Such a key is not an error, since it is used elsewhere: `solen run` compares the plane with space and counting with
+power, regardless of the design's own dimension and mode.
 """
 
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from solen.trace import Mode
 
 
 def keys_without_effect(sensor: Sensor, mode: Mode | None = None) -> tuple[str, ...]:
-    """A sentence for each stated key that has no effect in the design's dimension or in a mode."""
+    """Return a sentence for each stated key that has no effect in the design's dimension or in a mode."""
     found = [] if sensor.design.trace.dimension == "extruded" else list(_in_the_plane(sensor))
     shape = sensor.design.lens.shape
     if sensor.design.lens.profile is not None and shape not in ("measured", "layered"):
@@ -37,7 +37,7 @@ def _in_the_plane(sensor: Sensor) -> Iterator[str]:
 
 
 def _counting(sensor: Sensor) -> Iterator[str]:
-    """Counting has no powers and no waves."""
+    """Yield keys without effect in counting, which has neither powers nor waves."""
     design, remedy = sensor.design, 'has no effect in mode "count"; set trace.mode = "power"'
     if design.material.absorption_per_mm > 0.0:
         yield f"material.absorption_per_mm = {design.material.absorption_per_mm:g} {remedy}"
@@ -54,12 +54,12 @@ def _counting(sensor: Sensor) -> Iterator[str]:
 
 
 def _films(wall: Wall) -> dict[str, list[tuple[float, float]]]:
-    """Index and thickness in nm of the films that each key adds to a wall."""
+    """Return the index and thickness in nm of the films that each key adds to a wall."""
     gap = [] if wall.gap_um is None else [(1.0, 1e3 * wall.gap_um)]
     return {"coating": [(film.index, film.thickness_nm) for film in wall.coating], "gap_um": gap}
 
 
 def _shuts(sensor: Sensor, wall: Wall, index: float, thickness_nm: float) -> bool:
-    """Whether a film changes a count: it totally reflects light of some wavelength and angle."""
+    """Return whether a film changes a count: it totally reflects light of some wavelength and angle."""
     wavelengths = [nm for nm, _ in sensor.light.spectrum] or [sensor.light.wavelength_nm]
     return thickness_nm > min(wavelengths) and index < max(sensor.material.index, wall.index or 1.0)

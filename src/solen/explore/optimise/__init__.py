@@ -1,15 +1,14 @@
-"""Inverse design: numbers of a design that make a merit as good as it can be, within limits and under deviations.
+"""Inverse design: numbers of a design that optimise a merit within limits and under deviations.
 
-Every candidate is traced as designed and with its deviations: the goal is its worst value among these, and conditions
-hold for all of them. Two goals have a front of designs, of which none is better in both. A search exploits whatever its
-tracing leaves open, so its results are traced again, more finely and by samples.
+Every candidate is traced as designed and with its deviations: its goal is the worst value among these, and the
+conditions must hold for all of them. Two goals give a front of designs of which none is better in both. Since a search
+exploits errors of its tracing, its results are traced again, with a smaller tolerance and by samples.
 
-`solen.explore.optimise.options` is what may be asked, `solen.explore.optimise.task` checks it;
-`solen.explore.optimise.judge` judges a design, `solen.explore.optimise.course` keeps what a search has tried,
-`solen.explore.optimise.search` is the algorithm; `solen.explore.optimise.optimum` and `solen.explore.optimise.front`
-are the results, with what tracing them again says; `solen.explore.optimise.prints` adds prints of a result and of the
-design before. `solen.explore.optimise.straighter` sets up the search where a user
-only wants a straighter response.
+`solen.explore.optimise.options` contains the options of a search, and `solen.explore.optimise.task` checks them.
+`solen.explore.optimise.judge` judges a design, `solen.explore.optimise.course` stores the candidates, and
+`solen.explore.optimise.search` is the algorithm. `solen.explore.optimise.optimum` and `solen.explore.optimise.front`
+are the results, with a check by retracing; `solen.explore.optimise.prints` adds prints of a result and of the initial
+design. `solen.explore.optimise.straighter` sets up the search for a user who only wants a straighter response.
 """
 
 from solen.explore.optimise.course import Grown

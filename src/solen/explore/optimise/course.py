@@ -1,9 +1,9 @@
-"""Course of a search: every candidate with its goals and by how much it misses its limits.
+"""Candidates of a search, each with its goals and its violation of the limits.
 
-Values of goals are to be small, and in units of that of the design which the search begins with.
+Goals are scaled by their values for the initial design and are to be minimised.
 
-The interface: `Course` takes points; `Course.feasible` are those that meet everything, `Course.grown` the best of
-them; `least` of some.
+The interface: `Course` is called with points; `Course.feasible` contains the candidates that meet every limit,
+`Course.grown` the best of them; `least` selects one of several.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,20 +20,20 @@ from solen.spec import Design
 UNMET = 1e3
 """Value of a candidate without a response."""
 PENALTY = 30.0
-"""Weight of a limit missed by all of its size."""
+"""Weight of a limit that is missed by its whole size."""
 SECOND = 0.01
-"""Weight of all goals beside the one that counts, so that of equals the better in the other is taken."""
+"""Weight of the goals that do not determine the maximum, so that the better of two equal candidates is preferred."""
 
 
 class Candidate(NamedTuple):
-    """A point (N,), its goals (G,), NaN where one does not exist, and its violation, infinite without a response."""
+    """A point (N,), its goals (G,), NaN if one does not exist, and its violation, infinite without a response."""
 
     point: FloatArray
     goals: FloatArray
     violation: float
 
     def total(self, weights: FloatArray, ideal: FloatArray | float = 0.0, size: FloatArray | float = 1.0) -> float:
-        """One value of several goals: the largest by weights, Chebyshev's norm, which also reaches a hollow front."""
+        """Return one value for several goals: the largest weighted one (Chebyshev), which reaches a concave front."""
         goals = (self.goals - ideal) / size
         if np.isnan(goals).any() or not np.isfinite(self.violation):
             return UNMET
@@ -44,16 +44,16 @@ class Candidate(NamedTuple):
 
 
 class Grown(NamedTuple):
-    """A design that meets every limit, and to which none tried so far is equal or better in every goal.
+    """A design that meets every limit and is not dominated by any design tried so far.
 
     Parameters
     ----------
     number
-        Which one it was of all that were tried, from 1.
+        Its number among all designs tried, from 1.
     design
         The design.
     by_goal
-        What the search saw of it, by goal.
+        The judgement of the search, by goal.
     """
 
     number: int
@@ -62,7 +62,7 @@ class Grown(NamedTuple):
 
 
 Keep = Callable[[Sequence[Grown]], object]
-"""Called with the best designs so far, those of the best first goal first, whenever there is a further one."""
+"""Called with the best designs so far, sorted by the first goal, whenever a further one is added."""
 
 
 class Course:
@@ -71,13 +71,13 @@ class Course:
     Parameters
     ----------
     judge
-        Judges them.
+        Judge of the candidates.
     begun
-        Goals of the design that the search begins with.
+        Goals of the initial design.
     most, progress
-        Number of candidates, and what is called with the share done, up to 1.
+        Number of candidates, and a function called with the completed fraction, up to 1.
     keep
-        What is called with the best designs so far.
+        Function called with the best designs so far.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Course:
         self.scale = np.array(judge.task.signs) * np.where(begun == 0.0, 1.0, np.abs(begun))
 
     def __call__(self, point: FloatArray) -> Candidate:
-        """Candidate at a point, judged and kept."""
+        """Judge the candidate at a point and store it."""
         nothing = np.full(self.scale.size, np.nan)
         try:
             design = self.judge.task.at(point)
@@ -109,7 +109,7 @@ class Course:
         return candidate
 
     def _grow(self, candidate: Candidate, new: Grown) -> None:
-        """Keep a candidate unless another is as good in every goal, and those that it does not surpass."""
+        """Add a candidate unless another is as good in every goal, and remove the candidates that it dominates."""
         if any((one.goals <= candidate.goals).all() for one, _ in self.grown):
             return
         left = [one for one in self.grown if not (candidate.goals <= one[0].goals).all()]
@@ -123,7 +123,7 @@ class Course:
         return [one for one in self.tried if one.violation == 0.0]
 
     def check_feasible(self) -> None:
-        """`SpecError` with what the nearest candidate misses where none meets every limit."""
+        """Raise `SpecError` with the conditions that the nearest candidate misses, if none meets every limit."""
         if self.feasible:
             return
         nearest = self.tried[int(np.argmin([one.violation for one in self.tried]))]
@@ -131,7 +131,7 @@ class Course:
         verdict = self.judge.of(design)
         missed = [] if verdict is None else [text for text, met in verdict.meets.items() if not met]
         limit = f"no design tried meets every condition; the nearest misses {', '.join(missed) or 'a response'}"
-        raise SpecError("--subject-to", limit=limit, remedy="loosen it, or free more")
+        raise SpecError("--subject-to", limit=limit, remedy="loosen the condition, or free more numbers")
 
 
 def least(
@@ -140,6 +140,6 @@ def least(
     ideal: FloatArray | float = 0.0,
     size: FloatArray | float = 1.0,
 ) -> Candidate:
-    """Best candidate by weights of the goals; the first of equals."""
+    """Return the best candidate for weights of the goals; the first of equals."""
     totals = [one.total(weights, ideal, size) for one in candidates]
     return candidates[int(np.argmin(totals))]

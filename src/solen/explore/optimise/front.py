@@ -1,10 +1,10 @@
 """The front of two goals: designs of which none is better in both.
 
-The idea: a design is best by weights of the two goals. First each goal alone is sought, which gives the ends and so the
-units in which the goals are weighed; then the largest of both, weighted, in steps from one end to the other. All that
-was tried counts for every weight.
+The idea: a design is best for some weights of the two goals. Each goal is first optimised alone, which gives the ends
+of the front and the units in which the goals are weighted. Then the larger of the two weighted goals is minimised, in
+steps from one end to the other. All candidates count for every weight.
 
-The interface: `sought` searches, `front_of` a course gives a `Front`.
+The interface: `sought` searches; `front_of` a course returns a `Front`.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -27,22 +27,22 @@ ENDS = (np.array([1.0, 0.0]), np.array([0.0, 1.0]))
 
 
 class FrontDesign(Result):
-    """One design of a front, traced finely.
+    """One design of a front, traced with a small tolerance.
 
     Attributes
     ----------
     number
-        Its number on the front, from the best of the first goal on; 0 for the design that the search began with.
+        Its number on the front, from the best of the first goal on; 0 for the initial design of the search.
     goals, u_goals
-        Worst value of each goal among the design and its deviations, and its uncertainty.
+        Worst value of each goal over the design and its deviations, and its uncertainty.
     claimed
-        The same as the search saw it.
+        Worst value of each goal during the search.
     free
         The free numbers by key.
     meets
         Whether all conditions hold, by condition.
     merits
-        Merits of the design as it is, with their uncertainties, by name.
+        Merits of the design without deviations, with their uncertainties, by name.
     """
 
     number: int
@@ -63,17 +63,18 @@ class Front(Result):
     name
         Name of the design.
     goals
-        What was sought.
+        The two goals.
     printed_by
-        Process whose printed lens was traced in place of the designed one; None for the designed one.
+        Process whose printed lens was traced in place of the designed one, or None for the designed one.
     before
-        The design that the search began with.
+        The initial design of the search.
     designs
-        The front, the best of the first goal first.
+        The front, sorted by the first goal from the best on.
     robust
-        Whether deviations were stated, and goals are the worst over them.
+        Whether deviations were stated, in which case each goal is its worst value over them.
     evaluations, most_evaluations, traced
-        Number of designs tried, the largest that was allowed, and of responses traced now; the others were known.
+        Number of designs tried, its limit, and the number of responses that were traced rather than read from the
+        store.
     interrupted
         Whether the search was stopped before its end.
     """
@@ -92,7 +93,7 @@ class Front(Result):
     simulated: bool = True
 
     def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        """Goals, free numbers and merits by ``design``, 0 for that before."""
+        """Return goals, free numbers and merits by ``design``, which is 0 for the initial design."""
         every = (self.before, *self.designs)
         coordinates = {"design": [one.number for one in every], "goal": list(self.goals)}
         variables: dict[str, Any] = {
@@ -107,13 +108,13 @@ class Front(Result):
 
 
 def weights_of(designs: int) -> list[FloatArray]:
-    """Weights of both goals: the ends first, then from one end to the other."""
+    """Return weights of both goals: the two ends first, then steps from one end to the other."""
     between = np.linspace(0.0, 1.0, designs)[1:-1]
     return [*ENDS, *(np.array([1.0 - share, share]) for share in between.tolist())]
 
 
 def sought(course: Course, designs: int, seed: int) -> None:
-    """Search for a front of so many designs; the first goal has twice its share, as it samples the box."""
+    """Search for a front with a number of designs; the first goal, which samples the box, has twice the share."""
     each = course.most // (designs + 1)
     for number, weights in enumerate(weights_of(designs)):
         ideal, size = (0.0, 1.0) if number < len(ENDS) else units(course)
@@ -130,7 +131,7 @@ def _total(
 
 
 def units(course: Course) -> tuple[FloatArray, FloatArray]:
-    """Best value of each goal so far, and what it costs in that goal to have the other's best."""
+    """Return the best value of each goal so far, and its increase at the best value of the other goal."""
     known = course.feasible or course.tried
     goals = np.array([least(known, weights).goals for weights in ENDS])
     ideal = goals.min(axis=0)
@@ -139,7 +140,7 @@ def units(course: Course) -> tuple[FloatArray, FloatArray]:
 
 
 def front_of(course: Course, designs: int, known: int, *, interrupted: bool) -> Front:
-    """Front of a course by so many weights, each design traced again; ``known`` responses were there before."""
+    """Return the front of a course with each design traced again; ``known`` counts responses stored before."""
     judge, task = course.judge, course.judge.task
     traced = len(judge.store.points) - known
     chosen = _chosen(course, designs)
@@ -153,7 +154,9 @@ def front_of(course: Course, designs: int, known: int, *, interrupted: bool) -> 
             warnings += [f"design {len(found)}: {text}" for text in _doubts(course, one, retraced)]
     if not all(kept):
         few = len(kept) - sum(kept)
-        warnings.append(f"traced more closely, {few} of {len(kept)} designs are worse in both goals than another")
+        warnings.append(
+            f"traced with a smaller tolerance, {few} of {len(kept)} designs are worse than another in both goals"
+        )
     return Front(
         name=task.design.name,
         goals=task.names,
@@ -170,7 +173,7 @@ def front_of(course: Course, designs: int, known: int, *, interrupted: bool) -> 
 
 
 def _chosen(course: Course, designs: int) -> list[Candidate]:
-    """Best feasible candidate by each of the weights, once each, the best of the first goal first."""
+    """Return the best feasible candidate for each of the weights, without duplicates, sorted by the first goal."""
     ideal, size = units(course)
     found = [least(course.feasible, weights, ideal, size) for weights in weights_of(designs)]
     best = {one.point.tobytes(): one for one in found}
@@ -178,7 +181,7 @@ def _chosen(course: Course, designs: int) -> list[Candidate]:
 
 
 def _not_worse(goals: FloatArray) -> list[bool]:
-    """Which designs (P, 2) no other design beats in both goals."""
+    """Return a mask of designs (P, 2) that no other design beats in both goals."""
     return [not (goals < own).all(axis=1).any() for own in goals]
 
 
@@ -190,7 +193,7 @@ def _doubts(course: Course, candidate: Candidate, retraced: Retraced) -> Iterato
 
 
 def _at_ends(task: Task, designs: Sequence[FrontDesign]) -> Iterator[str]:
-    """Warnings where free numbers end at their limits, each with the designs in which they do."""
+    """Return warnings about free numbers that are at their limits, each with the designs concerned."""
     by_text: dict[str, list[int]] = {}
     for one in designs:
         for text in at_ends(task, one.design):

@@ -1,4 +1,4 @@
-"""A design judged by a task: its goals where they are worst, which limits hold, and how far others are missed.
+"""Judgement of a design by a task: the worst values of its goals, which limits hold, and its violation of the others.
 
 The interface: `Judge.of` a design returns a `Verdict`.
 """
@@ -26,20 +26,20 @@ NOTHING_OFF: Mapping[str, float] = {}
 
 
 class Judged(Result):
-    """One design by a goal, the limits and its merits.
+    """One design judged by a goal, the limits and its merits.
 
     Attributes
     ----------
     goal, u_goal
-        Worst value of the goal among the design and its deviations, and its uncertainty by those of the merits.
+        Worst value of the goal over the design and its deviations, and its uncertainty due to those of the merits.
     meets
         Whether all conditions hold, by condition.
     merits
-        Merits of the design as it is, with their uncertainties, by name.
+        Merits of the design without deviations, with their uncertainties, by name.
     worst_off
-        By how much which numbers are off where the goal is worst; empty for the design as it is.
+        Deviations by key for which the goal is worst; empty for the design without deviations.
     worst
-        Each merit there.
+        Each merit with these deviations.
     """
 
     goal: float
@@ -51,7 +51,7 @@ class Judged(Result):
 
 
 class Verdict(NamedTuple):
-    """A design by each goal, by how much it misses its limits, and its responses in all cases."""
+    """A design judged by each goal, its violation of the limits, and its responses in all cases."""
 
     by_goal: tuple[Judged, ...]
     violation: float
@@ -69,7 +69,7 @@ class Verdict(NamedTuple):
 
 
 class Judge:
-    """Judges designs by a task, from responses to a tolerance; ``why`` is why the last one has none."""
+    """Judges designs by a task, from responses to a tolerance; ``why`` states why the last design has no response."""
 
     def __init__(
         self, task: Task, store: Store, tolerance: float, base: Mapping[str, float] | None = None, lattice: int = 0
@@ -81,12 +81,12 @@ class Judge:
 
     @classmethod
     def begun(cls, task: Task, store: Store, tolerance: float) -> tuple["Judge", Verdict]:
-        """Judge whose ``base`` is the design that the search begins with, and the verdict on that.
+        """Return a judge whose ``base`` is the initial design, and the verdict on that design.
 
         Raises
         ------
         SpecError
-            Where that has no response or a goal does not exist there.
+            If the initial design has no response or lacks a goal.
         """
         design = task.design
         judge = cls(task, store, tolerance)
@@ -95,27 +95,27 @@ class Judge:
         verdict = judge.needed(design, "design")
         for goal, value in zip(task.goals, verdict.goals.tolist(), strict=True):
             if math.isnan(value):
-                limit = f"{goal.text} does not exist for the design, or not with a number off"
-                remedy = "begin with one that has it, or take smaller steps of the motion"
+                limit = f"{goal.text} does not exist for the design, or not with its deviations"
+                remedy = "start from a design that has it, or use smaller steps of the motion"
                 raise SpecError(goal.option, limit=limit, remedy=remedy)
         return judge, verdict
 
     def needed(self, design: Design, what: str) -> Verdict:
-        """Verdict on a design; `SpecError` with its name where it has no response."""
+        """Return the verdict on a design; raise `SpecError` naming ``what`` if it has no response."""
         verdict = self.of(design)
         if verdict is None:
             raise SpecError(what, limit=f"has no response: {self.why}")
         return verdict
 
     def of(self, design: Design) -> Verdict | None:
-        """Verdict on a design; None where it has no response in one of the cases."""
+        """Return the verdict on a design; None if it has no response in one of the cases."""
         variants = [partial(self.variant, design, case) for case in self.task.cases]
         points = responses(variants, Accuracy(self.tolerance, lattice=self.lattice), self.store)
         self.why = next((point.why for point in points if not point.is_traced), "")
         return None if self.why else self._verdict(design, points)
 
     def variant(self, design: Design, case: Mapping[str, float] = NOTHING_OFF) -> Variant:
-        """A design as it is traced, with the deviations of a case."""
+        """Return the variant of a design to be traced, with the deviations of a case."""
         process = self.task.process if self.task.as_printed else None
         return Variant(design, case, None if process is None else process.process)
 
@@ -131,7 +131,7 @@ class Judge:
         return Verdict(by_goal, sum(missed.values()) + nowhere, points)
 
     def _too_fine(self, design: Design) -> dict[str, float]:
-        """By how much a free-form lens is finer than what can be printed."""
+        """Return the violation of the smallest printable feature by each free-form lens."""
         found: dict[str, float] = {}
         for lens in Sensor.of(design).all_lenses:
             if isinstance(lens, SplineLens):
@@ -141,7 +141,7 @@ class Judge:
         return found
 
     def _by(self, goal: Goal, sign: float, merits: Mapping[str, FloatArray], meets: dict[str, bool]) -> Judged:
-        """Judgement by a goal from the merits (C,) of all cases."""
+        """Judge a goal from the merits (C,) of all cases."""
         values = self._values(goal, merits)
         place = int(np.argmax(np.where(np.isnan(values), np.inf, sign * values)))
         return Judged(
@@ -154,12 +154,12 @@ class Judge:
         )
 
     def _changes(self, goal: Goal, merits: Mapping[str, FloatArray], place: int) -> Iterator[float]:
-        """Change of a goal in a case by the uncertainty of each merit that it names."""
+        """Return the changes of a goal in one case due to the uncertainty of each merit in it."""
         value = self._values(goal, merits)[place]
         for name in goal.merits:
             yield self._values(goal, {**merits, name: merits[name] + merits[f"u_{name}"]})[place] - value
 
     def _values(self, goal: Goal, merits: Mapping[str, FloatArray]) -> FloatArray:
-        """A goal (C,) in all cases; NaN where it does not exist, or is infinite: a motion that nothing shows."""
+        """Return a goal (C,) in all cases; NaN if it does not exist or is infinite, as for an unseen motion."""
         values = goal.value(merits, self.base)
         return np.broadcast_to(np.where(np.isfinite(values), values, np.nan), len(self.task.cases))

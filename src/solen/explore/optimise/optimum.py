@@ -1,4 +1,4 @@
-"""The result of a search for one goal.
+"""Result of a search for one goal.
 
 The interface: `Optimum`; `optimum_of` a course.
 """
@@ -20,21 +20,23 @@ from solen.sensor import Sensor
 from solen.spec import Design
 
 AT_END = 1e-3
-"""Share of the range of a free number from its end that counts as there."""
-INTERRUPTED = "interrupted: the best so far; the same command goes on from here"
+"""Distance from an end of the range of a free number, as a fraction of the range, within which it counts as at the
+end.
+"""
+INTERRUPTED = "interrupted: this is the best result so far; the same command continues from here"
 
 
 class FreeNumber(Result, eq=True):
-    """A number that was free.
+    """A free number of a search.
 
     Attributes
     ----------
     key
-        The number.
+        Key of the number.
     low, high
-        Between which values it was free.
+        Limits of the number.
     before, after
-        Its value in the design, and in the result.
+        Its value in the initial design and in the result.
     """
 
     key: str
@@ -52,32 +54,34 @@ class Optimum(Result):
     name
         Name of the design.
     goal
-        What was sought.
+        The goal of the search.
     free
-        The numbers that were free.
+        The free numbers.
     printed_by
-        Process whose printed lens was traced in place of the designed one; None for the designed one.
+        Process whose printed lens was traced in place of the designed one, or None for the designed one.
     before, after
-        The design and the result, both traced finely.
+        The initial design and the result, both traced with a small tolerance.
     claimed
-        Goal of the result as the search saw it.
+        Goal of the result during the search.
     sampled_difference, u_sampled_difference
-        Largest difference of the result's contrast between integration and samples over its angles, and the
-        uncertainty there; None of a network, which is traced again by other samples.
+        Largest difference of the result's contrast between integration and samples over its angles, and the uncertainty
+        there; None for a network, which is traced again with other samples.
     robust
-        Whether deviations were stated, and the goal is the worst over them.
+        Whether deviations were stated, in which case the goal is its worst value over them.
     evaluations, most_evaluations, traced
-        Number of designs tried, the largest that was allowed, and of responses traced now; the others were known.
+        Number of designs tried, its limit, and the number of responses that were traced rather than read from the
+        store.
     interrupted
         Whether the search was stopped before its end.
     prints_before, prints_after
-        What prints of the design and of the result do, by the same tolerances; None where none were traced.
+        Statistics of prints of the initial design and of the result with the same tolerances, or None if none were
+        traced.
     design
-        The result.
+        The resulting design.
     angle_deg, contrast_before, contrast_after
-        Responses as designed and where the goal is worst, (2, A); of a network (2, 0).
+        Responses without deviations and with those of the worst goal, (2, A); (2, 0) for a network.
     history
-        Best value so far, by evaluation (E,); NaN before one met all conditions.
+        Best value so far by evaluation (E,); NaN before a design met all conditions.
     """
 
     name: str
@@ -105,7 +109,7 @@ class Optimum(Result):
     simulated: bool = True
 
     def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        """Contrast by design, case and angle, and the best value by evaluation."""
+        """Return the contrast by design, case and angle, and the best value by evaluation."""
         coordinates = {
             "design": ["before", "after"],
             "case": ["nothing off", "worst"],
@@ -118,7 +122,7 @@ class Optimum(Result):
 
 
 def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool) -> Optimum:
-    """Result of a course, its best candidate traced again; ``known`` responses were there before."""
+    """Return the best candidate of a course, traced again; ``known`` is the number of responses in the store before."""
     judge, task = course.judge, course.judge.task
     traced = len(judge.store.points) - known
     found = task.at(best.point)
@@ -163,35 +167,35 @@ def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool
 
 
 def outside(task: Task) -> Iterator[str]:
-    """Warnings where a number of the design that a search begins with is not between its ends."""
+    """Return warnings about free numbers that are outside their limits in the initial design."""
     was = task.stated(task.sensor)
     for one in task.free:
         low, high = one.values
         if not low <= was[one.key] <= high:
             ends = f"{low:g} to {high:g}"
-            yield f"{one.key} of the design, {was[one.key]:g}, is not within {ends}: the search cannot keep it"
+            yield f"{one.key} of the design is {was[one.key]:g}, outside {ends}: the search cannot keep it"
 
 
 def at_ends(task: Task, found: Design) -> Iterator[str]:
-    """Warnings where a free number of a result ends at its limit."""
+    """Return warnings about free numbers that are at their limits in the result."""
     now = task.stated(Sensor.of(found))
     for one in task.free:
         low, high = one.values
         end = next((end for end in one.values if abs(now[one.key] - end) <= AT_END * (high - low)), None)
         if end is not None:
-            yield f"{one.key} ends at its limit, {end:g}; widen --free {one.key} if the part allows"
+            yield f"{one.key} reaches its limit, {end:g}; widen --free {one.key} if the part allows it"
 
 
 def _doubts(before: Retraced, after: Retraced, task: Task, *, interrupted: bool) -> Iterator[str]:
     worse = task.signs[0] * (after.verdict.by_goal[0].goal - before.verdict.by_goal[0].goal) > 0.0
     if worse and all(before.verdict.meets.values()):
-        yield "traced more closely, the result is no better than the design"
+        yield "traced with a smaller tolerance, the result is no better than the initial design"
     if interrupted:
         yield INTERRUPTED
 
 
 def _curves(verdict: Verdict, task: Task) -> FloatArray:
-    """Contrast of a design as it is, and in the case where its goal is worst; a network has none."""
+    """Return the contrast of a design without deviations and with those of its worst goal; empty for a network."""
     if task.sensor.is_network:
         return np.empty((2, 0))
     worst = task.cases.index(verdict.by_goal[0].worst_off)

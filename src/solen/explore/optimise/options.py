@@ -1,4 +1,4 @@
-"""What may be asked of a search."""
+"""Options of a search."""
 
 from pydantic import Field
 
@@ -7,36 +7,41 @@ from solen.spec.strict import Finite, Options
 
 
 class OptimiseOptions(ProcessOptions, Options):
-    """What is sought, what may change, and what must hold."""
+    """Goals of a search, the numbers that may change, and the conditions that must hold."""
 
     minimise: tuple[str, ...] = ()
-    """A value of merits to be made small, as in linearity_percent; of two values, or one and one of --maximise, a front
-    of designs is sought."""
+    """An expression of merits to minimise, as in linearity_percent. Two expressions, or one here and one in --maximise,
+    give a front of designs.
+    """
     maximise: tuple[str, ...] = ()
-    """A value of merits to be made large, as in span; see --minimise."""
+    """An expression of merits to maximise, as in span; see --minimise."""
     front: int = Field(7, ge=3, le=50)
-    """Number of designs of the front, where two values are sought; some may be the same."""
+    """Number of designs of the front of two goals; some may be the same."""
     free: tuple[str, ...] = ()
-    """A number of the design and the ends between which it may be, KEY=LOW:HIGH; repeatable."""
+    """A number of the design and the limits between which it may vary, KEY=LOW:HIGH; repeatable."""
     subject_to: tuple[str, ...] = ()
     """A condition on merits that must hold, as in "light >= 0.9*base"; repeatable."""
     robust: tuple[str, ...] = ()
-    """A number and how far off it may be, KEY=DEVIATION: the worst value counts and all conditions hold with it off to
-    either side, in all combinations; repeatable."""
+    """A number and its deviation, KEY=DEVIATION: the goal is its worst value, and all conditions must hold, with the
+    number deviating to either side, in all combinations; repeatable.
+    """
     as_printed: bool = False
     """Trace each design with the lens that --process prints, flat and without compensation, in place of the designed
-    one."""
+    one.
+    """
     evaluations: int = Field(400, ge=20, le=100_000)
-    """Number of designs tried, of a front in all."""
+    """Number of designs to try; for a front, the total number."""
     seed: int = Field(0, ge=0)
     """Seed of the search."""
     tolerance: Finite = Field(1e-3, ge=1e-6, le=1e-2)
-    """Largest uncertainty of a power while searching, as a share of the emitted power; results are traced ten times as
-    closely."""
+    """Largest uncertainty of a power during the search, as a fraction of the emitted power; results are traced with a
+    tenth of this.
+    """
     vary: tuple[str, ...] = ()
-    """What varies between prints of the design and of the result, as in solen explore tolerance; default: what varies
-    there, and growth and shrinkage by --process."""
+    """A number that varies between prints of the design and of the result, as in solen explore tolerance; default: all
+    numbers that it varies there, with the growth and shrinkage of --process.
+    """
     require: tuple[str, ...] = ()
     """A condition on merits that a good print meets; repeatable."""
     prints: int = Field(64, ge=0, le=100_000)
-    """Number of prints that are traced of the design and of the result; 0 for none, else at least 32."""
+    """Number of prints of the design and of the result to trace: 0, or at least 32."""

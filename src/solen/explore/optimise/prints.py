@@ -1,6 +1,6 @@
-"""Prints of the design that a search begins with and of its result, by the same tolerances.
+"""Prints of the initial design of a search and of its result, with the same tolerances.
 
-The interface: `check_prints` before a search, `with_prints` of its result.
+The interface: `check_prints` before a search; `with_prints` adds prints to its result.
 """
 
 from dataclasses import replace
@@ -23,18 +23,18 @@ OF_PRINTS = ("prints", "vary", "require")
 
 
 def check_prints(subject: Subject, options: OptimiseOptions) -> bool:
-    """Whether prints are to be traced after a search.
+    """Return whether prints are to be traced after a search.
 
     Raises
     ------
     SpecError
-        Where what varies or is required is malformed, or would be ignored.
+        If a variation or a requirement is malformed, or would be ignored.
     """
     stated = next((name for name in OF_PRINTS if name in options.model_fields_set), None)
     if len(options.minimise) + len(options.maximise) > 1:
         if stated is not None:
-            limit = "is for prints of one result, and a front has several"
-            remedy = "leave it out, and take solen explore tolerance of a design of the front"
+            limit = "applies to prints of a single result, and a front has several"
+            remedy = "omit it, and run solen explore tolerance on a design of the front"
             raise SpecError(f"--{stated}", limit=limit, remedy=remedy)
         return False
     if not options.prints and (options.vary or options.require):
@@ -57,9 +57,9 @@ def with_prints(
     store: Store | None = None,
     progress: Progress | None = None,
 ) -> Optimum:
-    """Result of a search with prints of it and of the design before; as it is where none are asked for.
+    """Return the result of a search with prints of it and of the initial design, if they are requested.
 
-    Ctrl-C ends without them, and a warning says so; another says why they cannot be traced.
+    Ctrl-C ends the tracing, and a warning states that prints are missing; another states why prints cannot be traced.
     """
     design = design_of(subject)
     if optimum.interrupted or not check_prints(design, options):
@@ -87,7 +87,7 @@ def with_prints(
 
 
 def _of_prints(options: OptimiseOptions) -> ToleranceOptions:
-    """What a search is asked about prints; walls grow about what is drawn, as the search traces that."""
+    """Return the tolerance options for prints of a search; walls grow about the drawing, as in the search."""
     return ToleranceOptions(
         vary=options.vary,
         require=options.require,

@@ -1,4 +1,4 @@
-"""A design of a search traced again: more finely, and by samples, which share nothing with the integration.
+"""A design of a search traced again: with a smaller tolerance, and by samples, independently of the integration.
 
 The interface: `Retraced.of` a design, `Sampled.of` a sensor.
 """
@@ -15,9 +15,11 @@ from solen.sensor import Sensor
 from solen.spec import Design
 
 FINER, FINER_OF_NETWORK = 10.0, 2.5
-"""How much more closely than candidates, at twice as many angles; a network is sampled, by another lattice."""
+"""Factor on the tolerance's reciprocal, at twice as many angles; a network is sampled with another lattice."""
 SURE, SURE_OF_FIVE = 2.0, 3.0
-"""Difference in uncertainties that is none by chance, of one number and of the largest of `SAMPLED_ANGLES`."""
+"""Difference, in units of its uncertainty, that is not due to chance: for one number, and for the largest of
+`SAMPLED_ANGLES`.
+"""
 SAMPLED_ANGLES = 5
 
 
@@ -27,11 +29,11 @@ class Retraced(NamedTuple):
     Parameters
     ----------
     design
-        With twice as many angles.
+        The design with twice as many angles.
     measure
         Its merits.
     claimed, verdict
-        What the search saw, and what finer tracing gives.
+        The verdict of the search, and that of finer tracing.
     """
 
     design: Design
@@ -41,26 +43,27 @@ class Retraced(NamedTuple):
 
     @classmethod
     def of(cls, judge: Judge, design: Design) -> "Retraced":
-        """A design that a judge knows; `SpecError` where it has no response when traced more closely."""
+        """Trace a design again; raise `SpecError` if it has no response with the smaller tolerance."""
         denser, is_network = judge.measure.denser(design), design.body.kind == "network"
         tolerance = judge.tolerance / (FINER_OF_NETWORK if is_network else FINER)
         fine = Judge(judge.task, judge.store, tolerance, judge.base, lattice=int(is_network))
-        verdict = fine.needed(denser, "result, traced more closely")
+        verdict = fine.needed(denser, "result, traced with a smaller tolerance")
         return cls(denser, judge.measure, judge.needed(design, "result"), verdict)
 
     def doubts(self) -> Iterator[str]:
-        """Warnings where the search exploited its tracing, or a condition is missed."""
+        """Return warnings if the search exploited errors of its tracing, or a condition is missed."""
         yield from self.measure.warnings(self.claimed.points)
         step = "the steps of its motions" if self.design.body.kind == "network" else "motion.step_deg"
         for now, was in zip(self.verdict.by_goal, self.claimed.by_goal, strict=True):
-            if abs(now.goal - was.goal) > SURE * was.u_goal:  # a wide uncertainty of the finer one is no excuse
+            if abs(now.goal - was.goal) > SURE * was.u_goal:  # regardless of the finer trace's uncertainty
                 yield (
-                    f"the search saw {was.goal:.4g}, and finer tracing gives {now.goal:.4g}: it exploited the "
-                    f"roughness of its tracing; lower --tolerance or {step}"
+                    f"the goal was {was.goal:.4g} during the search and is {now.goal:.4g} with "
+                    "finer tracing: the search exploited errors of its tracing; lower --tolerance "
+                    f"or {step}"
                 )
         for text, met in self.verdict.meets.items():
             if not met:
-                yield f"traced more closely, the result misses {text}"
+                yield f"traced with a smaller tolerance, the result misses {text}"
 
 
 class Sampled(NamedTuple):
@@ -71,7 +74,7 @@ class Sampled(NamedTuple):
 
     @classmethod
     def of(cls, sensor: Sensor) -> "Sampled | None":
-        """The same of a sensor; None of a network."""
+        """Return the largest difference for a sensor; None for a network."""
         if sensor.is_network:
             return None
         motion = sensor.design.motion
@@ -86,7 +89,7 @@ class Sampled(NamedTuple):
         return max(found, key=lambda one: one.difference / one.u_difference)
 
     def doubts(self) -> Iterator[str]:
-        """Warning where the difference exceeds its uncertainty."""
+        """Return a warning if the difference exceeds its uncertainty."""
         if self.difference > SURE_OF_FIVE * self.u_difference:
             times = self.difference / self.u_difference
-            yield f"samples differ from the integral by {self.difference:.2g} of contrast, {times:.1f} times its u"
+            yield f"samples differ from the integrated contrast by {self.difference:.2g}, {times:.1f} times u"

@@ -1,4 +1,4 @@
-"""The search itself.
+"""The search for a design.
 
 The interface: `optimise` a design.
 """
@@ -26,28 +26,28 @@ def optimise(
     progress: Progress | None = None,
     keep: Keep | None = None,
 ) -> Optimum | Front:
-    """Search for the numbers of a design that make a merit best, or two.
+    """Find the numbers of a design that optimise one merit or two.
 
     Parameters
     ----------
     subject
-        What the search begins with: a sensor, a design, or the path of a design file. Where a free number lies beyond
-        its ends, it begins at the nearer one.
+        The initial design of the search: a sensor, a design, or the path of a design file. If a free number is outside
+        its limits, the search starts at the nearer one.
     options
         Goals, free numbers, conditions, deviations.
     store
-        What is known already, and where responses are kept as they come; the same search with the same store goes on
-        where it stopped. Default: in memory alone.
+        Known responses, to which new ones are added; the same search with the same store continues where it stopped.
+        Default: a store in memory.
     progress
-        Called with the share done, up to 1.
+        Function called with the completed fraction, up to 1.
     keep
-        Called with the best designs so far whenever there is a further one: of one goal with the best alone, and the
-        last is the result; of two with those of which none is better in both.
+        Function called with the best designs so far whenever a further one is added: for one goal, with the best alone,
+        the last of which is the result; for two goals, with the designs of which none is better in both.
 
     Raises
     ------
     SpecError
-        Where goals, conditions, free numbers or deviations are malformed, or the design has no response.
+        If goals, conditions, free numbers or deviations are malformed, or the design has no response.
     """
     store = Store() if store is None else store
     task = Task.of(design_of(subject), options)

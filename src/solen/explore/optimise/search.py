@@ -1,7 +1,7 @@
-"""Searches in a box of N numbers scaled to 0 to 1: samples first, then CMA-ES with restarts from the best.
+"""Search in a box of N numbers scaled to 0 to 1: samples first, then CMA-ES with restarts from the best.
 
-CMA-ES: N. Hansen & A. Ostermeier, Evolutionary Computation 9, 159 (2001), by the package ``cma``. Unlike gradients it
-copes with a minimax and with noise. Everything is drawn by a seed, so that the same search goes the same way again.
+CMA-ES: N. Hansen & A. Ostermeier, Evolutionary Computation 9, 159 (2001), from the package ``cma``. Unlike gradients,
+it tolerates a minimax and noise. All random numbers are drawn with a seed, which makes a search repeatable.
 
 The interface: `search` a function of points.
 """
@@ -16,23 +16,23 @@ from solen.explore.sobol import sobol
 from solen.extras import need
 
 STARTS_A_NUMBER, STARTS_SHARE = 4, 0.25
-"""Samples for each number, and the largest share of all evaluations that they are."""
+"""Number of samples per free number, and their largest fraction of all evaluations."""
 FIRST_STEP = 0.2
-"""Standard deviation of the first generation, as a share of the box."""
+"""Standard deviation of the first generation, as a fraction of the box."""
 
 
 @dataclass
 class Tried:
-    """Points tried so far with their values, the least of which is sought.
+    """Points tried so far with their values, which are to be minimised.
 
     Attributes
     ----------
     value
         Function of a point (N,).
     most
-        Number of evaluations.
+        Largest number of evaluations.
     points, values
-        What was tried, in turn.
+        Points and their values, in the order of evaluation.
     """
 
     value: Callable[[FloatArray], float]
@@ -42,7 +42,7 @@ class Tried:
 
     @property
     def left(self) -> int:
-        """Evaluations left."""
+        """Number of evaluations left."""
         return self.most - len(self.values)
 
     @property
@@ -51,19 +51,19 @@ class Tried:
         return self.points[int(np.argmin(self.values))]
 
     def __call__(self, point: Sequence[float]) -> float:
-        """Value of a point, kept."""
+        """Evaluate a point and store it."""
         self.points.append(np.clip(np.asarray(point, dtype=float), 0.0, 1.0))
         self.values.append(self.value(self.points[-1]))
         return self.values[-1]
 
 
 def search(tried: Tried, first: FloatArray, seed: int | Sequence[int], *, sampled: bool = True) -> None:
-    """Search from a first point, and from samples of the box where asked, until no evaluation is left.
+    """Search from a first point and, if requested, from samples of the box, until no evaluation is left.
 
     Raises
     ------
     OutputError
-        Where the package ``cma`` is not installed.
+        If the package ``cma`` is not installed.
     """
     need("cma", what="solen explore optimise", doing="the search")
     import cma
@@ -84,7 +84,7 @@ def search(tried: Tried, first: FloatArray, seed: int | Sequence[int], *, sample
             "maxfevals": tried.left,
             "tolfun": 1e-9,
         }
-        idle = [0.5] * (first.size == 1)  # of one number alone the package fails: with another that does nothing
+        idle = [0.5] * (first.size == 1)  # the package needs two numbers: add one without effect
         strategy = cma.CMAEvolutionStrategy([*tried.best.tolist(), *idle], FIRST_STEP, options)
         while not strategy.stop() and tried.left >= size:
             asked = strategy.ask()

@@ -1,6 +1,6 @@
-"""What to ask of a search for a user who only wants a straighter response: goals, conditions, and what may change.
+"""Options of a search for a user who only wants a straighter response: goals, conditions, and free numbers.
 
-The interface: `straighter` of a design; its answer is a beginning that a person changes.
+The interface: `straighter` of a design returns options for the user to edit.
 """
 
 import math
@@ -11,20 +11,20 @@ from solen.sensor.numbers import number
 from solen.spec import Design
 
 KEYS = ("lens.focus_mm", "lens.half_width_mm", "emitter.distance_mm", "body.arm_width_mm", "body.stem_length_mm")
-"""Numbers that bend a response and that a print is free to have."""
+"""Numbers that change the curvature of a response and can be chosen freely for a print."""
 SHARE = 0.25
-"""By how much of itself each may change, to either side."""
+"""Largest change of each number to either side, as a fraction of it."""
 KNOTS_UM = 40.0
-"""Height of a free form's knots, to either side of what the design states."""
+"""Largest change in the height of a free form's knots to either side of the design."""
 GOALS = {"minimise": ("linearity_percent",), "maximise": ("abs(slope_per_deg)",)}
 CONDITIONS = ("light >= 0.9*base", "range_deg >= 0.95*base")
-"""A response without signal is straight too."""
+"""Conditions that exclude a response without signal, which would be straight too."""
 
 
 def straighter(design: Design) -> OptimiseOptions:
-    """Options of a search for a front between a straight response and a steep one, which loses neither light nor range.
+    """Return options of a search for a front of straight and steep responses that retain light and range.
 
-    Free are the numbers of `KEYS` that have an effect on the design's light, and the knots of a free form.
+    The free numbers are those of `KEYS` that affect the design's light, and the knots of a free form.
     """
     sensor = Sensor.of(design)
     free = [_around(key, number(sensor, key)) for key in KEYS if not inert(sensor, key)]
@@ -40,5 +40,5 @@ def _around(key: str, value: float) -> str:
 
 
 def _short(value: float) -> str:
-    """A length with as many digits as matter."""
+    """Format a length with its significant digits."""
     return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}" if value else "0"

@@ -1,4 +1,4 @@
-"""What a search is asked, checked: goals, limits, free numbers, deviations, and what prints its designs.
+"""The checked task of a search: goals, limits, free numbers, deviations, and the process that prints its designs.
 
 The interface: `Task.of` a design and options; `Task.at` a point of the box of its free numbers.
 """
@@ -25,29 +25,29 @@ from solen.spec import Design, with_values
 
 MOST_GOALS = 2
 FEWEST_TRIED = 10
-"""Designs that are tried at least for each of a front."""
+"""Smallest number of designs tried for each design of a front."""
 FORMS = "write KEY=LOW:HIGH"
 
 
 class Task(NamedTuple):
-    """What is asked.
+    """The task of a search.
 
     Parameters
     ----------
     design, sensor
-        What the search begins with.
+        The initial design.
     goals, signs
-        What is sought, and 1 where it is to be small, −1 where large.
+        The goals, with sign 1 to minimise and −1 to maximise.
     limits
-        What must hold.
+        Conditions that must hold.
     free
-        What may change.
+        Numbers that may change.
     cases
-        How far the built part may be off, by key; the first is the design as it is.
+        Deviations of the built part by key; the first case has none.
     process
-        What prints the designs, where one was named.
+        Process that prints the designs, if one was named.
     as_printed
-        Whether they are traced with the lens that it prints.
+        Whether designs are traced with the printed lens.
     """
 
     design: Design
@@ -62,14 +62,14 @@ class Task(NamedTuple):
 
     @classmethod
     def of(cls, design: Design, options: OptimiseOptions) -> "Task":
-        """Task of a design and options.
+        """Create the task from a design and options.
 
         Raises
         ------
         SpecError
-            Where goals, conditions, free numbers or deviations are malformed.
+            If goals, conditions, free numbers or deviations are malformed.
         DataError
-            Where the process cannot be read.
+            If the process cannot be read.
         """
         known = measure_of(design).names
         goals = tuple(Goal.parse(text, known) for text in (*options.minimise, *options.maximise))
@@ -96,13 +96,13 @@ class Task(NamedTuple):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What is sought in words."""
+        """The goals in words."""
         words = ("maximise" if sign < 0.0 else "minimise" for sign in self.signs)
         return tuple(f"{word} {goal.text}" for word, goal in zip(words, self.goals, strict=True))
 
     @property
     def printed_by(self) -> str | None:
-        """Name of the process whose printed lens is traced, if it is."""
+        """Name of the process whose printed lens is traced, or None for the designed lens."""
         return self.process.name if self.process is not None and self.as_printed else None
 
     @property
@@ -112,35 +112,37 @@ class Task(NamedTuple):
 
     @property
     def begin(self) -> FloatArray:
-        """Point of the design that the search begins with; beyond the ends of a free number the nearer one."""
+        """Point of the initial design; a free number outside its limits is at the nearer limit."""
         low, high = np.array([one.values for one in self.free]).T
         values = np.array(list(self.stated(self.sensor).values()))
         return np.asarray(np.clip((values - low) / (high - low), 0.0, 1.0))
 
     def stated(self, sensor: Sensor) -> dict[str, float]:
-        """The free numbers of a sensor."""
+        """Return the free numbers of a sensor."""
         return {one.key: number(sensor, one.key) for one in self.free}
 
     def at(self, point: FloatArray) -> Design:
-        """Design at a point of the box; `SpecError` where it is not valid."""
+        """Return the design at a point of the box; raise `SpecError` if it is not valid."""
         values = {one.key: one.at(share) for one, share in zip(self.free, point.tolist(), strict=True)}
         return with_values(self.design, values)
 
     def least_feature_um(self, lens: SplineLens) -> float:
-        """Least feature of a free form: that of the process, else that of the lens itself."""
+        """Return the smallest feature of a free form, from the process or else from the lens itself."""
         return lens.least_feature_um if self.process is None else self.process.process.least_feature_um
 
 
 def _check_goals(goals: Sequence[Goal], options: OptimiseOptions) -> None:
     both = "--minimise, --maximise"
     if not 0 < len(goals) <= MOST_GOALS:
-        limit = "state one value, or two for a front"
-        raise SpecError(both, value=f"{len(goals)} values", limit=limit, remedy="as in --minimise linearity_percent")
+        limit = "state one goal, or two for a front"
+        raise SpecError(
+            both, value=f"{len(goals)} values", limit=limit, remedy="for example --minimise linearity_percent"
+        )
     if len({goal.text for goal in goals}) < len(goals):
         raise SpecError(both, value=goals[0].text, limit="is stated twice", remedy="leave one out")
     if len(goals) == 1 and "front" in options.model_fields_set:
-        limit = "a front is of two values, and one is stated"
-        raise SpecError("--front", value=options.front, limit=limit, remedy="state another, or leave --front out")
+        limit = "a front needs two goals, and only one is stated"
+        raise SpecError("--front", value=options.front, limit=limit, remedy="state another goal, or omit --front")
     least = FEWEST_TRIED * options.front
     if len(goals) > 1 and options.evaluations < least:
         limit = f"a front of {options.front} designs needs at least {least}"
@@ -150,7 +152,7 @@ def _check_goals(goals: Sequence[Goal], options: OptimiseOptions) -> None:
 def _check_worst(expressions: Sequence[Expression], options: OptimiseOptions) -> None:
     one = next((one for one in expressions if one.worst), None)
     if one is not None and not options.robust:
-        raise one.refusal(one.text, "worst(...) is over the numbers off of --robust, and there are none", "state one")
+        raise one.refusal(one.text, "worst(...) needs deviations stated with --robust, and there are none", "state one")
 
 
 def _free(sensor: Sensor, texts: Sequence[str]) -> Iterator[Axis]:
@@ -173,12 +175,12 @@ def _free(sensor: Sensor, texts: Sequence[str]) -> Iterator[Axis]:
 
 
 def _process(sensor: Sensor, options: OptimiseOptions) -> Process | None:
-    """Process that was named, or, for designs as printed, the default one."""
+    """Return the named process or, for designs traced as printed, the default one."""
     if options.as_printed:
         check_printable(sensor)
     elif not (options.process or options.printer or options.cure):
         return None
     elif not any(isinstance(lens, SplineLens) for lens in sensor.all_lenses):
-        limit = "bounds the features of a free-form lens, and the design has none"
-        raise SpecError("--process, --printer, --cure", limit=limit, remedy="add --as-printed, or leave it out")
+        limit = "limits the features of a free-form lens, and the design has none"
+        raise SpecError("--process, --printer, --cure", limit=limit, remedy="add --as-printed, or omit it")
     return with_resin(process_of(options)[0], sensor.design)

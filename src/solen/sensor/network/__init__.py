@@ -1,7 +1,7 @@
-"""Networks of guides: check, powers by emitter and receiver, readings, slopes, and what tells motions apart.
+"""Networks of guides: check, powers by emitter and receiver, readings, slopes, and which motions can be distinguished.
 
-With one emitter lit and the motions at their angles a network is a sensor like any other, so a response is that of as
-many sensors as there are emitters. Powers are fractions of what the emitter that lights emits.
+With one emitter lit and the motions at given angles, a network is a sensor like any other: its response consists of one
+sensor per emitter. Powers are fractions of the power emitted by the lit emitter.
 """
 
 from solen.sensor.network.check import EmitterOfNetwork, LensOfNetwork, NetworkCheck, network_check

@@ -1,4 +1,4 @@
-"""Check of a network: whether it can be built in the states of its motions, and what it consists of."""
+"""Check whether a network can be built in the states of its motions, with a summary of its parts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from solen.spec.placed import states
 
 @dataclass(frozen=True)
 class LensOfNetwork:
-    """A lens of a network, and where its emitter's light meets in the material, mm behind its vertex."""
+    """A lens of a network, and the focus of its emitter's light in the material, in mm behind its vertex."""
 
     name: str
     shape: str
@@ -26,7 +26,7 @@ class LensOfNetwork:
 
 @dataclass(frozen=True)
 class EmitterOfNetwork:
-    """An emitter of a network: its place, its direction, counter-clockwise from +z, and its light."""
+    """An emitter of a network: its position, its direction, counter-clockwise from +z, and its light."""
 
     name: str
     x_mm: float
@@ -43,11 +43,11 @@ class NetworkCheck(Result):
     name
         Name of the design.
     states
-        States in which its body was built: each motion over its range, and the ends of all together.
+        States in which its body was built: each motion over its range, and the ends of all motions together.
     material
         Index and absorption at the first emitter's wavelength.
     guides, receivers, motions
-        Their names.
+        Names of its guides, receivers and motions.
     readings
         Expressions of its readings, by name.
     lenses, emitters
@@ -57,7 +57,7 @@ class NetworkCheck(Result):
     area_mm2
         Area of the section.
     warnings
-        Warnings about the design, and keys of it that have no effect.
+        Warnings about the design, and its keys without effect.
     """
 
     name: str
@@ -75,12 +75,12 @@ class NetworkCheck(Result):
 
     @property
     def kind(self) -> str:
-        """What it is, in words."""
+        """Description in words."""
         return f"a network of {len(self.guides)} guides" if self.guides else "a drawn network"
 
 
 def network_check(design: Design) -> NetworkCheck:
-    """Check that a network can be built in all states of its motions; `DesignError` if it cannot."""
+    """Check that a network can be built in all states of its motions; raise `DesignError` if it cannot."""
     sensors = in_turn(design)
     for sensor in sensors:
         sensor.check()
@@ -103,7 +103,7 @@ def network_check(design: Design) -> NetworkCheck:
 
 
 def _lens(sensors: Sequence[Sensor], name: str, lens: Lens | DrawnLens) -> LensOfNetwork:
-    """A lens, with its focus in the material at the wavelength of the emitter before it."""
+    """Return a lens with its focus in the material at the wavelength of the emitter in front of it."""
     network = sensors[0].design.network
     before = [sensor for sensor, emitter in zip(sensors, network.emitters, strict=True) if emitter.lens == name]
     index = (before or sensors)[0].material.index

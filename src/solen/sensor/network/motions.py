@@ -1,12 +1,12 @@
-"""Which motions of a network its readings distinguish, and how well: one reading of every receiver, emitters in turn.
+"""Motions of a network that its readings distinguish, and how well, from one reading of every receiver per emitter.
 
-The idea: readings r follow small motions as J m, with noise of covariance C. In units of the noise, W J with
-W C Wᵀ = 1, the singular values say by how many standard deviations all readings together change per degree of a
-combination of motions. The best estimate of the motions has the covariance (Jᵀ C⁻¹ J)⁻¹ (Gauss, Markov; for normal
-noise nothing does better: Cramér, Rao). A combination whose singular value is within `SURE` of its uncertainty is not
-determined, and with it no motion that has a share in it.
+The idea: readings r follow small motions as J m, with noise of covariance C. In units of the noise, W J with W C Wᵀ =
+1, the singular values are the change of all readings together per degree of a combination of motions, in standard
+deviations. The best estimate of the motions has the covariance (Jᵀ C⁻¹ J)⁻¹ (Gauss, Markov; for normal noise no
+estimate is better: Cramér, Rao). A combination whose singular value is less than `SURE` times its uncertainty is not
+determined, nor is any motion with a share in it.
 
-The interface: `determined` of derivatives and noise; `Determination`, in sentences by `in_words`.
+The interface: `determined` of derivatives and noise returns a `Determination`; `in_words` describes it.
 """
 
 import math
@@ -19,21 +19,21 @@ from solen.arrays import BoolArray, FloatArray
 from solen.results import Result, reported
 
 SURE = 2.0
-"""How many uncertainties a singular value must exceed for a combination of motions to be determined."""
+"""Multiple of its uncertainty that a singular value must exceed for its combination of motions to be determined."""
 RANK = 1e-12
-"""Share of the largest eigenvalue of a correlation from which on a combination of readings exists by itself."""
+"""Smallest eigenvalue of a correlation, relative to the largest, for an independent combination of readings."""
 SHOWN, ALIKE = 0.1, 0.1
-"""Least share of a motion that is named in a sentence; how much two shares may differ to count as equal."""
+"""Smallest share of a motion that is named in a sentence, and largest difference of two shares that count as equal."""
 
 
 @dataclass(frozen=True)
 class Combination:
-    """A combination of motions, by their shares of a unit vector, and how much it changes all readings together.
+    """A combination of motions, given by the components of a unit vector, and its effect on all readings together.
 
     Attributes
     ----------
     shares
-        By motion: angles whose squares add up to 1 deg².
+        Components by motion: angles whose squares add up to 1 deg².
     singular_per_deg, u_singular_per_deg
         Change of all readings together per degree, in standard deviations of their noise; its uncertainty is a bound.
     """
@@ -44,12 +44,12 @@ class Combination:
 
     @property
     def is_determined(self) -> bool:
-        """Whether the readings determine it: whether that change is more than its uncertainty."""
+        """Whether the readings determine the combination: their change exceeds `SURE` times its uncertainty."""
         return self.singular_per_deg > SURE * self.u_singular_per_deg
 
     @property
     def sd_deg(self) -> float:
-        """Standard deviation of the combination from one reading of all; infinite where it is not determined."""
+        """Standard deviation of the combination from one reading of all receivers; infinite if it is not determined."""
         return 1.0 / self.singular_per_deg if self.is_determined else math.inf
 
 
@@ -59,10 +59,10 @@ class Determination(Result):
     Attributes
     ----------
     motions
-        Their names.
+        Names of the motions.
     sd_deg, u_sd_deg
-        (motions,) standard deviation of each motion, all of them unknown, and what the simulated light makes uncertain
-        of it; infinite, and NaN, where the readings do not determine it.
+        (motions,) standard deviation of each motion if all are unknown, and its uncertainty due to the simulated light;
+        infinite and NaN if the readings do not determine the motion.
     covariance_deg2
         (motions, motions) covariance of the determined combinations.
     combinations
@@ -77,7 +77,7 @@ class Determination(Result):
 
     @reported
     def worst_sd_deg(self) -> float:
-        """Largest standard deviation of a motion; infinite where one is not determined."""
+        """Largest standard deviation of a motion; infinite if one is not determined."""
         return float(self.sd_deg.max(initial=0.0))
 
     @reported
@@ -86,7 +86,7 @@ class Determination(Result):
         return sum(one.is_determined for one in self.combinations)
 
     def improves_on(self, other: "Determination") -> bool:
-        """Whether it determines more combinations, or the worst motion better than both uncertainties explain."""
+        """Return whether it determines more combinations, or the worst motion better beyond both uncertainties."""
         if self.rank != other.rank or not math.isfinite(self.worst_sd_deg):
             return self.rank > other.rank
         if not math.isfinite(other.worst_sd_deg):
@@ -102,22 +102,22 @@ class Determination(Result):
 
 @dataclass(frozen=True)
 class Suggestion:
-    """A part added to a network, and what its readings then determine.
+    """A part added to a network, and how well its readings then determine the motions.
 
     Attributes
     ----------
     part
         ``"receiver"`` or ``"emitter"``.
     place
-        Where it stands, in words.
+        Position of the part, in words.
     tables
-        What is added to the design file, as TOML.
+        Addition to the design file, as TOML.
     worst_sd_deg
-        Largest standard deviation of a motion then; infinite where one is still not determined.
+        Largest standard deviation of a motion with the part; infinite if one is still not determined.
     rank
-        Number of combinations of motions that are determined then.
+        Number of combinations of motions that are determined with the part.
     by_voltages
-        What all voltages determine then.
+        Determination of the motions by all voltages with the part.
     """
 
     part: str
@@ -131,7 +131,7 @@ class Suggestion:
 def determined(
     motions: Sequence[str], slope_per_deg: FloatArray, u_slope_per_deg: FloatArray, covariance: FloatArray
 ) -> Determination:
-    """How well readings determine motions.
+    """Return how well readings determine motions.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def determined(
 
 
 def _whitening(covariance: FloatArray) -> FloatArray:
-    """Matrix (K, N) that turns noise of a covariance (N, N) of rank K into independent noise of 1."""
+    """Return a matrix (K, N) that turns noise of covariance (N, N) and rank K into independent unit noise."""
     sd = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(sd, sd))
     kept = values > RANK * values.max(initial=0.0)
@@ -181,9 +181,10 @@ def _whitening(covariance: FloatArray) -> FloatArray:
 
 
 def _has_share(rows: FloatArray, singular: FloatArray, u_singular: FloatArray, kept: BoolArray) -> BoolArray:
-    """Whether each motion (M,) has a share in a combination that is not determined, beyond what that is uncertain by.
+    """Return whether each motion (M,) has a share, beyond its uncertainty, in a combination that is not determined.
 
-    The direction of a combination is uncertain by its uncertainty over the distance of the singular values.
+    The uncertainty of a combination's direction is that of its singular value, divided by the difference of the
+    singular values.
     """
     lost = np.zeros(rows.shape[1], dtype=bool)
     least = float(singular[kept].min(initial=np.inf))
@@ -193,7 +194,7 @@ def _has_share(rows: FloatArray, singular: FloatArray, u_singular: FloatArray, k
 
 
 def in_words(found: Determination) -> Iterator[str]:
-    """Sentences about combinations of motions that readings do not determine."""
+    """Yield sentences about combinations of motions that readings do not determine."""
     lost = [one for one in found.combinations if not one.is_determined]
     if not lost:
         return
@@ -208,13 +209,13 @@ def in_words(found: Determination) -> Iterator[str]:
         yield _of_two(found, *shares.items())
     else:
         yield (
-            f"{', '.join(shares)} change the readings in the same way: they do not change where these move "
-            f"together as {words(lost[0])}, which cannot be measured"
+            f"{', '.join(shares)} change the readings in the same way: the readings do not change "
+            f"if these move together as {words(lost[0])}, and this combination cannot be measured"
         )
 
 
 def _of_two(found: Determination, one: tuple[str, float], other: tuple[str, float]) -> str:
-    """What can be measured of two motions of which one combination changes nothing."""
+    """Return a sentence about two motions of which one combination changes nothing."""
     (a, share_a), (b, share_b) = (one, other) if abs(one[1]) <= abs(other[1]) else (other, one)
     weight = -share_a / share_b  # of b; a counts as 1
     opposite = weight < 0.0
@@ -229,5 +230,5 @@ def _of_two(found: Determination, one: tuple[str, float], other: tuple[str, floa
 
 
 def words(combination: Combination) -> str:
-    """A combination of motions: ``+0.71 index, -0.70 ring``."""
+    """Format a combination of motions: ``+0.71 index, -0.70 ring``."""
     return ", ".join(f"{share:+.2f} {name}" for name, share in combination.shares.items())

@@ -1,11 +1,11 @@
-"""Where another emitter or receiver would help a network most: places tried one by one, ranked by what they determine.
+"""Most useful places for another emitter or receiver of a network: places are tried in turn and ranked.
 
-The idea: a part added to a network takes light from the others and moves corners, so nothing short of tracing it again
-says what it brings. Every place is tried roughly, and the best of each kind again to the full tolerance, with the same
-function and so the same numbers that the changed design file gives.
+The idea: a part added to a network takes light from the others and moves corners, so that its effect can only be found
+by tracing the network again. Every place is first traced with a large tolerance. The best of each kind are traced again
+with the full tolerance, by the same function and so with the same numbers as for the changed design file.
 
-Places tried are ends of guides where nothing stands, for a receiver, or a lens with its emitter; and at a quarter, half
-and three quarters of every side, where there is room, for a receiver or an emitter without a lens.
+The places are ends of guides without a part, for a receiver or for a lens with its emitter; and those at a quarter,
+half and three quarters of every side that are free, for a receiver or an emitter without a lens.
 """
 
 import json
@@ -23,11 +23,11 @@ from solen.sensor.network.slopes import SLOPE_TOLERANCE, network_sensitivities
 from solen.spec import Design, with_values
 
 SHARES = (0.25, 0.5, 0.75)
-"""Where on a side places are tried."""
+"""Places on a side that are tried, as fractions of its length."""
 WIDTH_MM = 2.0
-"""Length of a receiver on a side where the network has none; else that of the middle one of its own."""
+"""Length of a receiver on a side if the network has none there; otherwise the median of its own is used."""
 ROUGH_TOLERANCE, TRIED_AGAIN = 1e-3, 3
-"""Uncertainty of the powers of the first trial, and how many places of each kind are tried again."""
+"""Uncertainty of the powers of the first trial, and number of places of each kind that are tried again."""
 
 Tables = Mapping[str, Sequence[Mapping[str, object]]]
 
@@ -35,28 +35,27 @@ Tables = Mapping[str, Sequence[Mapping[str, object]]]
 def suggestions(
     design: Design, tolerance: float = SLOPE_TOLERANCE, progress: Progress | None = None
 ) -> tuple[Suggestion, ...]:
-    """Places where another receiver or emitter would help a network most, the best first.
+    """Return places where another receiver or emitter would improve a network most, the best first.
 
-    The best `TRIED_AGAIN` of each kind that improve on the network as it is (`Determination.improves_on`). By the
-    worst standard deviation of a motion with the motions as they stand, after the number of combinations that are
-    determined.
+    They are the best `TRIED_AGAIN` of each kind that improve on the given network (`Determination.improves_on`). They
+    are ranked by the number of determined combinations, then by the worst standard deviation of a motion at rest.
 
     Parameters
     ----------
     design
-        The network, its motions as they stand.
+        The network, with its motions at rest.
     tolerance
-        Uncertainty of the powers, as of `network_sensitivities`.
+        Uncertainty of the powers, as in `network_sensitivities`.
     progress
-        Called with the completed share, up to 1.
+        Function called with the completed fraction, up to 1.
 
     Raises
     ------
     DesignError
-        If the network is drawn, so that no part can be added.
+        If the network is drawn, since no part can then be added.
     """
     if design.body.file is not None:
-        limit, remedy = "is drawn: no part can be added to it", "draw it, and compare by solen sensitivity"
+        limit, remedy = "is drawn: no part can be added to it", ("draw the part, and compare with solen sensitivity")
         raise DesignError("body.file", value=design.body.file, limit=limit, remedy=remedy)
     trials = [(part, place, dict(tables)) for part, place, tables in _places(design)]
     first, count = len(trials), len(trials) + 2 * TRIED_AGAIN
@@ -78,7 +77,7 @@ Trial = tuple[str, str, Tables]
 
 
 def _tried(design: Design, trial: Trial, tolerance: float) -> tuple[Trial, Suggestion] | None:
-    """A trial with what it gives; None where it cannot be built."""
+    """Return a trial with its result; None if it cannot be built."""
     part, place, tables = trial
     try:
         found = network_sensitivities(_with(design, tables), tolerance=tolerance).by_voltages
@@ -90,7 +89,7 @@ def _tried(design: Design, trial: Trial, tolerance: float) -> tuple[Trial, Sugge
 
 
 def _apparent(one: Suggestion) -> float:
-    """Worst standard deviation of a motion as if every combination were determined: to rank rough trials by."""
+    """Return the worst standard deviation of a motion as if all combinations were determined, to rank first trials."""
     rows = np.array([list(each.shares.values()) for each in one.by_voltages.combinations])
     values = np.array([each.singular_per_deg for each in one.by_voltages.combinations])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -98,13 +97,13 @@ def _apparent(one: Suggestion) -> float:
 
 
 def _with(design: Design, tables: Tables) -> Design:
-    """Design with tables added to the lists of its network."""
+    """Return the design with tables added to the lists of its network."""
     network = design.network.model_dump(exclude_defaults=True)
     return with_values(design, {"network": network | {key: [*network.get(key, ()), *tables[key]] for key in tables}})
 
 
 def _places(design: Design) -> Iterator[Trial]:
-    """Parts that may be added, where, and their tables."""
+    """Yield parts that can be added, with their places and tables."""
     network = design.network
     every = (*network.lenses, *network.emitters, *network.receivers)
     taken = {one.node for one in every}
@@ -118,7 +117,7 @@ def _places(design: Design) -> Iterator[Trial]:
 
 
 def _on_sides(design: Design) -> Iterator[Trial]:
-    """The same on the sides of guides."""
+    """Yield parts that can be added to the sides of guides."""
     lengths = [one.to_mm - one.from_mm for one in design.network.receivers if one.to_mm and one.from_mm is not None]
     width = median(lengths) if lengths else WIDTH_MM
     for name, way in at_rest(design).ways.items():
@@ -138,7 +137,7 @@ def _on_sides(design: Design) -> Iterator[Trial]:
 
 
 def _new_name(design: Design, name: str) -> str:
-    """A name that no part of a network has: ``tip``, or else ``tip-2``."""
+    """Return a name that no part of a network has: ``tip``, or else ``tip-2``."""
     network = design.network
     taken = {one.name for many in (network.lenses, network.emitters, network.receivers) for one in many}
     number = 1
@@ -148,7 +147,7 @@ def _new_name(design: Design, name: str) -> str:
 
 
 def _toml(tables: Tables) -> str:
-    """Tables as they are added to a design file."""
+    """Format tables for a design file."""
     parts = (
         "\n".join([f"[[network.{key}]]", *(f"{name} = {json.dumps(value)}" for name, value in one.items())])
         for key, many in tables.items()

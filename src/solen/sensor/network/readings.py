@@ -1,8 +1,9 @@
 """Values of a network's readings from its powers, with their uncertainties.
 
-The receivers' powers under one emitter rest on the same rays, so their errors are correlated, to an extent that is not
-known. The uncertainty of a reading is therefore the sum of its parts by exact derivatives, without quadrature: a bound.
-Where a reading is too curved for derivatives it is what the reading changes by with every power off by its uncertainty.
+The receivers' powers under one emitter come from the same rays, so their errors are correlated to an unknown extent.
+The uncertainty of a reading is therefore the linear sum of its parts, with exact derivatives: an upper bound. If the
+curvature of a reading is too large for derivatives, it is the change of the reading with every power off by its
+uncertainty.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,9 +17,9 @@ from solen.spec.reading import Formula
 
 
 def readings_of(network: Network, power: FloatArray, u_power: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Values (..., readings) of all readings, and bounds of their uncertainties, for powers (..., emitters, receivers).
+    """Return values (..., readings) and bounds of their uncertainties for powers (..., emitters, receivers).
 
-    NaN where a reading has no value, as a contrast in the dark.
+    They are NaN if a reading has no value, such as a contrast without light.
     """
     rows = [_reading(formula, places, power, u_power) for formula, places in _places(network)]
     if not rows:
@@ -29,7 +30,7 @@ def readings_of(network: Network, power: FloatArray, u_power: FloatArray) -> tup
 
 
 def without_value(names: Sequence[str], reading: FloatArray, u_reading: FloatArray) -> list[str]:
-    """Warnings about readings (states, readings) that have no value in some state, or no uncertainty."""
+    """Return warnings about readings (states, readings) that have no value or no uncertainty in some state."""
     bad = ~(np.isfinite(reading) & np.isfinite(u_reading))
     counts = zip(names, bad.sum(axis=0).tolist(), strict=True)
     return [
@@ -40,7 +41,7 @@ def without_value(names: Sequence[str], reading: FloatArray, u_reading: FloatArr
 
 
 def slopes_of(network: Network, power: FloatArray) -> FloatArray:
-    """Exact derivatives (readings, emitters, receivers) of all readings by the powers (emitters, receivers)."""
+    """Return exact derivatives (readings, emitters, receivers) of all readings with respect to the powers."""
     found = np.zeros((len(network.formulas), *power.shape))
     for slope, (formula, places) in zip(found, _places(network), strict=True):
         with np.errstate(all="ignore"):
@@ -50,7 +51,7 @@ def slopes_of(network: Network, power: FloatArray) -> FloatArray:
 
 
 def _places(network: Network) -> Iterator[tuple[Formula, dict[tuple[str, str], tuple[int, int]]]]:
-    """Formulas with the places of their powers."""
+    """Return formulas with the indices of their powers."""
     emitters, receivers = ([one.name for one in many] for many in (network.emitters, network.receivers))
     for formula in network.formulas:
         yield formula, {pair: (emitters.index(pair[0]), receivers.index(pair[1])) for pair in formula.powers}
@@ -59,7 +60,7 @@ def _places(network: Network) -> Iterator[tuple[Formula, dict[tuple[str, str], t
 def _reading(
     formula: Formula, places: Mapping[tuple[str, str], tuple[int, int]], power: FloatArray, u_power: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Value and uncertainty of one reading."""
+    """Return value and uncertainty of one reading."""
     at, off = ({pair: every[..., *place] for pair, place in places.items()} for every in (power, u_power))
     with np.errstate(all="ignore"):
         value = np.asarray(formula.value(at), dtype=float)

@@ -1,9 +1,9 @@
-"""What every receiver of a network gets of each emitter, the emitters lit in turn.
+"""Power at every receiver of a network from each emitter, with the emitters lit in turn.
 
-The idea: with one emitter alight and the motions at their angles a network is a sensor like any other, so a response is
-that of as many sensors as there are emitters. Powers are fractions of what the emitter that lights emits.
+The idea: with one emitter lit and the motions at given angles, a network is a sensor like any other. Its response
+consists of one sensor per emitter. Powers are fractions of the power emitted by the lit emitter.
 
-The interface: `in_turn` for its sensors, `network_trace` at one state, `network_response` over states.
+The interface: `in_turn` returns these sensors, `network_trace` traces one state, `network_response` several.
 """
 
 import math
@@ -28,13 +28,16 @@ from solen.trace.options import TraceOptions, trace_with
 from solen.trace.result import Ledger
 
 USUAL_TOLERANCE = 5e-4
-"""Default uncertainty of a power, as a share of what its emitter emits."""
+"""Default uncertainty of a power, as a fraction of the emitted power."""
 ROUGH, RAYS_OF_ONE, FEWEST_RAYS = 2e-4, 0.03, 2**12
-"""Tolerance from which on powers are sampled, quicker than integrated; rays to begin with, times its square; fewest."""
+"""Tolerance from which on powers are sampled, which is faster than integration; first number of rays times the
+tolerance squared; smallest number of rays.
+"""
 OF_NETS = 1.25 * math.sqrt((COPIES - 1) / (COPIES - 3))
-"""Standard uncertainty of a mean of nets by their standard error. So few estimate it roughly, so that error over it
-follows Student's t (Supplement 1 to the GUM, 6.4.9.4); and it is too small where few rays carry the power, by up to
-1.25 over all powers of a network and 40 lattices."""
+"""Factor from the standard error of a mean of nets to its standard uncertainty. With so few nets the standard error is
+itself uncertain, and the error in its units follows Student's t (Supplement 1 to the GUM, 6.4.9.4). It is also too
+small if few rays carry the power, by up to 1.25 over all powers of a network and 40 lattices.
+"""
 
 
 class NetworkResponse(Result):
@@ -43,15 +46,15 @@ class NetworkResponse(Result):
     Attributes
     ----------
     motions, emitters, receivers, readings
-        Their names.
+        Names of the motions, emitters, receivers and readings.
     angle_deg
         (states, motions) angles of the motions.
     power, u_power
-        (states, emitters, receivers) fractions of what the emitter emits, and their uncertainties.
+        (states, emitters, receivers) fractions of the power of the lit emitter, and their uncertainties.
     reading, u_reading
-        (states, readings) values of its readings, NaN where one has none, and bounds of their uncertainties.
+        (states, readings) values of its readings, NaN if one does not exist, and bounds of their uncertainties.
     ledgers
-        For each state the ledger of each emitter.
+        Ledger of each emitter, for each state.
     simulated
         Always true.
     """
@@ -81,7 +84,7 @@ class NetworkTrace(NetworkResponse, kw_only=True):
     mode, method
         How rays were followed and chosen.
     warnings
-        Warnings, and keys that have no effect.
+        Warnings, and keys without effect.
     """
 
     sensors: tuple[Sensor, ...] = field(metadata=HIDDEN)
@@ -92,21 +95,21 @@ class NetworkTrace(NetworkResponse, kw_only=True):
 
 
 def in_turn(design: Design) -> tuple[Sensor, ...]:
-    """Sensors of a network's emitters, in the order of the design.
+    """Return the sensors of a network's emitters, in the order of the design.
 
     Raises
     ------
     DesignError
-        If the design is no network.
+        If the design is not a network.
     """
     if design.body.kind != "network":
-        limit = "has one emitter; emitters in turn are those of a network"
+        limit = "has one emitter; only a network has several emitters to light in turn"
         raise DesignError("body.kind", value=design.body.kind, limit=limit, remedy='set body.kind = "network"')
     return tuple(Sensor.of(lit(design, emitter.name)) for emitter in design.network.emitters)
 
 
 def network_trace(design: Design, options: TraceOptions = TraceOptions()) -> NetworkTrace:
-    """Trace a network in the state in which its motions stand, its emitters in turn; raises as `trace_with` does."""
+    """Trace a network with its motions as in the design and its emitters in turn; raises the errors of `trace_with`."""
     sensors = in_turn(design)
     traces = [trace_with(sensor.scene(), options, design.trace.mode) for sensor in sensors]
     state = [[motion.at_deg for motion in design.network.motion]]
@@ -122,11 +125,11 @@ def network_trace(design: Design, options: TraceOptions = TraceOptions()) -> Net
 
 
 def refuse_in_turn(options: Mapping[str, object]) -> None:
-    """`SpecError` for an option that a trace of several emitters has not."""
+    """Raise `SpecError` for an option that does not apply to a trace of several emitters."""
     for name, value in options.items():
         if value is not None:
             moves = name in ("--angle-deg", "--at")
-            limit = f"is of one {'motion' if moves else 'emitter'}; a network has several"
+            limit = f"applies to a single {'motion' if moves else 'emitter'}; a network has several"
             remedy = "use --set network.motion[0].at_deg=..." if moves else "add --emitter"
             raise SpecError(name, value=None if value is True else str(value), limit=limit, remedy=remedy)
 
@@ -140,27 +143,27 @@ def network_response(
     built: Callable[[Sensor], Sensor] | None = None,
     lattice: int = 0,
 ) -> NetworkResponse:
-    """Response of a network in power over states, each the angles of its motions by name.
+    """Return the response of a network in power over states, each given by the angles of its motions by name.
 
     Parameters
     ----------
     design
         The network.
     angles_deg
-        Of each state, the angles in degrees of the motions that it names; the others stand as in the design.
+        For each state, the angles in degrees of the named motions; the others are as in the design.
     tolerance
-        Largest uncertainty of a power, as of `Sensor.power`.
+        Largest uncertainty of a power, as in `Sensor.power`.
     progress
-        Called with the completed share, up to 1.
+        Function called with the completed fraction, up to 1.
     built
-        Makes of a sensor what is traced in its place, as a part that is off its design.
+        Function that converts a sensor to the one that is traced, for example with deviations of the built part.
     lattice
-        Number of the rays' lattice: another gives others.
+        Number of the rays' lattice, which selects other rays.
 
     Raises
     ------
     SpecError
-        For a motion that the network does not have, or an angle beyond its range.
+        If the network does not have a motion, or an angle is beyond its range.
     DesignError
         If the body cannot be built in a state.
     """
@@ -176,7 +179,7 @@ def response_of(
     built: Callable[[Sensor], Sensor] | None = None,
     lattice: int = 0,
 ) -> NetworkResponse:
-    """Response of designs with the same motions, emitters and receivers, as they stand; see `network_response`."""
+    """Return the response of designs with the same motions, emitters and receivers, at rest; see `network_response`."""
 
     def traced(each: Design) -> list[Trace]:
         sensors = in_turn(each) if built is None else map(built, in_turn(each))
@@ -187,7 +190,7 @@ def response_of(
 
 
 def _traced(sensor: Sensor, tolerance: float, lattice: int) -> Trace:
-    """Powers of one emitter's light: by samples to a rough tolerance, else integrated, or sampled where that fails."""
+    """Trace one emitter's powers: sampled for a large tolerance, otherwise integrated, or sampled if that fails."""
     if tolerance < ROUGH:
         return sensor.reading(tolerance=tolerance)[0]
     first = max(2 ** round(math.log2(RAYS_OF_ONE / tolerance**2)), FEWEST_RAYS)
@@ -224,16 +227,16 @@ def _response(
 
 
 def unread_in(response: NetworkResponse) -> list[str]:
-    """Warnings about readings that have no certain value in some state of a response."""
+    """Return warnings about readings that have no certain value in some state of a response."""
     return without_value(response.readings, response.reading, response.u_reading)
 
 
 def receivers_of(sensors: Sequence[Sensor]) -> tuple[str, ...]:
-    """Names of the receivers, in the order of the design."""
+    """Return the names of the receivers, in the order of the design."""
     return tuple(placed.name for placed in sensors[0].design.network.receivers)
 
 
 def warnings_of(sensors: Sequence[Sensor], mode: Mode | None = None) -> tuple[str, ...]:
-    """Warnings about all emitters' sensors, each once."""
+    """Return warnings about all emitters' sensors, without duplicates."""
     rows = (text for sensor in sensors for text in (*sensor.warnings, *keys_without_effect(sensor, mode)))
     return tuple(dict.fromkeys(rows))

@@ -1,8 +1,8 @@
-"""What the receivers of a network read with each emitter lit in turn: volts, and the noise of every reading.
+"""Voltages at the receivers of a network with each emitter lit in turn, and the noise of every reading.
 
-A reading is the voltage with one emitter on, less the mean of those with all emitters off before and after it. As every
-emitter's turn is followed by an off phase, two emitters that follow one another share one: readings of the same
-receiver under them are correlated by it.
+A reading is the voltage with one emitter on, minus the mean of the voltages with all emitters off before and after it.
+Since an off phase follows every emitter's turn, two consecutive emitters share one. Their readings at the same receiver
+are therefore correlated.
 
 The interface: `circuits_of` a network; `network_signals` of its powers.
 """
@@ -21,7 +21,7 @@ from solen.sensor.readings import angle_rays
 from solen.spec import Design
 
 SHARED_OFF = 0.25
-"""Covariance of two emitters' readings that share an off reading, in squares of its noise: half of it is in either."""
+"""Covariance of two emitters' readings that share an off reading, in squares of its noise: each contains half of it."""
 
 
 class Signals(Result):
@@ -30,18 +30,18 @@ class Signals(Result):
     Attributes
     ----------
     emitters, receivers
-        Their names.
+        Names of the emitters and receivers.
     received
-        (states, emitters, receivers) shares of the emitted power that receivers convert to current.
+        (states, emitters, receivers) fractions of the emitted power that receivers convert to current.
     voltage_V, u_voltage_V, off_V
-        (states, emitters, receivers) voltages with an emitter on, with the uncertainty that the traced powers leave,
-        and (receivers,) with all off.
+        (states, emitters, receivers) voltages with an emitter on and their uncertainty due to the traced powers; and
+        (receivers,) voltages with all emitters off.
     sd_V
-        (states, emitters, receivers) noise of a reading: on, less the mean of the off readings before and after.
+        (states, emitters, receivers) noise of a reading: on, minus the mean of the off readings before and after.
     sd_off_V
         (receivers,) noise of an off reading.
     slope_V
-        (states, emitters, receivers) change of the voltage per share of the emitted power, below 0.
+        (states, emitters, receivers) change of the voltage per fraction of the emitted power, which is negative.
     """
 
     emitters: tuple[str, ...]
@@ -55,7 +55,7 @@ class Signals(Result):
     slope_V: FloatArray
 
     def covariance_V2(self, state: int = 0) -> FloatArray:
-        """Covariance (emitters·receivers, emitters·receivers) of the readings in one state, in V²."""
+        """Return the covariance (emitters·receivers, emitters·receivers) of the readings in one state, in V²."""
         sd = self.sd_V[state]
         count, receivers = sd.shape
         found = np.diag(sd.ravel() ** 2)
@@ -66,7 +66,7 @@ class Signals(Result):
 
 
 def circuits_of(design: Design) -> tuple[Circuit, ...]:
-    """Circuit of a network for each emitter, typical parts; raises as `solen.readout.circuit_of` does."""
+    """Return each emitter's circuit with typical parts; raises the errors of `solen.readout.circuit_of`."""
     sensors = in_turn(design)
     areas = face_areas_mm2(design, sensors[0].body())
     named = {one.name: areas[one.name] for one in design.network.receivers}
@@ -74,7 +74,7 @@ def circuits_of(design: Design) -> tuple[Circuit, ...]:
 
 
 def received_by(designs: Sequence[Design], power: FloatArray) -> FloatArray:
-    """Shares (states, emitters, receivers) that receivers convert to current, of powers of designs as they stand."""
+    """Return fractions (states, emitters, receivers) converted to current, from powers of designs at rest."""
     power = np.maximum(power, 0.0)
     names = [one.name for one in designs[0].network.receivers]
     sensors = [in_turn(design) for design in designs]
@@ -88,14 +88,14 @@ def received_by(designs: Sequence[Design], power: FloatArray) -> FloatArray:
 
 
 def network_signals(designs: Sequence[Design], power: FloatArray, u_power: FloatArray) -> Signals:
-    """Voltages and noise of a network in several states.
+    """Return voltages and noise of a network in several states.
 
     Parameters
     ----------
     designs
-        The network in each state, as `solen.spec.placed.state_of` makes it; they share one circuit, the first one's.
+        The network in each state, from `solen.spec.placed.state_of`; the circuit is that of the first.
     power, u_power
-        (states, emitters, receivers) shares of the emitted power through the receivers' faces, with uncertainties.
+        (states, emitters, receivers) fractions of the emitted power through the receivers' faces, with uncertainties.
 
     Raises
     ------

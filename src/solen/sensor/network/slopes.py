@@ -1,10 +1,10 @@
-"""Derivatives of a network's powers by its motions and its numbers, and which motions its readings distinguish.
+"""Derivatives of a network's powers with respect to its numbers, and the motions that readings distinguish.
 
-The idea: light of a chip in a network is divided at many faces, and its integral is no smooth function to 1e-6, as a
-derivative in the limit needs. So a derivative is a difference over a stated step, both ends sampled by the same rays.
-Its uncertainty is that of the two powers; what curves within the step is part of the value.
+The idea: light of a chip in a network is divided at many faces. Its integral is not smooth to 1e-6, as the limit of a
+derivative would require. A derivative is therefore a difference over a stated step, with both ends sampled by the same
+rays. Its uncertainty is that of the two powers; curvature within the step is part of the value.
 
-Voltages and their noise are those of the readout; `solen.sensor.network.motions` says what they determine.
+Voltages and their noise are those of the readout; `solen.sensor.network.motions` evaluates what they determine.
 """
 
 import math
@@ -28,7 +28,7 @@ from solen.spec.network import NamedMotion
 from solen.spec.placed import state_of
 
 SLOPE_TOLERANCE = 3e-4
-"""Uncertainty of the powers that a difference is taken of."""
+"""Uncertainty of the powers whose difference is taken."""
 
 
 class NetworkSensitivities(Result):
@@ -39,28 +39,28 @@ class NetworkSensitivities(Result):
     name
         Name of the design.
     emitters, receivers, readings
-        Their names.
+        Names of the emitters, receivers and readings.
     keys
         Keys of the numbers; those of motions end in ``at_deg``.
     value, step
-        (keys,) value of each number, and half the difference between the two at which powers are taken.
+        (keys,) value of each number, and half the difference between the two values at which powers are traced.
     slope, u_slope
-        (keys, emitters, receivers) derivative by the number, per its unit, and its uncertainty.
+        (keys, emitters, receivers) derivative with respect to the number, per its unit, and its uncertainty.
     reading_slope, u_reading_slope
-        (keys, readings) derivative of each reading by the number, per its unit, NaN where it has none, and a bound of
-        its uncertainty.
+        (keys, readings) derivative of each reading with respect to the number, per its unit, NaN if it does not exist,
+        and a bound of its uncertainty.
     skipped
-        Reasons why numbers were left out, by key.
+        Reasons why numbers were omitted, by key.
     signals
-        Voltages and noise with the motions as they stand, as one state; None without a motion among the keys.
+        Voltages and noise with the motions at rest, as one state; None without a motion among the keys.
     by_voltages
-        What all voltages determine of the motions among the keys; None without one.
+        Determination of the motions among the keys by all voltages; None without one.
     by_readings
         The same from the readings of ``[[network.reading]]`` alone; None without one.
     warnings
         Warnings about the numbers.
     suggestions
-        Places where another part would help most, the best first, if asked for.
+        Most useful places for another part, the best first, if requested.
     simulated
         Always true.
     """
@@ -97,23 +97,23 @@ def network_sensitivities(
     tolerance: float = SLOPE_TOLERANCE,
     progress: Progress | None = None,
 ) -> NetworkSensitivities:
-    """Derivatives of a network's powers by numbers of its design, and what they tell of its motions.
+    """Return derivatives of a network's powers with respect to numbers, and how well motions are determined.
 
     Parameters
     ----------
     design
-        The network, its motions as they stand.
+        The network, with its motions at rest.
     keys
         Dotted keys of numbers; default: the angles of its motions.
     tolerance
-        Uncertainty of the powers that differences are taken of.
+        Uncertainty of the powers whose differences are taken.
     progress
-        Called with the completed share, up to 1.
+        Function called with the completed fraction, up to 1.
 
     Raises
     ------
     SpecError
-        If a key is not that of a real number stated in the design, or there is none.
+        If a key is not that of a real number stated in the design, or there is no key.
     """
     sensors = in_turn(design)
     chosen = list(dict.fromkeys(keys)) or [f"network.motion[{i}].at_deg" for i in range(len(design.network.motion))]
@@ -132,7 +132,7 @@ def network_sensitivities(
             designs = [with_values(design, {key: end}) for end in (low, high)]
             ends = response_of(designs, tolerance)
         except SolenError as bad:
-            skipped[key] = f"not on both sides of {value:g}: {bad}"
+            skipped[key] = f"both sides of {value:g} are needed, and one is impossible: {bad}"
         else:
             rows.append(_Slope(key, value, high - low, designs, ends))
     if not rows:
@@ -171,10 +171,10 @@ def network_sensitivities(
 def worst_sd_deg(
     design: Design, angles_deg: Sequence[Mapping[str, float]] = ({},), tolerance: float = SLOPE_TOLERANCE
 ) -> float:
-    """Largest standard deviation of a motion of a network, from one reading of all, over states of its motions.
+    """Return the largest standard deviation of a network's motion from one reading of all, over states.
 
-    Infinite where the readings do not determine a motion in some state; states as of `network_response`. Raises as
-    `network_sensitivities` does.
+    It is infinite if the readings do not determine a motion in some state; states are those of `network_response`.
+    Raises the errors of `network_sensitivities`.
     """
     found = (network_sensitivities(state_of(design, state), tolerance=tolerance) for state in angles_deg)
     return max(one.by_voltages.worst_sd_deg if one.by_voltages else math.inf for one in found)
@@ -191,7 +191,7 @@ class _Slope:
     ends: NetworkResponse
 
     def slope(self, name: str) -> tuple[FloatArray, FloatArray]:
-        """Slope of an array of the response, with its uncertainty."""
+        """Return the slope of an array of the response, with its uncertainty."""
         (low, high), u = getattr(self.ends, name), getattr(self.ends, f"u_{name}")
         return (high - low) / self.step, np.hypot(*u) / self.step
 
@@ -199,7 +199,7 @@ class _Slope:
 def _determined(
     design: Design, moved: Sequence[tuple[str, _Slope]], tolerance: float
 ) -> tuple[Signals, Determination, Determination | None]:
-    """Signals of a network as it stands, and what they and its readings determine of the motions."""
+    """Return signals of a network at rest, and how well they and its readings determine the motions."""
     rest = response_of([design], tolerance)
     here = network_signals([design], rest.power, rest.u_power)
     names = [name for name, _ in moved]
@@ -225,7 +225,7 @@ def _determined(
 
 
 def _ends(design: Design, key: str, value: float, tolerance: float) -> tuple[float, float]:
-    """Values on either side of a number: by its tolerance, a motion by half a step of its range and within that."""
+    """Return values on either side of a number: by its tolerance or, for a motion, by half a step within its range."""
     holder, _, name = key.rpartition(".")
     motion = value_at(design, holder) if name == "at_deg" and holder.startswith("network.motion[") else None
     if not isinstance(motion, NamedMotion):

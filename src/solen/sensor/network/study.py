@@ -16,7 +16,7 @@ from solen.spec.network import Network
 
 
 class NetworkStudy(Result):
-    """Response of a network over the range of each of its motions, the others as they stand.
+    """Response of a network over the range of each of its motions, with the others at rest.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class NetworkStudy(Result):
     check
         Its check.
     at_rest
-        Its response with the motions as they stand.
+        Its response with all motions at rest.
     sweeps
         Its response over the range of each motion, by the motion's name.
     warnings
@@ -49,7 +49,7 @@ class NetworkStudy(Result):
 
 
 def network_study(design: Design, progress: Progress | None = None, tolerance: float = USUAL_TOLERANCE) -> NetworkStudy:
-    """Response of a network as it stands, and over the range of each of its motions; see `network_response`."""
+    """Return the response of a network at rest and over the range of each of its motions; see `network_response`."""
     check, sensors = network_check(design), in_turn(design)
     every, places = courses(design.network)
     whole = network_response(design, every, tolerance, progress)
@@ -65,7 +65,7 @@ def network_study(design: Design, progress: Progress | None = None, tolerance: f
 
 
 def courses(network: Network) -> tuple[list[dict[str, float]], dict[str, list[int]]]:
-    """States of each motion over its range, the others as they stand, and their places by motion; the first is rest."""
+    """Return the states of each motion over its range, rest first, and their indices by motion."""
     every: list[dict[str, float]] = [{}]
     places: dict[str, list[int]] = {}
     for motion in network.motion:
@@ -78,7 +78,7 @@ def courses(network: Network) -> tuple[list[dict[str, float]], dict[str, list[in
 
 
 def _part(whole: NetworkResponse, places: Sequence[int]) -> NetworkResponse:
-    """Some states of a response."""
+    """Return some states of a response."""
     own = ("angle_deg", "power", "u_power", "reading", "u_reading")
     return replace(
         whole,
@@ -88,7 +88,7 @@ def _part(whole: NetworkResponse, places: Sequence[int]) -> NetworkResponse:
 
 
 def _rough(response: NetworkResponse, design: Design) -> list[str]:
-    """Warning where a power is less certain than samples should make it."""
+    """Return a warning if a power is less certain than expected of samples."""
     worst = float(np.nanmax(response.u_power, initial=0.0))
     if math.isnan(worst) or worst <= USUAL_TOLERANCE:
         return []

@@ -1,7 +1,7 @@
 """Voltages of a network over the range of each of its motions, with noise, resolution and advice on the load.
 
-The others of its motions stand as they do, and are taken as known: what all of them unknown leave of a motion says
-`solen.sensor.network.motions`. A slope that is no more than the uncertainty of the simulated light resolves nothing.
+The other motions are at rest and considered known; `solen.sensor.network.motions` evaluates the case that all motions
+are unknown. A slope that does not exceed the uncertainty of the simulated light resolves nothing.
 """
 
 from collections.abc import Iterator
@@ -33,14 +33,14 @@ class MotionVolts(Result):
     Attributes
     ----------
     angle_deg
-        (A,) ascending.
+        Angles (A,), ascending.
     signals
         Voltages and their noise (A, E, R).
     slope_V_per_deg, u_slope_V_per_deg
         (A, E, R) slope of the voltages, and its uncertainty.
     resolution_deg, resolution_of_all_deg
-        Standard deviation of the angle from one reading of every receiver, of each emitter (A, E), and of all (A,);
-        NaN where the voltages change by no more than the simulated light is uncertain.
+        Standard deviation of the angle from one reading of every receiver, for each emitter (A, E) and for all (A,);
+        NaN if the voltages change by no more than the uncertainty of the simulated light.
     """
 
     angle_deg: FloatArray
@@ -52,20 +52,20 @@ class MotionVolts(Result):
 
 
 class NetworkVolts(Result):
-    """Voltages of a network with its motions as they stand, and over the range of each of them.
+    """Voltages of a network with its motions at rest, and over the range of each of them.
 
     Attributes
     ----------
     name
         Name of the design.
     circuits
-        Circuit of each emitter, typical parts; the emitters' names are those of ``at_rest``.
+        Circuit of each emitter, with typical parts; the emitters' names are those of ``at_rest``.
     at_rest
-        Voltages and noise with the motions as they stand, as one state.
+        Voltages and noise with the motions at rest, as one state.
     by_motion
-        The same over each motion, by its name.
+        Voltages and noise over each motion, by its name.
     advice
-        On the loads, by all states.
+        Advice on the loads, from all states.
     temperature_C, ambient_mW_per_cm2
         Temperature and irradiance around the sensor.
     parts
@@ -92,13 +92,13 @@ class NetworkVolts(Result):
 
     @reported
     def range_V(self) -> tuple[float, float]:
-        """Lowest and highest voltage of typical parts over all states."""
+        """Lowest and highest voltage over all states, with typical parts."""
         every = [self.at_rest.voltage_V, *(one.signals.voltage_V for one in self.by_motion.values())]
         return min(float(one.min()) for one in every), max(float(one.max()) for one in every)
 
 
 def network_volts(design: Design, progress: Progress | None = None, tolerance: float = USUAL_TOLERANCE) -> NetworkVolts:
-    """Voltages of a network over its motions; powers as of `network_response`, and raises as that and `circuits_of`."""
+    """Return voltages of a network over its motions; raises the errors of `network_response` and `circuits_of`."""
     sensors, circuits = in_turn(design), circuits_of(design)
     states, places = courses(design.network)
     response = network_response(design, states, tolerance, progress)
@@ -132,9 +132,9 @@ def network_volts(design: Design, progress: Progress | None = None, tolerance: f
 
 
 def _over(name: str, signals: Signals, response: NetworkResponse, places: list[int]) -> MotionVolts:
-    """Voltages over one motion, and what they resolve of it."""
+    """Return voltages over one motion, with the resolution of that motion."""
     angle = response.angle_deg[places, response.motions.index(name)]
-    differences = slopes_V_per_deg(angle, np.eye(len(angle)))  # they are linear
+    differences = slopes_V_per_deg(angle, np.eye(len(angle)))  # slopes are linear in the voltages
     slope = np.tensordot(differences, signals.voltage_V, 1)
     u_slope = np.sqrt(np.tensordot(differences**2, signals.u_voltage_V**2, 1))
     shape = (len(angle), -1)
@@ -150,7 +150,7 @@ def _over(name: str, signals: Signals, response: NetworkResponse, places: list[i
 
 
 def _inverses(signals: Signals, emitter: int | None = None) -> FloatArray:
-    """Inverse covariances (A, N, N) of the readings of one emitter, or of all."""
+    """Return inverse covariances (A, N, N) of the readings of one emitter, or of all."""
     covariances = np.array([signals.covariance_V2(state) for state in range(len(signals.sd_V))])
     if emitter is not None:
         own = slice(emitter * len(signals.receivers), (emitter + 1) * len(signals.receivers))
@@ -159,7 +159,7 @@ def _inverses(signals: Signals, emitter: int | None = None) -> FloatArray:
 
 
 def _resolution_deg(slope: FloatArray, u_slope: FloatArray, inverse: FloatArray) -> FloatArray:
-    """Standard deviation (A,) of an angle from readings (A, N) of an inverse covariance (A, N, N)."""
+    """Return the standard deviation (A,) of an angle from readings (A, N) with an inverse covariance (A, N, N)."""
     information = np.einsum("an,anm,am->a", slope, inverse, slope)
     u_squared = np.einsum("an,ann->a", u_slope**2, inverse)
     known = information > SURE**2 * u_squared
@@ -167,13 +167,13 @@ def _resolution_deg(slope: FloatArray, u_slope: FloatArray, inverse: FloatArray)
 
 
 def _of(signals: Signals, places: list[int]) -> Signals:
-    """Some states of signals."""
+    """Return some states of signals."""
     own = ("received", "voltage_V", "u_voltage_V", "sd_V", "slope_V")
     return replace(signals, **{name: getattr(signals, name)[places] for name in own})
 
 
 def _as_by_first(circuits: tuple[Circuit, ...], received: FloatArray) -> FloatArray:
-    """Shares (states·emitters, receivers) of the first emitter's power that are as bright as those of each."""
+    """Return the fractions (states·emitters, receivers) of the first emitter's power equal to those of each."""
     brightness = np.array([one.drive.typical_mW / circuits[0].drive.typical_mW for one in circuits])
     return np.asarray((received * brightness[:, None]).reshape(-1, received.shape[-1]))
 
