@@ -232,11 +232,11 @@ def test_the_numbers_of_holds_and_fingers_have_derivatives() -> None:
 @pytest.mark.parametrize(
     ("design", "says"),
     [
-        (turned(ENDS.replace("receiver", "reciever")), r"mount\.face = 'reciever-\*'; names no face; there are lens"),
-        (turned(ENDS + "from_mm = 30\n"), r"mount\.from_mm = 30\.0; covers nothing"),
+        (turned(ENDS.replace("receiver", "reciever")), r"mount\.face = 'reciever-\*'; is not the name of a face; the faces are lens"),
+        (turned(ENDS + "from_mm = 30\n"), r"mount\.from_mm = 30\.0; covers no part of receiver-"),
         (
             turned(ENDS + "to_mm = 1000\n"),
-            r"mount\.to_mm = 1000\.0; must be at most \d\.?\d* mm, the length of receiver-\*; leave it out",
+            r"mount\.to_mm = 1000\.0; must be at most \d\.?\d* mm, the length of receiver-\*; omit it",
         ),
         (turned(ENDS).set({"mechanics.plane": "stress", "mechanics.poisson": 0.45}), r"mechanics\.poisson = 0\.45"),
         (pressed(LENS + FORK, values="[9]"), r"finger.* = 9"),
