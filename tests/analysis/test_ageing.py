@@ -65,5 +65,5 @@ def test_noise_is_one_thing_for_groups_and_for_all_cycles() -> None:
 
 
 def test_too_few_cycles_are_refused() -> None:
-    with pytest.raises(DataError, match=r"--every = 3; makes 2 groups of 6 cycles; 3 are needed"):
+    with pytest.raises(DataError, match=r"--every = 3; makes 2 groups of 6 cycles, but at least 3"):
         sensor_response([made(Truth(noise_V=0.01))], AnalysisOptions(every=3, drop=0))

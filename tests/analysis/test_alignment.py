@@ -108,7 +108,7 @@ def test_the_response_is_that_of_one_clock() -> None:
 
 def test_a_hysteresis_is_said_to_look_like_a_lag() -> None:
     found = aligned(replace(TRUTH, hysteresis_V=0.05), 0.2)
-    assert any("hysteresis and lag are indistinguishable" in warning for warning in found.warnings)
+    assert any("hysteresis and lag cannot be distinguished" in warning for warning in found.warnings)
     # 0.05 V at 0.45 V/° and 15 °/s would be 3.7 ms for each way; nothing larger may come of it
     assert found.lag_s == pytest.approx(0.2, abs=0.004)
 
@@ -137,7 +137,7 @@ def test_sides_that_no_name_tells_begin_with_a_positive_one() -> None:
     signals = made(replace(TRUTH, protocol=Protocol(levels_deg=(0.0, -3.0, 0.0, 3.0))))
     found = angle_by_protocol(signals.time_s, signals.volts, ("a", "b"), Asked(3.0))
     assert found.angle_deg == pytest.approx(-signals.angle_deg, abs=0.08)
-    assert any("first excursion is taken as positive" in warning for warning in found.warnings)
+    assert any("first excursion is assumed to be positive" in warning for warning in found.warnings)
 
 
 @pytest.mark.parametrize("other", [{"hold_s": 2.0}, {"hold_s": 0.2}, {"speed_deg_per_s": 5.0}], ids=str)

@@ -59,7 +59,7 @@ def test_an_unfinished_cycle_is_left_out_and_said() -> None:
     signals = made(Truth(Protocol(cycles=4.5)))
     found = find_motion(signals.time_s, signals.angle_deg)
     assert len(found.cycles) == 4
-    assert any("not whole" in warning for warning in found.warnings)
+    assert any("incomplete" in warning for warning in found.warnings)
 
 
 def test_a_recording_that_begins_on_the_way() -> None:
@@ -91,7 +91,7 @@ def test_set_points_without_a_way_between_them_are_refused() -> None:
 def test_an_angle_that_rests_is_refused() -> None:
     time_s = np.arange(0.0, 10.0, 0.005)
     angle = np.random.default_rng(2).normal(0.0, 0.01, time_s.size)
-    with pytest.raises(DataError, match="no cycle can be found"):
+    with pytest.raises(DataError, match="no cycle can be detected"):
         find_motion(time_s, angle)
 
 

@@ -110,7 +110,7 @@ def test_a_lamp_that_switches_is_none_of_the_sensors(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "lit.csv", rows, delimiter=",", header=header, comments="", fmt="%.5f")
     found = study([tmp_path / "lit.csv"])
     assert not found.switching
-    assert any("room light" in line and "120.3" in line for line in found.warnings)
+    assert any("assumed to be ambient light" in line and "120.3" in line for line in found.warnings)
 
 
 def test_what_is_asked_for_is_not_detected(tmp_path: Path) -> None:

@@ -85,7 +85,7 @@ def test_hysteresis_within_the_noise_is_said_to_be_a_bound() -> None:
     found = found_of(NOISY)
     told = [warning for warning in found.warnings if "is a bound" in warning]
     assert told
-    assert all("within 3 of its uncertainties" in warning for warning in told)
+    assert all("within three standard uncertainties" in warning for warning in told)
     assert not any("is a bound" in warning for warning in found_of(replace(NOISY, hysteresis_V=0.2)).warnings)
 
 

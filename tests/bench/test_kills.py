@@ -137,7 +137,7 @@ def after(one: Killed, *, resume: bool, timed: bool) -> tuple[str, str]:
         told = study([one.recording]).to_dict()
         for sensor in told["sensors"].values():
             assert [len(run["motion"]["cycles"]) for run in sensor["runs"]] == [CYCLES]
-        assert not [line for line in told["warnings"] if "not whole" in line]
+        assert not [line for line in told["warnings"] if "incomplete" in line]
         return "in the run", "taken up: every cycle whole"
     done = recover(one.journal)
     assert (done.outcome, done.periods) == ("killed", len(found.streams["board"]))

@@ -321,7 +321,7 @@ def test_a_cycle_that_was_cut_short_is_in_the_root_and_in_no_group(
         assert not ((read > begin_s + 0.01) & (read < end_s)).any()
     told = study([found.path]).to_dict()
     assert [len(one["runs"][0]["motion"]["cycles"]) for one in told["sensors"].values()] == [3, 3]
-    assert not [line for line in told["warnings"] if "not whole" in line]
+    assert not [line for line in told["warnings"] if "incomplete" in line]
 
 
 def test_a_full_disk_is_reported_before_anything_is_written_to_it(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -191,12 +191,12 @@ def test_what_cannot_be_known_is_asked_for(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="name it with --angle, a log of the stage"):
         study([path])
     path = write(tmp_path / "two.csv", TRUTH, "n,angle_deg,left_V,right_V")
-    with pytest.raises(DataError, match="name it with --time, or give --rate-hz"):
+    with pytest.raises(DataError, match="name it with --time, or state the rate with --rate-hz"):
         study([path])
     signals = made(TRUTH)
     rows = np.column_stack([1e3 * signals.time_s, signals.angle_deg, signals.volts])
     np.savetxt(path, rows, delimiter=",", header="timestamp,angle_deg,left_V,right_V", comments="", fmt="%.8g")
-    with pytest.raises(DataError, match="give --time-unit ms"):
+    with pytest.raises(DataError, match="use --time-unit ms"):
         study([path])
     assert cycles_of(study([path], AnalysisOptions(time_unit="ms")), "two") == 6
 
@@ -205,7 +205,7 @@ def test_what_cannot_be_known_is_asked_for(tmp_path: Path) -> None:
     ("options", "said"),
     [
         ({"pattern": "one.csv"}, "has no field"),
-        ({"control": ("S9",)}, "no such sensor"),
+        ({"control": ("S9",)}, "no sensor has this name"),
         ({"smooth_ms": -1.0}, "smooth_ms"),
         ({"smooth_ms": 1e6}, "a twentieth of one.csv"),
         ({"zero_deg": math.nan}, "finite number"),
@@ -265,7 +265,7 @@ def test_an_angle_that_nobody_recorded(tmp_path: Path, capsys: pytest.CaptureFix
     assert len(found["sensors"]["daq"]["runs"][0]["motion"]["cycles"]) == 6
     assert any("no angle was recorded" in warning for warning in found["warnings"])
     assert run_command(["bench", "analyse", str(path)]) == 2
-    assert "give --amplitude-deg" in capsys.readouterr().err
+    assert "state --amplitude-deg" in capsys.readouterr().err
 
 
 def waveform(truth: Truth, rate_hz: float, sample_hz: float) -> tuple[Any, Any, Any]:

@@ -70,7 +70,7 @@ def test_voltages_are_found_by_their_units_and_by_their_names(tmp_path: Path) ->
     path = with_states(tmp_path / "a.csv", "time_s,right_V,state")
     assert list(demodulate(path).channels) == ["right"]
     other = with_states(tmp_path / "b.csv", "time_s,signal of it,state")
-    with pytest.raises(SpecError, match="no column is in V; there are"):
+    with pytest.raises(SpecError, match="no column is in V"):
         demodulate(other)
     assert list(demodulate(other, DemodulationOptions(channel=("signal of it",))).channels) == ["signal of it"]
 
@@ -213,7 +213,7 @@ def test_settling_longer_than_a_phase_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path / "w.csv", "time_s,right (V)", time, values[:, 0])
     with pytest.raises(SpecError, match=r"leaves no sample of the shorter phase, which lasts 2[45]"):
         demodulate(path, DemodulationOptions(rate_hz=200.0, settle_us=2600.0))
-    with pytest.raises(DataError, match="needs two readings of an emitter"):
+    with pytest.raises(DataError, match="two readings of an emitter"):
         demodulate(with_states(tmp_path / "a.csv", readings=1), DemodulationOptions(mains_hz=50.0))
 
 

@@ -158,7 +158,7 @@ def test_another_motion_is_refused(tmp_path: Path) -> None:
     narrow = tmp_path / "narrow.toml"
     narrow.write_text(DESIGN + "[motion]\nfrom_deg = -1.0\nto_deg = 1.0\n", encoding="utf-8")
     found = ask(path, design=narrow)
-    assert any("is it the same motion?" in line for line in found.warnings)
+    assert any("check that the motion is the same" in line for line in found.warnings)
 
 
 def test_a_damaged_header_is_no_header(tmp_path: Path, design: Path) -> None:
@@ -204,7 +204,7 @@ def test_a_model_of_the_plane_that_misses_is_referred_to_space(tmp_path: Path, d
     in_space.write_text(DESIGN + stated, encoding="utf-8")
     told = [any("extruded" in line for line in ask(path, design=one).warnings) for one in (design, in_space)]
     assert told == [True, False]
-    assert any("misses the mean curves" in line for line in ask(path, design=in_space).warnings)
+    assert any("deviates from the mean curves" in line for line in ask(path, design=in_space).warnings)
 
 
 @pytest.mark.evidence

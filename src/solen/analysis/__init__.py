@@ -1,8 +1,9 @@
-"""Recordings of a sensor under a motion: cycles, the response and its figures of merit.
+"""Recordings of a sensor under a motion: their cycles, the response and its figures of merit.
 
-`study` takes files to a `Study`; its steps are `waveforms` of a recording, `find_motion` (ramps, holds and cycles of an
-angle), `sensor_response` of a sensor's `Signals`, and `group_of` sensors. Voltages are analysed as they were recorded:
-no filter runs unless requested. For switched emitters, `solen.analysis.demodulation` subtracts the ambient light first.
+`study` reads files into a `Study`. Its steps are `waveforms` of a recording, `find_motion` (ramps, holds and cycles of
+an angle), `sensor_response` of a sensor's `Signals`, and `group_of` sensors. Voltages are analysed as recorded: no
+filter is applied unless requested. For switched emitters, `solen.analysis.demodulation` first subtracts the ambient
+light.
 """
 
 from solen.analysis.figures_of_merit import ReceiverResponse

@@ -1,10 +1,10 @@
-"""How a sensor changes over many cycles: response, null and noise of groups of consecutive cycles.
+"""Ageing of a sensor over many cycles: response, null and noise of groups of consecutive cycles.
 
-The idea: consecutive cycles are grouped. Each group gives swing, level and null with the
-uncertainty from the scatter of its cycles, and the noise of a reading (`solen.analysis.noise`).
-Larger changes from group to group are ageing or drift; cycles alone cannot distinguish them.
+Consecutive cycles are grouped. Each group gives a swing, a level and a null, with an uncertainty from the scatter of
+its cycles, and the noise of a reading (`solen.analysis.noise`). Larger changes from group to group are ageing or drift;
+cycles alone cannot distinguish the two.
 
-The interface: `ageing_of` a sensor's ways and readings gives an `Ageing`.
+The interface: `ageing_of` computes an `Ageing` from a sensor's half-cycles and readings.
 """
 
 from collections.abc import Sequence
@@ -20,22 +20,23 @@ from solen.errors import DataError
 from solen.results import Result
 
 LEAST_GROUPS = 3
-"""Smallest number of groups that shows a trend."""
+"""Smallest number of groups from which a trend is computed."""
 
 
 class ReceiverAgeing(Result):
-    """One receiver, group by group.
+    """Results of one receiver for each group of cycles.
 
     Attributes
     ----------
     swing_V, u_swing_V
-        Value at the upper end of the angles minus that at the lower end, (groups,).
+        Voltage at the upper end of the angles minus that at the lower end, (groups,).
     level_V, u_level_V
-        Mean over the angles.
+        Mean voltage over the angles.
     noise_V
         Standard deviation of a reading.
     swing_V_per_cycle, u_swing_V_per_cycle, level_V_per_cycle, u_level_V_per_cycle
-        Slopes of swing and level; uncertainty from the scatter of the groups about a line.
+        Slopes of swing and level against the cycle number; the uncertainties follow from the scatter of the groups
+        about a straight line.
     """
 
     swing_V: FloatArray
@@ -50,18 +51,19 @@ class ReceiverAgeing(Result):
 
 
 class Ageing(Result):
-    """A sensor over its cycles.
+    """Ageing of a sensor over its cycles.
 
     Attributes
     ----------
     first_cycle
-        Number of each group's first cycle among those used, from 1, (groups,).
+        Number of the first cycle of each group, counted from 1 among the cycles used, (groups,).
     receivers
         Results of each receiver, by its name.
     balance_deg, u_balance_deg
-        Angle nearest to 0 of equal left and right voltages, (groups,); NaN if the names do not identify them.
+        Angle nearest to 0 at which the left and right voltages are equal, (groups,); NaN if the names of the receivers
+        do not identify left and right.
     balance_deg_per_cycle, u_balance_deg_per_cycle
-        Its slope.
+        Slope of the balance angle against the cycle number.
     """
 
     first_cycle: IntArray
@@ -79,7 +81,7 @@ def ageing_of(
     sides: tuple[int, int] | None,
     every: int,
 ) -> Ageing:
-    """Results of groups of ``every`` consecutive cycles; an incomplete last group is left out.
+    """Compute the results of groups of ``every`` consecutive cycles; an incomplete last group is omitted.
 
     Parameters
     ----------
@@ -88,9 +90,9 @@ def ageing_of(
     scatters
         Scatter of the readings of each of these cycles.
     names, sides
-        Names of the receivers; positions of the left and the right one among them.
+        Names of the receivers, and positions of the left and the right one among them.
     every
-        Cycles in a group.
+        Number of cycles in a group.
 
     Raises
     ------
@@ -99,8 +101,8 @@ def ageing_of(
     """
     groups = ways.cycles // every
     if groups < LEAST_GROUPS:
-        limit = f"makes {groups} groups of {ways.cycles} cycles; {LEAST_GROUPS} are needed"
-        raise DataError("--every", value=every, limit=limit, remedy="take fewer cycles for each")
+        limit = f"makes {groups} groups of {ways.cycles} cycles, but at least {LEAST_GROUPS} groups are needed"
+        raise DataError("--every", value=every, limit=limit, remedy="use fewer cycles per group")
     volts = np.where(ways.clipped, np.nan, ways.volts).mean(axis=1)
     middle: FloatArray = np.asarray(every * (np.arange(groups) + 0.5), np.float64)
     begins = range(0, groups * every, every)

@@ -1,22 +1,22 @@
-"""A stage's log on another clock: its offset, its rate, and the uncertainty of both.
+"""Alignment of a stage's log with a recorder's clock: offset, rate, and their uncertainties.
 
-The idea: a receiver's voltage is a function of the angle, whatever that function is. Shifted against each other, the
-log and the voltages disagree: rising and falling ramps show two curves. The shift is found roughly by
-cross-correlation, then by least squares: with f the mean curve, a shift by δ changes the voltage by f'(θ) θ' δ, which
-has opposite signs on both ways, which separates f and δ. Each cycle gives its own shift; a line through them over time
-gives lag and rate of the clock, its residuals their uncertainties.
+The voltage of a receiver is a function of the angle, whatever that function is. If the log is shifted against the
+voltages, rising and falling ramps give two different curves. The shift is found approximately by cross-correlation and
+then by least squares: with the mean curve f, a shift by δ changes the voltage by f'(θ) θ' δ, which has opposite signs
+in the two directions, so f and δ can be separated. Each cycle gives its own shift. A straight line through the shifts
+over time gives the lag and the rate of the clock, and its residuals give their uncertainties.
 
-A log has few entries, and a ramp begins and ends between two of them: a straight line there would cut the corner. The
-ramp's own line and the level of the hold meet in it (`solen.analysis.log_interpolation`); such times are left out of
-the lag.
+A log has few entries, and a ramp begins and ends between two of them, where linear interpolation would cut the corner.
+The corner is placed where the line of the ramp meets the level of the hold (`solen.analysis.log_interpolation`); these
+times are not used for the lag.
 
-What every cycle shares is not in the scatter of cycles: an encoder's steps are added, and where parts of the range ask
-for lags that differ more than those of the cycles, their scatter is the uncertainty.
+Errors common to all cycles do not show in the scatter of the cycles. The steps of an encoder are therefore added to the
+uncertainty; and if the lags of parts of the range differ more than those of the cycles, their scatter is used instead.
 
-A hysteresis that does not depend on speed looks the same: on ways of one speed v, a lag δ shows f' v δ between them. A
-log on another clock therefore cannot show a sensor's hysteresis, and a warning states so.
+A hysteresis that does not depend on speed has the same effect: on ramps of a single speed v, a lag δ makes the
+directions differ by f' v δ. A log on another clock therefore cannot show the hysteresis of a sensor; a warning says so.
 
-The interface: `align` gives an `Alignment`, whose `angle_deg` is the log's angle at the recorder's times.
+The interface: `align` returns an `Alignment`, whose `angle_deg` is the log's angle at the recorder's times.
 """
 
 import math
@@ -49,15 +49,15 @@ _INNER = 0.05  # share of the range at each end where a curve's slope is not kno
 
 
 class Alignment(Result):
-    """Relation of a log's clock to the recorder's.
+    """Relation of a log's clock to the recorder's clock.
 
     Attributes
     ----------
     lag_s, u_lag_s
-        Log's time minus the recorder's in the middle of the recording, and its standard uncertainty (NaN for less than
-        three cycles).
+        Time of the log minus the time of the recorder, in the middle of the recording, and its standard uncertainty
+        (NaN for fewer than three cycles).
     rate_ppm, u_rate_ppm
-        How much faster the log's clock runs; 0 where it is not resolved (three uncertainties).
+        How much faster the log's clock runs; 0 if it is not resolved (less than three standard uncertainties).
     angle_deg
         Angle at the recorder's times, NaN outside the log, (n,).
     warnings
@@ -80,23 +80,23 @@ def align(
     window_s: float = 0.0,
     stimulus: Stimulus = ANGLE,
 ) -> Alignment:
-    """Lag and rate of a log's clock against a recorder's.
+    """Determine the lag and the rate of a log's clock relative to the recorder's clock.
 
     Parameters
     ----------
     time_s, volts
         The recording, (n,) and (n, m).
     log_s, log_deg
-        The log, (k,), whose times never fall.
+        The log, (k,), with non-decreasing times.
     window_s
-        Time over which each voltage is a mean.
+        Time over which each voltage was averaged.
     stimulus
-        What is logged.
+        The logged quantity.
 
     Raises
     ------
     DataError
-        If the log shows no cycles, or the voltages do not follow it.
+        If the log contains no cycle, or the voltages do not follow it.
     """
     motion = find_motion(log_s, log_deg, stimulus)
     coarse, rivals = _coarse(time_s, principal(volts), log_s, log_deg)
@@ -105,7 +105,7 @@ def align(
     for _ in range(_ROUNDS):
         shifts = laid.shifts(lag, rate)
         if not shifts.when.size:
-            limit = "covers no whole cycle of the recording"
+            limit = "covers no complete cycle of the recording"
             raise DataError("angle of the log", limit=limit, remedy="check that both files are of the same test")
         lag += shifts.mean
         if abs(shifts.mean) < 1e-7:
@@ -126,7 +126,7 @@ def align(
 
 
 def principal(volts: FloatArray) -> FloatArray:
-    """First principal component of the receivers, each scaled by its spread, (n,)."""
+    """First principal component of the receivers, each divided by its standard deviation, (n,)."""
     centred = volts - np.median(volts, axis=0)
     spread = centred.std(axis=0)
     scaled = centred / np.where(spread > 0.0, spread, 1.0)
@@ -137,7 +137,7 @@ def principal(volts: FloatArray) -> FloatArray:
 def _coarse(
     time_s: FloatArray, signal: FloatArray, log_s: FloatArray, log_deg: FloatArray
 ) -> tuple[float, tuple[float, ...]]:
-    """Shift of the highest cross-correlation, and others that are nearly as high."""
+    """Return the shift with the highest cross-correlation, and other shifts with nearly as high a correlation."""
     spans = float(np.ptp(time_s)), float(np.ptp(log_s))
     steps = [float(np.median(np.diff(times))) for times in (time_s, log_s)]
     even_s = max(*steps, max(spans) / _MOST, 1e-6)
@@ -150,7 +150,7 @@ def _coarse(
     best = int(np.argmax(height))
     overlap = math.sqrt(max(spans) / min(spans))
     if height[best] * overlap < _LEAST_CORRELATION:
-        limit = f"does not match the voltages (correlation {height[best]:.2f} at best)"
+        limit = f"does not match the voltages (the best correlation is {height[best]:.2f})"
         raise DataError("angle of the log", limit=limit, remedy="check that both files are of the same test")
     lags = (np.arange(found.size) - (ours.size - 1)) * even_s + log_s[0] - time_s[0]
     peaks = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
@@ -164,9 +164,9 @@ def _coarse(
 
 @dataclass(frozen=True, eq=False)
 class _Shifts:
-    """Shift of each cycle that fits best: its time, shift and weight, (c,).
+    """Best-fitting shift of each cycle: its time, the shift and its weight, (c,).
 
-    ``u_parts`` is the uncertainty of a common shift by what parts of the range ask for.
+    ``u_parts`` is the uncertainty of a common shift, from the differences between the shifts of parts of the range.
     """
 
     when: FloatArray
@@ -179,13 +179,13 @@ class _Shifts:
         return float(np.average(self.shift, weights=self.weight))
 
     def line(self, middle_s: float) -> tuple[float, float, float]:
-        """Standard uncertainty of the level at the middle; the slope and its standard uncertainty."""
+        """Standard uncertainty of the level at the middle, slope, and standard uncertainty of the slope."""
         return _line(self.when - middle_s, self.shift, self.weight)
 
 
 @dataclass(frozen=True, eq=False)
 class _Laid:
-    """A recording aligned with a log: times, voltages and their durations, the log's stamps, angle and motion."""
+    """A recording aligned with a log: times, voltages and their durations, times of log entries, angle and motion."""
 
     time_s: FloatArray
     volts: FloatArray
@@ -196,7 +196,7 @@ class _Laid:
 
     @property
     def middle_s(self) -> float:
-        """Middle of the recording."""
+        """Time of the middle of the recording."""
         return 0.5 * float(self.time_s[0] + self.time_s[-1])
 
     def log_times(self, lag: float, rate: float) -> FloatArray:
@@ -208,7 +208,7 @@ class _Laid:
         return self.log.at(self.log_times(lag, rate), window_s)
 
     def shifts(self, lag: float, rate: float) -> _Shifts:
-        """Best shift of each cycle beyond the shift of the clock."""
+        """Best-fitting shift of each cycle, in addition to the shift of the clock."""
         motion, when = self.motion, self.log_times(lag, rate)
         angle, speed = self.log.at(when), self._speed(when)
         reach = motion.high_deg - motion.low_deg
@@ -232,7 +232,7 @@ class _Laid:
         return _Shifts(columns[:, 0], columns[:, 1], columns[:, 2], u_parts)
 
     def _speed(self, when: FloatArray) -> FloatArray:
-        """Speed from the log, over an interval long against its noise and steps, at most a tenth of a ramp."""
+        """Speed from the log, over an interval long compared with noise and steps but at most a tenth of a ramp."""
         motion = self.motion
         fastest = motion.speed_deg_per_s
         far = max(_NOISES * motion.noise_deg, _STEPS * motion.step_deg)
@@ -242,7 +242,7 @@ class _Laid:
 
 
 def _u_of_parts(place: IntArray, rest: FloatArray, change: FloatArray) -> float:
-    """Uncertainty of a lag from the spread of the lags fitted to parts of each receiver's range."""
+    """Uncertainty of a lag, from the scatter of the lags fitted to parts of each receiver's range."""
     top, weight = (
         np.concatenate([np.bincount(place, one, _PARTS) for one in columns.T]) for columns in (rest * change, change**2)
     )
@@ -257,10 +257,10 @@ def _u_of_parts(place: IntArray, rest: FloatArray, change: FloatArray) -> float:
 def _linearised(
     angle: FloatArray, speed: FloatArray, volts: FloatArray, moving: BoolArray, motion: Motion
 ) -> tuple[FloatArray, FloatArray]:
-    """Voltages minus the mean curve, and their derivative by a shift in time, orthogonal to any change of that curve.
+    """Voltages minus the mean curve, and their time-shift derivative, orthogonal to changes of that curve.
 
-    Both by each receiver's scatter. The curve is a cubic spline by least squares. A shift in part looks like another
-    curve; that part is taken out as well (Frisch and Waugh), so that what is left is its own.
+    Both are divided by the scatter of each receiver. The curve is a cubic spline fitted by least squares. Part of the
+    effect of a shift looks like a change of the curve; this part is projected out (Frisch and Waugh).
     """
     rest, change = np.zeros(volts.shape), np.zeros(volts.shape)
     here, fast = angle[moving], speed[moving]
@@ -282,7 +282,7 @@ def _linearised(
 def _pieces(angle: FloatArray, speed: FloatArray, motion: Motion) -> int:
     """Number of pieces of a mean curve that samples of both directions support; 0 if there are too few.
 
-    More, and where ways were sampled at few angles, each at its own, a curve could follow both.
+    With more pieces, a curve could follow both directions if these were sampled at a few different angles each.
     """
     low, reach = motion.low_deg, motion.high_deg - motion.low_deg
     cell = np.clip(((angle - low) / reach * _CELLS).astype(int), 0, _CELLS - 1)
@@ -291,7 +291,7 @@ def _pieces(angle: FloatArray, speed: FloatArray, motion: Motion) -> int:
 
 
 class _Cells:
-    """Angles in fine cells; a curve through many samples is fitted to the means of the cells."""
+    """Angles sorted into narrow cells; a curve through many samples is fitted to the means of the cells."""
 
     def __init__(self, angle: FloatArray, motion: Motion, pieces: int) -> None:
         low, reach = motion.low_deg, motion.high_deg - motion.low_deg
@@ -305,16 +305,16 @@ class _Cells:
         self._knots = np.concatenate([np.repeat(ends[0], 4), inside, np.repeat(ends[1], 4)])
 
     def curve(self, values: FloatArray) -> BSpline:
-        """Cubic spline through the means of the cells by least squares."""
+        """Cubic spline fitted to the means of the cells by least squares."""
         means = np.bincount(self._cell, values, _CELLS)[self._held] / self._count
         return make_lsq_spline(self._angle, means, self._knots, 3, w=np.sqrt(self._count))
 
 
 def _step_of_encoder(log_deg: FloatArray, motion: Motion) -> float:
-    """Step of an encoder, of which all levels are multiples; 0 without one.
+    """Step of an encoder, of which all levels are multiples; 0 if there is none.
 
-    Where each level follows the next in a ramp, an angle without noise may have been sampled in step with its motion.
-    Its last decimal is then the step that it may have been rounded to.
+    If every level follows the previous one in a ramp, a noise-free angle may have been sampled in step with its motion.
+    The step is then that of the last decimal, to which the angle may have been rounded.
     """
     step = _common_step(np.unique(log_deg) - log_deg.min())
     if not step:
@@ -324,7 +324,7 @@ def _step_of_encoder(log_deg: FloatArray, motion: Motion) -> float:
 
 
 def _last_decimal(values: FloatArray) -> float:
-    """0.01 of values with two decimals; 0 of values with more than six."""
+    """0.01 for values with two decimals, and so on; 0 for values with more than six."""
     for decimals in range(7):
         if np.abs(values * 10.0**decimals - np.round(values * 10.0**decimals)).max() < _ALIKE * 1e-3:
             return float(10.0**-decimals)
@@ -332,7 +332,7 @@ def _last_decimal(values: FloatArray) -> float:
 
 
 def _common_step(levels: FloatArray) -> float:
-    """Largest step of which all ascending levels, the first being 0, are multiples; 0 without one."""
+    """Largest step of which all ascending levels, beginning with 0, are multiples; 0 if there is none."""
     steps = np.diff(levels)
     finest = float(np.min(steps[steps > 1e-9 * levels[-1]], initial=levels[-1]))
     for part in range(1, _FINER + 1):
@@ -343,10 +343,10 @@ def _common_step(levels: FloatArray) -> float:
 
 
 def _u_of_steps(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> float:
-    """Uncertainty of a lag due to an encoder's steps, which may affect all ramps alike.
+    """Uncertainty of a lag due to the steps of an encoder, which may affect all ramps alike.
 
-    Entries less than half a step apart meet every step of a ramp in all its parts, and its roundings average as
-    independent ones do. Of entries farther apart all may be rounded alike, which is step/√12.
+    Entries less than half a step apart sample every step at many positions, and their rounding errors average like
+    independent errors. Entries farther apart may all have the same rounding error, of standard uncertainty step/√12.
     """
     step = _step_of_encoder(log_deg, motion)
     if not step:
@@ -357,7 +357,7 @@ def _u_of_steps(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> float
 
 
 def _line(x: FloatArray, y: FloatArray, weights: FloatArray) -> tuple[float, float, float]:
-    """Uncertainty of the level at x = 0, slope, and the slope's uncertainty, of a weighted line (n − 2)."""
+    """Uncertainty of the level at x = 0, slope, and uncertainty of the slope of a weighted straight line (n − 2)."""
     if x.size < 3:
         return math.nan, 0.0, math.nan
     w = weights / weights.sum()
@@ -375,15 +375,16 @@ def _warnings(
 ) -> tuple[Caution, ...]:
     known = "" if math.isnan(u_lag) else f" ± {u_lag:.2g}"
     found = (
-        f"the log's clock is {lag:.6g}{known} s ahead, determined from the voltages: hysteresis and lag are "
-        f"indistinguishable at a single speed (1 ms is {speed}), so the stated hysteresis is what "
-        "a lag cannot explain"
+        f"the log's clock is {lag:.6g}{known} s ahead, as determined from the voltages: at a single speed, "
+        "hysteresis and "
+        f"lag cannot be distinguished (1 ms corresponds to {speed}), so the stated hysteresis is only the part that "
+        "no lag explains"
     )
     warnings = [look_at(found)]
     if rivals:
-        again = f"a lag of {rivals[0]:.6g} s fits the voltages nearly as well, as the motion repeats itself"
+        again = f"a lag of {rivals[0]:.6g} s fits the voltages nearly as well, because the motion is periodic"
         warnings.append(look_at(again))
     missing = int(np.isnan(shown).sum())
     if missing:
-        warnings.append(look_at(f"{missing} of {time_s.size} samples lie outside the log and are left out"))
+        warnings.append(look_at(f"{missing} of {time_s.size} samples are outside the log and are omitted"))
     return tuple(warnings)

@@ -1,9 +1,9 @@
-"""Clipped samples: those at the limits of a recorder.
+"""Detection of clipped samples, at the limits of a recorder.
 
-The idea: a converter, an amplifier or a circuit at its rail repeats one value, the largest or the smallest of the whole
-recording, while the angle goes on moving. A hold repeats a value, too, and so does a coarse converter; therefore only
-runs of the very same extreme value within ramps count, and only if no other value of that recording repeats as long.
-Known rails are better than any guess: with them, every sample at or beyond a rail counts.
+A converter, amplifier or circuit at its rail repeats one value, the largest or the smallest of the whole recording,
+while the angle continues to change. A hold and a coarse converter also repeat values. Therefore only runs of exactly
+the same extreme value within ramps count, and only if no other value of the recording is repeated as many times. If the
+rails are known, every sample at or beyond a rail counts instead.
 
 The interface: `clipped` marks samples.
 """
@@ -18,16 +18,16 @@ _TIMES = 2  # how much longer than the longest run of any other value
 
 
 def clipped(volts: FloatArray, moving: BoolArray, rails: tuple[float, float] | None = None) -> BoolArray:
-    """Which samples of one receiver are clipped, (n,).
+    """Return which samples of one receiver are clipped, (n,).
 
     Parameters
     ----------
     volts
-        (n,).
+        Voltages, (n,).
     moving
-        Which samples belong to a ramp, (n,).
+        Whether each sample belongs to a ramp, (n,).
     rails
-        Lowest and highest voltage that can be shown, where they are known.
+        Lowest and highest voltage that can be recorded, if known.
     """
     if rails is not None:
         return np.asarray((volts <= rails[0]) | (volts >= rails[1]))

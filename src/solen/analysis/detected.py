@@ -1,9 +1,9 @@
-"""Choices that `study` makes automatically: the log of the stage beside a recording, and the full command.
+"""Choices that `study` makes automatically: the log of the stage next to a recording, and the full command.
 
-The idea: a data acquisition often records no angle, and the stage's program leaves its log in the same folder: a small
-table of times and angles without any voltage. Whether it is of the same test its alignment with the voltages shows.
+A data acquisition program often records no angle, while the program of the stage writes its log to the same folder: a
+small table of times and angles without voltages. The alignment with the voltages shows whether it is of the same test.
 
-The interface: `find_log` beside a recording; `explicit` options, and `command` of options and files.
+The interface: `find_log` next to a recording; `explicit` options, and `command` of options and files.
 """
 
 import shlex
@@ -17,12 +17,12 @@ from solen.recording import read
 from solen.recording.column_roles import column_of, receiver_columns
 
 LARGEST_LOG, MOST_LOGS = 5_000_000, 40
-"""Bytes of a file that may be a stage's log, and how many files are looked into."""
+"""Largest size in bytes of a file that may be a stage's log, and number of files that are inspected."""
 _SUFFIXES = frozenset({".csv", ".tsv", ".txt", ".dat", ".log", ".xls", ".xlsx", ".mat", ".tdms", ".lvm", ".h5", ".nc"})
 
 
 def find_log(path: Path, others: Iterable[Path] = ()) -> Path | None:
-    """Log of a stage in a recording's folder; None if there is none.
+    """Find the log of a stage in a recording's folder; None if there is none.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def _is_log(path: Path) -> bool:
 def explicit(
     options: AnalysisOptions, switching: Mapping[str, Switching], logs: Sequence[Path] = ()
 ) -> AnalysisOptions | None:
-    """Options that state the detected settings; None if recordings differ in them."""
+    """Options that state the detected settings; None if these differ between recordings."""
     if logs:
         one = tuple(dict.fromkeys(logs))
         options = options.model_copy(update={"angle_file": one if len(one) == 1 else tuple(logs)})
@@ -82,7 +82,7 @@ def explicit(
 
 
 def command(files: Sequence[Path], options: AnalysisOptions) -> str:
-    """Command line that states options in full."""
+    """Command line that states all options."""
     words = ["solen", "bench", "analyse", *map(str, files)]
     for name, field in type(options).model_fields.items():
         value = getattr(options, name)

@@ -1,10 +1,10 @@
-"""What drives a recorded sensor, from the columns of its recording: an angle, a force or a depth.
+"""Quantity that drives a recorded sensor, from the columns of its recording: an angle, a force or a depth.
 
-The idea: options name a column, headers do where they do not; of several the angle comes before the force, and that
-before the depth, and a warning says which was taken. A force is in units of force, or in volts of a load cell whose
-calibration is stated (`solen.analysis.load_cell`); nothing is assumed of a force or depth without a unit.
+Options name the column, otherwise its header does. If several are recorded, the angle is chosen before the force and
+the force before the depth, and a warning states the choice. A force is in units of force, or in volts of a load cell
+whose calibration is stated (`solen.analysis.load_cell`); no unit is assumed for a force or depth.
 
-The interface: `driven` of a recording; `refuse_without` where nothing drives it.
+The interface: `driven` of a recording; `refuse_without` raises the error for a recording that nothing drives.
 """
 
 import json
@@ -33,23 +33,23 @@ _TURN_DEG = 360.0
 _FAR_DEG = 720.0  # an angle beyond two turns is not in degrees
 _OF_ANGLES = ("zero_deg", "flip_angle", "step_deg")
 _LARGEST_TARE = 1e-3
-"""Standard error of a tare, as a share of the range, from which on it is warned of."""
+"""Standard error of a tare, as a fraction of the range, above which a warning is given."""
 
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """What drives a sensor.
+    """Quantity that drives a sensor.
 
     Attributes
     ----------
     stimulus
         An angle, a force or a depth.
     values
-        In its unit, in order of time, (n,).
+        Its values in the order of time, (n,).
     columns
-        Names of columns that are no receivers.
+        Names of columns that are not receivers.
     cell
-        The load cell, where it is stated.
+        The load cell, if it is stated.
     """
 
     stimulus: Stimulus
@@ -59,14 +59,14 @@ class Drive:
 
 
 def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warnings: list[Caution]) -> Drive | None:
-    """What drives a recorded sensor; None if no column does. Assumptions are added to the warnings.
+    """Return the quantity that drives a recorded sensor, or None if no column contains one.
 
-    ``base`` are the times of the samples.
+    Assumptions are added to the warnings. ``base`` are the times of the samples.
 
     Raises
     ------
     DataError, SpecError
-        If a column has a unit of another kind, or none; or an option is for another quantity.
+        If a column has no unit or one of another kind, or an option is for another quantity.
     """
     volts = force_in_volts(recording)
     if volts is not None and volts.name in {column for _, column in options.named_receivers}:
@@ -79,7 +79,7 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
     columns = tuple(one.name for one in (channel, volts) if one is not None)
     if stimulus is ANGLE:
         if volts is not None:
-            unused = "is in volts of a load cell and is not used: --load-cell and --against force read it"
+            unused = "is in volts of a load cell and is not used; use it with --load-cell and --against force"
             warnings.append(of(volts.name, look_at(unused)))
         angle = _degrees(recording, channel, options, warnings)[base.order]
         return Drive(ANGLE, angle, columns)
@@ -90,24 +90,25 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
         values = _by_cell(channel, cell if options.load_cell else None, options, base, f"{file}: {channel.name}")
     else:
         if stimulus is FORCE and options.load_cell is not None:
-            unused = f"is already in {channel.unit}: only the uncertainties of --load-cell are used"
+            unused = f"is already in {channel.unit}, so only the uncertainties of --load-cell are used"
             warnings.append(of(channel.name, note(unused)))
         values = scale * (channel.values[base.order] - _tare(channel, options, base))
     if options.tare_s is not None:
         u, n = _u_tare(values, options.tare_s, base)
         if u > _LARGEST_TARE * float(np.ptp(values[np.isfinite(values)])):
-            doubt = f"is known only to ± {u:.1g} {stimulus.unit}, from {n} readings; no band includes that"
+            doubt = f"has a standard uncertainty of {u:.1g} {stimulus.unit}, from {n} readings, which no band includes"
             warnings.append(of("the zero", look_at(f"{doubt}; tare for longer")))
     return Drive(stimulus, values, columns, cell)
 
 
 def refuse_without(recording: Recording) -> NoReturn:
-    """`DataError` with what a person can do about a recording that nothing drives."""
+    """Raise `DataError` for a recording that nothing drives, with a remedy."""
     remedy = (
-        "name it with --angle, a log of the stage with --angle-file, or give --amplitude-deg; a force with --load, a "
+        "name it with --angle, a log of the stage with --angle-file, or state --amplitude-deg; name a force "
+        "with --load or a "
         f"depth with --depth; {existing(recording)}"
     )
-    limit = "no column is recognised as the angle, nor as a force or depth"
+    limit = "no column is recognised as an angle, force or depth"
     raise DataError(recording.provenance.name, limit=limit, remedy=remedy)
 
 
@@ -124,8 +125,8 @@ def _chosen(
             others = [other for other in STIMULI if other != name and _there(recording, other, named)]
             if others and options.against is None:
                 more = (
-                    f"the response is against the {name}, and the {' and the '.join(others)} "
-                    f"{'is' if len(others) == 1 else 'are'} recorded as well: --against {others[0]} takes that"
+                    f"the response is against the {name}, but the {' and the '.join(others)} "
+                    f"{'is' if len(others) == 1 else 'are'} also recorded: use --against {others[0]} for that"
                 )
                 warnings.append(note(more))
             return STIMULI[name], channel
@@ -145,7 +146,7 @@ def _column(recording: Recording, name: str, named: str | None, volts: Channel |
 
 
 def _there(recording: Recording, name: str, named: dict[str, str]) -> bool:
-    """Whether a recording has another quantity as well; of several columns one would be named, if it were taken."""
+    """Whether a recording also contains another quantity; of several columns, one would have to be named to be used."""
     if name in named:
         return True
     try:
@@ -155,7 +156,7 @@ def _there(recording: Recording, name: str, named: dict[str, str]) -> bool:
 
 
 def _check_options(stimulus: Stimulus, options: "SignalOptions") -> None:
-    """`SpecError` for options of another quantity."""
+    """Raise `SpecError` for options that apply to another quantity."""
     foreign = ["tare_s"] if stimulus is ANGLE else [*_OF_ANGLES]
     foreign += [] if stimulus is FORCE else ["load_cell"]
     for name in foreign:
@@ -171,18 +172,18 @@ def _check_options(stimulus: Stimulus, options: "SignalOptions") -> None:
 def _by_cell(
     channel: Channel, cell: LoadCell | None, options: "SignalOptions", base: TimeBase, what: str
 ) -> FloatArray:
-    """Forces of a load cell's volts."""
+    """Forces from the volts of a load cell."""
     unit = unit_of(channel)
     scale = factor(unit, "V") if unit else None
     if scale is None:
         limit = "is not a unit of this quantity" if unit else "states no unit"
-        remedy = "write it into the header: force_N, force_gf or depth_mm; load_cell_V of a load cell"
+        remedy = "state it in the header: force_N, force_gf or depth_mm; load_cell_V for a load cell"
         raise DataError(what, value=unit or None, limit=limit, remedy=remedy)
     if cell is None:
         remedy = "state its calibration with --load-cell FILE: [load_cell] with N_per_V"
-        raise DataError(what, value=unit, limit="is a voltage: the force per volt is not stated", remedy=remedy)
+        raise DataError(what, value=unit, limit="is a voltage, but the force per volt is not stated", remedy=remedy)
     if cell.zero_V is None and options.tare_s is None:
-        remedy = "state zero_V in [load_cell], or --tare-s, seconds at the beginning without load"
+        remedy = "state zero_V in [load_cell], or use --tare-s with the seconds without load at the beginning"
         raise DataError(what, limit="has no known voltage without load", remedy=remedy)
     if cell.zero_V is not None and options.tare_s is not None:
         raise SpecError(
@@ -194,7 +195,7 @@ def _by_cell(
 
 
 def _tare(channel: Channel, options: "SignalOptions", base: TimeBase) -> float:
-    """Mean of a column over the beginning, 0 unless it is asked for."""
+    """Mean of a column over the beginning, or 0 if no tare is requested."""
     if options.tare_s is None:
         return 0.0
     first = channel.values[base.order][base.time_s <= base.time_s[0] + options.tare_s]
@@ -205,7 +206,7 @@ def _tare(channel: Channel, options: "SignalOptions", base: TimeBase) -> float:
 
 
 def _u_tare(values: FloatArray, tare_s: float, base: TimeBase) -> tuple[float, int]:
-    """Standard error of the mean that a tare subtracts, in the unit of the values, and its readings."""
+    """Standard error of the mean that a tare subtracts, in the unit of the values, and the number of its readings."""
     first = values[base.time_s <= base.time_s[0] + tare_s]
     first = first[np.isfinite(first)]
     n = len(first)
@@ -213,7 +214,7 @@ def _u_tare(values: FloatArray, tare_s: float, base: TimeBase) -> tuple[float, i
 
 
 def _of_rig(recording: Recording) -> LoadCell | None:
-    """Load cell of the rig that a bench wrote into a recording's header."""
+    """Load cell of the rig, from the header that a bench wrote into a recording."""
     with suppress(ValueError, KeyError, TypeError, SolenError):
         table: Any = json.loads(recording.provenance.metadata["header"])["rig"]["load_cell"]
         return LoadCell(**table)
@@ -221,22 +222,24 @@ def _of_rig(recording: Recording) -> LoadCell | None:
 
 
 def _degrees(recording: Recording, channel: Channel, options: "SignalOptions", warnings: list[Caution]) -> FloatArray:
-    """Angle at each sample as the file orders them, (n,)."""
+    """Angle at each sample, in the order of the file, (n,)."""
     file = recording.provenance.name
     scale = factor(channel.unit, "deg") if channel.unit else 1.0
     if scale is None or channel.unit == "1":
         limit = "is not a unit of angle"
-        raise DataError(f"{file}: {channel.name}", value=channel.unit, limit=limit, remedy="name another with --angle")
+        raise DataError(
+            f"{file}: {channel.name}", value=channel.unit, limit=limit, remedy="name another column with --angle"
+        )
     if not channel.unit:
         _check_degrees(channel, file, warnings)
     return (-1.0 if options.flip_angle else 1.0) * (_unwound(channel, scale, warnings) - options.zero_deg)
 
 
 def _check_degrees(channel: Channel, file: str, warnings: list[Caution]) -> None:
-    """`DataError` if an angle without a unit cannot be in degrees."""
+    """Raise `DataError` if an angle without a unit cannot be in degrees."""
     farthest = float(np.nanmax(np.abs(channel.values), initial=0.0))
     if farthest > _FAR_DEG:
-        limit = f"reaches {farthest:.4g} without a known unit, too large for degrees"
+        limit = f"reaches {farthest:.4g} without a stated unit, which is too large for degrees"
         remedy = "state its unit in the header: deg, mdeg, rad or mrad; or name another column with --angle"
         raise DataError(f"{file}: {channel.name}", limit=limit, remedy=remedy)
     if not plain(channel.name).endswith("deg"):
@@ -244,7 +247,7 @@ def _check_degrees(channel: Channel, file: str, warnings: list[Caution]) -> None
 
 
 def _unwound(channel: Channel, scale: float, warnings: list[Caution]) -> FloatArray:
-    """Degrees, continued where they jump from 360 to 0 or from 180 to -180 and back."""
+    """Angle in degrees, continued at jumps from 360 to 0 or from 180 to -180 and back."""
     angle = np.asarray(channel.values * scale)
     held = np.isfinite(angle)
     steps = np.diff(angle[held])
@@ -252,5 +255,5 @@ def _unwound(channel: Channel, scale: float, warnings: list[Caution]) -> FloatAr
         return angle
     unwound = np.unwrap(angle[held], period=_TURN_DEG)
     angle[held] = unwound - _TURN_DEG * np.round(np.median(unwound) / _TURN_DEG)
-    warnings.append(of(channel.name, note("jumps by a whole turn; the angle is continued there")))
+    warnings.append(of(channel.name, note("jumps by a full turn; the angle is continued there")))
     return angle

@@ -1,12 +1,12 @@
-"""Figures of merit of a response, as makers of sensors quote them, each with its definition.
+"""Figures of merit of a response, as quoted by manufacturers of sensors, each with its definition.
 
-The idea: everything is taken from the ways over the grid, one number per cycle wherever possible, so that the scatter
-of the cycles gives the uncertainty: standard deviation over cycles, divided by the root of their number. They describe
-one sensor; cycles are no replicates of a print. Definitions follow the vocabulary of process instruments
-(ANSI/ISA-51.1): independent linearity is the largest deviation from the straight line for which that is least;
-hysteresis the largest difference of both directions. Full scale is the range of the mean curve.
+All figures are computed from the sweeps on the grid, one value per cycle where possible. Their uncertainty is the
+standard deviation over the cycles divided by the square root of their number. They describe one sensor; cycles are no
+replicates of a print. Definitions follow the vocabulary of process instruments (ANSI/ISA-51.1): independent linearity
+is the largest deviation from the straight line that minimises it, and hysteresis is the largest difference between the
+directions. Full scale is the range of the mean curve.
 
-The interface: `receiver_response` of a receiver's passes; `swing`, `line_slopes` and `line_fit` on their own.
+The interface: `receiver_response` of a receiver's passes; `swing`, `line_slopes` and `line_fit` separately.
 """
 
 import math
@@ -32,7 +32,7 @@ class Estimate(NamedTuple):
 
     @property
     def resolved(self) -> bool:
-        """Whether it differs from 0 by more than three uncertainties."""
+        """Whether the value differs from 0 by more than three standard uncertainties."""
         return math.isfinite(self.value) and not abs(self.value) <= 3.0 * self.u
 
 
@@ -40,34 +40,34 @@ _UNKNOWN = Estimate(math.nan, math.nan)
 
 
 class ReceiverResponse(Curve):
-    """Response of one receiver, and its figures of merit; NaN where there is none.
+    """Response of one receiver and its figures of merit; NaN for undefined values.
 
     Attributes
     ----------
     angle_deg
         Angles of the curves, (g,).
     rising, falling
-        Curves of one direction.
+        Mean curve of each direction.
     range_V, u_range_V
-        Largest less smallest mean: full scale. Noise makes it larger.
+        Largest minus smallest mean: full scale. Noise increases it.
     swing_V, u_swing_V
-        Mean over the upper tenth of the angles less that over the lower tenth; signed.
+        Mean over the upper tenth of the angles minus that over the lower tenth; signed.
     sensitivity_V_per_deg, u_sensitivity_V_per_deg
         Slope of the least-squares line over all angles.
     sensitivity_near_zero_V_per_deg, u_sensitivity_near_zero_V_per_deg
         The same near 0, within `SensorResponse.near_zero_deg`.
     independent_linearity_percent
-        Largest deviation of the mean curve from the line for which it is least, of full scale.
+        Largest deviation of the mean curve from the line that minimises it, relative to full scale.
     linearity_percent
-        Largest deviation from the least-squares line.
+        Largest deviation from the least-squares line, relative to full scale.
     hysteresis_V, u_hysteresis_V, hysteresis_percent
-        Rising less falling: largest mean over a tenth of the range, also in per cent of full scale.
+        Rising minus falling: largest mean over a tenth of the range, also in per cent of full scale.
     hysteresis_angle_deg
         Middle of that tenth.
     hysteresis_point_V
-        Largest difference at a single angle, which noise makes larger.
+        Largest difference at a single angle, which noise increases.
     mean_hysteresis_V, u_mean_hysteresis_V
-        Mean over all angles; signed.
+        Mean difference over all angles; signed.
     repeatability_V, repeatability_percent
         Standard deviation over cycles at one angle and in one direction, pooled.
     drift_V_per_min, u_drift_V_per_min, drift_V_per_cycle, u_drift_V_per_cycle
@@ -79,9 +79,9 @@ class ReceiverResponse(Curve):
     resolution_deg, resolution_near_zero_deg
         Noise over sensitivity.
     clipped_samples
-        How many samples are clipped.
+        Number of clipped samples.
     clipped_angles_deg
-        First and last angle of each stretch without a mean.
+        First and last angle of each interval without a mean.
     """
 
     angle_deg: FloatArray
@@ -120,7 +120,7 @@ class ReceiverResponse(Curve):
 
 
 def over_cycles(values: FloatArray) -> Estimate:
-    """Mean of one number per cycle and its uncertainty by their scatter; without one for a single cycle."""
+    """Mean of one value per cycle, and its uncertainty from the scatter of the cycles (NaN for a single cycle)."""
     held = values[np.isfinite(values)]
     if not held.size:
         return _UNKNOWN
@@ -131,18 +131,18 @@ def over_cycles(values: FloatArray) -> Estimate:
 def receiver_response(
     passes: Passes, noise_V: float, clipped_samples: int = 0, near_zero: float = NEAR_ZERO_DEG
 ) -> ReceiverResponse:
-    """Curves and figures of merit of one receiver.
+    """Compute the curves and figures of merit of one receiver.
 
     Parameters
     ----------
     passes
-        Its passes: the last axis has one entry.
+        Its passes; the last axis has length 1.
     noise_V
         Standard deviation of a single reading.
     clipped_samples
-        How many of its samples are clipped.
+        Number of its clipped samples.
     near_zero
-        Values about 0 over which the sensitivity near zero is taken.
+        Values about 0 for which the sensitivity near zero is computed.
     """
     volts, angle = np.where(passes.clipped, np.nan, passes.volts)[..., 0], passes.angle_deg
     whole, rising, falling = (mean_curve(passes, direction) for direction in (None, 0, 1))
@@ -197,12 +197,12 @@ def receiver_response(
 
 
 def _stretches(angle_deg: FloatArray, hidden: BoolArray) -> tuple[tuple[float, float], ...]:
-    """First and last angle of each stretch that is hidden."""
+    """First and last angle of each hidden interval."""
     return tuple((float(angle_deg[first]), float(angle_deg[stop - 1])) for first, stop in stretches(hidden))
 
 
 def _levels(cycles: FloatArray) -> FloatArray:
-    """Mean level of each cycle over the angles that all have, (cycles,)."""
+    """Mean level of each cycle over the angles that all cycles have, (cycles,)."""
     common = np.isfinite(cycles).all(axis=0)
     return cycles[:, common].mean(axis=1) if common.any() else np.full(len(cycles), np.nan)
 
@@ -213,7 +213,7 @@ def _reach(mean: FloatArray) -> float:
 
 
 def _u_of_range(curve: Curve) -> float:
-    """Uncertainty of the largest mean less the smallest."""
+    """Uncertainty of the largest minus the smallest mean."""
     if not np.isfinite(curve.mean_V).any():
         return math.nan
     places = [int(np.nanargmax(curve.mean_V)), int(np.nanargmin(curve.mean_V))]
@@ -221,9 +221,9 @@ def _u_of_range(curve: Curve) -> float:
 
 
 def swing(angle_deg: FloatArray, cycle_V: FloatArray) -> Estimate:
-    """Voltage at the upper end of the angles less that at the lower: means over the outer tenth of each cycle.
+    """Voltage at the upper end of the angles minus that at the lower: means over the outer tenths of each cycle.
 
-    Unlike the range it does not grow with noise, and it has a sign.
+    Unlike the range it does not increase with noise, and it has a sign.
     """
     reach = float(np.ptp(angle_deg))
     upper = cycle_V[:, angle_deg >= angle_deg[-1] - _END * reach - 1e-9]
@@ -239,7 +239,7 @@ def _held_mean(values: FloatArray) -> FloatArray:
 
 
 def line_slopes(angle_deg: FloatArray, cycle_V: FloatArray, where: BoolArray) -> Estimate:
-    """Slope of the least-squares line of each cycle over some angles."""
+    """Slope of the least-squares line of each cycle over given angles."""
     return over_cycles(np.array([_slope(angle_deg, row, where) for row in cycle_V]))
 
 
@@ -253,14 +253,14 @@ def _slope(angle_deg: FloatArray, row: FloatArray, where: BoolArray) -> float:
 
 
 def _weights(angle_deg: FloatArray) -> FloatArray:
-    """Weight of each angle in the range: half a step at its ends, so that a line fits all angles equally."""
+    """Weight of each angle in the range: half at its ends, so that a line fits all angles equally."""
     weights = np.ones(angle_deg.size)
     weights[[0, -1]] = 0.5
     return np.asarray(weights / weights.sum())
 
 
 def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
-    """Largest deviation of a curve from the line for which it is least, and from the least-squares line, in V."""
+    """Largest deviation of a curve from the line that minimises it, and from the least-squares line, in V."""
     held = np.isfinite(mean)
     x, y = angle_deg[held], mean[held]
     if x.size < _LEAST_POINTS:
@@ -272,9 +272,10 @@ def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
 
 
 def hysteresis_of(angle_deg: FloatArray, difference: FloatArray) -> tuple[Estimate, float, float, Estimate]:
-    """Rising less falling (cycles, g): largest mean over a tenth of the range, where, at one angle, and its mean.
+    """Rising minus falling (cycles, g): largest mean over a tenth of the range, its angle, largest value, and mean.
 
-    At a single point of the grid the largest of many noisy differences is mostly noise; that value is given apart.
+    The largest of many noisy differences at single points of the grid is mostly noise; it is therefore reported
+    separately.
     """
     held = np.isfinite(difference).all(axis=0)
     if not held.any():
@@ -289,18 +290,18 @@ def hysteresis_of(angle_deg: FloatArray, difference: FloatArray) -> tuple[Estima
 
 
 def _pooled_u(rows: FloatArray) -> float:
-    """Uncertainty of a mean over rows, one for all columns: that of a single one is known by a few cycles only."""
+    """Uncertainty of a mean over rows, pooled over columns, because a single column has only a few cycles."""
     return math.sqrt(float(rows.var(axis=0, ddof=1).mean()) / len(rows)) if len(rows) > 1 else math.nan
 
 
 def _windows(rows: FloatArray, width: int) -> FloatArray:
-    """Mean of each row over every stretch of so many columns."""
+    """Mean of each row over every window with this number of columns."""
     total = np.cumsum(np.pad(rows, ((0, 0), (1, 0))), axis=1)
     return np.asarray((total[:, width:] - total[:, :-width]) / width)
 
 
 def _repeatability(volts: FloatArray) -> float:
-    """Standard deviation over cycles at one angle and in one direction, pooled over both."""
+    """Standard deviation over cycles at one angle and in one direction, pooled over both directions."""
     if volts.shape[0] < 2:
         return math.nan
     variance = volts.var(axis=0, ddof=1)
@@ -309,7 +310,7 @@ def _repeatability(volts: FloatArray) -> float:
 
 
 def line_fit(x: FloatArray, y: FloatArray) -> Estimate:
-    """Slope of a straight line by least squares, with its standard uncertainty from the residuals (n − 2)."""
+    """Slope of a least-squares line, with its standard uncertainty from the residuals (n − 2)."""
     if x.size < _LEAST_POINTS or not np.isfinite(y).all():
         return _UNKNOWN
     away = x - x.mean()

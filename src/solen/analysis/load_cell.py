@@ -1,12 +1,12 @@
-"""A load cell: volts to newtons, with what its maker or a calibration with weights states of it.
+"""A load cell, which converts volts to newtons, with the errors that its manufacturer or a calibration states.
 
-The idea: one factor for all of its range, and the two errors that every reading shares: that of the factor, and how far
-the cell is from a straight line. They move a whole calibration, not one reading against the next, so that scatter does
-not show them; a sensitivity and a decoded force carry both. What is the same in both halves of a comparison stays out
-of it: forces of one recording are held against the cell's own reading.
+One factor applies to its whole range. Two errors are common to all readings: that of the factor, and the non-linearity.
+They affect a whole calibration rather than single readings, so the scatter does not show them; a sensitivity and a
+decoded force include both. Errors that are the same in both halves of a comparison are not included, e.g. if forces are
+compared with the readings of the same cell.
 
-The interface: `LoadCell`, the table ``[load_cell]`` of a rig or a file of its own; `load_cell_of` a file; of several
-cells the `least_known`.
+The interface: `LoadCell`, the table ``[load_cell]`` of a rig or of a separate file; `load_cell_of` a file;
+`least_known` of several cells.
 """
 
 import math
@@ -25,15 +25,15 @@ _RATED = ("mV_per_V", "excitation_V")
 
 
 class LoadCell(Strict):
-    """A load cell: what a volt of its signal stands for."""
+    """A load cell and the force that a volt of its signal represents."""
 
     table: ClassVar[str] = "load_cell"
 
     name: Text = Field("load cell", description="Its name.")
     input: Annotated[int, Field(strict=True, ge=1, le=64)] | None = Field(
-        None, description="In a rig: the input it is connected to."
+        None, description="In a rig: the input that it is connected to."
     )
-    N_per_V: Number | None = Field(None, description="Newtons per volt; negative where pressing lowers the voltage.")
+    N_per_V: Number | None = Field(None, description="Newtons per volt; negative if pressing lowers the voltage.")
     mV_per_V: Positive | None = Field(
         None, description="Alternatively: its output at capacity_N, per volt of excitation."
     )
@@ -47,7 +47,7 @@ class LoadCell(Strict):
         0.0, description="Non-linearity: largest distance from a straight line, in per cent of capacity_N."
     )
     zero_V: Number | None = Field(
-        None, description="Voltage without load; default: the mean over the rest at the beginning (tare)."
+        None, description="Voltage without load; default: the mean over the pause at the beginning (tare)."
     )
 
     @model_validator(mode="after")
@@ -57,8 +57,8 @@ class LoadCell(Strict):
             limit = "must be stated by N_per_V, or by mV_per_V with excitation_V and capacity_N"
             raise refused("", limit, remedy="add N_per_V = 2.0")
         if self.N_per_V is not None and rated:
-            limit = "does not apply beside N_per_V"
-            raise refused(rated[0], limit, value=getattr(self, rated[0]), remedy="leave one of them out")
+            limit = "cannot be combined with N_per_V"
+            raise refused(rated[0], limit, value=getattr(self, rated[0]), remedy="omit one of the two")
         if self.N_per_V == 0.0:
             raise refused("N_per_V", "must not be 0", value=0.0)
         needed = [] if self.mV_per_V is None else ["excitation_V", "capacity_N"]
@@ -66,7 +66,7 @@ class LoadCell(Strict):
         lacks = next((key for key in needed if getattr(self, key) is None), None)
         if lacks is not None:
             because = "mV_per_V" if self.N_per_V is None else "nonlinearity_percent"
-            raise refused(lacks, f"missing: {because} needs it")
+            raise refused(lacks, f"is missing, but {because} requires it")
         return self
 
     @property
@@ -78,27 +78,27 @@ class LoadCell(Strict):
 
     @property
     def u_line_N(self) -> float:
-        """Standard uncertainty by its distance from a straight line: anything up to the largest is equally likely."""
+        """Standard uncertainty from the non-linearity, which is assumed to be uniform up to its largest value."""
         return 0.01 * self.nonlinearity_percent * (self.capacity_N or 0.0) / math.sqrt(3.0)
 
     @property
     def u_slope(self) -> float | None:
-        """Relative standard uncertainty of a slope against its force, None where that of its scale is not stated.
+        """Relative standard uncertainty of a slope against the force; None if that of the scale is not stated.
 
-        With a bow of b from end to end, b·4x(1 − x) of the share x of its capacity, a slope is off by 4b over the
-        capacity where that is most: near either end.
+        A bow of height b, i.e. b·4x(1 − x) with the fraction x of the capacity, changes a slope by at most 4b over the
+        capacity, near either end.
         """
         if self.u_sensitivity_percent is None:
             return None
         return math.hypot(0.01 * self.u_sensitivity_percent, 4.0 * self.u_line_N / (self.capacity_N or 1.0))
 
     def force_N(self, volts: FloatArray, zero_V: float) -> FloatArray:
-        """Forces at voltages, of any shape."""
+        """Forces at given voltages, of any shape."""
         return self.sensitivity_N_per_V * (volts - zero_V)
 
 
 def least_known(cells: Iterable[LoadCell | None]) -> LoadCell | None:
-    """The cell whose scale is least known; None if one of them is not stated, or there are none."""
+    """The cell with the largest uncertainty of its scale; None if there is no cell or one does not state it."""
     every = list(cells)
     stated = [cell for cell in every if cell is not None]
     if not stated or len(stated) < len(every):
@@ -107,12 +107,12 @@ def least_known(cells: Iterable[LoadCell | None]) -> LoadCell | None:
 
 
 def load_cell_of(path: Path) -> LoadCell:
-    """The table ``[load_cell]`` of a file, which may be a rig's.
+    """Load the table ``[load_cell]`` of a file, which may be that of a rig.
 
     Raises
     ------
     SpecError
-        If the file cannot be read, has no such table, or it is invalid.
+        If the file cannot be read, or the table is missing or invalid.
     """
     data = parse_toml(read_text(path, SpecError), str(path), SpecError)
     table = data.get("load_cell")

@@ -1,11 +1,11 @@
-"""The angle of a stage between the entries of its log: linear, except where a ramp begins or ends.
+"""The angle of a stage between the entries of its log: linear, except at the beginning and end of a ramp.
 
-The idea: a straight line between the entries on both sides of a ramp's end cuts its corner. If the entries on one side
-lie on the ramp's line and on the other on the level of the hold, the corner is their intersection and becomes a node.
-If not, the stage slowed down over several entries, which suffice. Either way the angle is least
+A straight line between the entries on both sides of a ramp's end cuts its corner. If the entries on one side are on the
+line of the ramp and those on the other at the level of the hold, the corner is at their intersection, which becomes a
+node. Otherwise the stage slowed down over several entries, and these are sufficient. In both cases the angle is least
 certain there, and `LoggedAngle.on_corner` marks these times.
 
-The interface: `logged_angle` of a log and its `Motion` gives a `LoggedAngle`.
+The interface: `logged_angle` of a log and its `Motion` returns a `LoggedAngle`.
 """
 
 from collections.abc import Iterator
@@ -22,14 +22,14 @@ _NOISES, _STEPS = 4.0, 1.0  # how far from a line an entry on it may lie
 
 @dataclass(frozen=True, eq=False)
 class LoggedAngle:
-    """Angle over a log's time.
+    """Angle of a stage as a function of its log's time.
 
     Attributes
     ----------
     time_s, angle_deg
         Nodes between which the angle is linear, (k,).
     corners_s
-        Start and end of each time in which a corner lies, ascending, (c, 2).
+        Start and end of each interval that contains a corner, ascending, (c, 2).
     """
 
     time_s: FloatArray
@@ -37,14 +37,14 @@ class LoggedAngle:
     corners_s: FloatArray
 
     def at(self, time_s: FloatArray, window_s: float = 0.0) -> FloatArray:
-        """Angle (n,) at times, or its means over a window about them; NaN outside the log."""
+        """Angle (n,) at given times, or its mean over a window about each; NaN outside the log."""
         if not window_s:
             return np.asarray(np.interp(time_s, self.time_s, self.angle_deg, left=np.nan, right=np.nan))
         upper, lower = self._integral(time_s + 0.5 * window_s), self._integral(time_s - 0.5 * window_s)
         return np.asarray((upper - lower) / window_s)
 
     def on_corner(self, time_s: FloatArray, window_s: float = 0.0) -> BoolArray:
-        """Which times, or windows around them, (n,), contain the beginning or end of a ramp."""
+        """Whether each time, or the window about it, contains the beginning or end of a ramp, (n,)."""
         starts, ends = self.corners_s[:, 0] - 0.5 * window_s, self.corners_s[:, 1] + 0.5 * window_s
         return np.asarray(np.searchsorted(starts, time_s) > np.searchsorted(np.maximum.accumulate(ends), time_s))
 
@@ -56,14 +56,14 @@ class LoggedAngle:
 
 
 def logged_angle(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> LoggedAngle:
-    """Angle of a log with its corners.
+    """Interpolate the angle of a log, including the corners.
 
     Parameters
     ----------
     log_s, log_deg
-        Entries, (k,), whose times never fall.
+        Entries, (k,), with non-decreasing times.
     motion
-        The results.
+        Motion of these entries.
     """
     tolerance = max(_NOISES * motion.noise_deg, _STEPS * motion.step_deg, 1e-6 * (motion.high_deg - motion.low_deg))
     nodes, spans = [], []
@@ -88,7 +88,7 @@ _Line = tuple[float, float, float]
 
 
 def _ends(motion: Motion, log_s: FloatArray, log_deg: FloatArray) -> Iterator[tuple[_Line | None, _Line | None, int]]:
-    """Lines before and after each end of each ramp, and the entry beside it; None if entries are too few."""
+    """Lines before and after each end of each ramp, and the nearest entry; None if there are too few entries."""
     ramps, final = motion.ramps, log_s.size - 1
     lines = [[_through(log_s, log_deg, part) for part in _ways(ramp)] for ramp in ramps]
     for number, ramp in enumerate(ramps):
@@ -102,21 +102,21 @@ def _ends(motion: Motion, log_s: FloatArray, log_deg: FloatArray) -> Iterator[tu
 
 
 def _ways(ramp: Ramp) -> tuple[IndexArray, IndexArray]:
-    """Entries near the beginning and near the end of a ramp that are on its way."""
+    """Entries near the beginning and near the end of a ramp that are on its line."""
     inside = np.arange(ramp.start + 1, ramp.stop - 1, dtype=np.intp)
     steady = inside[1:-1] if inside.size > _NEAR else inside
     return steady[:_NEAR], steady[-_NEAR:]
 
 
 def _level(log_s: FloatArray, log_deg: FloatArray, first: int, last: int) -> _Line | None:
-    """Line of a hold, which is level."""
+    """Level of a hold, as a line with zero slope."""
     if last - first < 1:
         return None
     return float(log_s[first]), float(np.median(log_deg[first : last + 1])), 0.0
 
 
 def _through(log_s: FloatArray, log_deg: FloatArray, places: IndexArray) -> _Line | None:
-    """Line of a ramp by least squares."""
+    """Least-squares line of a ramp."""
     times, angles = log_s[places], log_deg[places]
     if places.size < 2 or times[-1] <= times[0]:
         return None
@@ -127,7 +127,7 @@ def _through(log_s: FloatArray, log_deg: FloatArray, places: IndexArray) -> _Lin
 def _corner(
     log_s: FloatArray, log_deg: FloatArray, before: _Line | None, after: _Line | None, tolerance: float
 ) -> tuple[float, float, int, int] | None:
-    """Intersection of two lines, and the entries on both sides beyond which all lie on their line."""
+    """Intersection of two lines, and the entries on both sides beyond which all entries are on their line."""
     if before is None or after is None or before[2] == after[2]:
         return None
     (t0, a0, v0), (t1, a1, v1) = before, after

@@ -1,12 +1,12 @@
-"""The motion of the angle: ramps, holds and cycles, whatever the protocol.
+"""Detection of ramps, holds and cycles in an angle, for any protocol.
 
-The idea: a protocol is levels and the ways between them. A way (a ramp) is where the angle changes steadily over a
-tenth of its range; a hold is where it does not. A cycle begins where the angle leaves its rest to the side that it left
-to first, and ends where it is back at rest after all sides that the others visit: 0, +3, 0, −3, 0 is one, and so is
-0, +3, 0, or −3, +3, −3. Noise and steps of an encoder are measured first and set the tolerances. The angle is averaged
-over a few samples to *find* edges; every number uses the samples as they are.
+A protocol consists of levels and ramps between them. In a ramp the angle changes steadily over at least a tenth of its
+range; otherwise there is a hold. A cycle begins when the angle leaves its rest towards the side that it first moved to,
+and ends when it returns to rest after all sides that the other cycles visit: 0, +3, 0, −3, 0 is one cycle, and so is 0,
++3, 0, or −3, +3, −3. The noise and the steps of an encoder are estimated first and set the tolerances. The angle is
+averaged over a few samples only to *detect* edges; all results use the samples as recorded.
 
-The interface: `find_motion` gives a `Motion` with its ramps and cycles.
+The interface: `find_motion` returns a `Motion` with its ramps and cycles.
 """
 
 import math
@@ -25,7 +25,7 @@ from solen.recording.stimulus import ANGLE, Stimulus
 from solen.results import HIDDEN, Result
 
 _TENTH = 0.1
-"""Share of the range that an excursion must exceed, and over which a ramp differs from a hold."""
+"""Fraction of the range that an excursion must exceed, and over which a ramp differs from a hold."""
 _SLOWEST = 0.1  # speed, relative to the fastest, that is still a ramp
 _MOST = 4_000_000  # points of the even grid that edges are found on
 _SIGMAS = 4.0
@@ -36,14 +36,14 @@ _COARSEST = 1.0 / 8.0  # of the range: an encoder whose steps are larger shows s
 
 @dataclass(frozen=True)
 class Ramp:
-    """A way from one level to another.
+    """A ramp from one level to another.
 
     Attributes
     ----------
     start, stop
-        First sample and the one after the last: both belong to the levels that it joins.
+        First sample, and the sample after the last one; both belong to the levels that the ramp connects.
     direction
-        1 where the angle rises, −1 where it falls.
+        1 if the angle rises, −1 if it falls.
     start_deg, end_deg
         The levels.
     """
@@ -57,7 +57,7 @@ class Ramp:
 
 @dataclass(frozen=True)
 class Cycle:
-    """From leaving the rest to being back there: times, and the samples [start, stop)."""
+    """A cycle from leaving the rest to returning to it: times, and the samples [start, stop)."""
 
     start_s: float
     end_s: float
@@ -71,19 +71,19 @@ class Motion(Result):
     Attributes
     ----------
     ramps, cycles
-        In order of time; only complete cycles.
+        Ramps and complete cycles in order of time.
     holds
-        First sample of each hold, and the first after it, (k, 2).
+        First sample of each hold, and the first sample after it, (k, 2).
     rest_deg
         Angle at which cycles begin.
     low_deg, high_deg
         Ends of the range.
     noise_deg, step_deg
-        Noise of the angle (standard deviation) and its resolution; 0 if not visible.
+        Noise of the angle (standard deviation) and its resolution; 0 if not detectable.
     speed_deg_per_s
-        Median speed over the ramps.
+        Median speed of the ramps.
     warnings
-        Parts left out, with reasons.
+        Omitted parts, with reasons.
     stopped
         Whether there are samples only at stops, as with a stage turned by hand.
     """
@@ -102,7 +102,7 @@ class Motion(Result):
 
 
 def find_motion(time_s: FloatArray, angle_deg: FloatArray, stimulus: Stimulus = ANGLE) -> Motion:
-    """Ramps, holds and cycles of an angle.
+    """Detect the ramps, holds and cycles of an angle.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray, stimulus: Stimulus = 
     Raises
     ------
     DataError
-        If the angle does not move, jumps between levels, or makes no complete cycle.
+        If the angle does not move, jumps between levels, or contains no complete cycle.
     """
     name, sign = stimulus.name, stimulus.sign
     stops = _at_stops(time_s, angle_deg)
@@ -125,7 +125,7 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray, stimulus: Stimulus = 
     if stops is None and step > _COARSEST * (high - low):
         _refuse_jumps(0.0, name)
     if high - low <= max(20.0 * noise, 1e-9):
-        limit = f"moves by {high - low:.3g}{sign} only, with noise of {noise:.2g}{sign}: no cycle can be found"
+        limit = f"moves by only {high - low:.3g}{sign} with a noise of {noise:.2g}{sign}, so no cycle can be detected"
         raise DataError(name, limit=limit, remedy=f"name the column of the {name} with --{stimulus.column}")
     edges = _Edges(*way, noise, step if stops is None else 0.0, high - low)
     calm, left = _calmed(angle_deg, noise, high - low, edges.half_samples)
@@ -152,9 +152,10 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray, stimulus: Stimulus = 
 
 
 def _at_stops(time_s: FloatArray, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Time and angle of a stage that was turned by hand, whose angle changes in gaps alone; None for others.
+    """Time and angle of a stage turned by hand, if the angle changes only in gaps of the recording; else None.
 
-    The time is without the gaps, and the angle a line from turn to turn by the middles of the stops between.
+    The gaps are removed from the time, and the angle is interpolated from turn to turn through the middles of the
+    stops.
     """
     steps, changes = np.diff(time_s), np.diff(angle_deg) != 0.0
     usual = float(np.median(steps))
@@ -171,7 +172,7 @@ def _at_stops(time_s: FloatArray, angle_deg: FloatArray) -> tuple[FloatArray, Fl
 
 
 def _calmed(angle_deg: FloatArray, noise: float, reach: float, most: int) -> tuple[FloatArray, float]:
-    """An angle whose noise would hide edges, averaged over few samples for finding them; and the noise that it has."""
+    """An angle averaged over a few samples, if its noise would hide edges; and the standard deviation of the noise."""
     wanted = (_HIDING * noise / reach) ** 2
     count = min(math.ceil(wanted), most) | 1 if wanted > 1.0 and most > 2 else 1
     calm = angle_deg if count == 1 else np.asarray(uniform_filter1d(angle_deg, count, mode="nearest"))
@@ -185,7 +186,7 @@ def _noise(angle_deg: FloatArray) -> float:
 
 
 def _finest(angle_deg: FloatArray) -> float:
-    """Finest step of an encoder; 0 where the angle has as many values as samples."""
+    """Smallest step of an encoder; 0 if the angle has as many values as samples."""
     levels = np.unique(angle_deg)
     if levels.size < 2 or levels.size > 0.2 * angle_deg.size:
         return 0.0
@@ -212,7 +213,7 @@ class _Edges:
         self._least = max(_SLOWEST * _TENTH * reach, floor, 1.01 * step)
 
     def _half(self, reach: float, noise: float) -> int:
-        """Half the samples in which the angle moves by a tenth of its range, at its fastest."""
+        """Half the number of samples in which the angle, at its fastest, moves by a tenth of its range."""
         lag = 1
         while lag < self._angle.size // 4:
             moved = float(np.max(np.abs(self._angle[lag:] - self._angle[:-lag]))) - _PEAKS * noise
@@ -222,7 +223,7 @@ class _Edges:
         return max(1, lag // 4)
 
     def runs(self) -> list[tuple[int, int, int]]:
-        """First sample, the one after the last, and direction of each run in which the angle moves one way."""
+        """First sample, the sample after the last one, and direction of each run of motion in one direction."""
         sign = np.where(np.abs(self._change) > self._least, np.sign(self._change), 0.0).astype(np.int8)
         bounds = np.flatnonzero(np.diff(sign)) + 1
         starts, stops = np.append(0, bounds), np.append(bounds, sign.size)
@@ -236,7 +237,7 @@ class _Edges:
 
 
 def _joined(runs: list[tuple[int, int, int]], reach: int) -> list[tuple[int, int, int]]:
-    """Runs of one direction with less than a window between them are one."""
+    """Merge runs of the same direction that are less than a window apart."""
     joined: list[tuple[int, int, int]] = []
     for run in runs:
         if joined and joined[-1][2] == run[2] and run[0] - joined[-1][1] <= reach:
@@ -247,7 +248,7 @@ def _joined(runs: list[tuple[int, int, int]], reach: int) -> list[tuple[int, int
 
 
 def _ramps(angle_deg: FloatArray, runs: list[tuple[int, int, int]], half: int, tolerance: float) -> tuple[Ramp, ...]:
-    """Ramps from runs, with their edges where the angle leaves one level's tolerance and enters the next one's."""
+    """Ramps from runs, each from leaving the tolerance of one level to entering that of the next."""
     size = angle_deg.size
     cuts = [0, *((before[1] + after[0]) // 2 for before, after in pairwise(runs)), size]
     ramps: list[Ramp] = []
@@ -272,7 +273,7 @@ def _level(angle_deg: FloatArray, start: int, stop: int, half: int) -> float | N
 
 
 def _leaves(a: FloatArray, low: int, middle: int, level: float | None, tolerance: float, direction: int) -> int:
-    """Last sample at a level before the middle of a ramp; at a mere turn, the farthest one, and of those the last."""
+    """Last sample at a level before the middle of a ramp; at a mere reversal, the last of the extreme samples."""
     part = a[low : middle + 1]
     if level is None:
         return middle - int(np.argmin(direction * part[::-1]))
@@ -281,7 +282,7 @@ def _leaves(a: FloatArray, low: int, middle: int, level: float | None, tolerance
 
 
 def _enters(a: FloatArray, middle: int, high: int, level: float | None, tolerance: float, direction: int) -> int:
-    """First sample at a level after the middle of a ramp; at a mere turn, the farthest one."""
+    """First sample at a level after the middle of a ramp; at a mere reversal, the first extreme sample."""
     part = a[middle:high]
     if level is None:
         return middle + int(np.argmax(direction * part))
@@ -290,15 +291,15 @@ def _enters(a: FloatArray, middle: int, high: int, level: float | None, toleranc
 
 
 def _check_sampled(ramps: tuple[Ramp, ...], name: str) -> None:
-    """`DataError` if the angle jumps, as in a list of set points without samples in between."""
+    """Raise `DataError` if the angle jumps, as in a list of set points without samples in between."""
     inside = float(np.median([ramp.stop - ramp.start - 2 for ramp in ramps]))
     if inside < 3.0:
         _refuse_jumps(max(inside, 0.0), name)
 
 
 def _refuse_jumps(inside: float, name: str) -> NoReturn:
-    limit = f"jumps from level to level, with {inside:g} samples on the way"
-    remedy = f"give the measured {name} instead of the set points, sampled at least five times in a ramp"
+    limit = f"jumps from level to level, with {inside:g} samples in a ramp"
+    remedy = f"provide the measured {name} instead of the set points, sampled at least five times in a ramp"
     raise DataError(name, limit=limit, remedy=remedy)
 
 
@@ -316,10 +317,10 @@ def _speed(time_s: FloatArray, ramps: tuple[Ramp, ...]) -> float:
 
 
 def _rest(angle_deg: FloatArray, ramps: tuple[Ramp, ...], ends: tuple[float, float]) -> tuple[float, int]:
-    """Angle at which cycles begin, and the side that it is left to first.
+    """Angle at which cycles begin, and the side that the first ramp leaves it to.
 
-    The level before the first ramp; where the recording begins on the way, that after the last one, else 0 or the
-    middle of the range.
+    This is the level before the first ramp. If the recording begins during a ramp, it is the level after the last ramp;
+    otherwise 0 or the middle of the range.
     """
     low, high = ends
     if ramps[0].start > 2:
@@ -348,12 +349,12 @@ def _cycles(
     tolerance: float,
     name: str,
 ) -> tuple[tuple[Cycle, ...], tuple[Caution, ...]]:
-    """Whole cycles, and what is left out."""
+    """Complete cycles, and warnings about omitted parts."""
     away = first * (angle_deg - rest)
     far = _TENTH * float(np.ptp([end for ramp in ramps for end in (ramp.start_deg, ramp.end_deg)]))
     starts = _starts(away, ramps, rest, first, far, tolerance)
     if not starts:
-        raise DataError(name, limit="makes no cycle that starts from rest", remedy="record at least one whole cycle")
+        raise DataError(name, limit="makes no cycle that starts from rest", remedy="record at least one complete cycle")
     following = [*starts[1:], (None, tolerance)]
     spans = [_span(away, start, stop, within) for (start, _), (stop, within) in zip(starts, following, strict=True)]
     if bool((away > -far).all()):
@@ -365,14 +366,16 @@ def _cycles(
         Cycle(float(time_s[a]), float(time_s[b - 1]), a, b) for (a, b, _), ok in zip(spans, whole, strict=True) if ok
     )
     if not cycles:
-        raise DataError(name, limit="makes no whole cycle", remedy="record at least one, from rest to rest")
+        raise DataError(
+            name, limit="contains no complete cycle", remedy="record at least one complete cycle, from rest to rest"
+        )
     warnings = [
-        look_at(f"the cycle that begins at {time_s[a]:.6g} s is not whole and is left out")
+        look_at(f"the cycle that begins at {time_s[a]:.6g} s is incomplete and is omitted")
         for (a, _, _), ok in zip(spans, whole, strict=True)
         if not ok
     ]
     if abs(ramps[0].start_deg - rest) > far:
-        begun = f"the recording begins during a motion: data before {time_s[starts[0][0]]:.6g} s are left out"
+        begun = f"the recording begins during a motion: data before {time_s[starts[0][0]]:.6g} s are omitted"
         warnings.insert(0, look_at(begun))
     return cycles, tuple(warnings)
 
@@ -380,9 +383,9 @@ def _cycles(
 def _starts(
     away: FloatArray, ramps: tuple[Ramp, ...], rest: float, first: int, far: float, tolerance: float
 ) -> list[tuple[int, float]]:
-    """Last sample at rest before each excursion to the first side, and what is taken for rest there.
+    """Last sample at rest before each excursion to the first side, and the tolerance for rest there.
 
-    Where a ramp only passes the rest, no sample near it may be lost: none is at rest but the crossing itself.
+    If a ramp only passes through the rest, no sample near it may be omitted: only the crossing itself counts as rest.
     """
     found: list[tuple[int, float]] = []
     for ramp in ramps:
@@ -397,9 +400,9 @@ def _starts(
 def _with_their_ramps(
     spans: list[tuple[int, int, bool]], ramps: tuple[Ramp, ...], first: int
 ) -> list[tuple[int, int, bool]]:
-    """Cycles from where their first ramp begins to where their last one ends.
+    """Extend cycles from the beginning of their first ramp to the end of their last ramp.
 
-    Where the rest is an end of the range, as no load is, values next to it would be in no cycle otherwise.
+    Otherwise, values near a rest that is an end of the range (e.g. without load) would not belong to any cycle.
     """
     away, back = ([ramp for ramp in ramps if ramp.direction == side] for side in (first, -first))
     begins = [next((ramp.start for ramp in away if ramp.start <= a < ramp.stop), a) for a, _, _ in spans]
@@ -409,7 +412,7 @@ def _with_their_ramps(
 
 
 def _span(away: FloatArray, start: int, following: int | None, tolerance: float) -> tuple[int, int, bool]:
-    """Samples of a cycle, and whether it came back to rest."""
+    """Samples of a cycle, and whether it returned to rest."""
     stop = away.size if following is None else following + 1
     out = np.flatnonzero(np.abs(away[start:stop]) > tolerance)
     last = start + int(out[-1]) + 1 if out.size else stop - 1

@@ -1,9 +1,9 @@
 """Noise of a reading, with one definition for a response, a group of its cycles, and a rig at rest.
 
-The idea: at rest, readings follow a straight line over time, as light drifts; noise is their standard deviation
-about it. Variations that are not random, such as residual flicker, count
-once; differences of neighbours would overweight alternation (8/3 of the variance by second differences,
-2 by first). They are used only without rest, as second differences cancel a smooth motion.
+At rest, readings follow a straight line over time, because the light drifts; the noise is their standard deviation
+about this line. Variations that are not random, such as residual flicker, are counted with their true variance, whereas
+differences of neighbours would overweight an alternation (8/3 of the variance with second differences, 2 with first).
+They are used only if nothing rests, because second differences cancel a smooth motion.
 
 The interface: `noise_of` readings and intervals at rest returns a `Scatter`; `pooled_noise` combines several.
 """
@@ -17,15 +17,15 @@ import numpy as np
 from solen.arrays import FloatArray
 
 SETTLE = 0.2
-"""Share of a stretch at its beginning that noise is not taken from."""
+"""Fraction at the beginning of an interval at rest that is not used for the noise."""
 LEAST_READINGS = 8
 Stretch = tuple[int, int]
-"""First and last reading, less one."""
+"""Indices of the first and the last reading, minus one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """Sums of squares (m,) and their degrees of freedom (m,): about lines at rest, and by second differences."""
+    """Sums of squares (m,) and their degrees of freedom (m,): about lines at rest, and from second differences."""
 
     rest: tuple[FloatArray, FloatArray]
     moving: tuple[FloatArray, FloatArray]
@@ -34,7 +34,7 @@ class Scatter:
 def noise_of(time_s: FloatArray, values: FloatArray, stretches: Iterable[Stretch]) -> Scatter:
     """Scatter of readings (n, m) at ascending times (n,); NaN where a reading is clipped or missing.
 
-    A stretch with such a reading gives nothing for its receiver.
+    An interval with such a reading is not used for its receiver.
     """
     squares, freedom = np.zeros(values.shape[1]), np.zeros(values.shape[1])
     for start, stop in stretches:
@@ -50,7 +50,7 @@ def noise_of(time_s: FloatArray, values: FloatArray, stretches: Iterable[Stretch
 
 
 def pooled_noise(scatters: Sequence[Scatter]) -> FloatArray:
-    """Standard deviation of a reading (m,): at rest, or by second differences where nothing rests; NaN without any."""
+    """Standard deviation of a reading (m,): at rest, or from second differences if nothing rests; else NaN."""
     with np.errstate(invalid="ignore", divide="ignore"):
         rest, moving = (
             np.sqrt(np.sum([one[0] for one in parts], axis=0) / np.sum([one[1] for one in parts], axis=0))
@@ -60,7 +60,7 @@ def pooled_noise(scatters: Sequence[Scatter]) -> FloatArray:
 
 
 def _about_line(time_s: FloatArray, values: FloatArray) -> FloatArray:
-    """Sum of squares of each column about its straight line over time."""
+    """Sum of squares of each column about its least-squares line over time."""
     away = (time_s - time_s.mean())[:, None]
     rest = values - values.mean(axis=0)
     total = float((away**2).sum())

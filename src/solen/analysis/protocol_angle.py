@@ -1,14 +1,14 @@
 """The angle of a recording that has none: the cycles from the signals, their scale from the commanded protocol.
 
-The idea: the voltages repeat with the cycle. Its length maximises their autocorrelation; each cycle begins where they
-correlate best with the protocol: 0 to +A at a speed, a hold, back, the same on the other side. Time beyond the protocol
-counts as rests, half of it at each return to 0. The result is the angle that the stage should have had; it was not
-measured.
+The voltages are periodic with the cycle. Its period maximises their autocorrelation, and each cycle begins where they
+correlate best with the protocol: from 0 to +A at constant speed, a hold, back, and the same on the other side. Time in
+excess of the protocol is attributed to rests, half of it at each return to 0. The result is the angle that the stage
+should have had; it was not measured.
 
-One signal does not show which side is which. With a left and a right receiver the convention does: at negative angles
-the right one is brighter, that is lower. Without them the first excursion is called positive.
+A single signal does not show which side is which. With a left and a right receiver the convention does: at negative
+angles the right receiver is brighter, i.e. its voltage is lower. Otherwise the first excursion is called positive.
 
-The interface: `angle_by_protocol` of signals and a `Protocol` gives a `ProtocolAngle`.
+The interface: `angle_by_protocol` of signals and a `Protocol` returns a `ProtocolAngle`.
 """
 
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ _SLACK = 0.05  # share of a cycle that the protocol may be longer
 
 @dataclass(frozen=True)
 class Protocol:
-    """Commanded motion of a stage: to +A and −A, at a speed, with a hold at each."""
+    """Commanded motion of a stage: to +A and −A at constant speed, with a hold at each."""
 
     amplitude_deg: float
     speed_deg_per_s: float = 15.0
@@ -41,11 +41,11 @@ class Protocol:
 
     @property
     def shortest_s(self) -> float:
-        """Time of a cycle without rests."""
+        """Duration of a cycle without rests."""
         return 4.0 * self.amplitude_deg / self.speed_deg_per_s + 2.0 * self.hold_s
 
     def corners(self, period_s: float, first: int = 1) -> tuple[FloatArray, FloatArray]:
-        """Times and angles of one cycle between which the angle is straight; ``first``: sign of its first side."""
+        """Times and angles of one cycle between which the angle is linear; ``first`` is the sign of its first side."""
         ramp, rest = self.amplitude_deg / self.speed_deg_per_s, max(0.0, 0.5 * (period_s - self.shortest_s))
         took = (0.0, ramp, self.hold_s, ramp, rest, ramp, self.hold_s, ramp)
         angles = first * self.amplitude_deg * np.array([0.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0, 0.0])
@@ -54,7 +54,7 @@ class Protocol:
 
 @dataclass(frozen=True, eq=False)
 class ProtocolAngle:
-    """Angle by the protocol at each sample (n,), length and starts of its cycles, and its limits."""
+    """Angle of the protocol at each sample (n,), period and starts of its cycles, and warnings."""
 
     angle_deg: FloatArray
     period_s: float
@@ -70,7 +70,7 @@ def angle_by_protocol(
     Parameters
     ----------
     time_s, volts
-        (n,) and (n, m).
+        Times (n,) and voltages (n, m).
     receivers
         Names, which distinguish left and right.
     protocol
@@ -79,7 +79,7 @@ def angle_by_protocol(
     Raises
     ------
     DataError
-        If the signals do not repeat, their cycle is shorter than the protocol's, or they do not match it.
+        If the signals are not periodic, their cycle is shorter than the protocol's, or they do not match it.
     """
     sides = left_right(receivers)
     signal = principal(volts) if sides is None else volts[:, sides[1]] - volts[:, sides[0]]
@@ -102,29 +102,36 @@ def angle_by_protocol(
     unrecorded = (
         f"no angle was recorded: cycles of {period:.4g} s were detected in the voltages, and the angle is assumed "
         f"from the protocol: ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of "
-        f"{protocol.hold_s:g} s; range, sensitivity and hysteresis are no better than that assumption"
+        f"{protocol.hold_s:g} s; range, sensitivity and hysteresis are only as good as that assumption"
     )
     warnings = [look_at(unrecorded)]
     if rest > _SLACK * period:
-        longer = f"a cycle is {rest:.3g} s longer than that; half of it is taken for a rest at each return to 0"
+        longer = (
+            f"a cycle is {rest:.3g} s longer than the protocol; half of this time is assumed "
+            "to be a rest at each return to 0"
+        )
         warnings.append(look_at(longer))
     if sides is None:
-        unnamed = "the names do not distinguish a left from a right receiver: the first excursion is taken as positive"
+        unnamed = (
+            "the names do not distinguish a left from a right receiver: the first excursion is assumed to be positive"
+        )
         warnings.append(look_at(unnamed))
     else:
         warnings.append(
-            note("the sign of the angle is that of the convention (right brighter at negative angles), not a finding")
+            note(
+                "the sign of the angle follows the convention (right brighter at negative angles) and was not measured"
+            )
         )
     return ProtocolAngle(angle, period, starts, tuple(warnings))
 
 
 def _less_means(signal: FloatArray, turn: IndexArray) -> FloatArray:
-    """A signal less its mean over each cycle, so that what wanders from one to the next is left out."""
+    """A signal minus its mean over each cycle, which removes changes from one cycle to the next."""
     return np.asarray(signal - (np.bincount(turn, signal) / np.maximum(np.bincount(turn), 1))[turn])
 
 
 def _check_goes_with(signal: FloatArray, angle_deg: FloatArray, protocol: Protocol) -> None:
-    """`DataError` if a signal does not follow the angle of a protocol, beyond its noise."""
+    """Raise `DataError` if a signal does not follow the angle of a protocol, beyond its noise."""
     edges = np.linspace(-1.0, 1.0, _CELLS + 1)[1:-1] * protocol.amplitude_deg
     cell = np.digitize(angle_deg, edges)
     count = np.maximum(np.bincount(cell, minlength=_CELLS), 1)
@@ -134,14 +141,14 @@ def _check_goes_with(signal: FloatArray, angle_deg: FloatArray, protocol: Protoc
     rest = float(apart @ apart) / signal.size - noise
     if whole > 0.0 and rest > _ELSEWHERE * whole:
         limit = (
-            f"does not match ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s and holds of "
-            f"{protocol.hold_s:g} s: that motion leaves {100.0 * rest / whole:.0f} % of its variance open"
+            f"does not match ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of "
+            f"{protocol.hold_s:g} s: that motion does not explain {100.0 * rest / whole:.0f} % of its variance"
         )
-        raise DataError("recording", limit=limit, remedy="state the --speed-deg-per-s and --hold-s that the stage had")
+        raise DataError("recording", limit=limit, remedy="state the --speed-deg-per-s and --hold-s of the stage")
 
 
 def _period(even: FloatArray, even_s: float, protocol: Protocol) -> float:
-    """Time after which a signal is most like itself, not shorter than the protocol."""
+    """Time shift, not shorter than the protocol, at which the autocorrelation of a signal is largest."""
     likeness = fftconvolve(even, even[::-1])[even.size - 1 :]
     lags = np.arange(even.size)
     share = likeness / likeness[0] * even.size / np.maximum(even.size - lags, 1)
@@ -154,7 +161,7 @@ def _period(even: FloatArray, even_s: float, protocol: Protocol) -> float:
     peaks = np.flatnonzero((part[1:-1] > part[:-2]) & (part[1:-1] >= part[2:])) + 1
     strong = peaks[part[peaks] >= 0.9 * part[peaks].max(initial=-1.0)] if peaks.size else peaks
     if not strong.size or part[strong[0]] < _ALIKE:
-        limit = f"does not repeat itself after {protocol.shortest_s:.3g} s or more"
+        limit = f"is not periodic with a period of {protocol.shortest_s:.3g} s or more"
         remedy = "check the receivers, and --amplitude-deg, --speed-deg-per-s and --hold-s"
         raise DataError("recording", limit=limit, remedy=remedy)
     place = int(strong[0]) + first
@@ -162,7 +169,7 @@ def _period(even: FloatArray, even_s: float, protocol: Protocol) -> float:
 
 
 def _vertex(three: FloatArray) -> float:
-    """Place of the vertex of the parabola through three neighbours, relative to the middle one."""
+    """Position of the vertex of the parabola through three neighbours, relative to the middle one."""
     bend = float(three[0] - 2.0 * three[1] + three[2])
     return 0.5 * float(three[0] - three[2]) / bend if bend else 0.0
 
@@ -174,12 +181,12 @@ def _first_sign(even: FloatArray) -> float:
 
 
 def _starts(even: FloatArray, even_s: float, corners: tuple[FloatArray, FloatArray], period: float) -> FloatArray:
-    """When each cycle begins, by likeness to the protocol."""
+    """Start of each cycle, from its correlation with the protocol."""
     times, angles = corners
     template = np.interp(np.arange(0.0, times[-1], even_s), times, angles)
     likeness = fftconvolve(even, template[::-1])[template.size - 1 : even.size]
     if not likeness.size:
-        raise DataError("recording", limit=f"holds no whole cycle of {period:.3g} s", remedy="record more cycles")
+        raise DataError("recording", limit=f"contains no complete cycle of {period:.3g} s", remedy="record more cycles")
     best = int(np.argmax(likeness))
     step = round(period / even_s)
     found = [best]
@@ -201,7 +208,7 @@ def _nearest(likeness: FloatArray, place: int, reach: int) -> int | None:
 
 
 def _angle(time_s: FloatArray, starts: FloatArray, corners: tuple[FloatArray, FloatArray]) -> FloatArray:
-    """Angle of all cycles, at rest between and beside them."""
+    """Angle of all cycles, with rests between them and at both ends."""
     times, angles = corners
     following = np.append(starts[1:], np.inf)
     when = [np.minimum(start + times, after) for start, after in zip(starts, following, strict=True)]

@@ -1,8 +1,8 @@
 """Left and right combined: their difference, crosstalk, and the sign of the angle.
 
-The idea: both receivers read a sensor. Brighter means a lower voltage, so V_left − V_right is positive where the
-right one is brighter: at negative angles, by convention. A recording that violates the
-convention gets a warning; signs are never changed.
+Both receivers measure the same sensor. Brighter means a lower voltage, so V_left − V_right is positive if the right
+receiver is brighter, which by convention is at negative angles. A recording that violates the convention causes a
+warning; signs are never changed.
 
 The interface: `pair_response` of a sensor's passes; `sign_warnings` of its receivers' responses.
 """
@@ -31,12 +31,12 @@ class Crosstalk(Result):
     toward
         Side of the near receiver.
     angle_deg
-        The end.
+        Angle of this end.
     change_percent, u_change_percent
-        Fall of the far voltage in per cent of that of the near one: above 0 both brighten, below 0 the far one darkens,
-        as it should.
+        Fall of the far voltage in per cent of that of the near voltage. If positive, both receivers brighten; if
+        negative, the far one darkens, as it should.
     light_percent, u_light_percent
-        Far light at the end in per cent of the near one; NaN unless the voltage without light is known.
+        Far light at the end in per cent of the near light; NaN unless the voltage without light is known.
     """
 
     toward: str
@@ -48,7 +48,7 @@ class Crosstalk(Result):
 
 
 class Contrast(Result):
-    """(R − L)/(R + L) of the light: its mean over the angles (g,), and at both ends with uncertainties."""
+    """Contrast (R − L)/(R + L) of the light: mean over the angles (g,), and both ends with uncertainties."""
 
     angle_deg: FloatArray
     mean: FloatArray
@@ -64,11 +64,11 @@ class PairResponse(ReceiverResponse):
     Attributes
     ----------
     balance_deg, u_balance_deg
-        Angle nearest to 0 at which both receivers show one voltage.
+        Angle nearest to 0 at which both receivers have the same voltage.
     crosstalk
-        Towards the right and towards the left, of those that the motion goes to.
+        Crosstalk to the right and to the left, for the sides that the motion reaches.
     contrast
-        None unless the voltage without light is known.
+        Contrast of the light; None unless the voltage without light is known.
     """
 
     balance_deg: float
@@ -84,18 +84,18 @@ def pair_response(
     dark_V: float | None,
     near_zero: float = NEAR_ZERO_DEG,
 ) -> PairResponse:
-    """Response of V_left − V_right, and the change of each receiver while the other brightens.
+    """Compute the response of V_left − V_right, and the change of each receiver while the other brightens.
 
     Parameters
     ----------
     passes
         Passes of the sensor.
     sides
-        Places of the left and the right receiver.
+        Indices of the left and the right receiver.
     noise_V
         Noise of the left and the right receiver.
     dark_V
-        Voltage without light; shares of light need it.
+        Voltage without light, required for ratios of the light.
     near_zero
         As in `receiver_response`.
     """
@@ -135,7 +135,7 @@ def crossing(angle_deg: FloatArray, row: FloatArray) -> float:
 
 
 def _goes(angle_deg: FloatArray, toward: str) -> bool:
-    """Whether a motion goes to the side of a receiver: a force or depth has no negative one."""
+    """Whether a motion reaches the side of a receiver; a force or depth has no negative side."""
     low, high = float(angle_deg[0]), float(angle_deg[-1])
     return low < -_ASIDE * (high - low) if toward == "right" else high > _ASIDE * (high - low)
 
@@ -166,7 +166,7 @@ def _contrast(angle_deg: FloatArray, left: FloatArray, right: FloatArray, dark_V
 def sign_warnings(
     receivers: Mapping[str, ReceiverResponse], sides: tuple[int, int] | None, unit: str = "V"
 ) -> list[Caution]:
-    """Whether left and right answer as in the convention: a rising angle darkens the right and brightens the left."""
+    """Warnings if a rising angle does not darken the right and brighten the left receiver (the convention)."""
     if sides is None:
         return []
     names = [list(receivers)[side] for side in sides]
@@ -180,8 +180,8 @@ def sign_warnings(
     if left.value > 0.0 > right.value and unit == "V":  # of lux, brighter is more
         reverse = (
             f"{changes}: the reverse of the convention (at negative angles the right receiver is brighter, and "
-            "brighter is a lower voltage); the angle counts the other way, the receivers are swapped, or the circuit's "
-            "voltage rises with light. Nothing was turned round: --flip-angle counts it the other way"
+            "brighter is a lower voltage). Either the angle has the opposite sign, the receivers are swapped, or the "
+            "voltage of the circuit rises with light. Nothing was changed: --flip-angle reverses the sign of the angle"
         )
         return [look_at(reverse)]
     if left.value * right.value > 0.0:

@@ -1,13 +1,12 @@
-"""Voltage against angle: each half-cycle on a common grid of angles, then their mean and spread.
+"""Voltage against angle: half-cycles on a common grid of angles, their mean and standard deviation.
 
-The idea: the samples of a half-cycle (all rising or all falling ramps of a cycle) are joined by straight lines
-in order of angle; a grid point gets the mean of that line over its cell, half a step to each side. With
-many samples in a cell this is their mean, with few an interpolation: either way no sample
-affects other cells, and nothing is filtered. A cell without nearby samples stays empty, and one touched by a clipped
-sample is marked.
+The samples of a half-cycle (all rising or all falling ramps of a cycle) are connected by straight lines in order of
+angle. A grid point is the mean of this line over its cell, half a step to each side. With many samples in a cell this
+is their mean, with few an interpolation. No sample affects distant cells, and nothing is filtered. A cell without
+nearby samples is empty, and one with a clipped sample is marked.
 
-The interface: `grid_deg` makes a grid, `passes` the half-cycles on it, `Passes.joined` those of several recordings of
-one sensor; `mean_curve` gives their mean and standard deviation.
+The interface: `grid_deg` makes a grid, `passes` computes the half-cycles on it, and `Passes.joined` joins those of
+several recordings of one sensor; `mean_curve` computes their mean and standard deviation.
 """
 
 from collections.abc import Sequence
@@ -30,18 +29,18 @@ _OUT = 0.25  # share of a step that a point may lie beyond the last sample
 
 @dataclass(frozen=True, eq=False)
 class Passes:
-    """Ways over the angles, on one grid.
+    """Half-cycles over the angles of one grid.
 
     Attributes
     ----------
     angle_deg
         The grid, (g,).
     volts
-        (cycles, 2, g, receivers): rising, then falling; NaN where there is no sample.
+        Voltages (cycles, 2, g, receivers): rising, then falling; NaN where there is no sample.
     clipped
-        Whether a clipped sample is in it, of the same shape.
+        Whether the value contains a clipped sample, of the same shape.
     middle_s
-        Middle of each cycle's time, (cycles,).
+        Time of the middle of each cycle, (cycles,).
     """
 
     angle_deg: FloatArray
@@ -51,27 +50,27 @@ class Passes:
 
     @property
     def cycles(self) -> int:
-        """How many cycles."""
+        """Number of cycles."""
         return int(self.volts.shape[0])
 
     @classmethod
     def joined(cls, parts: "Sequence[Passes]") -> "Passes":
-        """Those of several recordings on one grid."""
+        """Join the half-cycles of several recordings on one grid."""
         columns = ([getattr(part, name) for part in parts] for name in ("volts", "clipped", "middle_s"))
         return cls(parts[0].angle_deg, *(np.concatenate(column) for column in columns))
 
     def rows(self, which: BoolArray) -> "Passes":
-        """Those of some cycles."""
+        """Half-cycles of selected cycles."""
         return Passes(self.angle_deg, self.volts[which], self.clipped[which], self.middle_s[which])
 
     def of(self, receiver: int) -> "Passes":
-        """Those of one receiver, with a last axis of one."""
+        """Half-cycles of one receiver, with a last axis of length 1."""
         part = slice(receiver, receiver + 1)
         return Passes(self.angle_deg, self.volts[..., part], self.clipped[..., part], self.middle_s)
 
 
 class Curve(Result):
-    """Mean and standard deviation of half-cycles at each angle (NaN without any), and their number."""
+    """Mean and standard deviation of half-cycles at each angle (NaN if there are none), and their number."""
 
     mean_V: FloatArray
     sd_V: FloatArray
@@ -79,7 +78,7 @@ class Curve(Result):
 
 
 def nice_step(reach_deg: float) -> float:
-    """A step of 1, 2 or 5 times a power of ten that parts a range into some sixty cells."""
+    """A step of 1, 2 or 5 times a power of ten that divides a range into about sixty cells."""
     wanted = reach_deg / _CELLS
     power = 10.0 ** np.floor(np.log10(wanted))
     steps = [step * power for step in (*_STEPS_DEG, 10.0)]
@@ -87,7 +86,7 @@ def nice_step(reach_deg: float) -> float:
 
 
 def common_range(angle_deg: FloatArray, motion: Motion, used: Sequence[int]) -> tuple[float, float]:
-    """Angles that every way of the used cycles reaches."""
+    """Range of angles that every half-cycle of the used cycles reaches."""
     ends = [
         (float(angle_deg[part].min()), float(angle_deg[part].max()))
         for ways in _ramps_by_cycle(motion, used)
@@ -95,12 +94,12 @@ def common_range(angle_deg: FloatArray, motion: Motion, used: Sequence[int]) -> 
         if part.size
     ]
     if not ends:
-        raise DataError("motion", limit="has no ramp in the cycles that are used", remedy="use more cycles")
+        raise DataError("motion", limit="has no ramp in the cycles used", remedy="use more cycles")
     return max(low for low, _ in ends), min(high for _, high in ends)
 
 
 def grid_deg(low: float, high: float, step: float, sign: str = "°") -> FloatArray:
-    """Multiples of a step within a range, or a quarter of a step beyond; ``sign`` is their unit in messages."""
+    """Multiples of a step within a range, extended by a quarter of a step; ``sign`` is the unit in messages."""
     between = f"between {low:.3g}{sign} and {high:.3g}{sign}"
     first, last = np.ceil(low / step - _OUT), np.floor(high / step + _OUT)
     if last - first < 4:
@@ -120,16 +119,16 @@ def passes(
     grid: FloatArray,
     clipped: BoolArray | None = None,
 ) -> Passes:
-    """Half-cycles of the used cycles on a grid.
+    """Compute the half-cycles of the used cycles on a grid.
 
     Parameters
     ----------
     angle_deg
-        (n,).
+        Angles, (n,).
     volts, clipped
-        (n, receivers).
+        Voltages and clipping flags, (n, receivers).
     motion, used
-        Its cycles, and the indices of those used.
+        Motion with its cycles, and the indices of those used.
     grid
         Evenly spaced angles, (g,).
     """
@@ -153,7 +152,7 @@ def passes(
 def _ramps_by_cycle(motion: Motion, used: Sequence[int]) -> list[list[IndexArray]]:
     """Samples of the rising and of the falling ramps of each used cycle, without the holds between them.
 
-    Those on which a ramp begins and ends are with it.
+    The samples at which a ramp begins and ends are included.
     """
     starts = np.array([ramp.start for ramp in motion.ramps])
     stops = np.array([ramp.stop for ramp in motion.ramps])
@@ -172,10 +171,10 @@ def _ramps_by_cycle(motion: Motion, used: Sequence[int]) -> list[list[IndexArray
 
 
 def on_grid(angle_deg: FloatArray, volts: FloatArray, grid: FloatArray) -> FloatArray:
-    """Mean over each cell of the straight lines through samples, (g, receivers).
+    """Mean of the piecewise linear curve through the samples over each cell, (g, receivers).
 
-    Samples of one angle are averaged first. A cell at the end of the samples is narrowed to stay centred on its point;
-    a point a little beyond the last sample is extrapolated along the line through the samples near it.
+    Samples at the same angle are averaged first. A cell at the end of the samples is narrowed so that it remains
+    centred on its point; a point slightly beyond the last sample is extrapolated linearly from the samples near it.
     """
     angles, values = _merged(angle_deg, volts)
     if angles.size < 2:
@@ -194,7 +193,7 @@ def on_grid(angle_deg: FloatArray, volts: FloatArray, grid: FloatArray) -> Float
 
 
 def _beyond(angles: FloatArray, values: FloatArray, beyond_deg: FloatArray, step: float) -> FloatArray:
-    """Change of values from the last samples to points beyond them, (g, receivers)."""
+    """Difference of the values at points beyond the last samples from these samples, (g, receivers)."""
     change = np.zeros((beyond_deg.size, values.shape[1]))
     for side, near in ((beyond_deg < 0.0, angles <= angles[0] + step), (beyond_deg > 0.0, angles >= angles[-1] - step)):
         if side.any() and near.sum() > 1:
@@ -205,7 +204,7 @@ def _beyond(angles: FloatArray, values: FloatArray, beyond_deg: FloatArray, step
 
 
 def _merged(angle_deg: FloatArray, volts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Samples in the order of their angle, those of one angle averaged."""
+    """Samples in the order of their angle, averaged if their angle is the same."""
     order = np.argsort(angle_deg, kind="stable")
     angles, values = angle_deg[order], volts[order]
     first = np.flatnonzero(np.append(True, np.diff(angles) > 0.0))
@@ -214,7 +213,7 @@ def _merged(angle_deg: FloatArray, volts: FloatArray) -> tuple[FloatArray, Float
 
 
 def _cell_means(angles: FloatArray, values: FloatArray, points: FloatArray, half: FloatArray) -> FloatArray:
-    """Mean of the piecewise straight line over [point − half, point + half]; its value where half is 0."""
+    """Mean of the piecewise linear curve over [point − half, point + half]; its value if half is 0."""
     widths = np.diff(angles)[:, None]
     total = np.vstack([np.zeros(values.shape[1]), np.cumsum(0.5 * (values[1:] + values[:-1]) * widths, axis=0)])
 
@@ -235,7 +234,7 @@ def _cell_means(angles: FloatArray, values: FloatArray, points: FloatArray, half
 def mean_curve(passes: Passes, direction: int | None = None) -> Curve:
     """Mean and standard deviation (n − 1) of one receiver's rising (0) or falling (1) half-cycles, or of both.
 
-    There is no mean at angles where a half-cycle is clipped, since leaving it out would bias the mean.
+    There is no mean at angles where a half-cycle is clipped, because omitting the half-cycle would bias the mean.
     """
     chosen = slice(None) if direction is None else slice(direction, direction + 1)
     size = passes.angle_deg.size

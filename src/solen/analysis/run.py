@@ -1,4 +1,4 @@
-"""One recording of a sensor with its motion and the cycles that count.
+"""One recording of a sensor with its motion and the cycles used.
 
 The interface: `Run`.
 """
@@ -13,7 +13,7 @@ from solen.results import HIDDEN, Result, reported
 
 
 class Run(Result):
-    """One recording.
+    """One recording of a sensor.
 
     Attributes
     ----------
@@ -22,13 +22,13 @@ class Run(Result):
     motion
         Its ramps, holds and cycles.
     used
-        Places of the cycles that response and figures of merit rest on: those at the speed of most.
+        Indices of the cycles used for the response and its figures of merit, all at the speed of most cycles.
     timed
-        Places of all that timing is known from: those of other speeds, too.
+        Indices of the cycles used for timing, including those at other speeds.
     clipped
-        Which samples are clipped, (n, m).
+        Whether each sample is clipped, (n, m).
     warnings
-        Clipping.
+        Warnings about clipping.
     """
 
     signals: Signals = field(metadata=HIDDEN)

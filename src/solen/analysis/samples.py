@@ -1,7 +1,7 @@
 """Samples of a recording: times, receivers and stimulus from its columns, in s, V and the stimulus' unit.
 
-The interface: `sampled` of a recording gives `Waveforms`; `sample_times`; `ambient_by_side`; `time_scale`,
-`receivers_unit` and `receiver_scale` state or assume the units of columns, of lines as of files.
+The interface: `sampled` of a recording returns `Waveforms`; `sample_times`; `ambient_by_side`. `time_scale`,
+`receivers_unit` and `receiver_scale` determine or assume the units of columns, of files and of lines.
 """
 
 import re
@@ -40,7 +40,7 @@ _HIGH_V = 100.0  # above what any receiver here shows
 
 
 def ambient_by_side(recording: Recording) -> dict[str, float]:
-    """Mean of the ambient light that was subtracted from the right and the left receiver, where it is recorded."""
+    """Mean ambient light that was subtracted from the right and the left receiver, if it is recorded."""
     columns = {side: recording.find(f"{side}_ambient", f"ambient_{side}") for side in ("right", "left")}
     return {
         side: float(np.nanmean(column.values))
@@ -50,21 +50,21 @@ def ambient_by_side(recording: Recording) -> dict[str, float]:
 
 
 def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "optional") -> Waveforms:
-    """Unprocessed samples of a recording.
+    """Read the unprocessed samples of a recording.
 
     Parameters
     ----------
     recording
-        Its columns.
+        Recording with its columns.
     options
         Roles of the columns.
     angle
-        With ``elsewhere`` the angle, force or depth is not looked for.
+        With ``elsewhere``, no angle, force or depth is read.
 
     Raises
     ------
     DataError, SpecError
-        If a column is missing, holds no numbers or has a unit of another kind.
+        If a column is missing, contains no numbers or has a unit of another kind.
     """
     warnings: list[Caution] = list(recording.warnings)
     base = sample_times(recording, options, warnings)
@@ -93,13 +93,13 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
 
 
 def _window_s(recording: Recording) -> float:
-    """Time over which each row is a mean, as `solen bench demodulate` writes it."""
+    """Averaging time of each row, as written by `solen bench demodulate`."""
     column = recording.find("window")
     return 0.0 if column is None or column.unit != "s" else float(np.nanmedian(column.values))
 
 
 def _complete(samples: Waveforms, file: str) -> Waveforms:
-    """Samples that lack no number."""
+    """Samples without missing numbers."""
     finite = np.isfinite(samples.volts)
     for name, held in zip(samples.receivers, finite.T, strict=True):
         if not held.any():
@@ -109,7 +109,7 @@ def _complete(samples: Waveforms, file: str) -> Waveforms:
         kept &= np.isfinite(samples.angle_deg)
     if kept.all():
         return samples
-    warning = look_at(f"{int((~kept).sum())} of {kept.size} samples lack a number and are left out")
+    warning = look_at(f"{int((~kept).sum())} of {kept.size} samples lack a number and are omitted")
     return replace(samples.rows(kept), warnings=(*samples.warnings, warning))
 
 
@@ -129,7 +129,7 @@ def sample_times(
 ) -> TimeBase:
     """Order and times of a recording's samples; assumptions are added to the warnings.
 
-    ``named`` are the options that state its column of times and its rate.
+    ``named`` are the options that state the column of times and the rate.
     """
     return time_base(_time_s(recording, options, warnings, named), f"{recording.provenance.file}: time")
 
@@ -140,19 +140,19 @@ def _time_s(
     channel, file = _time_column(recording, options), recording.provenance.name
     if channel is None:
         if options.rate_hz is None:
-            remedy = f"name it with {named[0]}, or give {named[1]}; {existing(recording)}"
+            remedy = f"name it with {named[0]}, or state the rate with {named[1]}; {existing(recording)}"
             raise DataError(file, limit="no column is recognised as the time", remedy=remedy)
         return np.arange(recording.channels[0].values.size) / options.rate_hz
     return channel.values * time_scale(channel, options.time_unit, file, warnings)
 
 
 def time_scale(channel: Channel, unit: str | None, file: str, warnings: list[Caution]) -> float:
-    """Factor of a column of times to s, by the ``unit``, else its own, else its name; an assumed one is a warning.
+    """Factor of a column of times to s, from ``unit``, else its own unit or name; an assumed one is a warning.
 
     Raises
     ------
     DataError
-        If the unit is not one of time, or steps without a unit may be in several.
+        If the unit is not one of time, or steps without a unit are plausible in several units.
     """
     unit = unit or channel.unit or NAMED_UNITS.get(plain(channel.name), "")
     if not unit:
@@ -169,14 +169,14 @@ def _seconds_assumed(channel: Channel, file: str, warnings: list[Caution]) -> fl
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     if usual >= _SLOW_S:
         limit = f"states no unit, and its steps of {usual:.3g} may be ms, s or samples"
-        raise DataError(f"{file}: {channel.name}", limit=limit, remedy="give --time-unit ms, or --rate-hz")
+        raise DataError(f"{file}: {channel.name}", limit=limit, remedy="use --time-unit ms, or --rate-hz")
     rate = f", which makes {1 / usual:.4g} samples per second" if usual else ""
     warnings.append(look_at(f"{channel.name} states no unit; s is assumed{rate}"))
     return 1.0
 
 
 def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None) -> dict[str, Channel]:
-    """Columns of the receivers by their names."""
+    """Columns of the receivers, by their names."""
     time = _time_column(recording, options)
     taken = {*(() if time is None else (time.name,)), *(() if drive is None else drive.columns)}
     if options.channel:
@@ -184,7 +184,7 @@ def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None
         for name, count in Counter([*(one.name for one in named.values()), *taken]).items():
             if count > 1:
                 limit = f"has two roles in {recording.provenance.file}"
-                raise SpecError("--channel", value=name, limit=limit, remedy="give each role its own column")
+                raise SpecError("--channel", value=name, limit=limit, remedy="use a different column for each role")
         return named
     columns = receiver_columns([channel for channel in recording.channels if channel.name not in taken])
     if not columns:
@@ -196,39 +196,39 @@ def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None
 
 
 def _passed_over(recording: Recording, channels: Iterable[str]) -> list[Caution]:
-    """Columns that are named like a receiver but have an unknown unit, beside others in V."""
+    """Warnings about columns with the name of a receiver but an unknown unit, if other receivers are in V."""
     rest = {one.name: _BRACKETED.search(one.name) for one in recording.channels if one.name not in channels}
     return [
-        look_at(f'{name} is not used: "{unit[1]}" is not a known unit; --channel NAME=COLUMN uses it')
+        look_at(f'{name} is not used, because "{unit[1]}" is not a known unit; --channel NAME=COLUMN uses it')
         for name, unit in rest.items()
         if unit and side_of(name)
     ]
 
 
 def receivers_unit(channels: Iterable[Channel]) -> str:
-    """Unit of the receivers: V, unless one states another that cannot be converted to it."""
+    """Unit of the receivers: V, unless one receiver states a unit that cannot be converted to it."""
     units = [one.unit for one in channels if one.unit and one.unit != "1"]
     return next((unit for unit in units if factor(unit, "V") is None), "V")
 
 
 def receiver_scale(channel: Channel, unit: str, file: str, warnings: list[Caution]) -> float:
-    """Factor of a receiver to the unit of all; an assumed V is a warning.
+    """Factor from a receiver's unit to the common unit; an assumed V is a warning.
 
     Raises
     ------
     DataError
-        If its unit cannot be converted, or it states none beside one that is not V.
+        If its unit cannot be converted, or is not stated while another receiver is not in V.
     """
     if unit != "V" or (channel.unit and channel.unit != "1"):
         scale = factor(channel.unit, unit) if channel.unit else None
         if scale is None:
-            limit = f"is not a unit that a receiver can have beside one in {unit}"
-            remedy = "choose receivers of one kind with --channel NAME=COLUMN"
+            limit = f"cannot be the unit of a receiver if another receiver is in {unit}"
+            remedy = "choose receivers with compatible units with --channel NAME=COLUMN"
             raise DataError(f"{file}: {channel.name}", value=channel.unit or "none", limit=limit, remedy=remedy)
         return scale
     if not ENDS_IN_V.search(channel.name):
         largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
-        doubt = f"; up to {largest:.4g} V is much: are they mV?" if largest > _HIGH_V else ""
+        doubt = f"; values up to {largest:.4g} V are unusual, check whether they are in mV" if largest > _HIGH_V else ""
         unknown = _BRACKETED.search(channel.name)
         states = f'states "{unknown[1]}", which is not a known unit' if unknown else "states no unit"
         warnings.append(look_at(f"{channel.name} {states}; V is assumed{doubt}"))

@@ -1,10 +1,10 @@
-"""A sensor's recordings to its response and figures of merit, and several sensors side by side.
+"""Response and figures of merit of a sensor from its recordings, and the comparison of several sensors.
 
-The idea: one recording gives its cycles, of which the first is left out as in the paper: the material and the stage
-settle in it. All recordings of one sensor lie on one grid, so that their ways are pooled. Sensors are the replicates:
-their mean and standard deviation are those of their mean curves, n is the number of prints.
+Each recording gives its cycles. The first cycle is omitted, as in the paper, because the material and the stage settle
+in it. All recordings of one sensor are on one grid, so their half-cycles can be pooled. Sensors are the replicates:
+their mean and standard deviation are those of their mean curves, and n is the number of prints.
 
-The interface: `sensor_response` of a sensor's `Signals`; `group_of` several sensors gives a `SensorGroup`.
+The interface: `sensor_response` of a sensor's `Signals`; `group_of` several sensors returns a `SensorGroup`.
 """
 
 import math
@@ -45,15 +45,16 @@ from solen.spec.strict import Finite, refused
 
 
 class AnalysisOptions(SignalOptions):
-    """How recordings of a motion are analysed."""
+    """Options for analysing recordings of a motion."""
 
     angle_file: tuple[Path, ...] = ()
-    """Log of the stage on a clock of its own, one for all files or one for each; --angle is then its column. The lag
-    between the clocks is found from the voltages."""
+    """Log of the stage with a clock of its own, one for all files or one for each; --angle is then its column. The lag
+    between the clocks is determined from the voltages.
+    """
     angle_time: str | None = None
     """Column of the time in that log."""
     angle_rate_hz: Finite | None = Field(None, gt=0)
-    """Entries per second of that log, where it has no times."""
+    """Entries per second of that log, if it has no times."""
     amplitude_deg: Finite | None = Field(None, gt=0)
     """Commanded amplitude to each side, if no angle was recorded; cycles are then detected in the voltages."""
     speed_deg_per_s: Finite = Field(15.0, gt=0)
@@ -61,17 +62,17 @@ class AnalysisOptions(SignalOptions):
     hold_s: Finite = Field(0.8, ge=0)
     """Commanded hold at each end, with --amplitude-deg."""
     pattern: str | None = None
-    """Form of the file names, as in "{sensor}_{lens}_{run}.csv"."""
+    """Pattern of the file names, as in "{sensor}_{lens}_{run}.csv"."""
     control: tuple[str, ...] = ()
     """Sensors without a lens, by their labels."""
     drop: int = Field(1, ge=0)
-    """Cycles at the beginning of each recording that are not used."""
+    """Number of cycles at the beginning of each recording that are not used."""
     step_deg: Finite | None = Field(None, gt=0)
-    """Step of the grid of angles; default: one that fits the range."""
+    """Step of the grid of angles; default: a round number that suits the range."""
     dark_V: Finite | None = None
-    """Voltage of a receiver without light, for cross-talk and contrast of the light itself."""
+    """Voltage of a receiver without light, for crosstalk and contrast of the light itself."""
     every: int | None = Field(None, ge=2)
-    """Show how response, null and noise change, in groups of so many cycles."""
+    """Show how response, null and noise change, in groups of this many cycles."""
 
     @model_validator(mode="after")
     def _check_angle(self) -> Self:
@@ -79,25 +80,25 @@ class AnalysisOptions(SignalOptions):
             limit = "names a column of a log"
             raise refused("angle_time", limit, value=self.angle_time, remedy="name the log with --angle-file")
         if self.angle_rate_hz is not None and (not self.angle_file or self.angle_time is not None):
-            limit = "is of a log without times"
+            limit = "applies to a log without times"
             raise refused(
                 "angle_rate_hz", limit, value=self.angle_rate_hz, remedy="name the log with --angle-file alone"
             )
         if self.amplitude_deg is not None and (self.angle_file or self.angle is not None):
-            limit = "is for recordings without an angle"
-            raise refused("amplitude_deg", limit, value=self.amplitude_deg, remedy="leave out the other")
+            limit = "applies to recordings without an angle"
+            raise refused("amplitude_deg", limit, value=self.amplitude_deg, remedy="omit the other option")
         return self
 
     @property
     def protocol(self) -> Protocol | None:
-        """Commanded motion, where no angle was recorded."""
+        """Commanded motion, if no angle was recorded."""
         if self.amplitude_deg is None:
             return None
         return Protocol(self.amplitude_deg, self.speed_deg_per_s, self.hold_s)
 
 
 class SensorResponse(Result):
-    """One sensor.
+    """Response of one sensor.
 
     Attributes
     ----------
@@ -106,21 +107,21 @@ class SensorResponse(Result):
     lens
         Whether it has a lens; None if unknown.
     receivers
-        Response of each receiver by its name.
+        Response of each receiver, by its name.
     left_minus_right
-        Response of their difference; None if the names do not distinguish left and right.
+        Response of the difference; None if the names do not distinguish left and right.
     timing
-        Contribution of timing to their hysteresis, and the hysteresis without it.
+        Contribution of timing to the hysteresis, and the hysteresis without it.
     runs
         Its recordings.
     passes
         Half-cycles of all recordings on a common grid.
     near_zero_deg
-        Values about 0 over which the sensitivity near zero is taken.
+        Values about 0 for which the sensitivity near zero is computed.
     warnings
         Warnings.
     ageing
-        Change over its cycles, with ``every``.
+        Change over its cycles, if ``every`` is stated.
     """
 
     label: str
@@ -137,17 +138,17 @@ class SensorResponse(Result):
 
     @property
     def stimulus(self) -> Stimulus:
-        """What the response is against."""
+        """Quantity that the response is against."""
         return self.runs[0].signals.stimulus
 
     @property
     def cell(self) -> LoadCell | None:
-        """Load cell that the forces were read from, the least known of several; its errors are in every u."""
+        """Load cell of the forces (that with the largest uncertainty); its errors are included in every u."""
         return least_known(run.signals.cell for run in self.runs)
 
     @reported
     def cycles_used(self) -> int:
-        """Cycles of all recordings that the numbers rest on."""
+        """Number of cycles of all recordings used for the figures."""
         return self.passes.cycles
 
 
@@ -161,7 +162,7 @@ class GroupCurve(Result):
 
 
 class SensorGroup(Result):
-    """Sensors side by side: their labels, the angles (g,) that all have, and the receivers that all have by name."""
+    """A group of sensors: their labels, their common angles (g,), and the curves of their common receivers by name."""
 
     labels: tuple[str, ...]
     angle_deg: FloatArray
@@ -176,24 +177,24 @@ class SensorGroup(Result):
 def sensor_response(
     recordings: Sequence[Signals], options: AnalysisOptions, motions: dict[int, Motion] | None = None
 ) -> SensorResponse:
-    """Response and figures of merit of one sensor.
+    """Compute the response and figures of merit of one sensor.
 
     ``motions`` caches the motion detected in an angle, by array identity, for other sensors on the same stage.
 
     Raises
     ------
     DataError
-        If a recording holds no complete cycle, none remains, or its recordings have different receivers.
+        If a recording contains no complete cycle, none remains, or its recordings have different receivers.
     """
     first = recordings[0]
     for other in recordings[1:]:
         if other.unit != first.unit:
-            limit = f"is in {other.unit}; {first.source} is in {first.unit}"
+            limit = f"is in {other.unit}, but {first.source} is in {first.unit}"
             raise DataError(f"{other.source} ({other.label})", limit=limit, remedy="analyse them apart")
         if other.receivers != first.receivers:
-            limit = f"has receivers {', '.join(other.receivers)}; {first.source} has {', '.join(first.receivers)}"
+            limit = f"has receivers {', '.join(other.receivers)}, but {first.source} has {', '.join(first.receivers)}"
             raise DataError(
-                f"{other.source} ({other.label})", limit=limit, remedy="give them the same names with --channel"
+                f"{other.source} ({other.label})", limit=limit, remedy="use the same names for them with --channel"
             )
     known = {} if motions is None else motions
     runs = tuple(_run(signals, options, known) for signals in recordings)
@@ -233,7 +234,7 @@ def sensor_response(
 
 
 def _u_by_cell(own: ReceiverResponse, cell: LoadCell) -> dict[str, Any]:
-    """Uncertainties of a response against a force with what all readings of its load cell share."""
+    """Add the errors common to all readings of a load cell to the uncertainties of a response against a force."""
     share = cell.u_slope or 0.0
     names = ("sensitivity_V_per_deg", "sensitivity_near_zero_V_per_deg")
     wider = {f"u_{name}": math.hypot(getattr(own, f"u_{name}"), share * getattr(own, name)) for name in names}
@@ -243,7 +244,7 @@ def _u_by_cell(own: ReceiverResponse, cell: LoadCell) -> dict[str, Any]:
 
 
 def _scatter(run: Run, start_s: float = -math.inf, end_s: float = math.inf) -> Scatter:
-    """Scatter of a run's readings, or of those of one cycle."""
+    """Scatter of the readings of a run, or of one of its cycles."""
     time = run.signals.time_s
     begin, end = np.searchsorted(time, (start_s, end_s)).tolist()
     volts = np.where(run.clipped, np.nan, run.signals.volts)[begin:end]
@@ -252,13 +253,13 @@ def _scatter(run: Run, start_s: float = -math.inf, end_s: float = math.inf) -> S
 
 
 def _cycle_scatters(run: Run) -> list[Scatter]:
-    """Scatter of each cycle that is used."""
+    """Scatter of each used cycle."""
     cycles = [run.motion.cycles[place] for place in run.used]
     return [_scatter(run, cycle.start_s, cycle.end_s) for cycle in cycles]
 
 
 def _timing(runs: Sequence[Run], every: Passes, receivers: dict[str, ReceiverResponse]) -> Timing:
-    """Timing of all recordings by cycles of every speed: the worst of their bounds."""
+    """Timing of all recordings from cycles of every speed, with the largest of their bounds."""
     speeds, bounds = [], []
     for run in runs:
         signals = run.signals
@@ -274,7 +275,7 @@ def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -
     known[id(signals.angle_deg)] = motion
     count = len(motion.cycles)
     if count <= options.drop:
-        limit = f"holds {count} whole cycle{'s' * (count != 1)}, and the first {options.drop} are left out"
+        limit = f"contains {count} complete cycle{'s' * (count != 1)}, of which the first {options.drop} are omitted"
         raise DataError(signals.source or signals.label, limit=limit, remedy="use --drop 0, or record more cycles")
     moving = np.zeros(signals.time_s.size, dtype=bool)
     for ramp in motion.ramps:
@@ -291,13 +292,13 @@ def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -
 
 
 def _pooled_passes(runs: Sequence[Run], step_deg: float | None, label: str) -> Passes:
-    """Ways of all recordings on one grid."""
+    """Half-cycles of all recordings on one grid."""
     stimulus = runs[0].signals.stimulus
     ranges = [common_range(run.signals.angle_deg, run.motion, run.timed) for run in runs]
     low, high = max(low for low, _ in ranges), min(high for _, high in ranges)
     if low >= high:
         limit = (
-            f"has no {stimulus.name} that all its ways reach ({low:.3g}{stimulus.sign} to {high:.3g}{stimulus.sign})"
+            f"has no {stimulus.name} that all half-cycles reach ({low:.3g}{stimulus.sign} to {high:.3g}{stimulus.sign})"
         )
         raise DataError(f"sensor {label}", limit=limit, remedy="analyse its recordings separately")
     grid = grid_deg(low, high, step_deg or nice_step(high - low), stimulus.sign)
@@ -306,7 +307,7 @@ def _pooled_passes(runs: Sequence[Run], step_deg: float | None, label: str) -> P
 
 
 def group_of(sensors: Sequence[SensorResponse]) -> SensorGroup | None:
-    """Mean and spread over sensors; None if their receivers or angles have nothing in common."""
+    """Mean and standard deviation over sensors; None if they have no receivers or angles in common."""
     names = [name for name in sensors[0].receivers if all(name in sensor.receivers for sensor in sensors)]
     grids = [{round(float(angle), 9) for angle in sensor.passes.angle_deg} for sensor in sensors]
     common = np.array(sorted(set.intersection(*grids)))

@@ -1,10 +1,11 @@
 """Signals: the voltages of receivers over time, read from the columns of a recording.
 
-The idea: `SignalOptions` name columns and state what a file leaves out; every other role follows from headers
-(`solen.recording.column_roles`). Units become s, degrees and volts; an assumption is a warning, a doubt a refusal.
+`SignalOptions` name columns and state what a file does not; every other role follows from headers
+(`solen.recording.column_roles`). Units are converted to s, degrees and volts. An assumption causes a warning, an
+ambiguity an error.
 
-The interface: `solen.analysis.samples` reads a recording as `Waveforms`, as they were recorded, and
-`solen.analysis.waveforms` makes readings of them; `Signals` are those of one sensor.
+The interface: `solen.analysis.samples` reads a recording as `Waveforms`, as recorded, and `solen.analysis.waveforms`
+converts them to readings; `Signals` are those of one sensor.
 """
 
 from collections import Counter
@@ -25,54 +26,60 @@ from solen.results import Result
 from solen.spec.strict import Finite, Options, refused
 
 TIMES, TIMES_OF_LOG = ("--time", "--rate-hz"), ("--angle-time", "--angle-rate-hz")
-"""Options that state the times of a recording, and of a stage's log beside it."""
+"""Options that state the times of a recording, and of a stage's log."""
 
 AngleSource = Literal["optional", "elsewhere"]
 
 
 class SignalOptions(Options):
-    """Which columns of a recording are what."""
+    """Roles of the columns of a recording."""
 
     time: str | None = None
-    """Column of the time; default: the column whose header names it."""
+    """Column of the time; default: the column with a header for time."""
     angle: str | None = None
-    """Column of the angle; default: the column whose header names it."""
+    """Column of the angle; default: the column with a header for an angle."""
     load: str | None = None
-    """Column of a force, likewise: in N, mN, kN, gf, kgf or lbf, or in volts with --load-cell."""
+    """Column of a force, in N, mN, kN, gf, kgf or lbf, or in volts with --load-cell; default: as for the angle."""
     depth: str | None = None
-    """Column of a depth, likewise."""
+    """Column of a depth; default: as for the angle."""
     against: Name | None = None
-    """What the voltages are analysed against; default: of several the angle, then the force, then the depth."""
+    """Quantity that the voltages are analysed against; default: the angle if recorded, else the force, else the
+    depth.
+    """
     load_cell: Path | None = None
-    """File with [load_cell] (a rig's will do): what a volt of the force's column stands for, with its uncertainty."""
+    """File with [load_cell] (or a rig's file): the force per volt of the force's column, with its uncertainty."""
     tare_s: Finite | None = Field(None, gt=0)
-    """Seconds at the beginning whose mean force, or depth, is taken for 0."""
+    """Seconds at the beginning whose mean force or depth is subtracted as zero."""
     channel: tuple[str, ...] = ()
-    """A receiver and its column, NAME=COLUMN, as in --channel left=ai0 right=ai1; S1.left=ai0 names the sensor as well.
-    Default: every column in volts."""
+    """A receiver and its column, NAME=COLUMN, as in --channel left=ai0 right=ai1; S1.left=ai0 also names the sensor.
+    Default: every column in volts.
+    """
     time_unit: str | None = None
-    """Unit of a time whose column states none: s, ms, us, min."""
+    """Unit of the time if its column states none: s, ms, us, min."""
     rate_hz: Finite | None = Field(None, gt=0)
     """Samples per second, for a recording without times."""
     zero_deg: Finite = 0.0
     """Angle reading at rest; it is subtracted."""
     flip_angle: bool = False
-    """Count the angle the other way."""
+    """Reverse the sign of the angle."""
     on_off_hz: Finite | None = Field(None, ge=0)
-    """How often per second the emitters of a raw waveform switch on and off, 0 where they do not; default: detected.
-    Ambient light is then subtracted first, as solen bench demodulate does."""
+    """Switching frequency of the emitters in a raw waveform, 0 if they do not switch; default: detected. Ambient
+    light is then subtracted first, as with solen bench demodulate.
+    """
     on: On | None = None
-    """Whether light makes such a waveform low or high; default: detected by the phase that follows the motion."""
+    """Whether light makes this waveform low or high; default: detected from the phase that follows the motion."""
     mains_hz: Finite | None = Field(None, ge=0)
-    """Mains of lamps whose flicker is subtracted from such a waveform, 50 or 60, or 0 for none; default: detected."""
+    """Mains frequency of lamps whose flicker is subtracted from this waveform, 50 or 60, or 0 for none; default:
+    detected.
+    """
     emitters: int = Field(1, ge=1)
-    """How many emitters take turns in it, each followed by an off phase; each counts as a sensor."""
+    """Number of emitters that take turns in it, each followed by an off phase; each counts as a sensor."""
     rails: tuple[float, float] | None = None
-    """Lowest and highest voltage of the recorder, such as 0 5: samples there are clipped. Default: detected."""
+    """Lowest and highest voltage of the recorder, e.g. 0 5: samples there are clipped. Default: detected."""
     smooth_ms: Finite | None = Field(None, gt=0)
     """Width of a moving mean over the voltages; none by default."""
     columns: tuple[str, ...] = ()
-    """Names of the columns of tables without a header, such as time_s angle_deg left_mV right_mV."""
+    """Names of the columns of tables without a header, e.g. time_s angle_deg left_mV right_mV."""
     sheet: str | None = None
     """Sheet of a workbook."""
 
@@ -85,11 +92,11 @@ class SignalOptions(Options):
         counts = Counter(name for name, _ in self.named_receivers)
         for name, count in counts.items():
             if count > 1:
-                raise refused("channel", "is named twice", value=name, remedy="give each receiver its own name")
+                raise refused("channel", "is named twice", value=name, remedy="use a different name for each receiver")
         if self.rate_hz is not None and self.time is not None:
             raise refused("rate_hz", "cannot be combined with --time", value=self.rate_hz, remedy="leave one out")
         if self.emitters > 1 and not self.on_off_hz:
-            limit = "needs the rate at which each of them switches"
+            limit = "requires the rate at which each of them switches"
             raise refused("emitters", limit, value=self.emitters, remedy="give --on-off-hz")
         if self.rails is not None and not self.rails[0] < self.rails[1]:
             low, high = self.rails
@@ -98,7 +105,7 @@ class SignalOptions(Options):
 
     @property
     def named_receivers(self) -> tuple[tuple[str, str], ...]:
-        """Receivers with their columns, as ``channel`` names them; a name alone is also that of its column."""
+        """Receivers with their columns, as named by ``channel``; a name alone is also that of its column."""
         parts = [text.partition("=") for text in self.channel]
         return tuple((name.strip(), (column if equals else name).strip()) for name, equals, column in parts)
 
@@ -113,13 +120,13 @@ class Switching(Result):
     on
         Whether light makes the waveform ``low`` or ``high``.
     mains_hz, flicker_V
-        Mains of the lamps whose flicker was subtracted, and its largest amplitude; None without any.
+        Mains frequency of the lamps whose flicker was subtracted, and its largest amplitude; None if there is none.
     samples
         Number of samples of the waveform.
     clipped_samples
         Number of samples at a limit, by receiver.
     limits_V
-        Lowest and highest voltage of each receiver; None if no limit shows.
+        Lowest and highest voltage of each receiver; None if no limit is visible.
     """
 
     on_off_hz: float
@@ -143,21 +150,21 @@ class Waveforms:
     receivers, volts
         Names (m,) and voltages (n, m).
     angle_deg
-        (n,); None if there is none.
+        Angles (n,); None if there are none.
     clipped
-        Samples that the recording marks as clipped, (n, m); None if it marks none.
+        Whether the recording marks each sample as clipped, (n, m); None without such marks.
     unit
         Unit of the values: V, or another stated in the recording, such as pF, lux or counts.
     ambient_subtracted
-        Whether ambient light was subtracted, so that no light is 0 V.
+        Whether ambient light was subtracted, so that 0 V means no light.
     window_s
-        Averaging time of each; 0 for samples.
+        Averaging time of each value; 0 for samples.
     switching
         Switching of the emitters; None if they do not switch.
     stimulus
-        What ``angle_deg`` is: an angle, or a force or depth in its own unit.
+        Quantity in ``angle_deg``: an angle, or a force or depth in its own unit.
     cell
-        Load cell that measured it, where it is stated.
+        Load cell that measured it, if stated.
     warnings
         Assumptions and omissions.
     """
@@ -177,7 +184,7 @@ class Waveforms:
     warnings: tuple[Caution, ...] = ()
 
     def rows(self, kept: BoolArray) -> "Waveforms":
-        """Some of the samples."""
+        """Selected samples."""
         angle = None if self.angle_deg is None else self.angle_deg[kept]
         clipped = None if self.clipped is None else self.clipped[kept]
         return replace(self, time_s=self.time_s[kept], volts=self.volts[kept], angle_deg=angle, clipped=clipped)
@@ -190,31 +197,32 @@ class Signals:
     Attributes
     ----------
     label
-        Name of the sensor; recordings of one name are of one sensor.
+        Name of the sensor; recordings with the same name are of the same sensor.
     receivers
         Names of the receivers, (m,).
     time_s
-        Times that never fall, (n,).
+        Non-decreasing times, (n,).
     angle_deg
-        (n,); of another ``stimulus`` in its unit.
+        Angles (n,), or values of another ``stimulus`` in its unit.
     volts
-        (n, m), NaN where there is no reading.
+        Voltages (n, m), NaN where there is no reading.
     lens
-        Whether it has a lens; None if it is not stated.
+        Whether the sensor has a lens; None if not stated.
     source
-        The file.
+        Name of the file.
     clipped
-        Samples that the recording marks as clipped, (n, m); None if it marks none.
+        Whether the recording marks each sample as clipped, (n, m); None without such marks.
     provenance
         Provenance of the recording.
     unit
-        Unit of the values: V, or another that the recording states.
+        Unit of the values: V, or another stated in the recording.
     ambient_subtracted
-        Whether ambient light was subtracted; clipped samples are then those marked before.
+        Whether ambient light was subtracted; clipped samples were then marked before.
     timing_bound_s
-        How far angles and readings may be apart in time, and what states it; None if only the angle shows it.
+        Largest difference in time between angles and readings, and the source of this bound; None if only the angle
+        itself gives one.
     ambient_V
-        Mean of the ambient light that was subtracted, by side, where the recording states it.
+        Mean of the ambient light that was subtracted, by side, if the recording states it.
     stimulus, cell
         As in `Waveforms`.
     """

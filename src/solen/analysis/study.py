@@ -1,9 +1,9 @@
 """A study: recordings of one or several sensors, from files to the response of each and their comparison.
 
-The idea: a file holds recordings of one sensor, or of several by the names of its columns or groups. Recordings of one
-label are pooled; sensors with a lens and without one are compared.
+A file contains recordings of one sensor, or of several that are named by its columns or groups. Recordings with the
+same label are pooled; sensors with and without a lens are compared.
 
-The interface: `study` of files and `AnalysisOptions` gives a `Study`.
+The interface: `study` of files and `AnalysisOptions` returns a `Study`.
 """
 
 import re
@@ -37,7 +37,7 @@ CONTROL_KEYS = ("control", "controls", "without lens", "no lens")
 
 @dataclass(frozen=True)
 class SwingWithoutLens:
-    """Mean swing of a receiver with a lens and without one, and the second as a percentage of the first."""
+    """Mean swing of a receiver with a lens and without one, and the latter as a percentage of the former."""
 
     swing_V: float
     swing_without_lens_V: float
@@ -45,32 +45,32 @@ class SwingWithoutLens:
 
 
 class Study(Result):
-    """Sensors analysed and compared; keys name the recordings' own units in place of V and deg.
+    """Sensors analysed and compared; keys end in the recordings' own units instead of V and deg.
 
     Attributes
     ----------
     sensors
         Every sensor by its label, in the order of the files.
     mean_of_sensors, mean_of_controls
-        Those with a lens and those without, side by side; None if there are none.
+        Mean of the sensors with a lens and of those without; None if there are none.
     lens_beside_none
-        Swing without a lens beside that with one, by receiver; None unless there are both.
+        Swing without a lens compared with that with one, by receiver; None unless there are both.
     alignment
-        How the clock of the log differs from the recorder's, by recording.
+        Relation of the log's clock to the recorder's, by recording.
     switching
         Switching detected in waveforms, by recording.
     options
-        How the recordings were analysed, with what was detected.
+        Options of the analysis, including the detected ones.
     command
-        The command that states all of it; None if recordings differ in what was detected.
+        Command line that states all options; None if the detected ones differ between recordings.
     dark_V
-        Voltage without light: as stated, or 0 where ambient light is subtracted.
+        Voltage without light: as stated, or 0 if ambient light is subtracted.
     ambient_subtracted
         Whether ambient light is subtracted in all recordings.
     provenances
         Provenance of every recording.
     warnings
-        Assumptions, and what cannot be concluded.
+        Assumptions and limits.
     """
 
     sensors: dict[str, SensorResponse]
@@ -99,16 +99,16 @@ class Study(Result):
 
     @property
     def unit(self) -> str:
-        """Unit of the receivers: V, or another that the recordings state."""
+        """Unit of the receivers: V, or another stated in the recordings."""
         return next(iter(self.sensors.values())).unit
 
     @property
     def stimulus(self) -> Stimulus:
-        """What the response is against."""
+        """Quantity that the response is against."""
         return next(iter(self.sensors.values())).stimulus
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as plain data; keys name the units that the recordings have in place of V and deg."""
+        """Return the result as plain data; keys end in the units of the recordings instead of V and deg."""
         return self.stimulus.keyed(in_unit(super().to_dict(), self.unit))
 
     @property
@@ -118,21 +118,24 @@ class Study(Result):
 
     @property
     def detected(self) -> bool:
-        """Whether anything was detected that nobody stated."""
+        """Whether any setting was detected rather than stated."""
         return any(one.detected for one in self.switching.values()) or self.logs_found
 
 
 def in_volts_of_angles(found: Study) -> Study:
-    """A study of voltages against an angle; `DataError` for others, of which there is no model to fit.
+    """Check that a study is of voltages against an angle; `DataError` otherwise, because there is no model to fit.
 
-    A soft body has many unknowns besides (modulus, holds, where and how it is pressed) that one curve cannot separate.
+    A soft body has many other unknowns (modulus, holds, position and direction of the load) that one curve cannot
+    separate.
     """
     if found.stimulus is not ANGLE:
-        limit = f"is analysed against the {found.stimulus.name}; a diagnosis needs the response to an angle"
-        remedy = "record the same sensor turned by an angle, or calibrate it as it is: solen bench calibrate"
+        limit = f"is analysed against the {found.stimulus.name}, but a diagnosis requires the response to an angle"
+        remedy = (
+            "record the same sensor turned by an angle, or calibrate it in its present setup with solen bench calibrate"
+        )
         raise DataError(found.provenances[0].file, limit=limit, remedy=remedy)
     if found.unit != "V":
-        limit = "is the unit of the receivers; this needs voltages"
+        limit = "is the unit of the receivers, but voltages are required"
         raise DataError(found.provenances[0].file, value=found.unit, limit=limit, remedy="record volts")
     return found
 
@@ -153,7 +156,7 @@ class _Part:
 
 
 def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Study:
-    """Every sensor of every file, analysed and compared.
+    """Analyse and compare all sensors of all files.
 
     Raises
     ------
@@ -167,12 +170,12 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     _check_controls(options, sensors)
     units = {one.unit for signals in sensors.values() for one in signals}
     if len(units) > 1:
-        limit = f"hold receivers in {' and in '.join(sorted(units))}"
+        limit = f"contain receivers in {' and in '.join(sorted(units))}"
         raise DataError("recordings", limit=limit, remedy="analyse each unit separately")
     stimuli = {one.stimulus.name for signals in sensors.values() for one in signals}
     if len(stimuli) > 1:
         limit = f"are driven by {' and by '.join(sorted(stimuli))}"
-        raise DataError("recordings", limit=limit, remedy="choose one that all have with --against")
+        raise DataError("recordings", limit=limit, remedy="choose one that all of them contain with --against")
     used = options.model_copy(update={"dark_V": 0.0}) if options.dark_V is None and bare else options
     motions: dict[int, Motion] = {}
     responses = {label: _response(signals, used, motions) for label, signals in sensors.items()}
@@ -213,7 +216,7 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
 class _Found:
     """Recordings as read: signals of each sensor; provenances, alignments, switching and warnings of recordings.
 
-    ``logs`` were found beside recordings, ``bare`` states whether all are without ambient light.
+    ``logs`` were detected next to recordings; ``bare`` states whether ambient light was subtracted from each.
     """
 
     sensors: dict[str, list[Signals]] = field(default_factory=dict)
@@ -249,7 +252,7 @@ def _check_files(files: Sequence[Path], options: AnalysisOptions) -> None:
     if twice is not None:
         raise SpecError("files", value=str(twice), limit="is named twice", remedy="name each recording once")
     if len(options.angle_file) not in {0, 1, len(files)}:
-        limit = f"must be one for all files, or one for each of the {len(files)}"
+        limit = f"must be one for all files, or one for each of the {len(files)} files"
         raise SpecError("--angle-file", value=len(options.angle_file), limit=limit)
 
 
@@ -257,11 +260,13 @@ def _check_controls(options: AnalysisOptions, sensors: Mapping[str, object]) -> 
     known = {name for label in sensors for name in (label, label.rpartition(".")[2])}
     for name in options.control:
         if name not in known:
-            raise SpecError("--control", value=name, limit=f"no such sensor; there are {', '.join(sensors)}")
+            raise SpecError(
+                "--control", value=name, limit=f"no sensor has this name; the sensors are {', '.join(sensors)}"
+            )
 
 
 def _response(signals: Sequence[Signals], options: AnalysisOptions, motions: dict[int, Motion]) -> SensorResponse:
-    """One sensor; an error names its file."""
+    """Response of one sensor; errors name its file."""
     try:
         return sensor_response(signals, options, motions)
     except SolenError as bad:
@@ -272,7 +277,7 @@ def _response(signals: Sequence[Signals], options: AnalysisOptions, motions: dic
 
 
 def _parts(files: Sequence[Path], options: AnalysisOptions) -> Iterator[tuple[Path, _Part]]:
-    """Each recording of each file, by emitter, one after the other."""
+    """Yield the recordings of all files, by emitter, one after the other."""
     elsewhere = bool(options.angle_file) or options.amplitude_deg is not None
     for number, path in enumerate(files):
         stated = {} if options.pattern is None else labels(path, options.pattern)
@@ -321,14 +326,14 @@ def _by_log(part: _Part, path: Path, options: AnalysisOptions) -> _Part:
 
 
 def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tuple[Alignment, Drive, list[Caution]]:
-    """How a log's clock differs from the recorder's, what it logs, and assumptions about it."""
+    """Relation of a log's clock to the recorder's, the logged quantity, and assumptions about it."""
     own = options.model_copy(update={"time": options.angle_time, "rate_hz": options.angle_rate_hz})
     warnings: list[Caution] = []
     base = sample_times(log, own, warnings, TIMES_OF_LOG)
     drive = driven(log, own, base, warnings)
     file = log.provenance.file
     if drive is None:
-        limit = "no column is recognised as the angle, nor as a force or depth"
+        limit = "no column is recognised as an angle, force or depth"
         raise DataError(file, limit=limit, remedy="name it with --angle, --load or --depth")
     held = np.isfinite(drive.values)
     alignment = align(
@@ -368,7 +373,7 @@ def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> I
 
 
 def _timing_bound_s(part: _Part) -> tuple[float, Literal["recording", "log"]] | None:
-    """How far angles and readings may be apart, as a bench states it, or as a log's lag is known: twice its u."""
+    """Largest time difference of angles and readings, from a bench, or twice the uncertainty of a log's lag."""
     if part.alignment is not None:
         return 2.0 * part.alignment.u_lag_s, "log"
     try:
@@ -387,7 +392,7 @@ def _stated_lens(provenance: Provenance, options: AnalysisOptions, path: Path) -
 
 
 def _compared(lens: SensorGroup | None, control: SensorGroup | None) -> dict[str, SwingWithoutLens] | None:
-    """How much of the swing with a lens is left without one, by receiver."""
+    """Fraction of the swing with a lens that remains without one, by receiver."""
     if lens is None or control is None:
         return None
     compared = {}
@@ -400,11 +405,14 @@ def _compared(lens: SensorGroup | None, control: SensorGroup | None) -> dict[str
 
 
 def _pooling_warnings(options: AnalysisOptions, sensors: Mapping[str, Sequence[Signals]]) -> list[Caution]:
-    """Recordings that are pooled without a pattern."""
+    """Warning about recordings that are pooled without a pattern."""
     if options.pattern is not None:
         return []
     return [
-        of(label, look_at(f"{len(signals)} recordings of one name are pooled as one sensor; --pattern separates them"))
+        of(
+            label,
+            look_at(f"{len(signals)} recordings with the same name are pooled as one sensor; --pattern separates them"),
+        )
         for label, signals in sensors.items()
         if len(signals) > 1
     ]
@@ -415,7 +423,7 @@ def _group_warnings(groups: Sequence[SensorGroup | None], sensors: int) -> list[
     warnings = []
     for group, what in zip(groups, ("with a lens", "without a lens"), strict=True):
         if group is not None and group.n == 1 and sensors > 1:
-            warnings.append(note(f"one sensor {what}: it does not show the variation between prints"))
+            warnings.append(note(f"only one sensor {what}, which does not show the variation between prints"))
     if groups[0] is not None and sensors == 1:
-        warnings.append(note("one sensor: its cycles show repeatability, not variation between prints"))
+        warnings.append(note("only one sensor: its cycles show repeatability, not variation between prints"))
     return warnings

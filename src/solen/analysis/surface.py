@@ -1,6 +1,6 @@
 """Smooth surfaces through values on a grid of several motions: tensor products of cubic splines.
 
-The interface: `Surface.through` values; its `at` and `slopes` at any places.
+The interface: `Surface.through` values; its methods `at` and `slopes` evaluate it at any position.
 """
 
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ from solen.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """K values over M motions.
+    """K values as functions of M motions.
 
     Attributes
     ----------
     low, high
-        Ends of each motion's range, (M,); places beyond count as at the end.
+        Ends of each motion's range, (M,); positions beyond are treated as at the end.
     """
 
     low: FloatArray
@@ -30,12 +30,12 @@ class Surface:
 
     @classmethod
     def through(cls, nodes: Sequence[FloatArray], values: FloatArray) -> "Surface":
-        """Surface through values on a grid.
+        """Interpolate values on a grid.
 
         Parameters
         ----------
         nodes
-            Places of each motion, ascending; a motion with a single place changes nothing.
+            Positions of each motion, ascending; the values do not depend on a motion with a single position.
         values
             Shape (n_1, ..., n_M, K).
         """
@@ -55,11 +55,11 @@ class Surface:
         return cls(ends[:, 0], ends[:, 1], moved, made, coefficients)
 
     def at(self, places: FloatArray) -> FloatArray:
-        """Values (N, K) at places (N, M)."""
+        """Values (N, K) at positions (N, M)."""
         return self._derivative(places, None)
 
     def slopes(self, places: FloatArray) -> FloatArray:
-        """Derivatives (N, K, M) at places (N, M) by each motion."""
+        """Derivatives (N, K, M) at positions (N, M) with respect to each motion."""
         nothing = np.zeros((len(places), self._constant.shape[-1]))
         rows = [self._derivative(places, one) if one in self._moved else nothing for one in range(len(self.low))]
         return np.stack(rows, axis=-1)

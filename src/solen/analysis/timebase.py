@@ -1,11 +1,10 @@
 """Recorded time stamps: irregular, with gaps, repeated stamps, occasionally backward.
 
-The idea: samples are used at their own times and never resampled, so an irregular clock needs no repair.
-Gaps, stamps shared by several samples and samples out of order get a warning with their location. A clock
-that runs backward for more than a few samples was reset, or two recordings were joined: that is an error, as no order
-could be right.
+Samples are used at their own times and never resampled, so an irregular clock needs no repair. Gaps, repeated stamps
+and samples out of order cause a warning with their location. If the clock runs backward for more than a few samples, it
+was reset or two recordings were joined; this is an error, because no order could be correct.
 
-The interface: `time_base` of stamps returns a `TimeBase`: which samples, in what order, and warnings.
+The interface: `time_base` of stamps returns a `TimeBase`: the samples used, their order, and warnings.
 """
 
 from dataclasses import dataclass
@@ -17,7 +16,7 @@ from solen.errors import DataError
 from solen.ranks import Caution, look_at
 
 LONGEST_GAP = 5.0
-"""Times the usual step from which on a step is a gap."""
+"""Length of a step, in units of the usual step, from which it is a gap."""
 _FEW_STEPS, _SHARE = 10.0, 0.01  # how far back, and how many of the samples, is disorder and not another clock
 _LEAST = 16
 
@@ -29,11 +28,11 @@ class TimeBase:
     Attributes
     ----------
     order
-        Places of the samples that are used, in the order of their time, (n,).
+        Indices of the samples used, in the order of their time, (n,).
     time_s
-        Their times, which never fall, (n,).
+        Their non-decreasing times, (n,).
     step_s
-        The usual step between two.
+        Usual step between two samples.
     gaps_s
         Start and end of each gap, (g, 2).
     warnings
@@ -48,14 +47,14 @@ class TimeBase:
 
 
 def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
-    """Order of samples by their stamps.
+    """Determine the order of samples from their time stamps.
 
     Parameters
     ----------
     time_s
         Stamps in s, NaN if missing, (n,).
     name
-        Name of the stamps in an error.
+        Name of the stamps in error messages.
 
     Raises
     ------
@@ -64,13 +63,15 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
     """
     order = np.flatnonzero(np.isfinite(time_s))
     missing = time_s.size - order.size
-    warnings = [look_at(f"{missing} samples without a time are left out")] if missing else []
+    warnings = [look_at(f"{missing} samples without a time are omitted")] if missing else []
     if order.size < _LEAST:
-        limit = f"has {order.size} samples with a time; at least {_LEAST} are needed"
+        limit = f"has {order.size} samples with a time, but at least {_LEAST} are needed"
         raise DataError(name, limit=limit, remedy="name the time column with --time")
     steps = np.diff(time_s[order])
     if not (steps > 0.0).any():
-        raise DataError(name, limit="does not advance", remedy="name the time column with --time, or give --rate-hz")
+        raise DataError(
+            name, limit="does not advance", remedy="name the time column with --time, or state the rate with --rate-hz"
+        )
     usual = float(np.median(steps[steps > 0.0]))
     if (steps < 0.0).any():
         warnings.append(_disorder(time_s, order, steps, usual, name))
@@ -83,14 +84,14 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
 
 
 def _disorder(time_s: FloatArray, order: IndexArray, steps: FloatArray, usual: float, name: str) -> Caution:
-    """Warning of a few samples out of order; `DataError` if the clock was set back."""
+    """Warning about a few samples out of order; `DataError` if the clock was reset."""
     back = np.flatnonzero(steps < 0.0)
     worst = back[np.argmin(steps[back])]
     row = int(order[worst + 1]) + 1
     if -steps[worst] > _FEW_STEPS * usual or back.size > _SHARE * order.size:
         jump = f"jumps back {back.size} time{'s' * (back.size > 1)}, farthest at sample {row}"
         limit = f"{jump}: from {time_s[order[worst]]:.6g} s to {time_s[order[worst + 1]]:.6g} s"
-        raise DataError(name, limit=limit, remedy="split the file there, or export it with one running clock")
+        raise DataError(name, limit=limit, remedy="split the file there, or export it with one continuous clock")
     return look_at(
         f"{back.size} samples were out of order by up to {-steps[worst]:.3g} s (first at sample {row}) and are sorted"
     )

@@ -1,11 +1,10 @@
 """Contribution of timing to a hysteresis, and the remainder if a motion has two speeds.
 
-The idea: a reading that belongs to a slightly earlier or later angle makes up and down differ, as
-hysteresis does. At a speed v a delay τ gives a difference of −2 v τ f'(θ), f' the slope of the response; a hysteresis
-of the sensor gives H(θ) at any speed. A single speed cannot separate the two: the stated uncertainty of a recording's
-clocks then bounds the first. Two speeds give two equations for two unknowns: each cycle's difference, projected on
-f', is a straight line over speed with slope −2τ. A term that grows with speed may also be due to the material; it is
-called lag here.
+If a reading belongs to a slightly earlier or later angle, rising and falling curves differ, as with hysteresis. At a
+speed v, a delay τ gives a difference of −2 v τ f'(θ), where f' is the slope of the response; a hysteresis of the sensor
+gives H(θ) at any speed. A single speed cannot separate the two, and the uncertainty of a recording's clocks then bounds
+the first. Two speeds give two equations for two unknowns: the difference of each cycle, projected on f', is a straight
+line over speed with slope −2τ. A term that increases with speed may also be due to the material; it is called lag here.
 
 The interface: `timing_of` a sensor's half-cycles returns a `Timing`.
 """
@@ -32,14 +31,15 @@ Source = Literal["recording", "log", "angle", "force", "depth"]
 
 
 class ReceiverTiming(Result):
-    """Timing of one receiver; NaN where it is not known.
+    """Timing of one receiver; NaN for unknown values.
 
     Attributes
     ----------
     timing_V, timing_percent
-        Most that timing may add to its hysteresis, where its response is steepest; in per cent of full scale.
+        Largest possible contribution of timing to its hysteresis, where its response is steepest, and in per cent of
+        full scale.
     hysteresis_V, u_hysteresis_V, hysteresis_percent
-        Hysteresis apart from any lag, by two speeds.
+        Hysteresis without the lag, from two speeds.
     """
 
     timing_V: float
@@ -55,17 +55,18 @@ class Timing(Result):
     Attributes
     ----------
     bound_s
-        How far angles and readings may be apart in time, to either side.
+        Largest difference in time between angles and readings, in either direction.
     source
-        Its source: the ``recording`` itself, a ``log`` that was laid on it, or how often the ``angle`` changes.
+        Source of the bound: the ``recording`` itself, an aligned ``log``, or the interval at which the ``angle``
+        changes.
     speeds_deg_per_s
-        Speeds of all cycles that timing is known from, each once.
+        Distinct speeds of all cycles used for timing.
     timing_deg
-        Most that timing adds between both ways, at the highest speed.
+        Largest possible contribution of timing to the difference of the directions, at the highest speed.
     lag_s, u_lag_s
-        How much later the voltages come than their angles, by two speeds; NaN at one.
+        Delay of the voltages relative to their angles, from two speeds; NaN for one speed.
     receivers
-        By name.
+        Timing of each receiver, by name.
     """
 
     bound_s: float
@@ -78,7 +79,7 @@ class Timing(Result):
 
     @property
     def separated(self) -> bool:
-        """Whether two speeds tell a lag from a hysteresis."""
+        """Whether two speeds separate a lag from a hysteresis."""
         return math.isfinite(self.u_lag_s)
 
 
@@ -88,18 +89,18 @@ def timing_of(
     bound: tuple[float, Source],
     receivers: Mapping[str, ReceiverResponse],
 ) -> Timing:
-    """Timing of a sensor.
+    """Determine the timing of a sensor.
 
     Parameters
     ----------
     passes
-        Its ways.
+        Its half-cycles.
     cycles_deg_per_s
         Speed of each cycle, (cycles,).
     bound
-        How far angles and readings may be apart, in s, and what states it.
+        Largest difference in time between angles and readings, in s, and its source.
     receivers
-        Their responses by name, in the order of the passes.
+        Responses of the receivers by name, in the order of the passes.
     """
     bound_s, source = bound
     fastest = float(cycles_deg_per_s.max())
@@ -121,7 +122,7 @@ def timing_of(
 
 
 def _distinct(speeds: FloatArray) -> list[float]:
-    """Speeds that differ by more than a fifth, each the median of those that do not."""
+    """Median of each group of speeds; the groups differ by more than a fifth."""
     return [float(np.median(group)) for group in _groups(speeds)]
 
 
@@ -132,7 +133,7 @@ def _groups(speeds: FloatArray) -> list[FloatArray]:
 
 
 def _lag(apart: FloatArray, slope: FloatArray, speeds: FloatArray) -> tuple[float, float]:
-    """Lag of the voltages and its u, from each cycle's difference projected on the slope; NaN for one speed."""
+    """Lag of the voltages and its uncertainty, from the cycles' differences projected on the slope, or NaN."""
     if len(_distinct(speeds)) < 2 or speeds.size < _LEAST_CYCLES:
         return math.nan, math.nan
     held = np.isfinite(apart).all(axis=0) & np.isfinite(slope)
@@ -149,8 +150,8 @@ def _lag(apart: FloatArray, slope: FloatArray, speeds: FloatArray) -> tuple[floa
 def _u_of_parts(products: FloatArray, squares: FloatArray, speeds: FloatArray, whole: float) -> float:
     """Uncertainty of a slope over speed, from the differences between parts of the range.
 
-    Angles that are interpolated across the corners of a ramp are early at one end and late at the other, in every cycle
-    alike: that is not a lag, and the scatter of the cycles does not show it.
+    Angles interpolated across the corners of a ramp are early at one end and late at the other, alike in every cycle.
+    This is not a lag, and the scatter of the cycles does not show it.
     """
     places = np.array_split(np.arange(len(squares)), _PARTS)
     weights = np.array([squares[part].sum() for part in places])
@@ -167,12 +168,12 @@ def _u_of_parts(products: FloatArray, squares: FloatArray, speeds: FloatArray, w
 
 
 def same_speed(speeds: FloatArray, one: float) -> BoolArray:
-    """Which speeds are not meant to be other ones than one."""
+    """Whether each speed belongs to the same group as a given one."""
     return np.asarray((speeds <= _MEANT * one) & (one <= _MEANT * speeds))
 
 
 def of_main_speed(speeds: FloatArray) -> BoolArray:
-    """Which cycles are at the speed of most, (cycles,); all where no second speed is plainly meant."""
+    """Whether each cycle is at the speed of most cycles, (cycles,); all are if there is clearly no second speed."""
     main = max(_groups(speeds), key=lambda group: (len(group), group[0]))
     low, high = float(main.min()), float(main.max())
     inside = (speeds >= low) & (speeds <= high)
@@ -182,7 +183,7 @@ def of_main_speed(speeds: FloatArray) -> BoolArray:
 
 
 def cycle_speeds(time_s: FloatArray, angle_deg: FloatArray, motion: Motion, used: Sequence[int]) -> FloatArray:
-    """Median speed of the ramps of each used cycle, (cycles,); 0 where all samples are of stops."""
+    """Median speed of the ramps of each used cycle, (cycles,); 0 if all samples are at stops."""
     if motion.stopped:
         return np.zeros(len(used))
     speeds = np.array([_speed(time_s, angle_deg, ramp) for ramp in motion.ramps])
@@ -196,7 +197,7 @@ def cycle_speeds(time_s: FloatArray, angle_deg: FloatArray, motion: Motion, used
 
 
 def _speed(time_s: FloatArray, angle_deg: FloatArray, ramp: Ramp) -> float:
-    """Speed of a ramp in its middle, away from its ends."""
+    """Speed in the middle of a ramp, away from its ends."""
     away = max(1, (ramp.stop - ramp.start) // 5)
     first, last = ramp.start + away, max(ramp.stop - 1 - away, ramp.start + away + 1)
     took = float(time_s[min(last, time_s.size - 1)] - time_s[first])
@@ -204,7 +205,7 @@ def _speed(time_s: FloatArray, angle_deg: FloatArray, ramp: Ramp) -> float:
 
 
 def angle_bound_s(time_s: FloatArray, angle_deg: FloatArray, motion: Motion) -> float:
-    """How late an angle may be in its row: half the time from one new value to the next on ramps, with its spread."""
+    """Largest delay of an angle in its row: half the time between new values on ramps, plus its scatter."""
     moving = np.zeros(time_s.size, dtype=bool)
     for ramp in motion.ramps:
         moving[ramp.start + 1 : ramp.stop - 1] = True
@@ -217,6 +218,6 @@ def angle_bound_s(time_s: FloatArray, angle_deg: FloatArray, motion: Motion) -> 
 
 
 def _within(moving: BoolArray, fresh: BoolArray) -> BoolArray:
-    """Which steps from one fresh sample to the next lie in one ramp."""
+    """Whether each step from one new value to the next is within one ramp."""
     ramp = np.cumsum(np.diff(moving.astype(np.int8), prepend=0) == 1)[fresh]
     return np.asarray(np.diff(ramp) == 0)

@@ -1,8 +1,8 @@
-"""Waveforms of a recording, by emitter: readings without ambient light where the emitters switch.
+"""Waveforms of a recording, by emitter: readings without ambient light if the emitters switch.
 
-The idea: a recorder that is faster than the switching sees it. Unless the options state a rate, the strongest line of
-the voltages is tried: where it is a switch, and what it switches follows the motion, ambient light and the lamps'
-flicker are subtracted (`solen.analysis.demodulation`), and samples at the recorder's limits marked before.
+A recorder that is faster than the switching shows it. Unless the options state a rate, the strongest spectral line of
+the voltages is tried. If it is a switch, and the switched light follows the motion, the ambient light and the flicker
+of lamps are subtracted (`solen.analysis.demodulation`); samples at the limits of the recorder are marked before.
 
 The interface: `waveforms` of a `Recording`.
 """
@@ -31,21 +31,21 @@ _FOLLOWS = 0.5  # of the scatter of either phase: what the difference of both mu
 
 
 def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSource = "optional") -> dict[str, Waveforms]:
-    """Readings of a recording by emitter; the key is empty if emitters do not switch, or only one does.
+    """Readings of a recording by emitter; the key is empty if emitters do not switch, or there is only one.
 
     Parameters
     ----------
     recording
-        Its columns.
+        Recording with its columns.
     options
-        Which of them are what, and what to do with them first.
+        Roles of the columns, and options for processing them.
     angle
-        With ``elsewhere`` the angle, force or depth is not looked for.
+        With ``elsewhere``, no angle, force or depth is read.
 
     Raises
     ------
     DataError, SpecError
-        If a column is missing, holds no numbers or has a unit of another kind, or a stated rate is not in it.
+        If a column is missing, contains no numbers or has a unit of another kind, or a stated rate is not present.
     """
     file = recording.provenance.name
     whole = sampled(recording, options, angle)
@@ -71,8 +71,8 @@ def _by_emitter(whole: Waveforms, options: SignalOptions) -> dict[str, Waveforms
         by_emitter = _found(whole, options, clock)
     if detected and not _follows(by_emitter):
         warning = look_at(
-            f"the voltages switch at {rate_hz:g} Hz, but by the same step at all positions of the sensor: this is "
-            f"assumed to be room light; --on-off-hz {rate_hz:g} treats it as the emitter's"
+            f"the voltages switch at {rate_hz:g} Hz, but by the same step at all positions of the sensor, so this is "
+            f"assumed to be ambient light; use --on-off-hz {rate_hz:g} if it is the emitter"
         )
         return {"": replace(whole, warnings=(*whole.warnings, warning))}
     state = _state(whole, by_emitter, rate_hz, on, detected=detected)
@@ -88,7 +88,7 @@ def _clock(whole: Waveforms, options: SignalOptions, rate_hz: float | None, on: 
 
 
 def _follows(result: Switched) -> bool:
-    """Whether what switches changes as the phases themselves do, as an emitter's light in a moving sensor."""
+    """Whether the switched part varies with the level of the phases, like an emitter's light in a moving sensor."""
     on = result.readings.signal + result.readings.ambient
     least = np.minimum(np.nanstd(on, axis=0), np.nanstd(result.readings.ambient, axis=0))
     return bool((np.nanstd(result.readings.signal, axis=0) > _FOLLOWS * least).any())
@@ -145,7 +145,7 @@ def _warnings(result: Switched, state: Switching, clock: Clock) -> list[Caution]
     each = clock.rate_hz / max(len(result.readings.emitters), 1)
     by = "detected automatically" if state.detected else f"{state.on_off_hz:g} Hz was stated"
     subtracted = (
-        f"ambient light is subtracted: a reading is on less the mean of off before and after, "
+        f"ambient light is subtracted: each reading is on minus the mean of off before and after, "
         f"{result.kept.time_s.size} readings at {each:.6g} Hz ({by}); "
         f"light makes the voltage {'lower' if state.on == 'low' else 'higher'}"
     )
@@ -156,10 +156,12 @@ def _warnings(result: Switched, state: Switching, clock: Clock) -> list[Caution]
     if result.flicker is not None:
         lines = " and ".join(f"{n * result.flicker.mains_hz:.4g}" for n in result.flicker.multiples)
         size = f"{state.flicker_V:.2g} {result.samples.units[0]}"
-        warnings.append(note(f"lamps flicker at {lines} Hz by up to {size}: fitted to the off phases and subtracted"))
+        warnings.append(
+            note(f"lamps flicker at {lines} Hz by up to {size}: the flicker is fitted to the off phases and subtracted")
+        )
     for name, resting in zip(result.samples.names, result.dark_at_limit, strict=True):
         if resting:
-            unseen = "rests at its limit in the dark: weak light of the emitter or the room is not seen"
+            unseen = "is at its limit in the dark, so weak light of the emitter or the room is not visible"
             warnings.append(look_at(f"{name} {unseen}"))
     return warnings
 
@@ -170,7 +172,7 @@ def _smoothed(samples: Waveforms, options: SignalOptions, file: str) -> Waveform
         return samples
     most_ms = 1e3 * _WIDEST * float(samples.time_s[-1] - samples.time_s[0])
     if options.smooth_ms > most_ms:
-        limit = f"must be at most {most_ms:.4g}, a twentieth of {file}"
-        raise SpecError("--smooth-ms", value=options.smooth_ms, limit=limit, remedy="choose a smaller one, or none")
+        limit = f"must be at most {most_ms:.4g}, a twentieth of the length of {file}"
+        raise SpecError("--smooth-ms", value=options.smooth_ms, limit=limit, remedy="choose a smaller width, or none")
     width = max(1, round(1e-3 * options.smooth_ms / samples.step_s)) | 1  # an odd number of samples
     return replace(samples, volts=np.asarray(uniform_filter1d(samples.volts, width, axis=0, mode="nearest")))

@@ -1,14 +1,14 @@
 """From received light to voltage: each receiver is a phototransistor that pulls a load resistor down from the supply.
 
-The idea: a trace gives fractions of the emitted power at the receivers' faces. The emitter's current turns them into
-mW, the face's area into an irradiance, the part's sensitivity into a current, the load into a voltage, the converter
-into a number. **Brighter is a lower voltage.** Each step is a formula with its source; noise is computed by formula,
-then drawn from it.
+A trace gives fractions of the emitted power at the receivers' faces. These are converted to mW with the current of the
+emitter, to an irradiance with the area of the face, to a current with the sensitivity of the part, to a voltage with
+the load, and to a number by the converter. **Brighter is a lower voltage.** Each step is a formula with its source.
+Noise is calculated by formula and then drawn at random.
 
 The interface: `circuit_of` a design with the areas of its receivers' faces (`face_areas_mm2`); `volts` of power
-fractions over time; `noise` by source; `advise` on the load; `readings_of` combines all of it
-over a motion. `solen.readout.transistor` holds the load
-line, `solen.readout.adc` the converter, `solen.readout.emitter` the power of the emitter.
+fractions over time; `noise` by source; `advise` on the load; `readings_of` combines all of these over a motion.
+`solen.readout.transistor` contains the load line, `solen.readout.adc` the converter and `solen.readout.emitter` the
+power of the emitter.
 """
 
 from solen.readout.adc import Adc

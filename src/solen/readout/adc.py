@@ -1,6 +1,6 @@
-"""An analogue-to-digital converter: range, steps, own noise.
+"""An analogue-to-digital converter: range, steps and its own noise.
 
-The interface: `Adc.of` a part for a supply; `Adc.read` rounds to steps and cuts at the range.
+The interface: `Adc.of` a part for a supply; `Adc.read` rounds to steps and clips to the range.
 """
 
 import math
@@ -53,12 +53,12 @@ class Adc:
 
     @property
     def quantisation_V(self) -> float:
-        """Standard deviation of quantisation, step/√12: an error uniform over a step."""
+        """Standard deviation of the quantisation error, step/√12, which is uniform over a step."""
         return self.step_V / math.sqrt(12.0)
 
     @property
     def top_V(self) -> float:
-        """Largest voltage that it can read."""
+        """Largest voltage that the converter can read."""
         return self.high_V - self.step_V
 
     def read(self, volts: FloatArray) -> FloatArray:

@@ -1,8 +1,8 @@
 """Advice on the load that keeps readings within the supply, for the dimmest and the brightest parts.
 
-The idea: the brightest reading of the motion may drop to a target, some knee widths above saturation, where the current
-falls short by less than one percent. The load that does so is R = (V_supply − V_target)/I_brightest. The target
-is the same for all parts but the load is not: so set the load by the reading, not by its resistance.
+The brightest reading of the motion may drop to a target, several knee widths above saturation, where the current is
+reduced by less than one percent. The load for this target is R = (V_supply − V_target)/I_brightest. The target is the
+same for all parts but the load is not, so the load should be adjusted by the reading and not by its resistance.
 """
 
 import math
@@ -16,19 +16,19 @@ from solen.readout.circuit import Case, Circuit, Floats, spread
 from solen.readout.emitter import REFERENCE_C
 
 KNEES = 5.0
-"""Height of the target above saturation in knee widths; there the current falls short by e⁻⁵, 0.7 %."""
+"""Height of the target above saturation in knee widths; there the current is reduced by e⁻⁵, 0.7 %."""
 ROOM = 0.9
-"""Share of a trimmer's smallest full resistance that the dimmest parts may need."""
+"""Fraction of a trimmer's smallest full resistance that the dimmest parts may require."""
 
 
 @dataclass(frozen=True)
 class Setting:
     """One set of parts with the present load, and the load that suits it.
 
-    ``volts_bright`` and ``volts_dark`` are the lowest and the highest reading over the motion; ``used`` is the share of
-    the supply between them. ``largest_ohm`` is the load that brings the lowest to the target, ``turn`` the trimmer
-    position for it, None if out of range; with the nearest possible load, ``set_ohm``,
-    ``used_then`` of the supply is used. ``saturates`` says whether the present load goes below the target.
+    ``volts_bright`` and ``volts_dark`` are the lowest and the highest reading over the motion; ``used`` is the fraction
+    of the supply between them. ``largest_ohm`` is the load that brings the lowest reading to the target, and ``turn``
+    the trimmer position for it, None if out of range. With the nearest possible load, ``set_ohm``, ``used_then`` is the
+    fraction of the supply used. ``saturates`` states whether the reading with the present load is below the target.
     """
 
     case: Case
@@ -46,7 +46,7 @@ class Setting:
 class Advice:
     """Settings for the three sets of parts, and their common target.
 
-    ``emitter_current_mA`` is the emitter current for which the trimmer suits all three; None if there is none
+    ``emitter_current_mA`` is the emitter current for which the trimmer suits all three sets; None if there is none
     within the emitter's continuous rating.
     """
 
@@ -71,9 +71,9 @@ def advise(
     Parameters
     ----------
     circuit
-        With typical parts.
+        Circuit with typical parts.
     power_fraction
-        Shape (A, R): at the angles of the motion.
+        Fractions (A, R) at the angles of the motion.
     trimmer
         The trimmer that sets the loads.
     ambient_mW_cm2, temperature_C
@@ -89,7 +89,7 @@ def advise(
 def _emitter_mA(
     circuit: Circuit, light: tuple[FloatArray, Floats, float], trimmer: TrimmerPart, target_V: float
 ) -> float | None:
-    """Emitter current for which the dimmest parts need most of the smallest trimmer, and the brightest not its end.
+    """Emitter current at which the dimmest parts use most of the smallest trimmer, and the brightest parts not its end.
 
     Light is assumed proportional to the current.
     """
@@ -154,7 +154,7 @@ def _target_mA(circuit: Circuit, target_V: float) -> float:
 
 
 def slopes_V_per_deg(angle_deg: FloatArray, volts: FloatArray) -> FloatArray:
-    """Slope of voltages (A, R) per degree over ascending angles (A,), to second order; 0 for a single angle."""
+    """Derivative of voltages (A, R) with respect to ascending angles (A,), of second order; 0 for a single angle."""
     if len(angle_deg) < 2:
         return np.zeros_like(volts)
     return np.asarray(np.gradient(volts, angle_deg, axis=0, edge_order=2 if len(angle_deg) > 2 else 1))

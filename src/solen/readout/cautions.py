@@ -1,4 +1,4 @@
-"""Warnings on a readout: `cautions` of a circuit, its advice and its light."""
+"""Warnings about a readout: `cautions` of a circuit, its advice and its light."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ from solen.readout.advice import Advice
 from solen.readout.circuit import Circuit
 
 SETTLED = 5.0
-"""Time constants after which 0.7 % of a step remain."""
+"""Time constants after which 0.7 % of a step remains."""
 DIM, OTHER_WINDOW = 0.5, 0.05
 FOR_VISIBLE = "TEMT7000X01"
 
@@ -15,20 +15,20 @@ FOR_VISIBLE = "TEMT7000X01"
 def cautions(
     circuit: Circuit, advice: Advice, wavelength_nm: float, dark_V: float, *, in_space: bool, emitters: int = 1
 ) -> list[str]:
-    """Warnings; empty if there are none.
+    """Warnings about a readout; empty if there are none.
 
     Parameters
     ----------
     circuit, advice
-        With typical parts, and the advice on its loads.
+        Circuit with typical parts, and the advice on its loads.
     wavelength_nm
         Wavelength of the traced light.
     dark_V
-        Highest reading: with the emitter off.
+        Highest reading, i.e. with the emitter off.
     in_space
         Whether rays were traced in space rather than in the plane.
     emitters
-        How many take turns, each followed by an off phase.
+        Number of emitters that take turns, each followed by an off phase.
     """
     sentences = [
         *_wavelength(circuit, wavelength_nm),
@@ -38,8 +38,9 @@ def cautions(
     ]
     if not in_space:
         sentences.append(
-            "the powers come from rays in the plane: light emitted above and below it is assumed to arrive in the same "
-            'shares; trace.dimension = "extruded" traces it'
+            "the powers come from rays in the plane, so light emitted above and below it is assumed to "
+            "arrive in the same "
+            'fractions; use trace.dimension = "extruded" to trace it'
         )
     return sentences
 
@@ -49,23 +50,23 @@ def _wavelength(circuit: Circuit, wavelength_nm: float) -> Iterator[str]:
     if part.response < DIM:
         yield (
             f"{part.name} detects light of {wavelength_nm:g} nm with {100.0 * part.response:.2g} % of its stated "
-            f"sensitivity: the signal drops by a factor of {1.0 / part.response:.3g}; "
+            f"sensitivity, which reduces the signal by a factor of {1.0 / part.response:.3g}; "
             f"{_remedy(part.name)} (readout.part)"
         )
     if abs(drive.peak_nm - wavelength_nm) > FAR_NM:
         yield (
-            f"the power is that of {drive.name}, which emits at {drive.peak_nm:g} nm, and the light is traced at "
+            f"the power is that of {drive.name}, which emits at {drive.peak_nm:g} nm, but the light is traced at "
             f"{wavelength_nm:g} nm: name the emitter of this design (readout.emitter_part)"
         )
     if abs(part.exponent - 1.0) > OTHER_WINDOW:
         yield (
             f"{part.name} is directional, cos^{part.exponent:.3g}: its reading depends on its alignment with the "
-            "face, assumed perpendicular"
+            "face, which is assumed to be perpendicular"
         )
 
 
 def _remedy(name: str) -> str:
-    other = "" if name == FOR_VISIBLE else f", as {FOR_VISIBLE} for visible light"
+    other = "" if name == FOR_VISIBLE else f", e.g. {FOR_VISIBLE} for visible light"
     return f"choose a receiver for this wavelength{other}"
 
 
@@ -74,12 +75,14 @@ def _range(circuit: Circuit, advice: Advice) -> Iterator[str]:
     load = circuit.load_ohm[0]
     if usual.saturates:
         yield (
-            f"typical parts saturate: {usual.volts_bright:.2f} V at the brightest angle, where {advice.target_V:.2f} V "
-            f"still follow the light; at most {usual.largest_ohm:.0f} ohm keep them in range, not {load:g}"
+            f"typical parts saturate: {usual.volts_bright:.2f} V at the brightest angle, but the voltage "
+            "follows the light only "
+            f"down to {advice.target_V:.2f} V; use a load of at most {usual.largest_ohm:.0f} ohm instead of "
+            f"{load:g} ohm"
         )
     elif bright.saturates:
         yield (
-            f"the brightest parts saturate at {load:g} ohm, typical ones do not: such a part needs at most "
+            f"the brightest parts saturate at {load:g} ohm, but typical parts do not: the brightest need at most "
             f"{bright.largest_ohm:.0f} ohm"
         )
     if advice.emitter_current_mA is None:
@@ -91,19 +94,23 @@ def _range(circuit: Circuit, advice: Advice) -> Iterator[str]:
 def _limits(circuit: Circuit, dark_V: float) -> Iterator[str]:
     part, drive, adc = circuit.transistor, circuit.drive, circuit.adc
     if drive.current_mA > drive.most_current_mA:
-        yield f"{drive.current_mA:g} mA are above the {drive.most_current_mA:g} mA that {drive.name} may carry steadily"
+        yield (
+            f"the current of {drive.current_mA:g} mA exceeds the {drive.most_current_mA:g} mA "
+            f"that {drive.name} may carry continuously"
+        )
     if circuit.supply_V > part.most_supply_V:
-        yield f"a supply of {circuit.supply_V:g} V is above the {part.most_supply_V:g} V that {part.name} tolerates"
+        yield (f"the supply of {circuit.supply_V:g} V exceeds the {part.most_supply_V:g} V that {part.name} tolerates")
     most_mA = 1e3 * circuit.supply_V / min(circuit.load_ohm)
     if most_mA > part.most_current_mA:
         yield (
-            f"a load of {min(circuit.load_ohm):g} ohm lets up to {most_mA:.3g} mA through, above the "
+            f"a load of {min(circuit.load_ohm):g} ohm allows up to {most_mA:.3g} mA, which exceeds the "
             f"{part.most_current_mA:g} mA that {part.name} may carry"
         )
     if dark_V > adc.top_V or min(0.0, part.saturation_V) < adc.low_V:
         yield (
-            f"dark readings of {dark_V:.3g} V are outside the range of {adc.name}, {adc.low_V:g} to {adc.high_V:g} V: "
-            "they are clipped, and so is the ambient light to subtract"
+            f"dark readings of {dark_V:.3g} V are outside the range of {adc.name}, {adc.low_V:g} to "
+            f"{adc.high_V:g} V, so "
+            "they and the ambient light to subtract are clipped"
         )
 
 
@@ -111,7 +118,7 @@ def _time(circuit: Circuit, emitters: int) -> Iterator[str]:
     tau_us, slot_us = float(circuit.time_constant_us.max()), 0.5e6 / (circuit.rate_hz * emitters)
     if SETTLED * tau_us > slot_us:
         yield (
-            f"after switching, the receivers need about {SETTLED * tau_us:.0f} µs, and a slot at "
+            f"after switching, the receivers need about {SETTLED * tau_us:.0f} µs to settle, but a slot at "
             f"{circuit.rate_hz:g} Hz "
-            f"lasts {slot_us:.0f} µs: lower the load or the rate"
+            f"lasts only {slot_us:.0f} µs: reduce the load or the rate"
         )

@@ -1,10 +1,10 @@
-"""The whole circuit of a design: its emitter, one phototransistor and load for each receiver, the converter.
+"""The whole circuit of a design: its emitter, one phototransistor and load for each receiver, and the converter.
 
-The idea: parts have typical values and a spread. A `Circuit` is one set of parts; `spread` returns the
-typical set and those with the weakest and the strongest emitter and receivers, `Circuit.drawn` a random set.
+Parts have typical values and tolerances. A `Circuit` is one set of parts; `spread` returns the typical set and those
+with the weakest and the strongest emitter and receivers, `Circuit.drawn` a random set.
 
-Assumptions: light falls evenly on a receiver's face, so that a part sees power over area wherever it sits; and the
-part responds through its window as in air.
+Assumptions: light is uniform over a receiver's face, so a part detects power over area regardless of its position; and
+the part responds through its window as in air.
 
 The interface: `circuit_of`, `spread`, `face_areas_mm2`; `Circuit.current_mA` of power fractions, `Circuit.load_line`.
 """
@@ -48,7 +48,7 @@ class Circuit:
     area_mm2
         Areas of their faces; power fractions refer to all light through a face.
     drive, transistor, adc
-        The emitter at its current, the receivers' type, the converter.
+        The emitter at its current, the type of the receivers, and the converter.
     sensitivity_uA
         Current of each receiver at 1 mW/cm² of the stated wavelength.
     load_ohm
@@ -56,7 +56,7 @@ class Circuit:
     supply_V
         Supply of the loads.
     samples
-        Samples averaged per reading.
+        Number of samples averaged in a reading.
     rate_hz
         Readings of an emitter per second.
     """
@@ -76,7 +76,7 @@ class Circuit:
         for name in ("area_mm2", "sensitivity_uA", "load_ohm"):
             values = getattr(self, name)
             if len(values) != len(self.names) or not all(0.0 < value < np.inf for value in values):
-                limit = f"must be {len(self.names)} numbers above 0, one for each receiver"
+                limit = f"must be {len(self.names)} positive numbers, one for each receiver"
                 raise SpecError(name, value=list(values), limit=limit)
 
     def irradiance_mW_cm2(self, power_fraction: FloatArray, temperature_C: Floats = REFERENCE_C) -> FloatArray:
@@ -107,7 +107,7 @@ class Circuit:
     def slope_V(
         self, power_fraction: FloatArray, ambient_mW_cm2: Floats = 0.0, temperature_C: Floats = REFERENCE_C
     ) -> FloatArray:
-        """Change of the voltages (..., R) per fraction of the emitted power; below 0, as brighter is lower."""
+        """Change of the voltages (..., R) per fraction of the emitted power; negative, because brighter is lower."""
         ends = (np.ones_like(power_fraction), np.zeros_like(power_fraction))
         lit, dark = (self.current_mA(end, ambient_mW_cm2, temperature_C) for end in ends)
         line = self.load_line(self.current_mA(power_fraction, ambient_mW_cm2, temperature_C))
@@ -125,9 +125,9 @@ class Circuit:
         return np.asarray(NOISE_OF_3DB * np.minimum(corner_hz, 1e3 * self.adc.bandwidth_kHz))
 
     def drawn(self, rng: np.random.Generator) -> "Circuit":
-        """A copy with random parts: each sensitivity is uniform between the limits of the datasheet.
+        """A copy with random parts, with each sensitivity uniform between the limits of the datasheet.
 
-        The emitter's power is uniform between its limits too.
+        The emitter's power is also uniform between its limits.
         """
         part, drive = self.transistor, self.drive
         chosen = rng.uniform(part.least_uA, part.most_uA, len(self.names))
@@ -145,7 +145,7 @@ def circuit_of(design: Design, area_mm2: Mapping[str, float]) -> Circuit:
     Parameters
     ----------
     design
-        Its ``[readout]``, and the emitter's light.
+        Design with its ``[readout]`` and the light of its emitter.
     area_mm2
         Face area of each receiver by name, from `face_areas_mm2`.
 
@@ -188,7 +188,7 @@ def spread(circuit: Circuit) -> dict[Case, Circuit]:
 
 
 def emitter_part(design: Design) -> EmitterPart:
-    """Emitter that supplies the power: the readout's own, else that of the light, else the paper's."""
+    """Emitter that determines the power: that of the readout, else that of the light, else the paper's."""
     if design.readout.emitter_part is not None:
         return named_part(design, "emitter_part", EmitterPart)
     name = design.emitter.part or USUAL_EMITTER
@@ -212,7 +212,7 @@ def _of_kind(key: str, part: Part, kind: type[_P]) -> _P:
     if not isinstance(part, kind):
         wanted = kind.__name__.removesuffix("Part").lower()
         article = "an" if wanted[0] in "aeiou" else "a"
-        raise DataError(key, value=part.name, limit=f"is of kind {part.kind}, not {article} {wanted}")
+        raise DataError(key, value=part.name, limit=f"is of kind {part.kind}, but {article} {wanted} is required")
     return part
 
 
@@ -227,6 +227,6 @@ def face_areas_mm2(design: Design, body: Body) -> dict[str, float]:
 
 
 def _column(values: Floats, beside: FloatArray) -> FloatArray:
-    """Numbers per row as a column that broadcasts with readings (..., R); a scalar, or one per reading, unchanged."""
+    """Numbers per row as a column that broadcasts with readings (..., R); a scalar or one per reading is unchanged."""
     column = np.asarray(values, dtype=float)
     return column[..., None] if 0 < column.ndim < np.ndim(beside) else column

@@ -1,7 +1,7 @@
 """Radiant power of an emitter at a current and a temperature.
 
-The idea: a datasheet states the power at one current. It follows a power law of the current, with exponent 1 up to
-about 100 mA, and falls linearly with temperature. It varies from part to part as the radiant intensity does.
+A datasheet states the power at one current. The power follows a power law of the current, with exponent 1 up to about
+100 mA, and falls linearly with temperature. It varies from part to part in the same ratio as the radiant intensity.
 
 The interface: `Drive.of` a part at a current; `Drive.power_mW` at a temperature.
 """
@@ -16,7 +16,7 @@ from solen.errors import DataError
 from solen.parts import EmitterPart, PatternPart
 
 REFERENCE_C = 25.0
-"""Temperature of datasheets."""
+"""Temperature for the values of datasheets."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,9 @@ class Drive:
     def of(cls, part: EmitterPart, current_mA: float) -> "Drive":
         """Emitter at a current; `DataError` if its part states no power or intensity with a current."""
         if part.current_ma is None:
-            raise DataError(f"{part.name}: current_ma", limit="missing: a power needs it", remedy="add it to the part")
+            raise DataError(
+                f"{part.name}: current_ma", limit="is missing, but the power requires it", remedy="add it to the part"
+            )
         typical = _reference_mW(part)
         low, high = _spread(part)
         exponent = part.power_exponent
@@ -97,7 +99,7 @@ def _reference_mW(part: EmitterPart) -> float:
 
 
 def _spread(part: EmitterPart) -> tuple[float, float]:
-    """Weakest and strongest part relative to a typical one, from the limits of the power or else the intensity."""
+    """Weakest and strongest part relative to a typical one, from the limits of the power, else of the intensity."""
     for one in (part.power_mw, part.intensity_mw_per_sr):
         if one is not None and (one.least is not None or one.most is not None):
             return (one.least or one.usual) / one.usual, (one.most or one.usual) / one.usual

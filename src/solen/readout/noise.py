@@ -1,15 +1,15 @@
 """Noise of a reading by source, as formulas.
 
-- Shot noise: the photoelectrons are counted before the transistor multiplies them, so that their noise is multiplied
-  too: i² = 2 q I_C (1 + g) B with the gain g; a photodiode has g = 0.
+- Shot noise: photoelectrons are counted before the transistor multiplies them, so their noise is also multiplied:
+  i² = 2 q I_C (1 + g) B with the gain g; a photodiode has g = 0.
 - Thermal noise of the load (Johnson, Nyquist): i² = 4 k T B / R.
-- Both flow through the load beside the transistor: v = i r, r the load, or less in saturation.
-- The converter's own noise, and its steps: step/√12.
+- Both currents flow through the load in parallel with the transistor: v = i r, r being the load, or less in saturation.
+- The converter's own noise, and its quantisation: step/√12.
 
-B is the receiver's first-order noise bandwidth, π/2 times its corner frequency. The wide band is why averaging n
-samples reduces noise by √n: samples are independent if they are further apart than the time constant.
+B is the receiver's first-order noise bandwidth, π/2 times its corner frequency. Because of this wide band, averaging n
+samples reduces noise by √n: samples are independent if they are farther apart than the time constant.
 
-Not included: supply ripple and noise of the emitter's current; both act on all receivers alike.
+Not included: ripple of the supply and noise of the emitter's current, which both affect all receivers alike.
 """
 
 import numpy as np
@@ -43,7 +43,7 @@ class Noise(Result):
     def reading_V(self) -> FloatArray:
         """Noise of the mean of the samples.
 
-        Quantisation averages out only if noise dithers the voltage: assumed from half a step on.
+        Quantisation averages out only if noise dithers the voltage, which is assumed for noise of at least half a step.
         """
         step = np.sqrt(12.0) * self.quantisation_V
         rounding = np.where(self.before_V >= 0.5 * step, self.quantisation_V**2 / self.samples, self.quantisation_V**2)

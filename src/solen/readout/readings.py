@@ -17,7 +17,7 @@ from solen.readout.noise import Noise, noise
 from solen.results import Result, reported
 
 MOST_STEP = 0.25
-"""A slope counts as coarse if a reading changes by more than this share of its range between angles."""
+"""Largest change of a reading between angles, as a fraction of its range, before a slope counts as coarse."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class VoltageRange:
     lowest_V, highest_V
         Voltages of typical parts.
     used_of_supply
-        Share of the supply between them.
+        Fraction of the supply between them.
     best_resolution_deg, worst_resolution_deg
         Best and worst resolution of one reading of all receivers; None if nothing changes.
     """
@@ -47,13 +47,13 @@ class Readings(Result):
     Attributes
     ----------
     circuit
-        With typical parts.
+        Circuit with typical parts.
     angle_deg
-        Shape (A,), ascending.
+        Angles, ascending, (A,).
     power_fraction, u_power
-        Share of the emitted power (A, R), and its uncertainty (A,).
+        Fraction of the emitted power (A, R), and its uncertainty (A,).
     voltage_by_case_V
-        Voltages with the emitter on, of the dimmest, typical and brightest parts.
+        Voltages with the emitter on, for the dimmest, typical and brightest parts.
     off_V
         Voltages with the emitter off.
     noise
@@ -63,8 +63,8 @@ class Readings(Result):
     slope_V_per_deg
         Slope of typical voltages.
     resolution_deg, resolution_of_all_deg
-        Standard deviation of an angle from one such reading of each receiver, and of all combined (A,); NaN where
-        nothing moves.
+        Standard deviation of an angle from one reading of each receiver, and of all combined (A,); NaN where the
+        voltages do not change.
     drift_V_per_K
         Temperature coefficient of typical voltages.
     advice
@@ -106,7 +106,7 @@ class Readings(Result):
 
     @reported
     def u_trace_V(self) -> FloatArray:
-        """Uncertainty of the voltages due to that of the traced power (A, R)."""
+        """Uncertainty of the voltages due to that of the traced power, (A, R)."""
         return np.asarray(self.u_power[:, None] * np.abs(self.circuit.slope_V(self.power_fraction)))
 
     @reported
@@ -119,7 +119,7 @@ class Readings(Result):
 
     def coarse(self) -> Iterator[str]:
         """Warning if the angles are too far apart for a slope."""
-        yield from coarse_steps(self.angle_deg, self.voltage_V, "take a smaller motion.step_deg")
+        yield from coarse_steps(self.angle_deg, self.voltage_V, "use a smaller motion.step_deg")
 
 
 def coarse_steps(angle_deg: FloatArray, volts: FloatArray, remedy: str) -> Iterator[str]:
@@ -132,7 +132,7 @@ def coarse_steps(angle_deg: FloatArray, volts: FloatArray, remedy: str) -> Itera
         row = int(np.argmax(moved.max(axis=1)))
         low, high = angle_deg[row], angle_deg[row + 1]
         yield (
-            f"from {low:g} to {high:g} deg a reading moves by {moved.max():.2f} V, "
+            f"from {low:g} to {high:g} deg a reading changes by {moved.max():.2f} V, "
             f"{100 * moved.max() / whole:.0f} % of its range: slopes and resolution there are means over the step; "
             f"{remedy}"
         )
@@ -148,14 +148,14 @@ def readings_of(
     ambient_mW_cm2: float = 0.0,
     temperature_C: float = REFERENCE_C,
 ) -> Readings:
-    """Readings at the angles of a motion.
+    """Compute the readings at the angles of a motion.
 
     Parameters
     ----------
     circuit
         Circuit with typical parts, for R receivers.
     angle_deg, power_fraction, u_power
-        Shapes (A,), (A, R), (A,).
+        Angles (A,), fractions (A, R) and their uncertainties (A,).
     trimmer
         The trimmer that sets the loads.
     ambient_mW_cm2, temperature_C
@@ -191,10 +191,10 @@ def _volts(circuit: Circuit, fractions: FloatArray, ambient_mW_cm2: float, tempe
 
 
 def resolution_deg(slope_V_per_deg: FloatArray, sd_V: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Standard deviation of an angle estimated from one reading of each receiver, (A, R), and of all together, (A,).
+    """Standard deviation of an angle estimated from one reading of each receiver, (A, R), and of all combined, (A,).
 
-    Each receiver determines the angle to σ/|slope|; combined by information, they reach (Σ (slope/σ)²)^−1/2, which
-    no estimator can beat (Cramér, Rao). NaN where nothing changes.
+    Each receiver determines the angle to σ/|slope|; all combined reach (Σ (slope/σ)²)^−1/2, which no unbiased estimator
+    can surpass (Cramér, Rao). NaN where the voltages do not change.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         each = np.where(slope_V_per_deg != 0.0, sd_V / np.abs(slope_V_per_deg), np.nan)

@@ -30,9 +30,9 @@ def volts(
     Parameters
     ----------
     power_fraction
-        Shape (T, R), or (R,): the share of the emitted power at each receiver; 0 while the emitter is off.
+        Fraction of the emitted power at each receiver, (T, R) or (R,); 0 while the emitter is off.
     circuit
-        Of R receivers.
+        Circuit with R receivers.
     ambient_mW_cm2, temperature_C
         A number, one for each row (T,), or one for each reading (T, R).
     rng
@@ -64,7 +64,7 @@ def volts(
 
 
 def noisy(circuit: Circuit, line: LoadLine, temperature_C: Floats, rng: np.random.Generator) -> FloatArray:
-    """Readings of a load line (T, R): means of the circuit's samples, each noisy, quantised and clipped."""
+    """Readings of a load line (T, R): means of the circuit's samples, each with noise, quantised and clipped."""
     shot, thermal = analogue_V(circuit, line, temperature_C)
     sd = np.sqrt(shot**2 + thermal**2 + circuit.adc.noise_V**2)
     total = np.zeros_like(line.volts)
@@ -76,12 +76,13 @@ def noisy(circuit: Circuit, line: LoadLine, temperature_C: Floats, rng: np.rando
 def settled(volts: FloatArray, circuit: Circuit, rate_hz: float) -> FloatArray:
     """Voltages (T, R) after the receivers' first-order lag, sampled far faster than the readings.
 
-    Light is constant between samples and each sample is the value at the end: exact for light switched at samples.
+    Light is constant between samples, and each sample is the value at the end of its interval. This is exact for light
+    that is switched at samples.
     """
     from scipy.signal import lfilter
 
     if not 0.0 < rate_hz < math.inf:
-        raise SpecError("rate_hz", value=rate_hz, limit="must be above 0")
+        raise SpecError("rate_hz", value=rate_hz, limit="must be greater than 0")
     found = np.empty_like(volts)
     for column, tau_us in enumerate(circuit.time_constant_us.tolist()):
         kept = math.exp(-1e6 / (rate_hz * tau_us))
@@ -92,8 +93,8 @@ def settled(volts: FloatArray, circuit: Circuit, rate_hz: float) -> FloatArray:
 
 def _check(fractions: FloatArray, circuit: Circuit, ambient_mW_cm2: Floats) -> None:
     if fractions.ndim not in (1, 2) or fractions.shape[-1] != len(circuit.names):
-        limit = f"must have one column for each of {len(circuit.names)} receivers"
+        limit = f"must have {len(circuit.names)} columns, one for each receiver"
         raise SpecError("power_fraction", value=fractions.shape, limit=limit)
     for name, values in (("power_fraction", fractions), ("ambient_mW_cm2", np.asarray(ambient_mW_cm2))):
         if not (np.isfinite(values).all() and (values >= 0.0).all()):
-            raise SpecError(name, limit="must be numbers of at least 0 everywhere")
+            raise SpecError(name, limit="must contain only numbers of at least 0")

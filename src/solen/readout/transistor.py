@@ -1,8 +1,8 @@
 """A phototransistor with its load resistor: irradiance to current, current to voltage.
 
-The idea: light generates a current I. The transistor carries it while the voltage across it suffices, and less
-below a knee: I_C = I (1 − exp(−(V − V_s)/V_k)), with the saturation voltage V_s and the knee width V_k.
-With V = V_supply − R I_C this has a closed form by the Wright omega function ω, ω + ln ω = z:
+Light generates a current I. The transistor carries it while the voltage across it is sufficient, and less below a knee:
+I_C = I (1 − exp(−(V − V_s)/V_k)), with the saturation voltage V_s and the knee width V_k. With V = V_supply − R I_C
+this has a closed form with the Wright omega function ω, ω + ln ω = z:
 
     y = (V − V_s)/V_k = a − b + ω(ln b + b − a),    a = (V_supply − V_s)/V_k,    b = R I/V_k.
 
@@ -26,7 +26,7 @@ from solen.readout.emitter import REFERENCE_C
 from solen.results import Result
 
 SATURATION_V, KNEE_V, GAIN, DARK_NA, DOUBLING_K = 0.15, 0.1, 300.0, 1.0, 8.0
-"""Defaults, usual for small silicon phototransistors."""
+"""Default values, typical of small silicon phototransistors."""
 RISE_US, RISE_US_PER_KOHM = 3.0, 15.0
 RISE_OF_TAU = math.log(9.0)
 """Rise time from 10 to 90 %, in first-order time constants."""
@@ -45,11 +45,12 @@ class Phototransistor:
     response
         Sensitivity for the emitter's light relative to that at the datasheet's wavelength.
     exponent
-        m of its response cos^m to a beam; 1 for a flat window, whose current depends only on the power through it.
+        Exponent m of its response cos^m to a beam; 1 for a flat window, whose current depends only on the power through
+        it.
     saturation_V, knee_V
         Saturation voltage, and the width of the knee above it.
     gain
-        Collector current per photocurrent; it multiplies the shot noise too.
+        Collector current per photocurrent, which also multiplies the shot noise.
     dark_nA, dark_doubling_K
         Dark current at 25 °C, and the temperature rise that doubles it.
     rise_per_K
@@ -104,7 +105,7 @@ class Phototransistor:
         )
 
     def dark_mA(self, temperature_C: float | FloatArray) -> FloatArray:
-        """Dark current: it doubles for each stated temperature rise."""
+        """Dark current, which doubles for each stated temperature rise."""
         warmer_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
         return np.asarray(1e-6 * self.dark_nA * np.exp2(warmer_K / self.dark_doubling_K))
 
@@ -125,8 +126,8 @@ class Phototransistor:
 class LoadLine(Result):
     """Voltages at a phototransistor with a load, in the broadcast shape of the currents.
 
-    ``collector_mA`` flows. ``output_ohm`` converts a small collector current to voltage: the load, or less in
-    saturation. ``drive_ohm`` does so for the photocurrent: the voltage drop per ampere.
+    ``collector_mA`` is the collector current. ``output_ohm`` converts a small collector current to voltage: the load,
+    or less in saturation. ``drive_ohm`` does so for the photocurrent: the voltage drop per ampere.
     """
 
     volts: FloatArray
@@ -177,10 +178,7 @@ def load_line(
 
 
 def spectral_response(part: ReceiverPart, lines: Sequence[tuple[float, float]]) -> float:
-    """Sensitivity for lines of (nm, weight), relative to that at the datasheet's wavelength.
-
-    1 for a part without a spectrum.
-    """
+    """Sensitivity for lines of (nm, weight), relative to that at the datasheet's wavelength; 1 without a spectrum."""
     if part.spectrum is None:
         return 1.0
     nm, relative = np.array(part.spectrum.wavelength_nm), np.array(part.spectrum.relative)
@@ -199,15 +197,15 @@ def exponent_of(part: ReceiverPart) -> float:
 
 
 def angular_factor(exponent: float, angle_deg: FloatArray, power: FloatArray) -> FloatArray:
-    """Share of the power through a face that a receiver of response cos^m detects.
+    """Fraction of the power through a face that a receiver of response cos^m detects.
 
-    Power through a face already includes cos θ, so a beam counts with cos^(m−1) θ: equally for a flat window, whose m
-    is 1.
+    Power through a face already includes cos θ, so a beam is weighted by cos^(m−1) θ; for a flat window, m is 1 and all
+    beams have the same weight.
 
     Parameters
     ----------
     exponent
-        m.
+        Exponent m.
     angle_deg
         Angles of incidence (bins,) at the receiver's window.
     power

@@ -1,12 +1,12 @@
-"""From voltages to angles: calibration of a sensor by its recorded response, its validation, and decoding.
+"""Calibration of a sensor from its recorded response, cross-validation, and decoding of voltages into angles.
 
-The idea: a calibration is the curve that (V_left, V_right) runs through while the sensor turns, one for rising and one
-for falling angles, and the covariance of a reading about it. A reading is decoded by the likelihood of every angle, so
-that two equally likely angles are both reported. Cycles or prints left out of the calibration measure its accuracy.
+A calibration consists of the curve that (V_left, V_right) follows while the sensor turns, one for rising and one for
+falling angles, and the covariance of a reading about it. A reading is decoded from the likelihood of every angle, so
+two equally likely angles are both reported. Cycles or prints left out of the calibration measure its accuracy.
 
-The interface: `calibrated_sensors` of a `Study`; its steps `training_of` a `SensorResponse`, `calibrated`, `pooled`,
-`leave_one_cycle_out` and `leave_one_sensor_out`; `CalibrationFile` is what is saved, `Decoder` decodes by it, and
-`StreamDecoder` a whole stream.
+The interface: `calibrated_sensors` of a `Study`. Its steps are `training_of` a `SensorResponse`, `calibrated`,
+`pooled`, `leave_one_cycle_out` and `leave_one_sensor_out`. `CalibrationFile` is the saved file, `Decoder` decodes
+readings with it, and `StreamDecoder` decodes a stream.
 """
 
 from solen.analysis.calibration.calibrate import CalibrationOptions, SensorCalibrations, calibrated_sensors

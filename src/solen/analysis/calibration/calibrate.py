@@ -1,6 +1,6 @@
 """Calibrations of a study's sensors: one per sensor, or one pooled over several prints, with cross-validation.
 
-The interface: `calibrated_sensors` of a `Study` gives `SensorCalibrations`; `place_of` is where one is written.
+The interface: `calibrated_sensors` of a `Study` returns `SensorCalibrations`; `place_of` is the default path of a file.
 """
 
 from collections.abc import Sequence
@@ -31,25 +31,25 @@ _MANY = 0.01  # ambiguous
 
 
 class CalibrationOptions(ConditionOptions):
-    """Which sensors are calibrated, and how."""
+    """Choice of the sensors to calibrate, and how they are calibrated."""
 
     sensor: str | None = None
-    """Calibrate only this one."""
+    """Calibrate only this sensor."""
     pool: bool = False
-    """Make one calibration of all prints with a lens, for a print that was never recorded."""
+    """Make one calibration from all prints with a lens, for use with a print that was never recorded."""
     with_controls: bool = False
-    """Calibrate sensors without a lens, too."""
+    """Also calibrate sensors without a lens."""
 
 
 class SensorCalibrations(Result):
-    """Calibrations of a study.
+    """Calibrations of the sensors of a study.
 
     Attributes
     ----------
     calibrations
-        Content of their files.
+        Contents of the calibration files.
     checks
-        Their cross-validations; None if there are too few cycles or prints.
+        Cross-validation of each calibration; None if there are too few cycles or prints.
     simulated
         Whether any recording is simulated.
     sources
@@ -57,7 +57,7 @@ class SensorCalibrations(Result):
     warnings
         Warnings.
     remark
-        Note on the processing for a figure.
+        Note on the processing, for a figure.
     """
 
     calibrations: tuple[CalibrationFile, ...]
@@ -68,19 +68,19 @@ class SensorCalibrations(Result):
     remark: str = field(default="", metadata=HIDDEN)
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as plain data; keys of calibrations name their units in place of V and deg."""
+        """Return the result as plain data; keys of calibrations end in their own units instead of V and deg."""
         whole = super().to_dict()
         pairs = zip(self.calibrations, whole["calibrations"], strict=True)
         return whole | {"calibrations": [one.keyed(data) for one, data in pairs]}
 
 
 def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) -> SensorCalibrations:
-    """A calibration of each requested sensor, or one pooled over all.
+    """Calibrate each requested sensor, or make one calibration pooled over all.
 
     Raises
     ------
     DataError, SpecError
-        If there is no such sensor, or one has too few cycles or no pair of receivers.
+        If there is no sensor with that name, or if a sensor has too few cycles or no pair of receivers.
     """
     options = options or CalibrationOptions()
     sensors, warnings = _chosen(study, options)
@@ -89,7 +89,7 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
     ones = [calibrated(one) for one in trainings]
     if options.pool:
         checks = [leave_one_sensor_out(trainings, ones)]
-        few = look_at(f"{len(ones)} prints: three are needed to check it on a print left out")
+        few = look_at(f"{len(ones)} prints: at least three are needed to check the calibration on a print left out")
         cautions = [] if checks[0] else [few]
         files = [_file(study, options, sensors, pooled(ones), checks[0], cautions)]
     else:
@@ -105,22 +105,22 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
 
 
 def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorResponse], list[Caution]]:
-    """Sensors to calibrate: those with a lens, or the named one; with a warning about those left out."""
+    """Sensors to calibrate: the named one, or those with a lens, with a warning about the others."""
     sensors = list(study.sensors.values())
     if options.sensor is not None:
         sensors = [sensor for sensor in sensors if options.sensor in {sensor.label, sensor.label.rpartition(".")[2]}]
         if not sensors:
-            limit = f"no such sensor; there are {', '.join(study.sensors)}"
+            limit = f"no sensor has this name; the sensors are {', '.join(study.sensors)}"
             raise SpecError("--sensor", value=options.sensor, limit=limit)
     bare = ", ".join(sensor.label for sensor in sensors if sensor.lens is False)
     kept = [sensor for sensor in sensors if options.with_controls or sensor.lens is not False]
     if not kept:
         limit = f"has no lens and hardly responds to the {study.stimulus.name}"
-        raise DataError(f"sensor {bare}", limit=limit, remedy="--with-controls calibrates it all the same")
+        raise DataError(f"sensor {bare}", limit=limit, remedy="use --with-controls to calibrate it anyway")
     if options.pool and len(kept) < 2:
         raise SpecError("--pool", value=len(kept), limit="needs at least two sensors with a lens")
     left_out = bare and not options.with_controls
-    return kept, [note(f"without a lens and not calibrated: {bare}")] if left_out else []
+    return kept, [note(f"not calibrated, because they have no lens: {bare}")] if left_out else []
 
 
 def _file(
@@ -169,7 +169,7 @@ def _file(
 
 
 def _words(check: Check | None, left_out: str, stimulus: Stimulus, cell: Cell | None) -> tuple[str, ...]:
-    """Result of a check in words, and what it cannot show."""
+    """Summary of a check in words, with its limits."""
     if check is None:
         return ()
     one, sign = check.whole, stimulus.sign
@@ -183,29 +183,32 @@ def _words(check: Check | None, left_out: str, stimulus: Stimulus, cell: Cell | 
 
 
 def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | None) -> list[Caution]:
-    """Limits of a sensor's calibration, as warnings."""
+    """Warnings about the limits of a sensor's calibration."""
     warnings = []
     if check is None:
-        warnings.append(look_at("two cycles: three are needed to check it on a cycle left out"))
+        warnings.append(look_at("two cycles: at least three are needed to check the calibration on a cycle left out"))
     elif check.whole.ambiguous > _MANY:
         share = 100 * check.whole.ambiguous
-        several = f"several {sensor.stimulus.plural} that explain them"
+        several = f"several {sensor.stimulus.plural} that match them"
         warnings.append(look_at(f"{share:.2g} % of the readings have {several}"))
     if check is not None and check.whole.within_95 < _FEW:
-        few = f"only {100 * check.whole.within_95:.0f} % of a cycle left out lie within the 95 % bands"
+        few = f"only {100 * check.whole.within_95:.0f} % of the readings of cycles left out lie within the 95 % bands"
         warnings.append(do_not_use(few))
     low, high = sensor.runs[0].motion.low_deg, sensor.runs[0].motion.high_deg
     first, second, last = (float(calibration.angle_deg[place]) for place in (0, 1, -1))
     beside = 2.0 * (second - first)
     if first > low + beside or last < high - beside:
         sign = sensor.stimulus.sign
-        part = f"both receivers have readings from {first:g}{sign} to {last:g}{sign} only, of {low:.3g} to {high:.3g}"
+        part = (
+            f"both receivers have readings only from {first:g}{sign} to {last:g}{sign}, within "
+            f"a range of {low:.3g} to {high:.3g}"
+        )
         warnings.append(look_at(part))
     return warnings
 
 
 def _cell(runs: Sequence[Run]) -> Cell | None:
-    """The load cell of some recordings, the least known of several."""
+    """Load cell of the recordings; if there are several, the one with the largest uncertainty."""
     worst = least_known(run.signals.cell for run in runs)
     if worst is None:
         return None
@@ -219,8 +222,14 @@ def _cell(runs: Sequence[Run]) -> Cell | None:
 
 
 def place_of(recordings: Sequence[Path], sensor: str) -> Path:
-    """Default file of a calibration, beside its recording; `DataError` if the sensor's name cannot name a file."""
-    check_name("sensor", sensor, DataError, "name the file with --out")
+    """Default path of a calibration file, next to its recording.
+
+    Raises
+    ------
+    DataError
+        If the sensor's name cannot be part of a file name.
+    """
+    check_name("sensor", sensor, DataError, "name the file with the option --out")
     for path in recordings:
         if sensor == path.stem or sensor.startswith(f"{path.stem}."):
             return path.with_name(f"{sensor}{SUFFIX}")

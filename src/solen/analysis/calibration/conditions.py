@@ -1,6 +1,6 @@
 """Conditions of a recording: motion and circuit, from the header of a bench or from a design file.
 
-Recordings of other programs state neither; `ConditionOptions` do.
+Recordings of other programs do not state them; `ConditionOptions` provides them.
 
 The interface: `conditions` of a sensor's recording.
 """
@@ -19,18 +19,18 @@ from solen.spec.strict import Options
 
 
 class ConditionOptions(Options):
-    """Conditions of a recording that does not state them itself."""
+    """Conditions of a recording that its file does not state."""
 
     design: Path | None = None
-    """Design file of the sensor: its motion, pivot, moving parts and circuit."""
+    """Design file of the sensor, for its motion, pivot, moving parts and circuit."""
     motion: Literal["rotation", "bend", "loaded"] | None = None
-    """Kind of motion, where the recording does not state it."""
+    """Kind of motion, if the recording does not state it."""
 
 
 def conditions(
     sensor: str, provenance: Provenance | None, options: ConditionOptions, ambient: Ambient | None
 ) -> tuple[Motion, Circuit]:
-    """Motion and circuit of a sensor's recording; None for those not stated.
+    """Return the motion and circuit of a sensor's recording, or None for those not stated.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def conditions(
 
 
 def header_of(provenance: Provenance) -> dict[str, Any]:
-    """Header that a bench wrote at the start of a run; empty for recordings of other programs."""
+    """Header written by a bench at the start of a run; empty for recordings of other programs."""
     try:
         header = json.loads(provenance.metadata.get("header", "{}"))
     except ValueError:
@@ -70,7 +70,7 @@ def header_of(provenance: Provenance) -> dict[str, Any]:
 
 
 def _design_text(header: dict[str, Any], sensor: str) -> str:
-    """Text of a sensor's design in the header; if the sensor is not listed there, that of the only design."""
+    """Text of a sensor's design in the header; if the sensor is not listed, the text of the only design."""
     designs = header.get("designs", {})
     name = next((one.get("design") for one in header.get("sensors", ()) if one.get("name") == sensor), None)
     if name is None and len(designs) == 1:
@@ -79,7 +79,7 @@ def _design_text(header: dict[str, Any], sensor: str) -> str:
 
 
 def _design(text: str) -> Design | None:
-    """Design in a header's text; None if it is missing or this version of solen cannot read it."""
+    """Design from the text of a header; None if it is missing or cannot be read by this version of solen."""
     try:
         return loads(text, what="the recording's design") if text else None
     except SolenError:

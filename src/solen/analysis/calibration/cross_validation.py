@@ -1,10 +1,11 @@
-"""Cross-validation of a calibration: by leaving out a cycle or a print.
+"""Cross-validation of a calibration by leaving out a cycle or a print.
 
-The idea: the rest is calibrated as if the left-out part had never been recorded; then it is decoded and compared with
-the angle of the stage. The share of readings within their bands shows whether the bands can be trusted; readings of one
-cycle err together, so that the share of a single recording scatters more than its number of readings suggests.
+The remaining data are calibrated as if the part left out had never been recorded. This part is then decoded and
+compared with the angle of the stage. The fraction of readings within their bands shows whether the bands can be
+trusted. Errors within a cycle are correlated, so this fraction scatters more than the number of readings suggests.
 
-The interface: `leave_one_cycle_out` and `leave_one_sensor_out`, both a `Check` with a `Part` for each thing left out.
+The interface: `leave_one_cycle_out` and `leave_one_sensor_out` both return a `Check` with a `Part` for each cycle or
+print left out.
 """
 
 import math
@@ -25,7 +26,7 @@ _MOST_READINGS = 40_000
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """All of it together, and in its parts.
+    """Result of a cross-validation, in total and for each part left out.
 
     ``true_deg``, ``angle_deg``, ``low_deg`` and ``high_deg`` (68 and 95 %, (n, 2)) are its readings.
     """
@@ -39,7 +40,10 @@ class Check:
 
 
 def leave_one_cycle_out(training: Training) -> Check | None:
-    """Each cycle decoded by the others; None with fewer than three. Many cycles are left out in twenty groups."""
+    """Decode each cycle with a calibration from the others; None for fewer than three cycles.
+
+    If there are many cycles, they are left out in twenty groups.
+    """
     if training.cycles < 3:
         return None
     folds = np.array_split(np.arange(training.cycles), min(training.cycles, _MOST_FOLDS))
@@ -53,7 +57,7 @@ def leave_one_cycle_out(training: Training) -> Check | None:
 
 
 def leave_one_sensor_out(trainings: Sequence[Training], ones: Sequence[Calibration]) -> Check | None:
-    """Each print decoded with a calibration from the others; None with fewer than three prints."""
+    """Decode each print with a calibration from the others; None for fewer than three prints."""
     if len(ones) < 3:
         return None
     found = []
@@ -83,7 +87,7 @@ def _check(names: Sequence[str], result: Sequence[tuple[FloatArray, Decoded]]) -
 
 
 def merged(name: str, parts: Sequence[Part]) -> Part:
-    """Parts merged into one; at least one part contains a reading."""
+    """Merge parts into one; at least one of them must contain a reading."""
     weight = np.array([part.readings for part in parts], dtype=float)
     weight /= max(weight.sum(), 1.0)
 
@@ -104,7 +108,7 @@ def merged(name: str, parts: Sequence[Part]) -> Part:
 
 
 def part_of(name: str, true_deg: FloatArray, decoded: Decoded) -> Part:
-    """Errors of decoded angles, and how often their bands contain the true ones."""
+    """Errors of decoded angles, and the fractions of bands that contain the true angles."""
     errors = decoded.angle_deg - true_deg
     return Part(
         name=name,

@@ -1,16 +1,16 @@
-"""From voltages to angles by a calibration: the likelihood over all angles, and its bands.
+"""Decoding of voltages into angles with a calibration: the likelihood over all angles, and its bands.
 
-The idea: between neighbouring points the curve in the plane of both voltages is straight, so that the nearest angle of
-each piece has a closed form. Pieces whose best is far below the very best are left out; the rest fall into stretches of
-angles that touch. Over each stretch the likelihood, a t distribution about the rising and the falling curve, each with
-half the weight, is laid on a fine grid of its own, however narrow it is. All angles of the calibrated range are equally
-likely beforehand. A stretch's share of the whole is its probability, its band the shortest that holds 68 or 95 % of
-it. Where two stretches count, the reading is ambiguous and both are given.
+Between neighbouring points the curve is straight in the plane of the two voltages, so the nearest angle of each piece
+has a closed form. Pieces whose best likelihood is far below the maximum are ignored; the others form intervals of
+adjoining angles. Over each interval the likelihood is evaluated on a fine grid of its own, however narrow the interval
+is. It is a t distribution about the rising and the falling curve, each with weight one half. The prior is uniform over
+the calibrated range. The probability of an interval is its fraction of the total, and its band is the shortest one that
+contains 68 or 95 % of it. If two intervals have a notable probability, the reading is ambiguous and both are reported.
 
-A receiver whose reading is clipped shows only that the true voltage lies at or beyond it.
+A clipped reading of a receiver shows only that the true voltage is at or beyond the limit.
 
-The interface: `Decoder` of a `Calibration`, its `decode` gives `Decoded`; `solen.analysis.calibration.posterior` is a
-short but slow reference.
+The interface: `Decoder` of a `Calibration`; its method `decode` returns `Decoded`.
+`solen.analysis.calibration.posterior` is a short but slow reference implementation.
 """
 
 import math
@@ -27,7 +27,7 @@ from solen.errors import DataError
 
 LEVELS = (0.68, 0.95)
 OUTSIDE = 1e-3
-"""Probability below which a reading counts as off the curve."""
+"""Probability below which a reading counts as outside the curve."""
 _DROP = 8.0  # of the log-likelihood, below its largest, that still counts
 _POINTS = 64  # of a stretch's own grid
 _AT_ONCE = 512
@@ -42,28 +42,28 @@ _SURE = 1.0 - LEVELS[1]
 
 @dataclass(frozen=True, eq=False)
 class Decoded:
-    """Angles of readings.
+    """Decoded angles of readings.
 
     Attributes
     ----------
     angle_deg
-        Median of the most probable stretch, (n,).
+        Median of the most probable interval, (n,).
     low_deg, high_deg
         Its bands of 68 and 95 %, (n, 2).
     probability
-        Probability of that stretch.
+        Probability of that interval.
     right
-        Probability of a negative angle, which is to the right.
+        Probability of a negative angle (to the right).
     distance
-        Squared distance of the voltages from the curve in units of their covariance.
+        Squared distance of the voltages from the curve, in units of their covariance.
     outside, ambiguous, clipped
         Whether the voltages match no point of the curve, match several, or are at a limit of the recorder.
     at_end
-        Whether the band reaches an end of the calibrated range: the angle may lie beyond.
+        Whether the band reaches an end of the calibrated range, so that the angle may be beyond it.
     other
-        The readings (k,) that other stretches belong to.
+        Indices (k,) of the readings that the less probable intervals belong to.
     other_deg, other_probability
-        Their 95 % bands (k, 2), and how probable they are.
+        95 % bands (k, 2) of these intervals, and their probabilities.
     """
 
     angle_deg: FloatArray
@@ -81,7 +81,10 @@ class Decoded:
     other_probability: FloatArray
 
     def holds(self, angle_deg: FloatArray, level: int) -> BoolArray:
-        """Whether the bands of a level (0 or 1) hold the true angles; at the second, any stretch's may."""
+        """Whether the bands of a level (0 for 68 %, 1 for 95 %) contain the true angles.
+
+        For the 95 % level, the band of any interval may contain the angle.
+        """
         found = (self.low_deg[:, level] <= angle_deg) & (angle_deg <= self.high_deg[:, level])
         if level == len(LEVELS) - 1 and self.other.size:
             true = angle_deg[self.other]
@@ -90,7 +93,7 @@ class Decoded:
         return np.asarray(found)
 
     def picked(self, places: IndexArray) -> "Decoded":
-        """The readings at the given indices, each once, in that order."""
+        """Select the readings with the given indices, in that order; no index may occur twice."""
         number = np.full(len(self.angle_deg), -1, dtype=np.intp)
         number[places] = np.arange(len(places))
         kept = number[self.other] >= 0
@@ -103,8 +106,9 @@ class Decoded:
 class _Metric:
     """Distance of voltages from each straight piece, for the receivers that are not clipped.
 
-    With (V_left, V_right, 1) times `along` a reading's place along a piece is found, 0 to 1 within it, and times
-    `aside` its distance from the piece's line, in units of the covariance; `square` is the squared length of the piece.
+    The product of (V_left, V_right, 1) with `along` is the position along a piece (0 to 1 within it); the product with
+    `aside` is the distance from the line of the piece, in units of the covariance. `square` is the squared length of
+    the piece.
     """
 
     along: FloatArray  # (3, 2 k): all rising pieces, then all falling ones
@@ -117,27 +121,30 @@ class _Metric:
 
 
 class Decoder:
-    """A calibration prepared for decoding.
+    """Decoder of voltages, prepared from a calibration.
 
     Parameters
     ----------
     calibration
         Calibration of the sensor.
     gain_percent
-        Standard deviation of a common factor of the light, as of an emitter that ages or warms up.
+        Standard deviation of a common factor of the light, e.g. of an emitter that ages or warms up.
     dark_V
         Voltage without light, which that factor does not change.
 
     Raises
     ------
     DataError
-        If it is not a calibration of a single sensor; `solen.analysis.network.load_network` reads that of a network.
+        If the calibration is not one of a single sensor; `solen.analysis.network.load_network` loads that of a network.
     """
 
     def __init__(self, calibration: Calibration, *, gain_percent: float = 0.0, dark_V: float = 0.0) -> None:
         if not isinstance(calibration, Calibration):
-            limit = "is not a calibration of a sensor such as solen.analysis.calibration.file.load(FILE).calibration is"
-            remedy = "of a network, decode all motions by solen.analysis.network.load_network(FILE).decoder"
+            limit = (
+                "is not the calibration of a sensor, as returned by "
+                "solen.analysis.calibration.file.load(FILE).calibration"
+            )
+            remedy = "decode all motions of a network with solen.analysis.network.load_network(FILE).decoder"
             raise DataError("Decoder", value=type(calibration).__name__, limit=limit, remedy=remedy)
         self.calibration = calibration = calibration.widened()
         total, freedom = calibration.law()
@@ -170,14 +177,14 @@ class Decoder:
         return np.asarray(np.interp(angle_deg, self.nodes_deg[1:], self._noise_deg))
 
     def decode(self, volts: FloatArray, clipped: NDArray[np.int8] | None = None) -> Decoded:
-        """Angles of readings.
+        """Decode readings into angles.
 
         Parameters
         ----------
         volts
-            Left and right, (n, 2), finite.
+            Left and right voltages, (n, 2), finite.
         clipped
-            1 for readings at the upper limit of the recorder, −1 at the lower, else 0, (n, 2).
+            1 for readings at the upper limit of the recorder, −1 at the lower limit, otherwise 0, (n, 2).
         """
         marks = np.zeros(volts.shape, dtype=np.int8) if clipped is None else clipped
         parts = [
@@ -187,7 +194,7 @@ class Decoder:
         return _joined(parts)
 
     def _some(self, volts: FloatArray, marks: NDArray[np.int8]) -> Decoded:
-        """Readings grouped by which receivers are clipped."""
+        """Decode readings, grouped by which receivers are clipped."""
         if not marks.any():
             return self._alike(volts, (0, 0))
         kinds, kind = np.unique(marks, axis=0, return_inverse=True)
@@ -219,7 +226,7 @@ class Decoder:
         return _Metric(along, aside, square.ravel(), constant, int(kept.size), tops, np.array(allowed))
 
     def _form(self, direction: FloatArray, whiten: FloatArray) -> FloatArray:
-        """Whitened voltages from the beginning of each piece along a direction, as a linear form, (3, 2 k)."""
+        """Component along a direction of the whitened voltages from each piece's start, as a linear form, (3, 2 k)."""
         slope = np.einsum("dki,kij->dkj", direction, whiten)
         level = -(slope * self._start).sum(axis=-1, keepdims=True)
         return np.ascontiguousarray(np.concatenate([slope, level], axis=-1).reshape(-1, 3).T)
@@ -251,7 +258,7 @@ class Decoder:
     def _near(
         self, volts: FloatArray, metric: _Metric, *, all_of_it: bool
     ) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray]:
-        """Pairs of readings and pieces close to each other, with the position along the piece and squared distance."""
+        """Pairs of a reading and a nearby piece, with the position along the piece and the squared distance."""
         three = np.column_stack([volts, np.ones(len(volts))])
         along = three @ metric.along
         distance = three @ metric.aside
@@ -272,7 +279,7 @@ class Decoder:
         return row, place, along[row, place], distance[row, place]
 
     def _law(self, distance: FloatArray, piece: IndexArray, size: int) -> FloatArray:
-        """Logarithm of the t distribution without its constant."""
+        """Logarithm of the t distribution, without the constant."""
         freedom = self._freedom[piece]
         return np.asarray(-0.5 * (freedom + size) * np.log1p(distance / freedom))
 
@@ -282,7 +289,7 @@ class Decoder:
         return np.asarray(start + np.clip(along, 0.0, 1.0)[..., None] * step)
 
     def _beyond(self, volts: FloatArray, curve: FloatArray, piece: IndexArray, marks: tuple[int, int]) -> FloatArray:
-        """Log-probability that clipped receivers would show their limit."""
+        """Log-probability that clipped receivers would read their limit."""
         found = np.zeros(piece.shape)
         for place, mark in enumerate(marks):
             if mark:
@@ -299,7 +306,7 @@ class Decoder:
         top: FloatArray,
         metric: _Metric,
     ) -> tuple[IndexArray, FloatArray, FloatArray]:
-        """Stretches of angles whose likelihood is not far below the best: their reading, and their ends in degrees."""
+        """Angle intervals with a likelihood not far below the maximum: index of the reading, and ends in degrees."""
         piece, square = place % self.pieces, metric.square[place]
         over = along - np.clip(along, 0.0, 1.0)
         allowed = self._allowed(top[row], piece, metric.constant, metric.size)
@@ -356,7 +363,7 @@ class Decoder:
     def _density(
         self, volts: FloatArray, row: IndexArray, angle_deg: FloatArray, marks: tuple[int, int], metric: _Metric
     ) -> FloatArray:
-        """Likelihood of angles (m, p) for the readings ``row`` (m,), as a share of each reading's largest."""
+        """Likelihood at angles (m, p) for the readings ``row`` (m,), relative to the maximum of each reading."""
         where = (angle_deg - self.nodes_deg[0]) / self._width
         piece = np.clip(where.astype(np.intp), 0, self.pieces - 1)
         held = where - piece
@@ -388,7 +395,7 @@ class Decoder:
 
 
 def _nodes(calibration: Calibration, total: FloatArray) -> FloatArray:
-    """Angles between which the curve is straight within tolerance."""
+    """Angles between which the curve is straight within the tolerance."""
     bend = np.abs(np.diff(calibration.curves_V, 2, axis=1)) / 8.0
     sd = np.sqrt(np.diagonal(total, axis1=1, axis2=2))[1:-1]
     most = float(np.max(bend / (_FLAT * sd)))
@@ -405,7 +412,7 @@ def _between_points(grid: FloatArray, matrices: FloatArray, where: FloatArray) -
 
 
 def _bands(density: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Ends of the shortest band of each level, (m, 2): where the density crosses the height enclosing that share."""
+    """Ends of the shortest band of each level, (m, 2): where the density crosses the enclosing height."""
     ordered = -np.sort(-density, axis=1)
     total = np.cumsum(ordered, axis=1) - 0.5 * ordered
     rows, last = np.arange(len(density)), density.shape[1] - 1
@@ -423,7 +430,7 @@ def _bands(density: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _crossing(density: FloatArray, grid: FloatArray, place: IndexArray, side: int, height: FloatArray) -> FloatArray:
-    """Angle at which the density falls below a height beyond the outermost point above it, or the end of the grid."""
+    """Angle beyond the outermost point above a height at which the density falls below it, or the end of the grid."""
     rows = np.arange(len(grid))
     beyond = np.clip(place + side, 0, grid.shape[1] - 1)
     inner, outer = density[rows, place], density[rows, beyond]
@@ -442,7 +449,7 @@ def _median(density: FloatArray, grid: FloatArray) -> FloatArray:
 
 
 def _joined(parts: list[Decoded]) -> Decoded:
-    """Parts concatenated."""
+    """Concatenate parts."""
     if len(parts) == 1:
         return parts[0]
     offsets = np.cumsum([0, *(len(part.angle_deg) for part in parts[:-1])])

@@ -1,6 +1,6 @@
-"""A stream decoded with a saved calibration: rows of angles as they arrive, and a summary at the end.
+"""Decoding of a stream with a saved calibration: rows of angles as readings arrive, and a summary at the end.
 
-The interface: `StreamDecoder` of a `CalibrationFile`; its `rows` are lines of CSV, its `result` a `Decoding`.
+The interface: `StreamDecoder` of a `CalibrationFile`; its `rows` are lines of CSV, its `result` is a `Decoding`.
 """
 
 import math
@@ -43,29 +43,29 @@ COLUMNS = (
     "other",
 )
 SIDES = ("direction", "probability")
-"""Columns of angles alone: a force or depth has no sides."""
+"""Columns that apply to angles only, because a force or depth has no sides."""
 FLAGS = ("outside", "ambiguous", "clipped", "at_end")
 _MILLI = 100.0  # times the calibration's largest voltage, from which on a reading is not in volts
 _TOLD = 0.5  # per cent of the readings from which on a flag is warned of
 _MEANING = {
-    "outside": "lie outside the calibrated curve, so their {plural} are meaningless",
+    "outside": "are outside the calibrated curve, so their {plural} are meaningless",
     "ambiguous": "are consistent with several {plural}",
-    "clipped": "are clipped: their {name} rests on one receiver",
+    "clipped": "are clipped, so their {name} depends on one receiver",
     "missing": "lack a reading of a receiver",
 }
 
 
 class DecodeOptions(ConditionOptions):
-    """How a stream is decoded."""
+    """Options for decoding a stream."""
 
     sensor: str | None = None
-    """Sensor of the source; default: the one that was calibrated."""
+    """Sensor of the source to decode; default: the calibrated sensor."""
     follow: bool = False
-    """Follow a journal as it grows, until its run ends."""
+    """Follow a journal while it grows, until its run ends."""
     gain_percent: Finite = Field(0.0, ge=0)
-    """Allow a common change of the light by so many per cent (standard deviation), as of an emitter that ages."""
+    """Allow for a common change of the light with this standard deviation in per cent, e.g. of an emitter that ages."""
     window_ms: Finite = Field(1e3 * WINDOW_S, ge=0)
-    """Time over which the heading, rising or falling, is judged."""
+    """Time over which the heading (rising or falling) is determined."""
 
 
 class Decoding(Result):
@@ -74,17 +74,17 @@ class Decoding(Result):
     Attributes
     ----------
     readings, missing
-        Readings that were decoded, and those that lack a voltage.
+        Number of readings that were decoded, and of those that lack a voltage.
     outside, ambiguous, clipped, at_end
-        Readings with these flags, as in `solen.analysis.calibration.decoder.Decoded`.
+        Number of readings with these flags, as in `solen.analysis.calibration.decoder.Decoded`.
     from_s, to_s
         Times of the first and the last reading.
     stimulus
-        What is decoded: ``angle``, ``force`` or ``depth``; keys name its unit.
+        Decoded quantity: ``angle``, ``force`` or ``depth``. Keys end in its unit.
     lowest_deg, highest_deg
-        Range of the angles within the calibrated range; None if there are none.
+        Range of the decoded angles that are not outside the curve; None if there are none.
     against_angle
-        Errors against the source's own angle, if it has one, within the calibrated range.
+        Errors relative to the angle that the source itself states, if any, within the calibrated range.
     calibration, calibrated_sensor
         File of the calibration, and its sensor.
     sensor
@@ -92,7 +92,7 @@ class Decoding(Result):
     simulated
         Whether the calibration or the source is simulated.
     interrupted
-        Whether Ctrl-C ended the stream.
+        Whether the stream was ended with Ctrl-C.
     sources
         The recording.
     warnings
@@ -120,30 +120,30 @@ class Decoding(Result):
     warnings: tuple[Caution, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as plain data; keys name the unit of what is decoded."""
+        """Return the result as plain data; keys end in the unit of the decoded quantity."""
         return STIMULI[self.stimulus].keyed(super().to_dict())
 
 
 class StreamDecoder:
-    """Readings of one stream, decoded and counted.
+    """Decoder of a stream that also counts its readings.
 
     Parameters
     ----------
     known, file
         The calibration, and the name of its file.
     stream
-        Where the readings come from.
+        Source of the readings.
     options
-        How they are decoded.
+        Options for decoding.
     rails
-        Lowest and highest voltage of the recorder, instead of the calibration's.
+        Lowest and highest voltage of the recorder, used instead of those of the calibration.
     source
-        Name of the stream in refusals.
+        Name of the stream in error messages.
 
     Raises
     ------
     SpecError
-        If a change of gain is allowed for, and the voltage without light is unknown.
+        If a change of gain is allowed for but the voltage without light is unknown.
     """
 
     def __init__(
@@ -156,13 +156,16 @@ class StreamDecoder:
         source: str,
     ) -> None:
         if options.gain_percent and known.dark_V is None:
-            limit = "needs the voltage without light, which the calibration does not have"
+            limit = "requires the voltage without light, which the calibration does not state"
             remedy = "calibrate with --dark-V"
             raise SpecError("--gain-percent", value=options.gain_percent, limit=limit, remedy=remedy)
         scale = factor(stream.unit, known.unit)
         if scale is None:
-            limit = f"is the unit of the readings, but those of {file} are in {known.unit}"
-            remedy = f"state theirs in the header, as in left ({known.unit}), or calibrate with readings in that unit"
+            limit = f"is the unit of the readings, but the calibration {file} is in {known.unit}"
+            remedy = (
+                f"state the unit of the readings in the header, as in left ({known.unit}), "
+                "or calibrate with readings in their unit"
+            )
             raise DataError(source, value=stream.unit, limit=limit, remedy=remedy)
         calibration = known.calibration
         self._known, self._file, self._stream, self._source, self._scale = known, file, stream, source, scale
@@ -178,14 +181,14 @@ class StreamDecoder:
 
     @property
     def header(self) -> str:
-        """Names of the columns of its rows."""
+        """Header line with the names of the columns."""
         stimulus = self._known.stimulus_of
         names = [name for name in COLUMNS if stimulus is ANGLE or name not in SIDES]
         return ",".join(stimulus.keyed(dict.fromkeys(names))) + "\n"
 
     @property
     def heading(self) -> str:
-        """First lines of a file of rows: that it rests on simulated data and why not to use it, then the header."""
+        """First lines of a file of rows: notes on simulated data and on reasons not to use it, then the header."""
         doubts = dict.fromkeys(line for line in self.warnings if rank_of(line) == DO_NOT_USE)
         return SIMULATED_DATA * self._simulated + "".join(f"# {line}\n" for line in doubts) + self.header
 
@@ -194,7 +197,7 @@ class StreamDecoder:
         return self._known.simulated or self._stream.simulated
 
     def rows(self, batch: Batch) -> str:
-        """Lines of CSV of a batch, as `COLUMNS`; `DataError` if its values are in another unit."""
+        """Decode a batch into lines of CSV with the columns `COLUMNS`; `DataError` if it is in another unit."""
         batch = replace(batch, volts=self._scale * batch.volts)
         good = np.asarray(np.isfinite(batch.volts).all(axis=1))
         self._check_scale(batch.volts[good])
@@ -205,15 +208,15 @@ class StreamDecoder:
         return "".join(_rows(batch.time_s, good, decoded, headings, sides=self._known.stimulus_of is ANGLE))
 
     def _check_scale(self, volts: FloatArray) -> None:
-        """`DataError` if readings are about a thousand times the calibrated voltages."""
+        """Raise `DataError` if readings are about a thousand times the calibrated voltages."""
         largest = float(np.median(np.abs(volts).max(axis=1))) if len(volts) else 0.0
         if largest > _MILLI * self._largest_V:
             unit = self._known.unit
-            limit = f"reads {largest:.4g} {unit}; the calibration goes up to {self._largest_V:.3g} {unit}"
+            limit = f"reads {largest:.4g} {unit}, but the calibration only reaches {self._largest_V:.3g} {unit}"
             raise DataError(self._source, limit=limit, remedy="state the unit in the header, as in left_mV")
 
     def _marks(self, batch: Batch, good: BoolArray) -> NDArray[np.int8]:
-        """1 for a reading at the upper limit of the recorder, −1 at the lower one."""
+        """1 for a reading at the upper limit of the recorder, −1 at the lower limit, otherwise 0."""
         volts = batch.volts[good]
         marks = np.zeros(volts.shape, dtype=np.int8)
         if batch.clipped is not None:
@@ -242,7 +245,7 @@ class StreamDecoder:
                 self._parts.append(part_of("source", true[kept], decoded.picked(np.flatnonzero(kept))))
 
     def result(self, *, interrupted: bool) -> Decoding:
-        """Summary of the decoded stream; `DataError` without a reading."""
+        """Return the summary of the decoded stream; `DataError` if there was no reading."""
         if not self.counts["readings"]:
             raise DataError(self._source, limit="holds no reading", remedy="check its columns")
         low, high = self._range_deg
@@ -265,7 +268,7 @@ class StreamDecoder:
         )
 
     def _cell_notes(self) -> Iterator[Caution]:
-        """What errors against a recording's own force do not show."""
+        """Note on what errors relative to the force of the recording do not show."""
         cell = self._known.load_cell
         if self._parts and cell is not None and cell.u_scale is not None:
             yield note(cell.shared)
@@ -280,7 +283,7 @@ class StreamDecoder:
 
 
 def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[Caution]:
-    """Whether the calibration may be used, differs from the source, or cannot be compared with it."""
+    """Warnings if the calibration must not be used, differs from the source, or cannot be compared with it."""
     yield from (of("calibration", line) for line in known.warnings if rank_of(line) == DO_NOT_USE)
     motion, circuit = conditions(stream.sensor or known.sensor, stream.provenance, options, stream.ambient)
     other, unknown = differences(known, motion, circuit)
@@ -290,18 +293,19 @@ def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeO
             other.insert(0, f"sensor {stream.sensor} instead of {known.sensor}")
         else:
             yield note(
-                f"{stream.sensor} is only the file's name, so it is decoded as the calibrated sensor {known.sensor}; "
-                f'--sensor "{stream.sensor}" states another'
+                f"{stream.sensor} is only the name of the file, so the calibrated sensor {known.sensor} is assumed; "
+                f'use --sensor "{stream.sensor}" if it is a different sensor'
             )
     if other:
         yield do_not_use(f"the recording does not match the calibration: {'; '.join(other)}")
     if unknown and not moved:
         yield look_at(
-            f"whether the calibration is for this motion cannot be checked: nothing states the {', '.join(unknown)}; "
-            "--design or --motion does"
+            "whether the calibration applies to this motion cannot be checked, because the recording does "
+            f"not state the {', '.join(unknown)}; "
+            "state it with --design or --motion"
         )
     if known.simulated and not stream.simulated and stream.provenance is not None:
-        yield do_not_use("the calibration is simulated, and the recording is not")
+        yield do_not_use("the calibration is simulated, but the recording is not")
 
 
 def _last(name: str) -> str:
@@ -310,7 +314,7 @@ def _last(name: str) -> str:
 
 
 def _rows(time_s: FloatArray, good: BoolArray, decoded: Decoded, headings: Headings, *, sides: bool) -> Iterator[str]:
-    """A line for each reading, in the order of `COLUMNS`."""
+    """Yield a line for each reading, with the columns `COLUMNS`."""
     others: dict[int, list[str]] = {}
     for row, (low, high), share in zip(
         decoded.other.tolist(), decoded.other_deg.tolist(), decoded.other_probability.tolist(), strict=True

@@ -1,13 +1,13 @@
-"""A calibration from sweeps and samples: curves, and the components of a reading's covariance about them.
+"""Estimation of a calibration from sweeps and samples: curves, and components of a reading's covariance about them.
 
-The idea: every sample is compared with the mean of the *other* cycles, so that its distance is that of a reading of a
-new cycle. The mean of these distances' products, over neighbouring angles, is the covariance of a reading that has not
-been seen. What changes from sample to sample is the noise of a reading; the rest stays for a cycle: how cycles repeat,
-and the error of the mean. That rest is known from a few cycles only, so readings follow a t distribution whose degrees
-of freedom are those of the parts by their shares (Satterthwaite 1946). For several prints, the scatter of their mean
-curves is added, with one degree of freedom fewer than prints.
+Every sample is compared with the mean of the *other* cycles, so its distance is that of a reading in a new cycle. The
+products of these distances, averaged over neighbouring angles, are the covariance of a reading in a new cycle. The
+variation from sample to sample is the noise of a reading. The remainder is constant over a cycle: the repeatability of
+cycles, and the error of the mean. It is estimated from a few cycles only, so readings follow a t distribution whose
+degrees of freedom combine those of the components (Satterthwaite 1946). For several prints, the covariance of their
+mean curves is added; its degrees of freedom are the number of prints minus one.
 
-The interface: `calibrated` of a `Training` gives a `Calibration`, `pooled` one of several.
+The interface: `calibrated` of a `Training` returns a `Calibration`, and `pooled` combines several.
 """
 
 from collections.abc import Sequence
@@ -33,27 +33,27 @@ _LEAST_SHARE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Curves and covariances, left before right everywhere.
+    """Curves and covariances of a calibration; the left receiver always comes before the right one.
 
     Attributes
     ----------
     angle_deg
-        (g,), ascending.
+        Angles, ascending, (g,).
     curves_V
-        (2, g, 2): rising, falling.
+        Voltages, (2, g, 2); the first axis is rising, falling.
     noise, repeat, between
         Covariances in V² of the noise of a reading, of a new cycle, and of a new print, (g, 2, 2).
     samples
-        Samples that the covariances at each angle rest on, (g,).
+        Number of samples from which the covariances at each angle are estimated, (g,).
     cycles, prints
-        How many there were.
+        Number of cycles and of prints.
     freedom
         Degrees of freedom of `repeat` and of `between`.
     rails_V
         As in `Training`.
     u_scale, u_line_deg
-        Standard uncertainties that the reading of what drove the sensor shares: of its scale, and of its line. Scatter
-        does not show them; 0 where it is held against that reading.
+        Standard uncertainties common to all readings of the stimulus: of its scale, and from its non-linearity. The
+        scatter does not show them. They are 0 if the calibration is to agree with those readings.
     """
 
     angle_deg: FloatArray
@@ -71,19 +71,19 @@ class Calibration:
 
     @property
     def u_shared_deg(self) -> FloatArray:
-        """Standard uncertainty that readings of what drove the sensor share at each angle, (g,); none without load."""
+        """Standard uncertainty at each angle common to all readings of the stimulus, (g,); zero without a load."""
         line = np.where(self.angle_deg == 0.0, 0.0, self.u_line_deg)
         return np.hypot(self.u_scale * self.angle_deg, line)
 
     @property
     def shared(self) -> FloatArray:
-        """Covariance from errors that all readings of the calibration share, along the curve, (g, 2, 2)."""
+        """Covariance due to errors of the stimulus that are common to all readings, along the curve, (g, 2, 2)."""
         slope = self._slope
         variance = self.u_shared_deg[:, None, None] ** 2
         return np.asarray(variance * slope[:, :, None] * slope[:, None, :])
 
     def widened(self) -> "Calibration":
-        """It with ends as far out as what stated them may be off, along straight lines; itself where that is exact."""
+        """Extend the calibration linearly at both ends by the possible error of the stimulus, if it has any."""
         u = self.u_shared_deg[[0, -1]]
         ends = [end for end, off in zip((0, -1), u, strict=True) if off > 0.0]
         if not ends:
@@ -110,9 +110,9 @@ class Calibration:
     def law(self) -> tuple[FloatArray, FloatArray]:
         """Scale (g, 2, 2) and degrees of freedom (g,) of the t distribution of a new reading.
 
-        Satterthwaite's freedom of a sum by the shares of its parts in the variance of the angle; then that of a
-        prediction of two variables whose covariance is itself estimated, with one degree less and wider by as much
-        (Hotelling 1931).
+        The degrees of freedom of a sum follow Satterthwaite, with the fractions of the components in the variance of
+        the angle. A prediction of two variables with an estimated covariance then has one degree of freedom less and a
+        larger scale (Hotelling 1931).
         """
         total = self.total + self.shared
         slope = self._slope
@@ -128,17 +128,17 @@ class Calibration:
 
 
 def at_angles(angle_deg: FloatArray, curves_V: FloatArray, where: FloatArray) -> FloatArray:
-    """Curves (2, g, 2) at other angles, (2, n, 2), monotone where their points are (Fritsch and Carlson)."""
+    """Curves (2, g, 2) interpolated at angles (n,), monotone between monotone points (Fritsch and Carlson)."""
     return np.asarray(PchipInterpolator(angle_deg, curves_V, axis=1)(where))
 
 
 def calibrated(training: Training) -> Calibration:
-    """Calibration of one sensor.
+    """Estimate the calibration of one sensor.
 
     Raises
     ------
     DataError
-        With a single cycle, or with too few samples to know how they scatter.
+        If there is a single cycle, or too few samples to estimate their scatter.
     """
     cycles = training.cycles
     if cycles < 2:
@@ -154,7 +154,7 @@ def calibrated(training: Training) -> Calibration:
             [steps, np.column_stack([own.angle_deg[moved], 0.5 * _squares(rest[moved] - rest[moved - 1])])]
         )
     if len(steps) < _LEAST_SAMPLES:
-        limit = f"has {len(steps)} samples in the cycles that are used, too few to estimate their scatter"
+        limit = f"has {len(steps)} samples in the cycles used, too few to estimate their scatter"
         raise DataError(f"sensor {training.label}", limit=limit, remedy="sample faster, or record more cycles")
     floor = _FLOOR * float(np.nanmax(np.ptp(training.curves_V(), axis=1))) ** 2 * np.eye(2)
     total, count = _smooth(products, training.angle_deg)
@@ -176,7 +176,7 @@ def calibrated(training: Training) -> Calibration:
 
 
 def _apart(training: Training, cycle: int, own: Samples) -> FloatArray:
-    """Distance of a cycle's samples from the mean of the others, (n, 2)."""
+    """Difference of a cycle's samples from the mean of the other cycles, (n, 2)."""
     others = mean_curves(np.delete(training.cycles_V, cycle, axis=0))
     held = np.isfinite(others).all(axis=(0, 2))
     angle = training.angle_deg[held]
@@ -185,14 +185,15 @@ def _apart(training: Training, cycle: int, own: Samples) -> FloatArray:
 
 
 def _squares(rest: FloatArray) -> FloatArray:
-    """Products of (n, 2): left with left, left with right, right with right."""
+    """Products of the two columns of (n, 2): left·left, left·right, right·right."""
     return np.column_stack([rest[:, 0] ** 2, rest[:, 0] * rest[:, 1], rest[:, 1] ** 2])
 
 
 def _smooth(rows: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean covariance about each angle, (g, 2, 2), and the number of samples behind it, (g,).
+    """Mean covariance about each angle, (g, 2, 2), and the effective number of samples used for it, (g,).
 
-    ``rows`` are an angle and three products. The mean is weighted by a triangle as narrow as samples allow.
+    Each of ``rows`` contains an angle and three products. The weights are a triangle that is as narrow as the number of
+    samples allows.
     """
     place = np.clip(np.rint((rows[:, 0] - grid[0]) / (grid[1] - grid[0])).astype(int), 0, grid.size - 1)
     count = np.bincount(place, minlength=grid.size).astype(float)
@@ -214,7 +215,7 @@ def _smooth(rows: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _parted(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A component limited to its total in every direction, and the rest of the total, both (g, 2, 2)."""
+    """A component limited to the total in every direction, and the remainder of the total, both (g, 2, 2)."""
     root = np.linalg.cholesky(whole)
     inverse = np.linalg.inv(root)
     values, vectors = np.linalg.eigh(inverse @ part @ inverse.swapaxes(1, 2))
@@ -224,17 +225,17 @@ def _parted(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def pooled(ones: Sequence[Calibration]) -> Calibration:
-    """One calibration pooled from those of several prints, for a print not among them.
+    """Pool the calibrations of several prints into one, for use with another print.
 
-    The scatter of prints is that of their mean curves.
+    The covariance between prints is that of their mean curves.
 
     Raises
     ------
     DataError
-        With a single print, or where their angles have too little in common.
+        If there is a single print, or the prints have too few angles in common.
     """
     if len(ones) < 2:
-        raise DataError("pooled calibration", value=len(ones), limit="needs at least two prints")
+        raise DataError("pooled calibration", value=len(ones), limit="requires at least two prints")
     grid, places = _common([one.angle_deg for one in ones])
     curves = np.array([one.curves_V[:, place] for one, place in zip(ones, places, strict=True)])
     noise, repeat = (
@@ -262,19 +263,19 @@ def _common(grids: Sequence[FloatArray]) -> tuple[FloatArray, list[list[int]]]:
     keys = [{round(float(angle), 9): place for place, angle in enumerate(grid)} for grid in grids]
     shared = sorted(set.intersection(*(set(key) for key in keys)))
     if len(shared) < 5:
-        limit = f"have {len(shared)} angles of their grids in common"
-        raise DataError("the prints", limit=limit, remedy="give all the same --step-deg, and the same range")
+        limit = f"have only {len(shared)} angles of their grids in common"
+        raise DataError("the prints", limit=limit, remedy="use the same --step-deg and the same range for all of them")
     return np.array(shared), [[key[angle] for angle in shared] for key in keys]
 
 
 def _between(curves: FloatArray) -> FloatArray:
-    """Covariance of prints' curves (p, g, 2), (g, 2, 2)."""
+    """Covariance (g, 2, 2) of the curves (p, g, 2) of several prints."""
     apart = curves - curves.mean(axis=0)
     found = np.einsum("pgi,pgj->gij", apart, apart) / (len(curves) - 1)
     return _rounder(found, 1.0 / (len(curves) - 1))
 
 
 def _rounder(covariance: FloatArray, share: float) -> FloatArray:
-    """Covariances shrunk towards equal variances, as few cycles or prints hardly determine a correlation."""
+    """Covariances shrunk towards equal variances, because few cycles or prints hardly determine a correlation."""
     level = np.trace(covariance, axis1=1, axis2=2) / 2.0
     return np.asarray((1.0 - share) * covariance + share * level[:, None, None] * np.eye(2))

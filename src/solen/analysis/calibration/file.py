@@ -1,7 +1,7 @@
 """The file of a calibration: curves and covariances, motion and circuit, sources, checks.
 
-The interface: `CalibrationFile`, `load` of a path, `text_of` one; `Motion` and `Circuit` state what a calibration is
-for, and `differences` how a recording differs from that.
+The interface: `CalibrationFile`; `load` reads one from a path, and `text_of` returns its text. `Motion` and `Circuit`
+state what a calibration applies to, and `differences` states how a recording differs from that.
 """
 
 import json
@@ -34,7 +34,7 @@ Column = Annotated[tuple[Number, ...], Field(min_length=5, max_length=100_000)]
 
 
 class Motion(Strict):
-    """Motion of the calibrated recording: its kind and range."""
+    """Kind and range of the motion of the calibrated recording."""
 
     table: ClassVar[str] = "motion"
     error: ClassVar[type[DataError]] = DataError
@@ -52,19 +52,19 @@ class Motion(Strict):
 
 
 class Cell(Strict):
-    """Load cell that the forces were read from: errors that all of them share."""
+    """Load cell that measured the forces, with the errors common to all its readings."""
 
     table: ClassVar[str] = "load_cell"
     error: ClassVar[type[DataError]] = DataError
 
     name: Text = Field(description="Its name.")
-    sensitivity_deg_per_V: Number = Field(description="Sensitivity: newtons per volt.")
+    sensitivity_deg_per_V: Number = Field(description="Sensitivity, in newtons per volt.")
     u_sensitivity_deg_per_V: NotNegative | None = Field(None, description="Its uncertainty; null if not stated.")
     off_line_deg: NotNegative = Field(0.0, description="Standard uncertainty from its non-linearity.")
 
     @property
     def u_scale(self) -> float | None:
-        """Relative uncertainty of its scale."""
+        """Relative standard uncertainty of the scale."""
         return (
             None
             if self.u_sensitivity_deg_per_V is None
@@ -73,28 +73,29 @@ class Cell(Strict):
 
     @property
     def shared(self) -> str:
-        """What all its readings share, in words."""
+        """Sentence on the error common to all readings."""
         line = f" and {self.off_line_deg:.1g} N" if self.off_line_deg else ""
         return (
-            f"all readings of the load cell share an error of {100.0 * (self.u_scale or 0.0):.2g} %{line} (standard "
-            "uncertainty): errors against its reading do not show it, and bands of decoded forces hold it"
+            f"all readings of the load cell have a common error of {100.0 * (self.u_scale or 0.0):.2g} "
+            f"%{line} (standard "
+            "uncertainty), which errors relative to its readings do not show but the bands of decoded forces include"
         )
 
 
 class Circuit(Strict):
-    """Circuit that the voltages come from."""
+    """Circuit that the voltages were measured with."""
 
     table: ClassVar[str] = "circuit"
     error: ClassVar[type[DataError]] = DataError
 
     ambient: Ambient | None = Field(None, description="Whether ambient light was subtracted from the voltages.")
-    emitter_current_mA: Number | None = Field(None, description="Current of the emitter, by the design.")
-    load_ohm: Number | None = Field(None, description="Load resistor of the receivers, by the design.")
+    emitter_current_mA: Number | None = Field(None, description="Current of the emitter, from the design.")
+    load_ohm: Number | None = Field(None, description="Load resistor of the receivers, from the design.")
     design_sha256: Text | None = Field(None, description="Checksum of the design file's text.")
 
 
 class Curves(Strict):
-    """Voltages over the angles; each pair is left, right."""
+    """Voltages over the angles; each pair is (left, right)."""
 
     table: ClassVar[str] = "curves"
     error: ClassVar[type[DataError]] = DataError
@@ -103,9 +104,9 @@ class Curves(Strict):
     rising_V: tuple[Pair, ...] = Field(description="Mean of the rising half-cycles.")
     falling_V: tuple[Pair, ...] = Field(description="Mean of the falling half-cycles.")
     noise_V2: tuple[Three, ...] = Field(description="Covariance of the noise of a reading.")
-    repeat_V2: tuple[Three, ...] = Field(description="Covariance of a new cycle, with the error of the mean.")
-    between_V2: tuple[Three, ...] = Field(description="Covariance of a new print; zero for a single one.")
-    samples: tuple[NotNegative, ...] = Field(description="Number of samples behind the covariances.")
+    repeat_V2: tuple[Three, ...] = Field(description="Covariance of a new cycle, including the error of the mean.")
+    between_V2: tuple[Three, ...] = Field(description="Covariance of a new print; zero if there is a single one.")
+    samples: tuple[NotNegative, ...] = Field(description="Number of samples used for the covariances at each angle.")
 
     @model_validator(mode="after")
     def _is_one(self) -> Self:
@@ -132,19 +133,19 @@ class Part(Strict):
     rms_deg: NotNegative = Field(description="Root mean square error.")
     bias_deg: Number = Field(description="Mean error.")
     worst_deg: NotNegative = Field(description="Largest error.")
-    within_68: NotNegative = Field(description="Share of the readings within their 68 % bands.")
-    within_95: NotNegative = Field(description="Share within their 95 % bands.")
-    outside: NotNegative = Field(description="Share that matches no point of the curve.")
-    ambiguous: NotNegative = Field(description="Share that matches several points.")
+    within_68: NotNegative = Field(description="Fraction of the readings within their 68 % bands.")
+    within_95: NotNegative = Field(description="Fraction of the readings within their 95 % bands.")
+    outside: NotNegative = Field(description="Fraction of the readings that match no point of the curve.")
+    ambiguous: NotNegative = Field(description="Fraction of the readings that match several points.")
 
 
 class Checked(Strict):
-    """A check as a whole and in its parts."""
+    """Result of a check, in total and for each part."""
 
     error: ClassVar[type[DataError]] = DataError
 
     whole: Part = Field(description="All readings.")
-    parts: tuple[Part, ...] = Field(description="By what was left out.")
+    parts: tuple[Part, ...] = Field(description="Results for each cycle or print left out.")
 
 
 class CalibrationFile(Strict):
@@ -152,13 +153,13 @@ class CalibrationFile(Strict):
 
     error: ClassVar[type[DataError]] = DataError
 
-    kind: Literal["calibration"] = Field("calibration", description="What the file is.")
-    solen: Text = Field(description="Version that wrote it.")
+    kind: Literal["calibration"] = Field("calibration", description="Type of the file.")
+    solen: Text = Field(description="Version of solen that wrote the file.")
     sensor: Text = Field(description="Name of the sensor, or of the pool.")
-    prints: tuple[Text, ...] = Field(description="Sensors it was made from.")
+    prints: tuple[Text, ...] = Field(description="Sensors that were calibrated.")
     simulated: bool = Field(description="Whether any recording was simulated.")
-    cycles: Annotated[int, Field(ge=2)] = Field(description="Cycles used, of all prints.")
-    unit: Text = Field("V", description="Unit of the receivers; it replaces V in the keys.")
+    cycles: Annotated[int, Field(ge=2)] = Field(description="Number of cycles used, of all prints together.")
+    unit: Text = Field("V", description="Unit of the receivers, which replaces V in the keys.")
     stimulus: Name = Field(
         "angle", description="Decoded quantity; for a force or depth, keys end in N or mm instead of deg."
     )
@@ -166,26 +167,30 @@ class CalibrationFile(Strict):
     range_deg: Pair = Field(description="Lowest and highest calibrated angle.")
     freedom_repeat: Annotated[int, Field(ge=1)] = Field(description="Degrees of freedom of repeat_V2.")
     rails_V: tuple[tuple[Number | None, Number | None], tuple[Number | None, Number | None]] = Field(
-        description="Lowest and highest voltage of left and right at which readings were clipped; null for none."
+        description="Lowest and highest voltage of left and right at which readings were clipped; null if none were."
     )
     dark_V: Number | None = Field(None, description="Voltage without light, if known.")
-    motion: Motion = Field(description="The moving part and its range.")
+    motion: Motion = Field(description="Parts that move, and the range of the motion.")
     circuit: Circuit = Field(description="Meaning of the voltages.")
     curves: Curves = Field(exclude=True, description="Voltages over the angles, and their covariances.")
-    leave_one_cycle_out: Checked | None = Field(description="Each cycle decoded by the others; null with two cycles.")
-    leave_one_sensor_out: Checked | None = Field(description="Each print decoded by the others; null without three.")
-    words: tuple[str, ...] = Field(description="What the checks show, in sentences.")
+    leave_one_cycle_out: Checked | None = Field(
+        description="Each cycle decoded with a calibration from the others; null with two cycles."
+    )
+    leave_one_sensor_out: Checked | None = Field(
+        description="Each print decoded with a calibration from the others; null with fewer than three prints."
+    )
+    words: tuple[str, ...] = Field(description="Results of the checks, in sentences.")
     sources: tuple[dict[str, Any], ...] = Field(description="The recordings.")
-    warnings: tuple[Caution, ...] = Field(description="What the calibration cannot establish.")
+    warnings: tuple[Caution, ...] = Field(description="Limits of the calibration.")
 
     @property
     def stimulus_of(self) -> Stimulus:
-        """What is decoded."""
+        """The decoded quantity."""
         return STIMULI[self.stimulus]
 
     @property
     def calibration(self) -> Calibration:
-        """The calibration's arrays."""
+        """The calibration as arrays."""
         curves, cell = self.curves, self.load_cell
         return Calibration(
             angle_deg=np.array(curves.angle_deg),
@@ -203,12 +208,12 @@ class CalibrationFile(Strict):
         )
 
     def keyed(self, data: dict[str, Any]) -> dict[str, Any]:
-        """Plain data of it, with keys in its own units."""
+        """Plain data of the file, with keys in its own units."""
         return self.stimulus_of.keyed(in_unit(data, self.unit))
 
 
 def curves_of(calibration: Calibration) -> Curves:
-    """Curves and covariances as the file stores them."""
+    """Curves and covariances in the form stored in the file."""
     return Curves(
         angle_deg=tuple(calibration.angle_deg.tolist()),
         rising_V=rows_as_tuples(calibration.curves_V[0]),
@@ -221,12 +226,12 @@ def curves_of(calibration: Calibration) -> Curves:
 
 
 def rails_of(calibration: Calibration) -> tuple[tuple[float | None, ...], ...]:
-    """Rails, with None for unknown ones."""
+    """Rails, with None for unknown values."""
     return tuple(tuple(v if math.isfinite(v) else None for v in row) for row in calibration.rails_V.tolist())
 
 
 def rows_as_tuples(values: FloatArray) -> tuple[tuple[float, ...], ...]:
-    """Rows of a matrix as a file stores them."""
+    """Rows of a matrix in the form stored in a file."""
     return tuple(tuple(row) for row in values.tolist())
 
 
@@ -239,25 +244,27 @@ def _square(rows: tuple[Three, ...]) -> FloatArray:
 
 
 def text_of(file: CalibrationFile) -> str:
-    """The file's text."""
+    """Text of the file."""
     data = {"schema": SCHEMA, **file.model_dump(mode="json"), "curves": file.curves.model_dump(mode="json")}
     return json.dumps(file.keyed(data), indent=1, allow_nan=False) + "\n"
 
 
 def calibration_data(path: Path) -> Any:
-    """JSON of a calibration's file, of a sensor or a network; `DataError` if it cannot be read."""
+    """JSON of a calibration file of a sensor or a network; `DataError` if it cannot be read."""
     text = read_text(path, DataError, maker="solen bench calibrate")
-    return parsed(text, str(path), remedy="make it again with solen bench calibrate")
+    return parsed(text, str(path), remedy="create it again with solen bench calibrate")
 
 
 def load(path: Path) -> CalibrationFile:
-    """Calibration of a file; `DataError` if it cannot be read or is not a calibration."""
+    """Load a calibration from a file; `DataError` if it cannot be read or is not a calibration."""
     data = calibration_data(path)
     if not isinstance(data, dict) or data.get("kind") != KIND:
         found = data.get("kind") if isinstance(data, dict) else None
-        remedy = "make one with solen bench calibrate"
+        remedy = "create one with solen bench calibrate"
         if found == OF_NETWORK:
-            remedy = "decode by solen bench decode, or in Python by solen.analysis.network.load_network(FILE).decoder"
+            remedy = (
+                "decode with solen bench decode, or in Python with solen.analysis.network.load_network(FILE).decoder"
+            )
         raise DataError(str(path), value=found, limit="is not a calibration of a sensor", remedy=remedy)
     data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
     with error_context(str(path)):
@@ -266,7 +273,7 @@ def load(path: Path) -> CalibrationFile:
 
 
 def tuples(value: Any) -> Any:
-    """Lists converted to the tuples that strict fields require."""
+    """Convert lists to the tuples that strict fields require."""
     if isinstance(value, dict):
         return {key: tuples(one) for key, one in value.items()}
     return tuple(tuples(one) for one in value) if isinstance(value, list) else value
@@ -281,7 +288,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def differences(ours: CalibrationFile, motion: Motion, circuit: Circuit) -> tuple[list[str], list[str]]:
-    """Phrases on how a recording differs from the calibrated one, and on what is not stated."""
+    """Phrases for the differences of a recording from the calibrated one, and the names of what is not stated."""
     other, unknown = [], []
     for name, mine, theirs in (
         ("kind of motion", ours.motion.kind, motion.kind),
@@ -309,7 +316,7 @@ def differences(ours: CalibrationFile, motion: Motion, circuit: Circuit) -> tupl
 
 
 def _pressed(drives: str | None) -> str | None:
-    """Name of the finger, pull or clamp that is driven: a depth and a force of one finger are one motion."""
+    """Name of the finger, pull or clamp that is driven; a depth and a force of one finger are the same motion."""
     return None if drives is None else drives.rpartition(".")[0]
 
 

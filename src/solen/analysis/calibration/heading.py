@@ -1,10 +1,11 @@
-"""Whether a stream of angles rises or falls, from the last few of them.
+"""Heading of a stream of angles, rising or falling, from the last few angles.
 
-The idea: the slope of the least-squares line through the angles of a short time before each, and its standard
-deviation by the noise of a reading alone: what stays for a cycle moves all of them alike. The probability that the
-slope is positive is that of a normal variable; a stream that neither surely rises nor surely falls has no heading.
+A least-squares line is fitted to the angles in a short time before each one. The standard deviation of its slope
+contains only the noise of a reading, because errors that are constant over a cycle move all angles alike. The
+probability that the slope is positive follows from a normal distribution; a stream that is not clearly rising or
+falling has no heading.
 
-The interface: `Tracker` takes angles as they come, many or one, and gives `Headings`.
+The interface: `Tracker` accepts angles in batches of any size, and returns `Headings`.
 """
 
 from dataclasses import dataclass
@@ -21,25 +22,25 @@ _LEAST = 3
 
 @dataclass(frozen=True, eq=False)
 class Headings:
-    """Slope (deg/s), and the probability that the angle rises, both (n,); NaN and 0.5 where there are too few."""
+    """Slope (deg/s) and probability that the angle rises, both (n,); NaN and 0.5 if there are too few angles."""
 
     slope_deg_per_s: FloatArray
     rises: FloatArray
 
     def words(self) -> list[str]:
-        """``rising``, ``falling`` or nothing of each."""
+        """``rising``, ``falling`` or an empty text for each angle."""
         return ["rising" if rise >= SURE else "falling" if rise <= 1.0 - SURE else "" for rise in self.rises.tolist()]
 
 
 class Tracker:
-    """Slopes of a stream; it remembers one window."""
+    """Slopes of a stream; one window of angles is kept in memory."""
 
     def __init__(self, window_s: float = WINDOW_S) -> None:
         self._window_s = window_s
         self._kept = np.zeros((0, 3))
 
     def of(self, time_s: FloatArray, angle_deg: FloatArray, noise_deg: FloatArray) -> Headings:
-        """Slopes at the next angles of the stream, (n,); times never fall."""
+        """Slopes at the next angles of the stream, (n,), whose times must not decrease."""
         if len(time_s) and len(self._kept) and time_s[0] < self._kept[-1, 0]:  # a clock that was set back
             self._kept = self._kept[:0]
         rows = np.vstack([self._kept, np.column_stack([time_s, angle_deg, noise_deg])])

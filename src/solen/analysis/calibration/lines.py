@@ -1,4 +1,4 @@
-"""Lines of CSV as they arrive: the names of their columns, then their numbers, line by line.
+"""Lines of CSV as they arrive: the names of the columns, then the numbers of each line.
 
 The interface: `lines_of` a text.
 """
@@ -18,14 +18,14 @@ from solen.recording.words import heading
 STDIN = "-"
 _SEPARATORS = (";", "\t", ",")
 _BYTE_ORDER = ("\ufeff", "\xef\xbb\xbf")
-"""Mark of the byte order before a header, read as UTF-8 and as Windows-1252."""
+"""Byte order mark before a header, read as UTF-8 and as Windows-1252."""
 
 
 @dataclass(frozen=True)
 class Lines:
-    """Names of the columns, and the numbers of each line: NaN for a cell that is empty or a word.
+    """Names of the columns, and the numbers of each line: NaN for a cell that is empty or not a number.
 
-    A line with another number of cells has no numbers.
+    A line with a different number of cells gives no numbers.
     """
 
     names: tuple[str, ...]
@@ -33,24 +33,24 @@ class Lines:
 
     @property
     def header(self) -> Recording:
-        """The columns without values, as a file would give them."""
+        """The columns without values, as in a file."""
         heads = map(heading, self.names)
         channels = (Channel(head.name, head.quantity, head.unit, np.empty(0)) for head in heads)
         return Recording(tuple(channels), Provenance(STDIN))
 
 
 def lines_of(text: Iterable[str], columns: Sequence[str] = (), *, remedy: str) -> Lines:
-    """Lines of a text; the first one that is not blank is the header, unless columns are named.
+    """Read the lines of a text; the first non-blank line is the header, unless the columns are named.
 
     Raises
     ------
     DataError
-        If no line arrives, or the header holds numbers alone, with the ``remedy``.
+        If no line arrives, or the header contains only numbers; the message ends with the ``remedy``.
     """
     rows: Iterator[str] = (row for row in text if row.strip())
     first = next(rows, None)
     if first is None:
-        raise DataError(STDIN, limit="is an empty stream: no line arrived", remedy="write a header and readings to it")
+        raise DataError(STDIN, limit="is empty: no line arrived", remedy="write a header and readings to it")
     head = next((first.removeprefix(mark) for mark in _BYTE_ORDER if first.startswith(mark)), first)
     separator = next((sign for sign in _SEPARATORS if sign in head), ",")
     names = _cells(head, separator)
@@ -58,7 +58,7 @@ def lines_of(text: Iterable[str], columns: Sequence[str] = (), *, remedy: str) -
         again = {first.strip(), head.strip()}  # as a logger that begins anew writes it
         rows = (row for row in rows if row.strip() not in again)
     elif not columns:
-        limit = "begins with numbers, not with the names of its columns"
+        limit = "begins with numbers instead of the names of its columns"
         raise DataError(STDIN, limit=limit, remedy=remedy)
     if columns:
         names, rows = list(columns), chain([head], rows)

@@ -1,6 +1,6 @@
 """Streams of voltages to decode: a recorded file, or lines of CSV as they arrive.
 
-Each is a `Stream` of `Batch` after `Batch` of left and right voltages, as large as there is something to hand over.
+A `Stream` yields one `Batch` of left and right voltages after another, each as large as the available data.
 
 The interface: `recorded_stream` of a file, `line_stream` of lines.
 """
@@ -40,7 +40,7 @@ FILE_OPTIONS = (*_OF_DRIVE, "on_off_hz", "on", "mains_hz", "emitters", "smooth_m
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Readings: times (n,), left and right (n, 2) with NaN where one is missing, flags of clipped ones, true angles."""
+    """Readings: times (n,), left and right (n, 2) with NaN for missing ones, flags of clipped ones, true angles."""
 
     time_s: FloatArray
     volts: FloatArray
@@ -52,7 +52,7 @@ class Batch:
 class Stream:
     """Readings with their sensor, source and unit, and whether ambient light was subtracted (None if unknown).
 
-    ``named`` is False where the sensor has only the name of its file.
+    ``named`` is False if the sensor is named only after its file.
     """
 
     batches: Iterator[Batch]
@@ -72,14 +72,14 @@ class Stream:
 def recorded_stream(
     path: Path, options: SignalOptions, sensor: str | None, calibrated: str, stimulus: Stimulus = ANGLE
 ) -> Stream:
-    """Readings of a file; ``sensor`` is the sensor to decode, by default the ``calibrated`` one.
+    """Read the readings of a file; ``sensor`` is the sensor to decode, by default the ``calibrated`` one.
 
-    Decoded values are compared with the file's own ``stimulus``, where it has one.
+    Decoded values are compared with the file's own values of the ``stimulus``, if there are any.
 
     Raises
     ------
     DataError, SpecError
-        If the file has no such sensor, or no left and right receiver.
+        If the file has no sensor with that name, or no left and right receiver.
     """
     _check_drive(options, stimulus)
     streams: dict[str, Stream] = {}
@@ -101,8 +101,8 @@ def recorded_stream(
 
 
 def _check_drive(options: SignalOptions, stimulus: Stimulus) -> None:
-    """`SpecError` for the column of a quantity that is not decoded."""
-    limit = f"does not apply: the calibration is of the {stimulus.name}"
+    """Raise `SpecError` for the column of a quantity that is not decoded."""
+    limit = f"does not apply, because the calibration is for the {stimulus.name}"
     for name, other in STIMULI.items():
         if name != stimulus.name and (column := getattr(options, other.column)) is not None:
             raise SpecError(f"--{other.column}", value=column, limit=limit, remedy=f"name it with --{stimulus.column}")
@@ -111,7 +111,7 @@ def _check_drive(options: SignalOptions, stimulus: Stimulus) -> None:
 
 
 def _has(recording: Recording, options: SignalOptions) -> bool:
-    """Whether a recording says what was truly there; where only a load cell's volts do, its calibration is needed."""
+    """Whether a recording contains true values of the stimulus; volts of a load cell require its calibration."""
     name = options.against or ANGLE.name
     if getattr(options, STIMULI[name].column) is not None or column_of(recording, name) is not None:
         return True
@@ -126,7 +126,7 @@ def _of_sensor(samples: Waveforms, name: str, places: list[int], provenance: Pro
 
 
 def chosen_sensor(names: Sequence[str], sensor: str | None, calibrated: str, source: str) -> str:
-    """The requested sensor, else the calibrated one, else the only one."""
+    """The requested sensor, otherwise the calibrated one, otherwise the only one."""
     for wanted in filter(None, (sensor, calibrated)):
         named = [name for name in names if name.rpartition(".")[2] == wanted.rpartition(".")[2]]
         if named:
@@ -135,14 +135,17 @@ def chosen_sensor(names: Sequence[str], sensor: str | None, calibrated: str, sou
             raise SpecError("--sensor", value=sensor, limit=f"{source} has {', '.join(names)}")
     if len(names) == 1:
         return names[0]
-    limit = f"has {len(names)} sensors, none of them called {calibrated}: {', '.join(names)}"
+    limit = f"has {len(names)} sensors, none of which is called {calibrated}: {', '.join(names)}"
     raise DataError(source, limit=limit, remedy="choose one with --sensor")
 
 
 def check_live(options: SignalOptions, *, subtracted: bool = False) -> None:
-    """`SpecError` for an option that live readings do not use, or only with ambient light."""
+    """Raise `SpecError` for an option that does not apply to live readings, or only to those with ambient light."""
     if subtracted and options.rails is not None:
-        limit = "do not apply to readings whose ambient light was subtracted; clipped ones are marked"
+        limit = (
+            "do not apply, because the ambient light of these readings was already subtracted "
+            "and clipped ones are marked"
+        )
         raise SpecError("--rails", limit=limit, remedy="leave it out")
     for name in FILE_OPTIONS:
         if name in options.model_fields_set:
@@ -151,9 +154,9 @@ def check_live(options: SignalOptions, *, subtracted: bool = False) -> None:
 
 
 def line_stream(text: Iterable[str], options: SignalOptions) -> Stream:
-    """Readings of lines of CSV, each as soon as it arrives; the first line is the header unless columns are named.
+    """Read lines of CSV, each as soon as it arrives; the first line is the header unless the columns are named.
 
-    Columns are converted to the unit of a file's; a unit that is assumed is a warning.
+    Times are converted to seconds and voltages to a common unit; an assumed unit causes a warning.
 
     Raises
     ------
@@ -167,7 +170,7 @@ def line_stream(text: Iterable[str], options: SignalOptions) -> Stream:
 
 @dataclass(frozen=True)
 class _Layout:
-    """Cells of a line that hold time, left and right, their scale factors, and the unit of left and right."""
+    """Columns of time, left and right in a line, their scale factors, and the unit of left and right."""
 
     places: tuple[int | None, int, int]
     scales: tuple[float, float, float]
@@ -183,7 +186,7 @@ class _Layout:
         elif options.rate_hz is None:
             time = column_of(header, "time")
             if time is None:
-                remedy = f"name it with --time, or give --rate-hz; {existing(header)}"
+                remedy = f"name it with --time, or state the rate with --rate-hz; {existing(header)}"
                 raise DataError(STDIN, limit="no column is recognised as the time of the readings", remedy=remedy)
         left, right = (_receiver(header, options, side) for side in ("left", "right"))
         warnings: list[Caution] = []
@@ -195,7 +198,7 @@ class _Layout:
         return cls(places, (of_time, of_left, of_right), unit, options.rate_hz, tuple(warnings))
 
     def batches(self, rows: Iterable[Sequence[float]]) -> Iterator[Batch]:
-        """One reading at a time; a line that cannot be read counts as a missing reading."""
+        """Yield one reading at a time; a line that cannot be read counts as a missing reading."""
         for number, values in enumerate(rows):
             place, left, right = self.places
             stamp = number / (self.rate_hz or 1.0) if place is None else values[place] * self.scales[0]
@@ -212,7 +215,7 @@ def _receiver(header: Recording, options: SignalOptions, side: str) -> Channel:
         channel for channel in header.channels if side_of(channel.name) == side and not is_companion(channel.name)
     ]
     if len(columns) != 1:
-        limit = f"{len(columns) or 'no'} columns are recognised as the {side} receiver; one is needed"
+        limit = f"{len(columns) or 'no'} columns are recognised as the {side} receiver, but exactly one is needed"
         remedy = f"name it with --channel {side}=COLUMN; {existing(header)}"
         raise DataError(STDIN, limit=limit, remedy=remedy)
     return columns[0]

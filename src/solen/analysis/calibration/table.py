@@ -1,11 +1,13 @@
-"""A calibration as a small table, with code in MicroPython and C that decodes by it on a board.
+"""A calibration as a small table, with code in MicroPython and C that decodes readings with it on a board.
 
-The idea: between two nodes of the table the curve in the plane of both voltages is straight. The point of each piece
-nearest to a reading has a closed form, in units of the reading's covariance; the nearest piece gives the angle. That is
-the middle of what `solen.analysis.calibration.decoder` gives, without its bands: rising and falling ways are one curve
-here, their difference counts as spread, and where two angles explain a reading only the likelier one is given.
+Between two nodes of the table the curve is straight in the plane of the two voltages. The point of each piece nearest
+to a reading, in units of the reading's covariance, has a closed form; the nearest piece gives the angle. This is the
+median of `solen.analysis.calibration.decoder` without its bands. Rising and falling directions are merged into one
+curve here, and their difference is added to the covariance. If two angles match a reading, only the more probable one
+is returned.
 
-The interface: `BoardTable.of` a calibration; its `python` and `c` are source texts. `DecodingTable` judges it.
+The interface: `BoardTable.of` a calibration; its `python` and `c` are source texts. `DecodingTable` compares it with
+the full decoder.
 """
 
 import re
@@ -26,9 +28,9 @@ from solen.results import Result, reported
 from solen.spec.strict import Options
 
 TRIED = 20
-"""Positions on each piece at which the table is compared with the full decoder."""
+"""Number of positions on each piece at which the table is compared with the full decoder."""
 MOST_OFF = 0.5
-"""Largest deviation from the full decoder without a warning, in standard uncertainties."""
+"""Largest deviation from the full decoder that causes no warning, in standard uncertainties."""
 _PYTHON = '''"""{plural} of a calibrated sensor: {name}. Written by solen {version}.
 
 decode(left, right) gives the {what} in {unit}, its standard uncertainty, and whether the readings lie on no point of
@@ -97,7 +99,7 @@ class TableOptions(Options):
     """Size of the table."""
 
     points: Annotated[int, Field(ge=5, le=257)] = 33
-    """Nodes of the table, even in the angle."""
+    """Number of nodes of the table, evenly spaced in angle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +130,7 @@ class BoardTable:
         version: str,
         stimulus: Stimulus = ANGLE,
     ) -> "BoardTable":
-        """Table of a calibration."""
+        """Compute the table of a calibration."""
         total, freedom = calibration.law()
         half = 0.5 * (calibration.curves_V[1] - calibration.curves_V[0])
         total = total + half[:, :, None] * half[:, None, :]
@@ -146,12 +148,12 @@ class BoardTable:
 
     @cached_property
     def python(self) -> str:
-        """Source for MicroPython, and Python."""
+        """Source code for MicroPython and Python."""
         return _PYTHON.format(rows=self._rows("    ({}),\n", ""), **self._said)
 
     @cached_property
     def c(self) -> str:
-        """Source in C99, a header."""
+        """Source code in C99, as a header file."""
         return _C.format(rows=self._rows("    {{{}}},\n", "f"), count=len(self.pieces), **self._said)
 
     @property
@@ -166,7 +168,7 @@ class BoardTable:
         )
 
     def decode(self, volts: FloatArray) -> FloatArray:
-        """Angles of left and right, (n, 2), computed by the generated MicroPython code."""
+        """Decode left and right voltages, (n, 2), into angles with the generated MicroPython code."""
         space: dict[str, Any] = {}
         exec(self.python, space)  # noqa: S102  what is written is what is tried
         return np.array([space["decode"](left, right)[0] for left, right in volts.tolist()])
@@ -183,24 +185,24 @@ class BoardTable:
 
 
 class DecodingTable(Result):
-    """A calibration as a table.
+    """Summary of a decoding table.
 
     Attributes
     ----------
     sensor
-        The calibration.
+        Name of the calibrated sensor.
     pieces
-        Straight pieces of the table.
+        Number of straight pieces of the table.
     low_deg, high_deg
-        Its range.
+        Range of the table.
     off_deg
         Largest difference from the full decoder along the curve.
     sigma
-        The same in standard uncertainties of an angle.
+        The same difference in standard uncertainties of an angle.
     simulated
         Whether the calibration is based on simulated recordings.
     stimulus
-        What is decoded: ``angle``, ``force`` or ``depth``; keys name its unit.
+        Decoded quantity: ``angle``, ``force`` or ``depth``. Keys end in its unit.
     """
 
     sensor: str
@@ -213,13 +215,13 @@ class DecodingTable(Result):
     stimulus: Name = "angle"
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as plain data; keys name the unit of what is decoded."""
+        """Return the result as plain data; keys end in the unit of the decoded quantity."""
         return STIMULI[self.stimulus].keyed(super().to_dict())
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
-        """Warnings if the table is too coarse."""
+        """Warning if the table is too coarse."""
         if self.sigma <= MOST_OFF:
             return ()
         off = f"{self.off_deg:.2g}{STIMULI[self.stimulus].sign}"
-        return (look_at(f"the table lies up to {off} from the full decoder; use more --points"),)
+        return (look_at(f"the table differs by up to {off} from the full decoder; use more --points"),)

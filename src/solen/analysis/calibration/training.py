@@ -1,6 +1,6 @@
-"""Input of a calibration: the rising and falling sweeps of each cycle, and the samples behind them.
+"""Input of a calibration: the rising and falling sweeps of each cycle, and their samples.
 
-The interface: `training_of` an analysed sensor gives a `Training`; `Training.only` takes some of its cycles.
+The interface: `training_of` an analysed sensor returns a `Training`; `Training.only` selects some of its cycles.
 """
 
 import math
@@ -21,7 +21,7 @@ _NEAR = 0.25  # of a step, that a grid may miss at its ends
 _WIDE = 5.0  # times what a noisy end lies further out: a step, a quarter of which a way need not reach
 _FEWEST = 7  # points
 LEAST_CYCLES = 2
-"""A single cycle does not show how well cycles repeat."""
+"""Smallest number of cycles; a single cycle does not show how well cycles repeat."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +31,11 @@ class Samples:
     Attributes
     ----------
     angle_deg, volts
-        (n,) and (n, 2): left, right.
+        Angles (n,), and voltages (n, 2): left, right.
     cycle, way
-        Place of the cycle, and 0 on a rising way or the hold after it, 1 on a falling one, (n,).
+        Index of the cycle, and the direction: 0 in a rising sweep or the hold after it, 1 in a falling one, (n,).
     follows
-        Whether it comes right after the one before, (n,).
+        Whether the sample immediately follows the previous one, (n,).
     """
 
     angle_deg: FloatArray
@@ -47,21 +47,21 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class Training:
-    """One sensor's sweeps and samples.
+    """Sweeps and samples of one sensor.
 
     Attributes
     ----------
     label
-        The sensor.
+        Label of the sensor.
     angle_deg
         Evenly spaced angles at which both receivers have a reading, (g,).
     cycles_V
-        (cycles, 2, g, 2): rising and falling; left and right. NaN where a way has no reading.
+        Voltages (cycles, 2, g, 2): rising and falling; left and right. NaN where a sweep has no reading.
     samples
-        Those between the first and the last angle.
+        Samples between the first and the last angle.
     rails_V
-        Lowest and highest voltage of left and right at which samples were clipped, (2, 2); NaN where none was, or where
-        the recorder marks clipped readings itself.
+        Lowest and highest voltage of left and right at which samples were clipped, (2, 2); NaN if none was clipped, or
+        if the recorder marks clipped readings itself.
     """
 
     label: str
@@ -76,19 +76,19 @@ class Training:
         return int(self.cycles_V.shape[0])
 
     def only(self, kept: BoolArray) -> "Training":
-        """Training of the cycles selected by a mask (cycles,)."""
+        """Training data of the cycles selected by a mask (cycles,)."""
         number = np.cumsum(kept) - 1
         samples = rows_of(self.samples, kept[self.samples.cycle])
         samples = replace(samples, cycle=number[samples.cycle])
         return replace(self, cycles_V=self.cycles_V[kept], samples=samples)
 
     def curves_V(self) -> FloatArray:
-        """Mean over cycles of the rising and of the falling sweeps, (2, g, 2)."""
+        """Mean over the cycles of the rising and of the falling sweeps, (2, g, 2)."""
         return mean_curves(self.cycles_V)
 
 
 def mean_curves(cycles_V: FloatArray) -> FloatArray:
-    """Mean over the first axis, ignoring NaN; a direction without readings is taken from the other one."""
+    """Mean over the first axis, ignoring NaN; a direction without readings is replaced by the other one."""
     held = np.isfinite(cycles_V)
     count = held.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -98,15 +98,15 @@ def mean_curves(cycles_V: FloatArray) -> FloatArray:
 
 
 def training_of(sensor: SensorResponse, *, whole: bool = False) -> Training:
-    """Sweep directions and samples of an analysed sensor.
+    """Collect the sweeps and samples of an analysed sensor.
 
-    ``whole`` takes its range up to the ends of the motion, which a grid of round numbers may not reach: with a grid of
-    its own it cannot be pooled.
+    With ``whole``, the range extends to the ends of the motion, which a grid of round numbers may not reach. Such a
+    sensor has a grid of its own and cannot be pooled.
 
     Raises
     ------
     DataError
-        Without one left and one right receiver, with a single cycle, or where they have no angles in common.
+        If there is no left or no right receiver, or a single cycle, or the receivers have no angles in common.
     """
     sides = left_right(tuple(sensor.receivers))
     if sides is None:
@@ -115,26 +115,26 @@ def training_of(sensor: SensorResponse, *, whole: bool = False) -> Training:
         raise DataError(f"sensor {sensor.label}", limit=limit, remedy=remedy)
     cycles = sensor.passes.cycles
     if cycles < LEAST_CYCLES:
-        limit = f"has {cycles} cycle{'s' * (cycles != 1)} that is used, and a calibration needs at least {LEAST_CYCLES}"
+        limit = f"has {cycles} usable cycle{'s' * (cycles != 1)}, but a calibration needs at least {LEAST_CYCLES}"
         raise DataError(
-            f"sensor {sensor.label}", limit=limit, remedy="record more, or use the first one, too: --drop 0"
+            f"sensor {sensor.label}", limit=limit, remedy="record more cycles, or include the first one with --drop 0"
         )
     sensor, u_end = smoothed(sensor)
     ways = _to_the_ends(sensor, u_end) if whole else sensor.passes
     volts = ways.volts[..., list(sides)]
     first, last = _stretch(np.asarray(np.isfinite(mean_curves(volts)).all(axis=(0, 2))))
     if last - first < len(DIRECTIONS) + 3:
-        limit = "has no stretch of angles at which both receivers have readings"
-        raise DataError(f"sensor {sensor.label}", limit=limit, remedy="look at it with solen bench analyse --figure")
+        limit = "has no range of angles in which both receivers have readings"
+        raise DataError(f"sensor {sensor.label}", limit=limit, remedy="inspect it with solen bench analyse --figure")
     angle = ways.angle_deg[first:last]
     samples, rails = _samples(sensor, sides, (float(angle[0]) - u_end, float(angle[-1]) + u_end))
     return Training(sensor.label, angle, volts[:, :, first:last], samples, rails)
 
 
 def _to_the_ends(sensor: SensorResponse, u_end: float) -> Passes:
-    """Ways on a grid from end to end of what all of them reach, where that of the analysis misses some of it.
+    """Interpolate the sweeps on a grid over their common range, if the grid of the analysis does not reach its ends.
 
-    Ends that were read with noise, of a standard uncertainty ``u_end``, are means, and lie further out by three of it.
+    If the ends are means of noisy readings, with standard uncertainty ``u_end``, the range is extended by three of it.
     """
     grid = sensor.passes.angle_deg
     near = _NEAR * (grid[1] - grid[0])
@@ -157,12 +157,12 @@ def _to_the_ends(sensor: SensorResponse, u_end: float) -> Passes:
 
 
 def _stretch(good: BoolArray) -> tuple[int, int]:
-    """Slice bounds of the longest stretch."""
+    """Slice bounds of the longest run."""
     return max(stretches(good), key=lambda bounds: bounds[1] - bounds[0], default=(0, 0))
 
 
 def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, float]) -> tuple[Samples, FloatArray]:
-    """Samples of all runs between two angles, without clipped ones, and the voltages of the clipped ones."""
+    """Samples of all runs between two angles, without the clipped ones, and the voltages of the clipped ones."""
     parts: list[tuple[FloatArray, FloatArray, IndexArray, IndexArray, BoolArray]] = []
     rails = np.full((2, 2), math.nan)
     cycle = 0
@@ -196,7 +196,7 @@ def _ways(motion: Motion, size: int) -> IndexArray:
 
 
 def _wider(rails: FloatArray, volts: FloatArray, clipped: BoolArray) -> FloatArray:
-    """Rails of each receiver, (2, 2), including those shown by samples clipped below or above the other samples."""
+    """Rails of each receiver, (2, 2), including those shown by samples clipped below or above the others."""
     found = rails.copy()
     for place in range(2):
         flags = clipped[:, place]

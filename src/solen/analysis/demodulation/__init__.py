@@ -1,12 +1,12 @@
 """Subtraction of ambient light: emitters switch on and off, and the light while they are off is subtracted.
 
-The idea: samples are gathered into slots, runs of one state of the emitters (`slots_of`). Each on slot gives a reading:
-its mean less the ambient light at its time, on the straight line between the off slots before and after it
-(`subtract`). Without a column of states the slots are found in the waveform itself (`find_clock`). What the subtraction
-lets through at a frequency is a formula (`solen.analysis.demodulation.rejection`). No filter runs unless asked for:
-`averaged` takes the mean over whole periods of the mains.
+Samples are grouped into slots, i.e. runs with a constant state of the emitters (`slots_of`). Each on slot gives a
+reading: its mean minus the ambient light at its time, interpolated linearly between the off slots before and after it
+(`subtract`). Without a column of states, the slots are detected in the waveform itself (`find_clock`). A formula gives
+the remaining ambient light at any frequency (`solen.analysis.demodulation.rejection`). No filter is applied unless
+requested: `averaged` computes the mean over whole periods of the mains.
 
-`demodulated` does all of it to a recording.
+The interface: `demodulated` applies all steps to a recording.
 """
 
 from solen.analysis.demodulation.average import averaged, readings_per_mains

@@ -1,10 +1,8 @@
-"""Means of readings over whole mains periods, which remove flicker that a subtraction leaves.
+"""Means of readings over whole mains periods, which remove flicker that the subtraction does not.
 
-Lamps flicker at twice the mains' frequency. At 200 readings a second 100 Hz alternates from one reading to the next,
-and four of them, one period of 50 Hz, average it and all its multiples out, but for those that fall on 200 Hz itself.
+Lamps flicker at twice the mains frequency. At 200 readings a second, 100 Hz alternates from one reading to the next.
+The mean of four readings, one period of 50 Hz, removes it and all its multiples, except for those at 200 Hz itself.
 This is a filter: it is applied only on request, blocks do not overlap, and the result states their size.
-
-The interface: `readings_per_mains`, `averaged`.
 """
 
 import math
@@ -19,14 +17,14 @@ from solen.errors import DataError
 
 MOST_READINGS = 1000
 NEAR = 0.02
-"""Largest deviation of a block from a whole number of mains periods, as a part of one period."""
+"""Largest deviation of a block from a whole number of mains periods, as a fraction of one period."""
 
 
 @dataclass(frozen=True, eq=False)
 class Averaged:
-    """Means of blocks of readings: as `Demodulated`, with ``left_out`` readings that fill no unbroken block.
+    """Means of blocks of readings, like `Demodulated`; ``left_out`` readings belong to no complete block.
 
-    ``places`` are the readings of each, (B, readings).
+    ``places`` are the indices of the readings of each block, (B, readings).
     """
 
     time_s: FloatArray
@@ -41,21 +39,23 @@ class Averaged:
 
 
 def readings_per_mains(period_s: float, mains_hz: float) -> int:
-    """Smallest number of readings that spans whole mains periods; `DataError` if none up to 1000 does."""
+    """Smallest number of readings that spans whole mains periods; `DataError` if no number up to 1000 does."""
     if not math.isfinite(period_s):
-        raise DataError("mains", value=mains_hz, limit="needs two readings of an emitter", remedy="leave it out")
+        raise DataError(
+            "mains", value=mains_hz, limit="requires at least two readings of an emitter", remedy="leave it out"
+        )
     for readings in range(1, MOST_READINGS + 1):
         periods = readings * period_s * mains_hz
         if periods >= 1.0 - NEAR and abs(periods - round(periods)) <= NEAR:
             return readings
-    limit = f"no whole number of readings every {1e3 * period_s:.4g} ms lasts whole periods of it"
+    limit = f"no number of readings every {1e3 * period_s:.4g} ms spans whole periods of it"
     raise DataError("mains", value=mains_hz, limit=limit, remedy="leave it out")
 
 
 def averaged(result: Demodulated, slots: Slots, readings: int) -> Averaged:
-    """Means of blocks of successive readings of each emitter; a block in which a reading is missing is left out.
+    """Average blocks of successive readings of each emitter; blocks with a missing reading are omitted.
 
-    ``slots`` are those that the readings were made of. Flicker that the means remove is not in their uncertainty.
+    ``slots`` are the slots of these readings. Flicker that the means remove does not contribute to their uncertainty.
     """
     parts = [_of_emitter(result, emitter, readings) for emitter in result.emitters]
     places = np.concatenate([np.empty((0, readings), dtype=np.intp), *parts])
@@ -75,7 +75,7 @@ def averaged(result: Demodulated, slots: Slots, readings: int) -> Averaged:
 
 
 def _u(result: Demodulated, slots: Slots, emitter: IntArray, readings: int) -> FloatArray:
-    """Uncertainty of means: with one emitter successive readings share the off slot between them."""
+    """Uncertainty of the means; with one emitter, successive readings share the off slot between them."""
     off = slots.time_s[slots.state == OFF]
     per_period = max(1, round(result.period_s / float(np.median(np.diff(off))))) if off.size > 1 else 1
     off_sd = slot_sd(slots, readings * per_period)
@@ -85,7 +85,7 @@ def _u(result: Demodulated, slots: Slots, emitter: IntArray, readings: int) -> F
 
 
 def _of_emitter(result: Demodulated, emitter: int, readings: int) -> IndexArray:
-    """Indices (B, readings) of blocks without a gap, that is, with consecutive numbers on the emitter's clock."""
+    """Indices (B, readings) of blocks without a gap, i.e. with consecutive numbers on the emitter's clock."""
     places = np.flatnonzero(result.of(emitter))
     if not places.size or not math.isfinite(result.period_s):
         return np.empty((0, readings), dtype=np.intp)

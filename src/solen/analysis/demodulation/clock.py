@@ -1,15 +1,15 @@
-"""The clock of the emitters, recovered from a waveform sampled while they switched.
+"""Recovery of the emitters' clock from a waveform that was sampled while they switched.
 
-The idea: the sum of all channels rises and falls with the emitters. Its phase at the switching frequency is followed
-block by block, so that a drift between the emitters' clock and the recording's is followed too. Samples folded at that
-phase show one period, and where it crosses half its height are the edges. From then on a sample is on, off, or too near
-after an edge, whatever the noise of that sample is.
+The sum of all channels rises and falls with the emitters. Its phase at the switching frequency is determined block by
+block, and so follows a drift between the clocks of the emitters and the recorder. Folding the samples at that phase
+gives the shape of one period, and the edges are where it crosses half its height. The time of a sample then determines
+whether it is on, off or too close to an edge, regardless of its noise.
 
-With several emitters in turn, each of them on and off once, the clock is that of the slots, and an emitter is known by
-its place in the sequence, counted from the first on slot of the recording.
+If several emitters take turns, each on and off once, the clock is that of the slots. An emitter is then identified by
+its position in the sequence, counted from the first on slot of the recording.
 
-The interface: `find_clock` near a stated rate, `find_switching` at any; `Clock.states` gives the state of each sample
-for `slots_of`.
+The interface: `find_clock` near a stated rate, `find_switching` at an unknown rate; `Clock.states` returns the state of
+each sample for `slots_of`.
 """
 
 from dataclasses import field
@@ -26,41 +26,41 @@ On = Literal["low", "high"]
 
 LEAST_PERIODS, BLOCK_PERIODS = 8, 32
 AT_EDGE = 0.45
-"""Sample intervals around an edge within which a sample may belong to either side."""
+"""Sample intervals around an edge within which a sample may be on either side of it."""
 LEAST_SAMPLES = 6
-"""Samples in a period: an edge, a settled and a spare one on each side."""
+"""Smallest number of samples in a period: an edge, a settled and a spare sample on each side."""
 SEARCHED_SHARE, SEARCHED_S = 0.05, 10.0
-"""Search range about the stated rate, and the part of the recording used."""
+"""Half-width of the search range relative to the stated rate, and length of the part of the recording used for it."""
 BINS = 200
 CLEAR, CERTAIN = 6.0, 20.0
-"""Ratio of modulation to noise that a clock needs; and the ratio that leaves no doubt."""
+"""Smallest ratio of modulation to noise for a clock, and the ratio above which the clock is certain."""
 SMOOTH = 0.2
-"""Share of a period between on and off from which on it looks like flicker rather than a switch."""
+"""Fraction of a period between on and off above which the modulation looks like flicker rather than a switch."""
 SLOWEST_HZ, TRIED = 15.0, 4
-"""Lowest rate searched where none is stated, above any motion's, and the number of lines tried."""
+"""Lowest rate searched if none is stated, above that of any motion, and the number of spectral lines tried."""
 
 
 class Clock(Result):
-    """Phases of N samples.
+    """Clock of the emitters, with the phases of N samples.
 
     Attributes
     ----------
     phase
-        Turns of the switching since the first edge to on, (N,); whole numbers are such edges.
+        Switching periods since the first edge to on, (N,); whole numbers are at these edges.
     rate_hz, u_rate_hz
-        Mean switching frequency on the recording's clock.
+        Mean switching frequency on the recording's clock, and its standard uncertainty.
     wander_us
-        Largest distance of an edge from where a clock of that rate would have it.
+        Largest distance of an edge from its position on a clock with a constant rate.
     jitter_us
-        Standard uncertainty of an edge's place.
+        Standard uncertainty of the position of an edge.
     on_share
-        Share of a period that an emitter is on.
+        Fraction of a period in which an emitter is on.
     depth
         Depth of the modulation in the sum of the channels, in their unit.
     clearness
-        Modulation over its noise.
+        Ratio of the modulation to its noise.
     between_share
-        Share of a period between a quarter and three quarters of the height: small for a switch, 1/3 for a sine.
+        Fraction of a period between a quarter and three quarters of the height: small for a switch, 1/3 for a sine.
     """
 
     phase: FloatArray = field(metadata=HIDDEN)
@@ -74,10 +74,10 @@ class Clock(Result):
     between_share: float = 0.0
 
     def states(self, settle_s: float, emitters: int = 1) -> IntArray:
-        """State of each sample (N,): settling ones, and those at an edge, are dropped.
+        """State of each sample, (N,); samples that settle or are at an edge are dropped.
 
-        An edge is known to its jitter, three of which are kept from it, and between two samples; where a recorder and
-        the emitters share a clock the one at the edge may be of either side, period by period.
+        The positions of edges have a jitter, of which three standard uncertainties are excluded, and lie between two
+        samples. If the recorder and the emitters share a clock, the sample at an edge may be on either side of it.
         """
         turns = np.floor(self.phase).astype(np.int64)
         inside = self.phase - turns
@@ -93,25 +93,25 @@ class Clock(Result):
 
     @property
     def shorter_s(self) -> float:
-        """The shorter of the two phases: samples that lack for less of a time hide none."""
+        """Duration of the shorter of the two phases; a gap shorter than this cannot hide a change of state."""
         return min(self.on_share, 1.0 - self.on_share) / self.rate_hz
 
 
 def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On = "low", emitters: int = 1) -> Clock:
-    """Clock of a waveform.
+    """Find the clock in a waveform.
 
     Parameters
     ----------
     time_s
-        Shape (N,), ascending, near to even.
+        Times, ascending and nearly evenly spaced, (N,).
     values
-        Shape (N, C), of channels that all move the same way with the light.
+        Channels, (N, C), all of which change in the same direction with the light.
     rate_hz
-        Stated number of readings of one emitter per second; the true one may be 5 % off.
+        Stated number of readings of one emitter per second; the true rate may differ by up to 5 %.
     on
         Whether light makes the values low, as at a receiver that pulls a load down, or high.
     emitters
-        How many take turns.
+        Number of emitters that take turns.
 
     Raises
     ------
@@ -125,7 +125,10 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
     near = _strongest(start, signal, stated)
     middle, turns, clearness, level = _followed(start, signal, near)
     if clearness < CLEAR:
-        limit = f"no clear modulation near it: {clearness:.1f} times its noise, but {CLEAR:g} are needed"
+        limit = (
+            f"no clear modulation near it: the modulation is {clearness:.1f} times its noise, "
+            f"but at least {CLEAR:g} times is needed"
+        )
         raise DataError(
             "rate_hz", value=rate_hz, limit=limit, remedy="state the rate, or record the switch state in a column"
         )
@@ -152,9 +155,10 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
 
 
 def find_switching(time_s: FloatArray, values: FloatArray, on: On = "low") -> Clock | None:
-    """Clock of a waveform of one emitter of unknown rate; None if it does not switch.
+    """Find the clock in a waveform of one emitter with an unknown rate; None if it does not switch.
 
-    Times (N,) ascend, values (N, C) move the same way with the light. The strongest lines are tried, the highest first.
+    Times (N,) ascend, and the values (N, C) change in the same direction with the light. The strongest spectral lines
+    are tried in order.
     """
     step = float(np.median(np.diff(time_s)))
     if not step > 0.0 or 1.0 / step < LEAST_SAMPLES * SLOWEST_HZ:
@@ -172,7 +176,7 @@ def find_switching(time_s: FloatArray, values: FloatArray, on: On = "low") -> Cl
 
 
 def _lines(start: FloatArray, signal: FloatArray, fastest_hz: float) -> list[float]:
-    """Frequencies of the strongest lines of the first seconds, the strongest first."""
+    """Frequencies of the strongest spectral lines in the first seconds, in descending order of their amplitude."""
     last = max(int(np.searchsorted(start, SEARCHED_S)), 2)
     frequency = np.fft.rfftfreq(last, float(start[last - 1]) / (last - 1))
     power = np.abs(np.fft.rfft((signal[:last] - signal[:last].mean()) * np.hanning(last)))
@@ -190,16 +194,16 @@ def _lines(start: FloatArray, signal: FloatArray, fastest_hz: float) -> list[flo
 def _check(time_s: FloatArray, rate_hz: float) -> None:
     length = float(time_s[-1] - time_s[0]) if len(time_s) > 1 else 0.0
     if length * rate_hz < LEAST_PERIODS:
-        limit = f"must hold at least {LEAST_PERIODS} periods of {rate_hz:g} Hz to find its clock"
+        limit = f"must contain at least {LEAST_PERIODS} periods of {rate_hz:g} Hz to determine its clock"
         raise DataError("recording", value=f"{length:.3g} s", limit=limit)
     per_period = (len(time_s) - 1) / (length * rate_hz)
     if per_period < LEAST_SAMPLES:
-        limit = f"samples in a period of {rate_hz:g} Hz: at least {LEAST_SAMPLES} are needed to find its edges"
+        limit = f"samples in a period of {rate_hz:g} Hz, but at least {LEAST_SAMPLES} are needed to determine the edges"
         raise DataError("recording", value=round(per_period, 2), limit=limit, remedy="add a column of states (--state)")
 
 
 def _strongest(start: FloatArray, signal: FloatArray, rate_hz: float) -> float:
-    """Frequency of the strongest line near the stated one, in the first seconds, by a padded transform."""
+    """Frequency of the strongest spectral line near the stated rate in the first seconds, by zero padding."""
     last = max(int(np.searchsorted(start, SEARCHED_S)), 2)
     values = signal[:last] - signal[:last].mean()
     step = float(start[last - 1]) / (last - 1)
@@ -213,9 +217,10 @@ def _strongest(start: FloatArray, signal: FloatArray, rate_hz: float) -> float:
 def _followed(
     start: FloatArray, signal: FloatArray, rate_hz: float
 ) -> tuple[FloatArray, FloatArray, float, FloatArray]:
-    """Middle of each block, its phase in turns against a clock of that rate, and how clearly it stands out.
+    """Middle of each block, its phase relative to a clock with that rate, and the ratio of modulation to noise.
 
-    Last the signal less the mean of each block, which a drift of the room does not move.
+    The phase is in turns. The last value is the signal minus the mean of each block, which removes a drift of the
+    room's light.
     """
     periods = min(BLOCK_PERIODS, max(2, int(start[-1] * rate_hz) // 4))
     block = np.minimum((start * rate_hz / periods).astype(np.int64), int(start[-1] * rate_hz / periods) - 1)
@@ -232,14 +237,14 @@ def _followed(
 
 
 def _noise(start: FloatArray, level: FloatArray, rate_hz: float, block: IntArray, count: IntArray) -> float:
-    """What blocks show beside the line: at three quarters of its frequency, no multiple of anything that switches."""
+    """Noise of the blocks at three quarters of the line's frequency, where nothing that switches has a harmonic."""
     turning = np.exp(-2j * np.pi * 0.7309 * rate_hz * start)
     real, imaginary = (np.bincount(block, level * part) / count for part in (turning.real, turning.imag))
     return float(np.median(np.hypot(real, imaginary)))
 
 
 def _line(middle: FloatArray, turns: FloatArray) -> tuple[float, float, float]:
-    """Slope of the phase in Hz with its uncertainty, and the noise of a block's phase in turns, drift apart."""
+    """Slope of the phase in Hz with its uncertainty, and the noise of a block's phase in turns, without drift."""
     if len(middle) < 3:
         return float((turns[-1] - turns[0]) / (middle[-1] - middle[0])) if len(middle) > 1 else 0.0, np.inf, 0.0
     bends = turns[1:-1] - 0.5 * (turns[:-2] + turns[2:])
@@ -250,7 +255,7 @@ def _line(middle: FloatArray, turns: FloatArray) -> tuple[float, float, float]:
 
 
 def _between(middle: FloatArray, turns: FloatArray, start: FloatArray) -> FloatArray:
-    """Phase at every sample: straight between the blocks' middles, and on beyond the first and the last."""
+    """Phase at every sample, interpolated between the middles of the blocks and extrapolated at both ends."""
     if len(middle) == 1:
         return np.full_like(start, turns[0])
     found = np.interp(start, middle, turns)
@@ -262,7 +267,7 @@ def _between(middle: FloatArray, turns: FloatArray, start: FloatArray) -> FloatA
 
 
 def _folded(phase: FloatArray, signal: FloatArray, turns: int = 1) -> FloatArray:
-    """Mean signal by the phase, in bins of one period, or of several turns."""
+    """Mean signal over the phase, in bins of one period or of several."""
     bins = turns * BINS
     place = np.floor((phase % turns) * BINS).astype(np.int64) % bins
     count = np.bincount(place, minlength=bins)
@@ -272,7 +277,7 @@ def _folded(phase: FloatArray, signal: FloatArray, turns: int = 1) -> FloatArray
 
 
 def _between_share(phase: FloatArray, signal: FloatArray, emitters: int) -> float:
-    """Share of a period between a quarter and three quarters of its height, each emitter's of its own."""
+    """Fraction of a period in which the signal is between a quarter and three quarters of each emitter's own height."""
     waves = _folded(phase, signal, emitters).reshape(emitters, BINS)
     low, high = np.percentile(waves, [10, 90], axis=1)
     above = waves - 0.5 * (low + high)[:, None]
@@ -284,18 +289,18 @@ def _levels(folded: FloatArray) -> tuple[float, float]:
 
 
 def _check_once(folded: FloatArray, rate_hz: float) -> None:
-    """`DataError` if a period has several on phases: the rate is a fraction of the true rate."""
+    """Raise `DataError` if a period contains several on phases: the rate is then a fraction of the true rate."""
     low, high = _levels(folded)
     marks = np.where(folded > low + 0.7 * (high - low), 1, np.where(folded < low + 0.3 * (high - low), -1, 0))
     marks = marks[marks != 0]
     rises = int(np.sum((marks == 1) & (np.roll(marks, 1) == -1)))
     if rises > 1:
-        limit = f"a period of it holds {rises} on phases"
+        limit = f"a period of it contains {rises} on phases"
         raise DataError("rate_hz", value=rate_hz, limit=limit, remedy=f"try {rises * rate_hz:g}, or more emitters")
 
 
 def _edges(folded: FloatArray) -> tuple[float, float, float]:
-    """Phase of the rise of the folded signal, share of it above half its height, and its height."""
+    """Phase of the rising edge of the folded signal, fraction of it above half its height, and its height."""
     low, high = _levels(folded)
     above = folded - 0.5 * (low + high)
     rise, fall = _crossing(above), _crossing(-above)
@@ -303,7 +308,7 @@ def _edges(folded: FloatArray) -> tuple[float, float, float]:
 
 
 def _crossing(above: FloatArray) -> float:
-    """Phase of the steepest crossing from below to above zero, between bins."""
+    """Phase of the steepest crossing from below to above zero, interpolated between bins."""
     following = np.roll(above, -1)
     candidates = np.flatnonzero((above < 0.0) & (following >= 0.0))
     if not candidates.size:

@@ -1,6 +1,6 @@
-"""A recording demodulated: its readings without ambient light, what was missing, and what the subtraction rejects.
+"""A recording demodulated: readings without ambient light, missing data, and the rejection of the subtraction.
 
-The interface: `demodulated` of a `Recording` gives a `Demodulation`; `readings_csv` is the table of its readings.
+The interface: `demodulated` of a `Recording` returns a `Demodulation`; `readings_csv` is the table of its readings.
 """
 
 import re
@@ -28,7 +28,7 @@ SWAPPED, LEAST_TO_COMPARE = 2.0, 20
 
 
 class EmitterReadings(Result):
-    """Readings of one channel and emitter, in the channel's unit: mean, scatter, uncertainty of one; those clipped."""
+    """Readings of one channel and emitter: mean, scatter, uncertainty of one reading, and number of clipped ones."""
 
     mean: float
     sd: float
@@ -42,11 +42,11 @@ class ChannelReadings(Result):
     Attributes
     ----------
     unit
-        Empty if none is known.
+        Unit of the channel; empty if unknown.
     emitters
-        By the emitter's number.
+        Readings of each emitter, by its number.
     mean_ambient, sd_ambient
-        Mean and standard deviation of what was subtracted.
+        Mean and standard deviation of the subtracted values.
     sd_slot
         Noise of an off slot that the subtraction leaves.
     """
@@ -59,7 +59,7 @@ class ChannelReadings(Result):
 
 
 class Rejection(Result):
-    """Rejection of ambient light of a frequency, by its formula; also with a mean over mains periods."""
+    """Rejection of ambient light at a frequency, from its formula; also with a mean over mains periods."""
 
     frequency_hz: float
     two_sided_dB: float
@@ -75,7 +75,7 @@ class Demodulation(Result):
     switched
         The recording, its slots and readings.
     options
-        How it was demodulated.
+        Options of the demodulation.
     flicker
         Flicker of lamps, fitted to the off phases of a waveform and subtracted; None without flicker.
     method
@@ -89,7 +89,7 @@ class Demodulation(Result):
     samples_per_slot, window_s
         Typical samples per slot, and the averaging time.
     settle_us
-        Time left out after each switch.
+        Time omitted after each switch.
     counts
         Missing data.
     clipped_samples
@@ -97,7 +97,7 @@ class Demodulation(Result):
     channels
         Readings of each channel, by name.
     rejection
-        By frequency; empty with fewer than two readings of an emitter.
+        Rejection at each frequency; empty with fewer than two readings of an emitter.
     simulated
         Whether the recording is simulated.
     sources
@@ -128,7 +128,7 @@ class Demodulation(Result):
 
     @property
     def samples(self) -> Samples:
-        """The recording."""
+        """Samples of the recording."""
         return self.switched.samples
 
     @property
@@ -143,7 +143,7 @@ class Demodulation(Result):
 
 
 def demodulated(recording: Recording, options: DemodulationOptions | None = None) -> Demodulation:
-    """Readings of a recording without its ambient light.
+    """Subtract the ambient light from a recording and return its readings.
 
     Raises
     ------
@@ -182,7 +182,9 @@ def _polarity(samples: Samples, options: DemodulationOptions) -> list[Caution]:
     if samples.clock is None or "on" in options.model_fields_set:
         return []
     return [
-        note("light is assumed to lower the readings (--on low), as at the paper's receivers; else state --on high")
+        note(
+            "light is assumed to lower the readings (--on low), as with the paper's receivers; otherwise use --on high"
+        )
     ]
 
 
@@ -230,7 +232,7 @@ def _warnings(result: Switched) -> list[Caution]:
     ]
 
 
-_LEFT_OUT = "{} readings do not fill a whole period of the mains and are left out of the means"
+_LEFT_OUT = "{} readings do not fill a whole period of the mains and are omitted from the means"
 
 
 def _count_warnings(readings: Demodulated) -> list[Caution]:
@@ -241,16 +243,22 @@ def _count_warnings(readings: Demodulated) -> list[Caution]:
         if missing
     ]
     if counts.without_off:
-        warnings.append(look_at(f"{counts.without_off} on slots have no off slot near: they give no reading"))
+        warnings.append(look_at(f"{counts.without_off} on slots have no off slot nearby and give no reading"))
     if counts.one_sided > 2 * len(readings.emitters):
-        one_sided = "readings have an off slot on one side only: a ramp is not taken out of them"
+        one_sided = (
+            "readings have an off slot on one side only, so a linear change of the ambient "
+            "light is not removed from them"
+        )
         warnings.append(look_at(f"{counts.one_sided} {one_sided}"))
     if counts.emptied:
-        warnings.append(look_at(f"{counts.emptied} slots had no sample left after settling: shorten --settle-us"))
+        warnings.append(
+            look_at(f"{counts.emptied} slots have no sample left after settling: use a shorter --settle-us")
+        )
     if counts.clipped:
         clipped = (
-            f"{counts.clipped} of {len(readings.time_s)} readings hold samples at a limit of their channel: light "
-            "beyond it, of the emitter or the room, is not recorded (--low, --high)"
+            f"{counts.clipped} of {len(readings.time_s)} readings contain samples at a limit of their "
+            "channel; light of the "
+            "emitter or the room beyond the limit is not recorded (see --low and --high)"
         )
         warnings.append(look_at(clipped))
     return warnings
@@ -258,9 +266,12 @@ def _count_warnings(readings: Demodulated) -> list[Caution]:
 
 def _noise_warnings(readings: Demodulated) -> list[Caution]:
     if np.isnan(readings.slot_sd).all():
-        return [look_at("fewer than three off slots: uncertainties are not known")]
+        return [look_at("fewer than three off slots: the uncertainties are unknown")]
     if not np.nanmax(readings.slot_sd) > 0.0:
-        still = "off slots never change: noise is below the converter's step, and uncertainties of 0 are not real"
+        still = (
+            "off slots never change: the noise is smaller than the step of the converter, "
+            "and uncertainties of 0 are not real"
+        )
         return [look_at(still)]
     return []
 
@@ -269,34 +280,38 @@ def _clock_warnings(clock: Clock) -> list[Caution]:
     warnings = []
     if clock.between_share > SMOOTH:
         slow = (
-            f"{100.0 * clock.between_share:.0f} % of a period lie between on and off: this looks like flicker or a "
-            "slow receiver rather than an emitter that switches"
+            f"{100.0 * clock.between_share:.0f} % of a period is between on and off, which indicates "
+            "flicker or a slow receiver "
+            "rather than an emitter that switches"
         )
         warnings.append(look_at(slow))
     if clock.clearness < CERTAIN:
-        warnings.append(look_at(f"the modulation is only {clock.clearness:.0f} times its noise: edges are uncertain"))
+        warnings.append(
+            look_at(f"the modulation is only {clock.clearness:.0f} times its noise, so the edges are uncertain")
+        )
     return warnings
 
 
 def swapped(samples: Samples, readings: Demodulated) -> list[Caution]:
-    """Warning if the supposed off phases vary more than the on phases, as if swapped."""
+    """Warning if the off phases vary more than the on phases, as if the two were swapped."""
     with np.errstate(invalid="ignore"):
         off, on = (np.nanstd(one, axis=0) for one in (readings.ambient, readings.ambient + readings.signal))
     if len(readings.time_s) < LEAST_TO_COMPARE or not (off > SWAPPED * on).all():
         return []
     remedy = "the column of states" if samples.clock is None else "--on"
     varies = (
-        f"readings taken as off vary more than {SWAPPED:g} times as much as those taken as on: an emitter's light "
-        f"follows the motion and the room does not, so on and off may be swapped ({remedy})"
+        f"readings with the state off vary more than {SWAPPED:g} times as much as those with the state on; "
+        "the emitter's light "
+        f"follows the motion but ambient light does not, so on and off may be swapped ({remedy})"
     )
     return [look_at(varies)]
 
 
 def readings_csv(result: Demodulation, recording: Recording) -> str:
-    """Readings as CSV: time, emitter; of each channel signal, uncertainty, ambient light and whether it clipped.
+    """Format the readings as CSV: time, emitter, and each channel's signal, uncertainty, ambient light and clipping.
 
-    Other columns of the recording follow, averaged over the samples of each reading; the last column is the
-    time over which a reading is a mean, unless it is a single sample.
+    Other columns of the recording follow, averaged over the samples of each reading. The last column is the averaging
+    time of a reading, unless a reading is a single sample.
     """
     kept, options = result.switched.kept, result.options
     columns: dict[str, list[float]] = {"time_s": kept.time_s.tolist(), "emitter": kept.emitter.tolist()}
@@ -315,9 +330,9 @@ def readings_csv(result: Demodulation, recording: Recording) -> str:
         columns["window (s)"] = [result.switched.window_s] * len(kept.time_s)
     formats = [_format(head) for head in columns]
     rows = zip(*columns.values(), strict=True)
-    remarks = [f"# readings of {recording.provenance.file}: on less off, {options.kernel}"]
+    remarks = [f"# readings of {recording.provenance.file}: on minus off, {options.kernel}"]
     if result.means is not None:
-        remarks.append(f"# means of {result.means.readings} readings, whole periods of {options.mains_hz:g} Hz")
+        remarks.append(f"# means of {result.means.readings} readings over whole periods of {options.mains_hz:g} Hz")
     if result.simulated:
         remarks.append(SIMULATED_DATA.rstrip())
     table = [",".join(write(value) for write, value in zip(formats, row, strict=True)) for row in rows]
@@ -325,7 +340,7 @@ def readings_csv(result: Demodulation, recording: Recording) -> str:
 
 
 def _format(head: str) -> Callable[[Any], str]:
-    """Format of a column: integers without decimals, times to the microsecond, gaps empty."""
+    """Format of a column: integers without decimals, times to the microsecond, missing values empty."""
     if head == "emitter" or head.startswith("clipped_"):
         return lambda value: str(int(value))
     digits = ".6f" if head == "time_s" else ".9g"

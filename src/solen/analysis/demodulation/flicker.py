@@ -1,16 +1,16 @@
-"""Flicker of lamps in a waveform: fitted to the samples while the emitters are off, and subtracted from all.
+"""Flicker of lamps in a waveform, fitted to the samples while the emitters are off, and subtracted from all samples.
 
-The idea: lamps flicker at twice the mains frequency, and wires pick up the mains itself. In readings at 200 Hz, 100 Hz
-alternates from one to the next, which no difference of slots can remove. The samples inside the slots can: those of
-the off slots show only the room, in both of its phases. Sines at multiples of the mains are fitted to them, in
-overlapping windows of a third of a second, so that slow changes of a lamp are followed; their phase from window to
-window gives the frequency. The fit is also subtracted from the samples of the on slots. Nothing is averaged over
-time, so that a moving sensor is not smeared.
+Lamps flicker at twice the mains frequency, and wires pick up the mains itself. In readings at 200 Hz, 100 Hz alternates
+from one reading to the next, which no difference of slots can remove. The samples inside the slots can remove it,
+because those of the off slots show only the ambient light. Sines at multiples of the mains frequency are fitted to them
+in overlapping windows of a third of a second, short enough to follow slow changes of a lamp. The change of phase from
+window to window gives the frequency. The fit is also subtracted from the samples of the on slots. Nothing is averaged
+over time, so the motion of a sensor is not smeared.
 
-A multiple at the switching rate looks like the emitter's light, and a window is too short to separate
-them. The whole recording is not: that multiple keeps its amplitude and phase relative to the lamp's fundamental,
-which is known. If the two hardly drift past each other, only its shape inside the off slots shows it; the first part
-of each slot, where a slow receiver may still settle, is then not used.
+A multiple at the switching rate looks like the emitter's light, and a window is too short to separate the two. The
+whole recording is long enough: this multiple keeps its amplitude and phase relative to the lamp's fundamental, which is
+known. If the two hardly drift relative to each other, only the shape inside the off slots shows this multiple; the
+first part of each slot, in which a slow receiver may still settle, is then not used.
 
 The interface: `find_flicker` of samples with their states returns a `Flicker`.
 """
@@ -25,32 +25,34 @@ from solen.results import HIDDEN, Result
 
 MAINS_HZ = (50.0, 60.0)
 ORDERS, LAMP = (1, 2, 4), 2
-"""Multiples of the mains that are fitted (others look like these in slots of 200 Hz), and that of a lamp."""
+"""Fitted multiples of the mains (others alias to these in slots of 200 Hz), and the multiple of a lamp."""
 WINDOW_S, FEWEST = 0.32, 30
-"""Length of a window, and off samples for each number that is fitted in it."""
+"""Length of a window, and the smallest number of off samples per number fitted in it."""
 CLEAR, SHARE = 8.0, 0.02
-"""How many times its uncertainty the power of a sine must be, and its least share of the strongest one's height."""
+"""Smallest ratio of a sine's power to its uncertainty, and smallest amplitude relative to the strongest sine."""
 NEAR_RATE_HZ = 6.0
-"""Least distance of a sine from a multiple of the switching rate that a window can resolve."""
+"""Smallest distance of a sine from a multiple of the switching rate that a window can resolve."""
 DISTURBED = 6.0
-"""Times the usual variance of a window's rest from which on something else happened in it, as a lamp switched on."""
+"""Ratio to the typical residual variance above which a window is disturbed, e.g. by a lamp that was switched on."""
 TURNED, SETTLING = 2.0, 0.4
-"""Turns by which a multiple must drift past the rate, or else this first part of each off slot is not used for it."""
+"""Turns by which a multiple must drift relative to the rate; with less drift, this first part of each off slot is not
+used.
+"""
 
 _Complex = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
 
 
 class Flicker(Result):
-    """Light of lamps on the mains in C channels.
+    """Light of mains-powered lamps in C channels.
 
     Attributes
     ----------
     mains_hz
         Frequency of the mains on the recording's clock.
     multiples
-        Which multiples of it were subtracted.
+        Multiples of the mains frequency that were subtracted.
     amplitude
-        Amplitude of the strongest of them in each channel, in its unit, (C,).
+        Amplitude of the strongest multiple in each channel, in its unit, (C,).
     values
         Value subtracted from each sample, (N, C).
     """
@@ -69,18 +71,18 @@ def find_flicker(
     mains_hz: tuple[float, ...] = MAINS_HZ,
     used: BoolArray | None = None,
 ) -> Flicker | None:
-    """Flicker of samples; None if no multiple of the mains stands out.
+    """Find flicker in samples; None if no multiple of the mains is significant.
 
     Parameters
     ----------
     time_s, values, state
         Samples, (N,), (N, C) and (N,).
     rate_hz
-        Rate of the slots that are on.
+        Rate of the on slots.
     mains_hz
-        Nominal frequencies; the strongest is chosen.
+        Nominal frequencies; the one with the clearest sines is chosen.
     used
-        Usable samples, (N,): those not at a limit.
+        Mask of usable samples, i.e. those not at a limit, (N,).
     """
     off = (state == OFF) & np.isfinite(values).all(axis=1)
     if used is not None:
@@ -108,7 +110,7 @@ def _late(state: IntArray) -> BoolArray:
 
 
 def _beside(hz: float, rate_hz: float) -> float:
-    """Distance of a frequency from the nearest multiple of a rate."""
+    """Signed distance of a frequency from the nearest multiple of a rate."""
     return (hz + 0.5 * rate_hz) % rate_hz - 0.5 * rate_hz
 
 
@@ -141,7 +143,7 @@ class _Room:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Sines in windows: middles (w,), their complex heights (w, orders, C), and how clearly the clearest stands out."""
+    """Sines in windows: middles (w,), complex amplitudes (w, orders, C), and the clearness of the clearest sine."""
 
     mains_hz: float
     free: tuple[int, ...]
@@ -157,18 +159,18 @@ class _Fit:
         return np.asarray(np.sqrt(self.power))
 
     def order(self, time_s: FloatArray, order: int) -> _Complex:
-        """Complex sine of an order at times, (n, C), interpolated between the windows' middles."""
+        """Complex sine of an order at given times, (n, C), interpolated between the middles of the windows."""
         own = self.sines[:, self.orders.index(order)]
         turning = np.exp(2j * np.pi * self.mains_hz * order * time_s)[:, None]
         slow = [np.interp(time_s, self.middle_s, part) for one in own.T for part in (one.real, one.imag)]
         return np.asarray(np.column_stack([a + 1j * b for a, b in zip(slow[::2], slow[1::2], strict=True)]) * turning)
 
     def at(self, time_s: FloatArray) -> FloatArray:
-        """Sum of all orders at times, (n, C)."""
+        """Sum of all orders at given times, (n, C)."""
         return np.asarray(sum(self.order(time_s, order).real for order in self.orders))
 
     def multiple(self, time_s: FloatArray, room: _Room, times: int, drifts: bool) -> FloatArray:
-        """Fitted multiple of the lamp's phase at times, with the lamp's amplitude variation, (n, C)."""
+        """Fitted multiple of the lamp's phase at given times, with the amplitude variation of the lamp, (n, C)."""
         if not drifts:
             room = _Room(room.time_s[room.late], room.values[room.late], room.late[room.late])
         left = room.less_windows(room.values - self.at(room.time_s))
@@ -189,7 +191,7 @@ def _powers(sine: _Complex, times: int) -> _Complex:
 
 
 def _fitted(room: _Room, nominal: float, rate_hz: float) -> _Fit | None:
-    """Significant sines at multiples of a nominal mains frequency; None without any."""
+    """Significant sines at multiples of a nominal mains frequency; None if there are none."""
     free = tuple(order for order in ORDERS if abs(_beside(order * nominal, rate_hz)) > NEAR_RATE_HZ)
     sines, mains = _sines(room, nominal, free), nominal
     if sines is None:
@@ -211,18 +213,18 @@ def _fitted(room: _Room, nominal: float, rate_hz: float) -> _Fit | None:
 
 @dataclass(frozen=True, eq=False)
 class _Sines:
-    """Of windows: middles (w,), complex heights at the zero of time (w, k, C), and their variances (w, k, C)."""
+    """Sines of windows: middles (w,), complex amplitudes at time zero (w, k, C), and their variances (w, k, C)."""
 
     middle_s: FloatArray
     heights: _Complex
     variance: FloatArray
 
     def power(self) -> FloatArray:
-        """Mean square height beyond noise, (k, C)."""
+        """Mean square amplitude, corrected for noise, (k, C)."""
         return np.asarray(np.maximum((np.abs(self.heights) ** 2 - self.variance).mean(axis=0), 0.0))
 
     def clear(self) -> FloatArray:
-        """Power of each order relative to its uncertainty, in the channel where that is largest, (k,)."""
+        """Ratio of the power of each order to its uncertainty, for the channel with the largest ratio, (k,)."""
         u = self.variance.mean(axis=0) / np.sqrt(max(len(self.middle_s) / 2.0, 1.0))
         return np.asarray((self.power() / np.where(u > 0.0, u, np.inf)).max(axis=1))
 
@@ -255,7 +257,7 @@ def _sines(room: _Room, mains_hz: float, orders: tuple[int, ...]) -> _Sines | No
 
 
 def _drift_hz(sines: _Sines, place: int) -> float:
-    """Offset of an order's frequency, from its phase between windows."""
+    """Frequency offset of an order, from its change of phase between windows."""
     own = sines.heights[:, place]
     steps = np.diff(sines.middle_s)
     if not steps.size:

@@ -1,11 +1,11 @@
-"""From samples with their states to readings, as every command computes them.
+"""Processing of samples and their states into readings, common to all commands.
 
-The idea: samples at a limit are marked as they were recorded, before anything is subtracted from them. The lamps'
-flicker is taken out where the samples inside slots show it; of single samples, which do not, means over whole periods
-of the mains are taken where they are asked for. Then slots are averaged, and a reading is on minus off. Whatever else
-was recorded, such as the angle of a stage, is averaged over the very samples that make a reading.
+Samples at a limit are marked as recorded, before anything is subtracted. The flicker of lamps is subtracted if the
+samples inside slots show it. Slots of a single sample do not show it; on request, their readings are averaged over
+whole periods of the mains. Slots are then averaged, and a reading is on minus off. Other recorded columns, e.g. the
+angle of a stage, are averaged over the same samples as the reading.
 
-The interface: `switched` of `Samples` gives `Switched`; `limits_of` samples where they clip.
+The interface: `switched` of `Samples` returns `Switched`; `limits_of` samples returns the limits at which they clip.
 """
 
 from dataclasses import dataclass
@@ -21,16 +21,16 @@ from solen.analysis.demodulation.subtract import Demodulated, subtract
 from solen.arrays import BoolArray, FloatArray
 
 DISTINCT, AT_EXTREME = 100, 4
-"""Clipping is detected in channels of so many different values, from so many samples at the extreme."""
+"""Clipping is detected in channels with at least this many distinct values and samples at the extreme, respectively."""
 DENSE = 4
-"""Samples in a slot from which on its inside shows flicker."""
+"""Smallest number of samples in a slot that show flicker inside it."""
 RESTING = 0.5
-"""Share of off samples at one extreme above which that is the channel's dark level."""
+"""Fraction of off samples at one extreme above which this extreme is the channel's dark level."""
 
 
 @dataclass(frozen=True, eq=False)
 class Switched:
-    """Readings, with the slots and samples they come from.
+    """Readings, with the slots and samples that they were computed from.
 
     Attributes
     ----------
@@ -39,13 +39,13 @@ class Switched:
     means
         Means of readings over whole mains periods; None unless these were needed.
     flicker
-        Interference taken out of the samples; None if there was none.
+        Interference subtracted from the samples; None if there was none.
     limits
-        Lowest and highest value of each channel, both (C,), infinite where none is known.
+        Lowest and highest value of each channel, both (C,); infinite if unknown.
     clipped
-        How many samples of each channel are at a limit, (C,).
+        Number of samples of each channel at a limit, (C,).
     dark_at_limit
-        Channels that rest at a limit while the emitters are off, (C,).
+        Whether each channel is at a limit while the emitters are off, (C,).
     """
 
     samples: Samples
@@ -87,14 +87,14 @@ def switched(
     mains_hz: float | None = None,
     rails: tuple[float | None, float | None] = (None, None),
 ) -> Switched:
-    """Readings of samples.
+    """Compute the readings of samples.
 
     Parameters
     ----------
     samples
-        With their states.
+        Samples with their states.
     kernel
-        The off slots to subtract.
+        Off slots that are subtracted.
     mains_hz
         Mains frequency of flickering lamps; None to detect it, 0 to ignore flicker.
     rails
@@ -103,7 +103,7 @@ def switched(
     Raises
     ------
     DataError
-        If there is nothing to subtract, or no number of readings lasts whole periods of the mains.
+        If there is nothing to subtract, or no number of readings spans whole periods of the mains.
     """
     limits, resting = limits_of(samples, rails)
     at_limit = at_limits(samples.values, limits) & ~(resting & (samples.state == OFF)[:, None])
@@ -138,10 +138,10 @@ def _rate_hz(slots: Slots) -> float:
 def limits_of(
     samples: Samples, rails: tuple[float | None, float | None] = (None, None)
 ) -> tuple[tuple[FloatArray, FloatArray], BoolArray]:
-    """Clipping limits of each channel, both (C,), and which channels are at one of them in the dark.
+    """Clipping limits of each channel, both (C,), and whether each channel is at one of them in the dark.
 
-    As stated, or detected from the frequency of extremes. The usual dark value is the circuit's level without light;
-    only deviations from it are clipped.
+    The limits are as stated, or detected from the frequency of extremes. The usual dark value is the circuit's level
+    without light; only samples with a different value can be clipped.
     """
     low, high = (np.full(samples.values.shape[1], end) for end in (-np.inf, np.inf))
     resting = np.zeros(low.size, dtype=bool)
@@ -166,7 +166,7 @@ def _off_and_on(samples: Samples) -> tuple[BoolArray, BoolArray]:
 
 
 def _upper_limit(values: FloatArray) -> float:
-    """The largest value, if a channel takes it far more often than the next one; else inf."""
+    """Largest value, if it occurs far more often in a channel than the next one; otherwise inf."""
     count = int((values == values.max()).sum())
     distinct = np.unique(values[:: max(1, len(values) // 100_000)])
     if count < AT_EXTREME or len(distinct) < DISTINCT:

@@ -1,7 +1,7 @@
 """Samples of several channels with the state of the emitters at each, from the columns of a recording.
 
-The interface: `samples_of` a `Recording` by `DemodulationOptions` gives `Samples`; `other_columns` are what else was
-recorded, at each sample.
+The interface: `samples_of` a `Recording` with `DemodulationOptions` returns `Samples`; `other_columns` returns the
+other recorded quantities at each sample.
 """
 
 import re
@@ -25,31 +25,35 @@ STATES = ("state", "emitter", "led", "emitter state")
 VOLTAGES = ("V", "mV", "µV")
 OFF_WORDS, ON_WORDS = ("off", "dark", "aus", "0", "false"), ("on", "light", "an", "ein", "1", "true")
 DEFAULT_SETTLE_US = 300.0
-"""Time after a switch that is left out of a waveform: some ten time constants at 2 kΩ."""
+"""Time omitted after a switch in a waveform: some ten time constants at 2 kΩ."""
 
 
 class DemodulationOptions(Options):
-    """How ambient light is subtracted from a recording."""
+    """Options for subtracting ambient light from a recording."""
 
     channel: tuple[str, ...] = ()
     """Column of a receiver; repeatable. Default: all columns in V."""
     time: str | None = None
-    """Column of the time; default: the column whose header names it."""
+    """Column of the time; default: the column with a header for time."""
     state: str | None = None
-    """Column that states which emitter is on: 0 or off for none. Default: one called state, emitter or led."""
+    """Column that states which emitter is on: 0 or off for none. Default: a column called state, emitter or led."""
     rate_hz: Finite | None = Field(None, gt=0)
     """Readings of one emitter per second; the edges are then found in the waveform itself."""
     emitters: int = Field(1, ge=1)
-    """How many take turns in a waveform, each followed by an off phase."""
+    """Number of emitters that take turns in a waveform, each followed by an off phase."""
     on: On = "low"
-    """Whether light makes the readings low, as at the paper's receivers, or high."""
+    """Whether light makes the readings low, as with the paper's receivers, or high."""
     settle_us: Finite | None = Field(None, ge=0)
-    """Time after each switch that is left out; default: 300 in a waveform, 0 with states."""
+    """Time omitted after each switch; default: 300 in a waveform, 0 with states."""
     kernel: Kernel = "two-sided"
-    """two-sided subtracts by the off phases before and after, one-sided by the one before, for comparison."""
+    """Off phases that are subtracted: two-sided for those before and after, one-sided for the one before (for
+    comparison).
+    """
     mains_hz: Finite | None = Field(None, ge=0)
-    """Mains of lamps that flicker, 50 or 60; default: detected in a waveform, whose flicker is fitted to the off phases
-    and subtracted. Of single samples in a slot means over whole periods are taken, if stated. 0 leaves it alone."""
+    """Mains frequency of flickering lamps, 50 or 60. Default: detected in a waveform, whose flicker is fitted to the
+    off phases and subtracted. With single samples per slot, readings are averaged over whole mains periods only
+    if this is stated. 0 ignores flicker.
+    """
     low: Finite | None = None
     """Value at and below which a channel is clipped; default: detected from its extremes."""
     high: Finite | None = None
@@ -59,7 +63,7 @@ class DemodulationOptions(Options):
     def _check_state(self) -> Self:
         if self.state is not None and self.rate_hz is not None:
             limit = "has no effect with --state, which states when an emitter is on"
-            raise refused("rate_hz", limit, value=self.rate_hz, remedy="leave one of them out")
+            raise refused("rate_hz", limit, value=self.rate_hz, remedy="omit one of the two")
         return self
 
 
@@ -70,13 +74,13 @@ class Samples:
     Attributes
     ----------
     time_s, values
-        Shapes (N,) and (N, C).
+        Times (N,) and values (N, C).
     names, units
         Names and units of the channels; an unknown unit is empty.
     state
-        Shape (N,), as `solen.analysis.demodulation.slots` numbers states.
+        States (N,), numbered as in `solen.analysis.demodulation.slots`.
     settle_s
-        Time left out after a switch.
+        Time omitted after a switch.
     clock
         Clock, if states were detected in the waveform; None if they were recorded.
     """
@@ -91,12 +95,12 @@ class Samples:
 
     @property
     def slot_settle_s(self) -> float:
-        """Time at the beginning of a slot still to be discarded; 0 if the states of a clock exclude it already."""
+        """Time to discard at the beginning of a slot; 0 if the states of a clock already exclude it."""
         return self.settle_s if self.clock is None else 0.0
 
     @property
     def gap_s(self) -> float | None:
-        """Time without samples that separates two slots of one state."""
+        """Time without samples that separates two slots of the same state."""
         return None if self.clock is None else self.clock.shorter_s
 
     @property
@@ -106,12 +110,12 @@ class Samples:
 
 
 def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
-    """Samples of a recording with the state of each, from its column or from the waveform.
+    """Return the samples of a recording with the state of each, from its column or from the waveform.
 
     Raises
     ------
     DataError, SpecError
-        If a column is missing, or neither states nor a rate are known.
+        If a column is missing, or neither the states nor a rate are known.
     """
     time = _time(recording, options)
     time_s = time.to("s") if time.unit else time.values
@@ -134,9 +138,9 @@ def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
 
 
 def other_columns(recording: Recording, options: DemodulationOptions) -> dict[str, FloatArray]:
-    """Other columns of numbers, such as a stage's angle, at the samples (N,), by header.
+    """Other columns of numbers, e.g. a stage's angle, at the samples (N,), by header.
 
-    Missing numbers are interpolated; a column without numbers is left out.
+    Missing numbers are interpolated; a column without numbers is omitted.
     """
     time = _time(recording, options)
     time_s = time.to("s") if time.unit else time.values
@@ -162,19 +166,19 @@ def _time(recording: Recording, options: DemodulationOptions) -> Channel:
 
 
 def _channels(recording: Recording, options: DemodulationOptions, time: Channel) -> Sequence[Channel]:
-    """The named channels, or else all voltages."""
+    """The named channels, or all voltages if none is named."""
     if options.channel:
         return [recording.channel(name) for name in dict.fromkeys(options.channel)]
     free = [channel for channel in recording.channels if channel.name != time.name]
     channels = [one for one in free if _name_and_unit(one)[1] in VOLTAGES] or receiver_columns(free)
     if not channels:
-        limit = f"no column is in V; there are {', '.join(recording.names)}"
+        limit = f"no column is in V; the columns are {', '.join(recording.names)}"
         raise SpecError("--channel", limit=limit, remedy="name the columns of the receivers")
     return channels
 
 
 def _name_and_unit(channel: Channel) -> tuple[str, str]:
-    """Name and unit of a channel; ``right_V`` without a unit of its own is split."""
+    """Name and unit of a channel; a name such as ``right_V`` without a separate unit is split."""
     stem, _, end = channel.name.rpartition("_")
     return (stem, end) if not channel.unit and stem and end in VOLTAGES else (channel.name, channel.unit)
 
@@ -184,7 +188,7 @@ def _state_names(options: DemodulationOptions) -> tuple[str, ...]:
 
 
 def _recorded_state(recording: Recording, options: DemodulationOptions) -> IntArray | None:
-    """States from a column of numbers or words; None if a rate is stated or there is no such column."""
+    """States from a column of numbers or words; None if a rate is stated or there is no state column."""
     if options.rate_hz is not None:
         return None
     names = _state_names(options)
@@ -200,13 +204,13 @@ def _states_of_numbers(channel: Channel) -> IntArray:
     values = np.where(np.isfinite(channel.values), channel.values, -1.0)
     wrong = np.flatnonzero((values != np.rint(values)) | (values < -1.0))
     if wrong.size:
-        limit = "must be whole: 0 with all emitters off, the emitter's number while one is on"
+        limit = "must be a whole number: 0 if all emitters are off, otherwise the number of the emitter that is on"
         raise DataError(f"{channel.name} in row {int(wrong[0]) + 1}", value=float(values[wrong[0]]), limit=limit)
     return values.astype(np.int64)
 
 
 def _state_of_word(text: str, row: int) -> int:
-    """State of a word: off, on, on 2, emitter 2; empty for a sample without one."""
+    """State of a word: off, on, on 2, emitter 2; empty for a sample without a state."""
     word = text.strip().casefold()
     if not word:
         return -1

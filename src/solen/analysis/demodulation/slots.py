@@ -1,7 +1,7 @@
 """Slots: runs of samples with a constant state of the emitters.
 
-The idea: a slot ends where the state changes or samples are missing. Its first samples may still settle and are
-dropped; the rest are averaged, each channel over its own samples.
+A slot ends when the state changes or samples are missing. Its first samples may still settle and are dropped; the
+others are averaged, each channel over its own samples.
 
 The interface: `slots_of` samples with their states.
 """
@@ -14,9 +14,9 @@ from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 
 OFF, DROPPED = 0, -1
-"""States of samples: all emitters off; not to be used. Emitters that are on are numbered from 1."""
+"""States of samples: all emitters off, and not to be used. An emitter that is on is stated by its number, from 1."""
 BREAK = 1.5
-"""Time step, in units of the usual step, from which on samples are missing."""
+"""Time step, in units of the usual step, above which samples are missing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,14 +26,14 @@ class Slots:
     Attributes
     ----------
     time_s, state
-        Mean time of the samples that were averaged, and the state, both (K,).
+        Mean time of the averaged samples, and the state, both (K,).
     mean
-        Mean of each channel, (K, C); NaN where it has no sample.
+        Mean of each channel, (K, C); NaN where a channel has no sample.
     scatter
-        Noise of one sample, from differences of neighbours inside slots, pooled by state: by state, (C,). Empty if
-        slots are single samples.
+        Noise of one sample, (C,), for each state, from differences of neighbours inside slots. Empty if slots are
+        single samples.
     samples
-        How many were averaged, (K,), of the channel that has most.
+        Number of samples averaged in the channel with the most samples, (K,).
     clipped
         Whether a sample of the slot was at a limit, (K, C).
     emptied
@@ -59,25 +59,25 @@ def slots_of(
     clipped: BoolArray | None = None,
     gap_s: float | None = None,
 ) -> Slots:
-    """Slots of samples.
+    """Group samples into slots.
 
     Parameters
     ----------
     time_s
-        Shape (N,), ascending.
+        Times, ascending, (N,).
     values
-        Shape (N, C); NaN where a channel has no sample.
+        Values (N, C); NaN where a channel has no sample.
     state
-        Shape (N,): `OFF`, the number of the emitter that is on, or `DROPPED`.
+        States (N,): `OFF`, the number of the emitter that is on, or `DROPPED`.
     settle_s
-        Time from a slot's first sample during which samples are left out.
+        Time from a slot's first sample during which samples are omitted.
     limits
-        Lowest and highest value of each channel, both (C,): a sample there is taken as cut off.
+        Lowest and highest value of each channel, both (C,); samples at a limit count as clipped.
     clipped
-        Which samples are cut off, (N, C), in place of limits.
+        Which samples are clipped, (N, C), instead of limits.
     gap_s
-        Gap between samples of the same state that separates two slots; by default one and a half usual steps.
-        Where every phase is known to last longer, a smaller gap cannot hide a change of state.
+        Gap between samples of the same state that separates two slots; by default one and a half usual steps. If every
+        phase is known to last longer, a smaller gap cannot hide a change of state.
 
     Raises
     ------
@@ -133,7 +133,9 @@ def _single(time_s: FloatArray, values: FloatArray, state: IntArray, settle_s: f
 def _check(time_s: FloatArray, values: FloatArray, state: IntArray) -> None:
     if values.ndim != 2 or not len(time_s) == len(values) == len(state) or not len(time_s):
         shapes = f"{np.shape(time_s)}, {np.shape(values)}, {np.shape(state)}"
-        raise DataError("samples", value=shapes, limit="must be (N,) times, (N, C) values and (N,) states, N from 1 on")
+        raise DataError(
+            "samples", value=shapes, limit="must be times (N,), values (N, C) and states (N,) of at least one sample"
+        )
     late = np.flatnonzero(~(np.diff(time_s) > 0.0))
     if late.size or not np.isfinite(time_s).all():
         row = int(late[0]) + 1 if late.size else int(np.flatnonzero(~np.isfinite(time_s))[0])

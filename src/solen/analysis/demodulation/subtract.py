@@ -1,13 +1,13 @@
 """On minus off: the reading of each on slot without the simultaneous ambient light.
 
-The idea: ambient light at the time of an on slot lies on the straight line between the off slots before and after it.
-Where both are equally far away, this is their mean. Constant light and light that changes at a constant rate are taken
-out exactly, for every emitter of a sequence. With only one off slot (one-sided), only constant light is removed.
+The ambient light at the time of an on slot is interpolated linearly between the off slots before and after it. If both
+are equally far away, this is their mean. Constant light and light that changes at a constant rate are removed exactly,
+for every emitter of a sequence. With only one off slot (one-sided), only constant light is removed.
 
-The uncertainty of a reading comes from the off slots themselves: the deviation of one from the line between its
-neighbours is the noise of a slot and whatever of the ambient light is too fast to subtract.
+The uncertainty of a reading is estimated from the off slots themselves: the deviation of each from the line between its
+neighbours contains the noise of a slot and the ambient light that is too fast to subtract.
 
-The interface: `subtract` `Slots`; `Demodulated` is what it gives, with `Counts` of what was missing.
+The interface: `subtract` of `Slots` returns `Demodulated`, with `Counts` of missing data.
 """
 
 from dataclasses import dataclass
@@ -20,16 +20,16 @@ from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 
 FAR = 1.5
-"""An off slot this many times as far as is usual for the emitter has another that is missing before it."""
+"""Distance of an off slot, relative to the usual one for the emitter, above which a nearer off slot is missing."""
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Counts of on slots, used and rejected; by emitter where they differ.
+    """Counts of on slots, used and rejected; by emitter if they differ.
 
-    ``missing`` of a regular sequence are not in the recording, ``without_off`` have no off slot near and give no
-    reading, ``one_sided`` have one on one side only, ``emptied`` had no sample left after settling, ``clipped`` are
-    readings with a sample at a limit in any channel.
+    ``missing`` slots of a regular sequence are not in the recording, ``without_off`` slots have no off slot nearby and
+    give no reading, ``one_sided`` slots have one on one side only, ``emptied`` slots have no sample left after
+    settling, and ``clipped`` readings contain a sample at a limit in any channel.
     """
 
     readings: dict[int, int]
@@ -47,15 +47,15 @@ class Demodulated:
     Attributes
     ----------
     time_s, emitter, slot
-        Of each reading, (M,): the last is the place of its on slot.
+        Time, emitter and index of the on slot of each reading, (M,).
     signal, u
-        On minus ambient, (M, C), negative where light pulls a voltage down, and its standard uncertainty.
+        On minus ambient, (M, C), negative if light pulls a voltage down, and its standard uncertainty.
     ambient
         Value subtracted, (M, C): the reading with the emitter off.
     one_sided
         Whether only one off slot was near, (M,).
     clipped
-        Whether a sample of the on slot or of its off slots stood at a limit, (M, C).
+        Whether a sample of the on slot or of its off slots was at a limit, (M, C).
     slot_sd
         Noise of a slot, (C,), from which the uncertainties follow; NaN with fewer than three off slots.
     period_s
@@ -82,12 +82,12 @@ class Demodulated:
         return tuple(int(one) for one in np.unique(self.emitter))
 
     def of(self, emitter: int) -> BoolArray:
-        """Which readings are of an emitter, (M,)."""
+        """Whether each reading is of an emitter, (M,)."""
         return np.asarray(self.emitter == emitter)
 
 
 def _drifts(slots: Slots, before: IntArray, after: IntArray, alone: BoolArray, off_sd: FloatArray) -> FloatArray:
-    """Typical change of ambient light between an off slot and the next reading, (C,), beyond noise.
+    """Typical change of ambient light between an off slot and the next reading, (C,), corrected for noise.
 
     It is half of the change between the off slots around a reading.
     """
@@ -101,7 +101,7 @@ def _drifts(slots: Slots, before: IntArray, after: IntArray, alone: BoolArray, o
 
 
 def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
-    """Readings of all on slots.
+    """Subtract the ambient light and return the readings of all on slots.
 
     Parameters
     ----------
@@ -117,7 +117,9 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
     """
     on, off = np.flatnonzero(slots.state > OFF), np.flatnonzero(slots.state == OFF)
     if not on.size or not off.size:
-        limit = f"needs slots with an emitter on and slots with all off; there are {on.size} and {off.size}"
+        limit = (
+            f"requires slots with an emitter on and slots with all emitters off, but there are {on.size} and {off.size}"
+        )
         raise DataError("demodulation", limit=limit, remedy="shorten the settling" if slots.emptied else "")
     before, after, there = _neighbours(slots, on, off)
     if kernel == "one-sided":
@@ -157,10 +159,11 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
 
 
 def slot_sd(slots: Slots, block: int = 1) -> FloatArray:
-    """Noise of an off slot (C,), from deviations from the line between its neighbours; NaN with fewer than three.
+    """Noise of an off slot (C,), from deviations from the line between its neighbours; NaN with fewer than three slots.
 
-    With a ``block``, by the means of so many successive differences: flicker whose whole periods a block holds is then
-    no part of it. Of independent slots such a mean varies by their noise over the block's length.
+    With a ``block``, it is estimated from the means of this many successive differences, and then excludes flicker with
+    whole periods in a block. For independent slots, such a mean varies by their noise divided by the length of the
+    block.
     """
     off = np.flatnonzero(slots.state == OFF)
     if off.size < 3:
@@ -204,7 +207,7 @@ def _share_of_after(
 
 
 def on_sd(slots: Slots, off_sd: FloatArray, emitter: IntArray) -> FloatArray:
-    """Noise of on slots (M, C) of emitters (M,): that of an off slot or of the samples inside, whichever is larger.
+    """Noise of the on slots (M, C) of emitters (M,): the larger of that of an off slot and that of the samples inside.
 
     A receiver in light has more shot noise than one in the dark.
     """

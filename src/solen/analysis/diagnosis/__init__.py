@@ -1,11 +1,11 @@
 """Diagnosis: parameters of a sensor from its recording.
 
-The idea: the traced response of a design, for an emitter of any decentre and any chip, is fitted to the mean curves of
-a recording. Each number comes with its interval from the scatter of the cycles, from what is known beforehand and from
-what the model misses, and what the recording does not determine is described in words in place of a number.
+The traced response of a design, for an emitter of any decentre and chip width, is fitted to the mean curves of a
+recording. The interval of each parameter includes the scatter of the cycles, prior knowledge and the misfit of the
+model. A parameter that the recording does not determine is described in words instead of by a number.
 
-The interface: `diagnosed_sensors` of a `Study`; its steps `Response.of` a design's sensor and `diagnosed` of a
-`SensorResponse`, which gives a `Diagnosis`; `words` states it in sentences.
+The interface: `diagnosed_sensors` of a `Study`. Its steps are `Response.of` a design's sensor and `diagnosed` of a
+`SensorResponse`, which returns a `Diagnosis`; `words` describes it in sentences.
 """
 
 from solen.analysis.diagnosis.curve_model import Bend, Model

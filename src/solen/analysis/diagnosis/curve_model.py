@@ -1,10 +1,10 @@
-"""The model of a recording's mean curves: its parameters with their priors, and the receivers' voltages.
+"""Model of a recording's mean curves: its parameters with their priors, and the voltages of the receivers.
 
-Light I pulls a receiver's voltage down by gain times I, until the transistor has no voltage left. The bend is that of
-`solen.readout.load_line`, and there only where the circuit is known. Voltages less those without the emitter begin at
-0, others at the supply; an offset of each receiver takes up whichever it is.
+Light I lowers the voltage of a receiver by gain times I, until the transistor is saturated. Saturation follows
+`solen.readout.load_line`, and is modelled only if the circuit is known. Voltages begin at 0 if the voltage without the
+emitter was subtracted, otherwise at the supply voltage; an offset of each receiver accounts for both cases.
 
-The interface: `Model.of` a response and the receivers that were recorded; `Model.volts` of values; `Model.jacobian`.
+The interface: `Model.of` a response and the recorded receivers; `Model.volts` of parameter values; `Model.jacobian`.
 """
 
 import math
@@ -23,9 +23,9 @@ from solen.sensor.acceptance import SIDES
 OFFSET, SPREAD, ZERO, LOSS = "emitter.offset_mm", "chip spread_mm2", "angle.zero_deg", "loss_per_mm"
 _OHM = 1e3  # so that mA are V
 LOSS_WORTH = 0.05
-"""Loss along the path, as a share of the light, that is worth a warning."""
+"""Loss along the path, as a fraction of the light, above which a warning is given."""
 _NODES = math.sqrt(3.0) * np.array([-0.794654472, -0.187592474, 0.187592474, 0.794654472])
-"""Places in a cell, in its standard deviations, whose plain mean is that over the cell (Chebyshev's rule)."""
+"""Positions in a cell, in standard deviations, at which the mean equals that over the cell (Chebyshev quadrature)."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Bend:
     supply_V, saturation_V, knee_V
         As in `solen.readout.load_line`.
     room_V
-        By how much the light of the room pulls each receiver down, (r,).
+        Voltage drop of each receiver due to ambient light, (r,).
     """
 
     supply_V: float
@@ -52,7 +52,7 @@ class Bend:
         return cls(circuit.supply_V, part.saturation_V, part.knee_V, room_V)
 
     def __call__(self, pulled_V: FloatArray) -> FloatArray:
-        """Drops of the voltages (n, r) where a linear circuit would drop by ``pulled_V``."""
+        """Voltage drops (n, r) for which a linear circuit would have the drops ``pulled_V``."""
         room = np.maximum(np.array(self.room_V), 0.0)
         pulled = np.maximum(pulled_V + room, 0.0)
         line = (self.supply_V, self.saturation_V, self.knee_V)
@@ -61,7 +61,7 @@ class Bend:
 
 
 def _receiver_V(shares: FloatArray, gain_V: FloatArray, offset_V: FloatArray, bend: Bend | None) -> FloatArray:
-    """Voltages (n, r) from shares (n, r), with gains and offsets (r,)."""
+    """Voltages (n, r) from fractions of the light (n, r), with gains and offsets (r,)."""
     pulled = shares * gain_V
     return np.asarray(offset_V - (pulled if bend is None else bend(pulled)))
 
@@ -75,11 +75,11 @@ class Parameter:
     name
         A key of the design, ``angle.zero_deg``, ``loss_per_mm``, ``gain right`` or ``offset left``, and so on.
     start
-        Its value by the design.
+        Value in the design.
     scale
-        Limit of interest: where its uncertainty is larger, the recording does not determine it.
+        Largest useful uncertainty: if the uncertainty is larger, the recording does not determine the parameter.
     known
-        Standard uncertainty with which it is ``start``; inf where nothing is known of it.
+        Standard uncertainty of ``start`` as a prior; inf without a prior.
     """
 
     name: str
@@ -90,7 +90,7 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Curves (n, r) of the receivers of some sides over angles (n,), by values of its parameters (p,)."""
+    """Model of the curves (n, r) of one or both receivers over angles (n,), as a function of its parameters (p,)."""
 
     response: Response
     angle_deg: FloatArray
@@ -110,7 +110,7 @@ class Model:
         bend: Bend | None = None,
         spacing_deg: float = 0.0,
     ) -> "Model":
-        """Model of a sensor's mean curves.
+        """Construct the model of a sensor's mean curves.
 
         Parameters
         ----------
@@ -162,7 +162,8 @@ class Model:
     def _nodes(self) -> FloatArray:
         """Quadrature angles of each cell; the outermost cells, which the motion does not fill, have one angle each.
 
-        A mean over a cell spreads by its width over √12, straight lines between samples by their distance over √6.
+        Averaging over a cell has a standard deviation of its width over √12, and linear interpolation between samples
+        one of their distance over √6.
         """
         spread = np.full(self.angle_deg.size, self.angle_deg[1] - self.angle_deg[0]) / math.sqrt(12.0)
         spread = np.hypot(spread, self.spacing_deg / math.sqrt(6.0))
@@ -174,7 +175,7 @@ class Model:
         return np.asarray(means.reshape(_NODES.size, self.angle_deg.size, -1).mean(axis=0))
 
     def shares(self, values: FloatArray) -> FloatArray:
-        """Shares of light at the angles of the cells, (4 n, r)."""
+        """Fractions of the light at the quadrature angles of the cells, (4 n, r)."""
         at = self.places
         moved = {key: float(values[at[key]]) for key in self.response.changes}
         found = self.response.shares(
@@ -183,14 +184,14 @@ class Model:
         return found[:, [SIDES.index(side) for side in self.sides]]
 
     def volts(self, values: FloatArray) -> FloatArray:
-        """Means over the cells, (n, r)."""
+        """Mean voltages over the cells, (n, r)."""
         return self._volts(values, self.shares(values))
 
     def _volts(self, values: FloatArray, shares: FloatArray) -> FloatArray:
         return self._means(_receiver_V(shares, values[self.gains], values[self.offsets], self.bend))
 
     def jacobian(self, values: FloatArray, active: Sequence[int]) -> FloatArray:
-        """Derivatives (n, r, a) by the active parameters (a,), by central differences."""
+        """Derivatives (n, r, a) with respect to the active parameters (a,), from central differences."""
         size = (self.angle_deg.size, len(self.sides))
         found = np.zeros((*size, len(active)))
         circuit, shares = {*self.gains, *self.offsets}, self.shares(values)
@@ -205,7 +206,7 @@ class Model:
         return found
 
     def start(self, curve: FloatArray, offset_mm: float, spread_mm2: float) -> FloatArray:
-        """Start values for a decentre and a chip width, with gains and offsets from lines fitted to curves (n, r)."""
+        """Start values for a decentre and a squared chip width, with gains and offsets fitted to curves (n, r)."""
         values = np.array([parameter.start for parameter in self.parameters])
         values[self.places[OFFSET]], values[self.places[SPREAD]] = offset_mm, spread_mm2
         mean = self._means(self.shares(values))

@@ -1,14 +1,15 @@
-"""Light at the receivers of a design, by position and width of the emitter and by other tolerances of a print.
+"""Light at the receivers of a design, as a function of position and width of the emitter and of other tolerances.
 
-The idea: the table of the design as it is, and for every other number that may differ (index, loss) how the table
-changes with it. Index and the like change little, but the bends of the response wander with them: a parabola through a
-step to each side serves where a straight line is off by more than noise. Loss takes its share of the light along the
-way, which is an exponential.
+A table is computed for the design itself, and for every other parameter that may differ (index, loss) the change of the
+table. The index and similar parameters have a small effect but shift the bends of the response, so a parabola through
+one step to each side is used where a straight line would be wrong by more than the noise. Loss attenuates the light
+along its path, which is an exponential.
 
-A chip's width enters as its square, the **spread** of the light about the chip's middle: what a narrow chip changes is
-in proportion to it, and a chip of no width is then no edge. The spread may come out below 0, as any number near 0 may.
+The width of a chip enters as its square, the **spread** of the light about the middle of the chip. The effect of a
+narrow chip is proportional to it, so a chip without width is not a boundary. The fitted spread may be below 0, like any
+estimate of a number near 0.
 
-The interface: `Response.of` a `Sensor`; `Response.shares`. A `Change` is that by one number.
+The interface: `Response.of` a `Sensor`; `Response.shares`. A `Change` is the effect of one parameter.
 """
 
 import math
@@ -26,23 +27,23 @@ from solen.spec import value_at, with_values
 
 INDEX, LOSS = "material.index", "material.absorption_per_mm"
 STEP_U = 1.0
-"""Step of a number, in its standard uncertainty."""
+"""Step of a parameter, in its standard uncertainty."""
 LOSS_STEP = 0.01
 LEAST_SPREAD_MM2 = 0.02**2
-"""Below this spread the response is continued as the straight line through it and a point."""
+"""Spread below which the response is interpolated linearly between this spread and a point."""
 LEAST_SHARE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """Change of a table with a number: a parabola within one step to each side, straight lines beyond.
+    """Change of a table with a parameter: a parabola within one step to each side, straight lines beyond.
 
     Attributes
     ----------
     step
-        Step of the number.
+        Step of the parameter.
     up, down
-        The table a step above and below, less the design's.
+        The table one step above and one step below, minus the design's table.
     """
 
     step: float
@@ -50,7 +51,7 @@ class Change:
     down: Table
 
     def chip(self, angle_deg: FloatArray, offset_mm: float, width_mm: float, by: float) -> FloatArray:
-        """Change of the shares (n, 2), as in `Table.chip`, if the number increases by ``by``."""
+        """Change of the fractions (n, 2), as in `Table.chip`, if the parameter increases by ``by``."""
         x = by / self.step
         end = min(max(x, -1.0), 1.0)
         found = np.zeros((angle_deg.size, 2))
@@ -67,15 +68,15 @@ class Response:
     Attributes
     ----------
     base
-        Of the design.
+        Table of the design.
     changes
-        By the key of a number: how the table changes with it.
+        Change of the table with each parameter, by its key.
     lossy
-        The table with `LOSS_STEP` more absorption at some of the angles, less the design's.
+        The table with additional absorption `LOSS_STEP`, at some of the angles, minus the design's table.
     width_mm, offset_mm
-        Of the design's chip.
+        Width and decentre of the design's chip.
     u_share
-        Error of the tables as a share of a receiver's swing: that of traced ones by default.
+        Error of the tables as a fraction of a receiver's swing; the default is that of traced tables.
     """
 
     base: Table
@@ -94,23 +95,23 @@ class Response:
         spreads: Mapping[str, float] | None = None,
         progress: Progress | None = None,
     ) -> "Response":
-        """Response of a design between two angles, and its change with given numbers.
+        """Trace the response of a design between two angles, and its change with given parameters.
 
         Parameters
         ----------
         sensor
             The design.
         low_deg, high_deg
-            The angles.
+            Lowest and highest angle.
         spreads
-            By the key of a number, its standard uncertainty.
+            Standard uncertainty of each parameter, by its key.
         progress
-            Called with the share that is done.
+            Called with the completed fraction.
 
         Raises
         ------
         SpecError
-            If a key is not one of a real number that the light depends on.
+            If a key does not belong to a real number that affects the light.
         DesignError
             If the design cannot be traced point by point.
         """
@@ -150,18 +151,18 @@ class Response:
         moved: Mapping[str, float] | None = None,
         loss_per_mm: float = 0.0,
     ) -> FloatArray:
-        """Shares of the emitted power (n, 2), right and left, at angles (n,).
+        """Fractions of the emitted power (n, 2), right and left, at angles (n,).
 
         Parameters
         ----------
         angle_deg
-            Angles within the table's.
+            Angles within the range of the table.
         offset_mm, spread_mm2
             Decentre of the emitter, and the square of its chip's width.
         moved
-            By key, how far a number is from the design's.
+            Differences of parameters from the design, by key.
         loss_per_mm
-            Absorption beyond the design's.
+            Absorption in addition to the design's.
         """
         if spread_mm2 >= LEAST_SPREAD_MM2:
             return self._of_width(angle_deg, offset_mm, math.sqrt(spread_mm2), moved or {}, loss_per_mm)
@@ -170,7 +171,7 @@ class Response:
         return np.asarray(point + (least - point) * (spread_mm2 / LEAST_SPREAD_MM2))
 
     def path_mm(self, angle_deg: FloatArray) -> float:
-        """Mean path in the material of the detected light, from its derivative by the loss."""
+        """Mean path of the detected light in the material, from the derivative with respect to the loss."""
         plain = self.base.chip(angle_deg, self.offset_mm, self.width_mm).sum()
         lost = self.lossy.chip(angle_deg, self.offset_mm, self.width_mm).sum()
         return float(-math.log1p(lost / plain) / LOSS_STEP)
@@ -189,7 +190,7 @@ class Response:
 
 
 def _moved(sensor: Sensor, key: str, by: float) -> Sensor:
-    """The sensor with a number changed by ``by``."""
+    """The sensor with a parameter changed by ``by``."""
     if key == INDEX:
         values = {INDEX: sensor.material.index + by, LOSS: sensor.material.absorption_per_mm}
         # its lens keeps the shape that it was designed with

@@ -1,9 +1,9 @@
 """Diagnosis of a sensor: a fit of its design's traced response to the mean curves of its recording.
 
-The idea: everything is fitted that the recording determines. A parameter whose uncertainty exceeds its scale is held
-at the design's value; the correlations of the fit with all parameters show what it is confused with.
+All parameters that the recording determines are fitted. A parameter whose uncertainty exceeds its scale is fixed at the
+design's value; the correlations in the fit of all parameters show which others it cannot be separated from.
 
-The interface: `cycles_of` an analysed sensor, `diagnosed`, `Diagnosis` and each `Estimate` of it.
+The interface: `cycles_of` an analysed sensor; `diagnosed`; `Diagnosis` with an `Estimate` of each parameter.
 """
 
 import math
@@ -25,16 +25,16 @@ from solen.sensor.acceptance import SIDES
 
 LEAST_ANGLES = 12
 ZERO_U_DEG, INDEX_U = 0.1, 0.003
-"""How well the zero of the angle and the index of a print are usually known."""
+"""Usual standard uncertainties of the zero of the angle and of the index of a print."""
 BEYOND_DEG = 0.5
-"""Beyond the recorded angles the response is traced by so much, for a zero that is elsewhere."""
+"""Range beyond the recorded angles in which the response is traced, to allow for a different zero of the angle."""
 PARTNER = 0.9
-"""Correlation from which on a number that is not determined takes part in another's."""
+"""Correlation above which an undetermined parameter cannot be separated from another one."""
 HELD_FIRST = (LOSS, SPREAD, OFFSET)
 POOREST = 0.98
-"""Correlation with a gain from which on a loss is not determined: it would absorb any misfit of the model."""
+"""Correlation with a gain above which a loss is not determined, because it would absorb any misfit of the model."""
 POOR = 0.95
-"""Correlation from which on two parameters are poorly separated."""
+"""Correlation above which two parameters are poorly separated."""
 
 
 class ParameterEstimate(Result, eq=True):
@@ -43,17 +43,17 @@ class ParameterEstimate(Result, eq=True):
     Attributes
     ----------
     name, unit
-        Its kind.
+        Name of the parameter, and its unit.
     value, u_value
-        Its value and standard uncertainty; None if the recording does not determine it.
+        Value and standard uncertainty; None if the recording does not determine it.
     low, high
-        Ends of its interval of 95 %; None if there is none.
+        Ends of its 95 % interval; None if there is none.
     design_value
-        That of the design; None if it states none.
+        Value in the design; None if the design states none.
     u_prior
-        Standard uncertainty with which it was known beforehand; None without a prior.
+        Standard uncertainty of the prior; None without a prior.
     half_width_68
-        Half of the interval of 68 %.
+        Half-width of its 68 % interval.
     """
 
     name: str = field(metadata=HIDDEN)
@@ -79,26 +79,26 @@ class ParameterEstimate(Result, eq=True):
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """The fit of one sensor.
+    """Fit of one sensor.
 
     Attributes
     ----------
     label
         Label of the sensor.
     cycles
-        Its curves.
+        Curves of its cycles.
     fitted
         The fit.
     estimates
-        Estimate of every number, by name.
+        Estimate of every parameter, by name.
     held
-        Parameters that the recording does not determine, each with those that it is correlated with.
+        Parameters that the recording does not determine, each with the parameters that it is correlated with.
     poor
         Pairs of parameters that are poorly separated, with their correlation.
     correlations
-        Correlations of the fitted numbers, (a, a), in the order of ``fitted.active``.
+        Correlations of the fitted parameters, (a, a), in the order of ``fitted.active``.
     left_out
-        Share of the angles that are left out, by receiver.
+        Fraction of the angles that are omitted, by receiver.
     """
 
     label: str
@@ -117,14 +117,16 @@ class Diagnosis:
 
 
 def sides_of(receivers: Iterable[str]) -> dict[str, int]:
-    """Indices of the right and the left receiver; one may be missing. `DataError` if no name states a side."""
+    """Indices of the right and the left receiver, one of which may be missing; `DataError` if no name states a side."""
     sides: dict[str, int] = {}
     receivers = list(receivers)
     for place, name in enumerate(receivers):
         side = side_of(name)
         if side and side in sides:
-            limit = f"{receivers[sides[side]]} and {name} are both the {side} one"
-            raise DataError("receivers", limit=limit, remedy="name one of each with --channel left=… right=…")
+            limit = f"{receivers[sides[side]]} and {name} are both recognised as the {side} receiver"
+            raise DataError(
+                "receivers", limit=limit, remedy="name one receiver of each side with --channel left=… right=…"
+            )
         if side:
             sides[side] = place
     if not sides:
@@ -134,7 +136,7 @@ def sides_of(receivers: Iterable[str]) -> dict[str, int]:
 
 
 def cycles_of(passes: Passes, places: Sequence[int]) -> Cycles:
-    """Curves of each cycle for given receivers: the mean of both directions, or the only one."""
+    """Curves of each cycle for given receivers: the mean of both directions, or the only direction."""
     hidden = np.where(passes.clipped, np.nan, passes.volts)[..., list(places)]
     there = np.isfinite(hidden).any(axis=(0, 2, 3), keepdims=True)
     both = np.where(there, 1.0, 0.0)
@@ -200,13 +202,15 @@ def _check(sensor: SensorResponse, cycles: Cycles, places: Mapping[str, int]) ->
     for n, side in enumerate(places):
         valid = int(cycles.valid[:, n].sum())
         if valid < LEAST_ANGLES:
-            limit = f"has {valid} angles that every cycle reaches unclipped; a diagnosis needs {LEAST_ANGLES}"
-            remedy = "record a wider range or lower voltages, or set --step-deg smaller"
+            limit = (
+                f"has {valid} angles that every cycle reaches unclipped, but a diagnosis needs at least {LEAST_ANGLES}"
+            )
+            remedy = "record a wider range or lower voltages, or use a smaller --step-deg"
             raise DataError(f"{sensor.label}: {side} receiver", limit=limit, remedy=remedy)
 
 
 def _check_signs(sensor: SensorResponse, fitted: Fitted, places: Mapping[str, int]) -> None:
-    """Refuse a gain below zero: the sensor was then turned or named the other way."""
+    """Raise `DataError` for a gain below zero, because the sensor was then turned or named the other way round."""
     for side in places:
         value, half = fitted.value(f"gain {side}"), fitted.half_width(f"gain {side}")
         if value + half < 0.0:
@@ -216,7 +220,7 @@ def _check_signs(sensor: SensorResponse, fitted: Fitted, places: Mapping[str, in
 
 
 def _determined(model: Model, cycles: Cycles) -> tuple[Fitted, dict[str, tuple[str, ...]]]:
-    """Fit of the parameters that the curves determine, and the names of the others."""
+    """Fit the parameters that the curves determine, and return the fit and the names of the others."""
     active = list(range(len(model.parameters)))
     held: dict[str, tuple[str, ...]] = {}
     fitted = fit(model, cycles, active)
@@ -228,7 +232,7 @@ def _determined(model: Model, cycles: Cycles) -> tuple[Fitted, dict[str, tuple[s
 
 
 def _undetermined(fitted: Fitted) -> str | None:
-    """The parameter to fix next, as its uncertainty is too large to be useful; None if there is none."""
+    """Next parameter to fix because its uncertainty is too large to be useful; None if there is none."""
     model = fitted.model
     free = [model.parameters[place] for place in fitted.active if math.isinf(model.parameters[place].known)]
     vague = [one.name for one in free if not fitted.u(one.name) <= one.scale]
@@ -242,7 +246,7 @@ def _undetermined(fitted: Fitted) -> str | None:
 
 
 def _partners(fitted: Fitted, name: str, beyond: float = PARTNER) -> tuple[str, ...]:
-    """Parameters correlated with a given one, in the fit of all."""
+    """Parameters correlated with a given one, in the fit of all parameters."""
     names = [fitted.model.parameters[place].name for place in fitted.active]
     row = _correlations(fitted)[names.index(name)]
     return tuple(
@@ -256,7 +260,7 @@ def _correlations(fitted: Fitted) -> FloatArray:
 
 
 def _poor(fitted: Fitted, correlations: FloatArray) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of parameters of the shape that are poorly separated."""
+    """Pairs of shape parameters that are poorly separated."""
     names = [fitted.model.parameters[place].name for place in fitted.active]
     found = []
     for i, name in enumerate(names):
@@ -298,7 +302,7 @@ def _plain(
 
 
 def _width(fitted: Fitted, held: Mapping[str, object]) -> ParameterEstimate:
-    """Width of the chip from its square, whose interval is symmetric; an interval that reaches below 0 ends at 0."""
+    """Width of the chip from its square, whose interval is symmetric; the interval is cut off at 0."""
     design = fitted.model.response.width_mm
     if SPREAD in held:
         return ParameterEstimate("chip width", "mm", design_value=design)
@@ -311,7 +315,7 @@ def _width(fitted: Fitted, held: Mapping[str, object]) -> ParameterEstimate:
 
 
 def _ratio(fitted: Fitted) -> ParameterEstimate:
-    """Gain of the right receiver over that of the left."""
+    """Ratio of the right receiver's gain to the left receiver's."""
     places = [int(np.flatnonzero(fitted.active == fitted.model.places[f"gain {side}"])[0]) for side in SIDES]
     right, left = (fitted.value(f"gain {side}") for side in SIDES)
     block = fitted.covariance[np.ix_(places, places)]

@@ -1,10 +1,10 @@
-"""Light of an emitter by its starting point, at one angle of the motion.
+"""Light of an emitter as a function of the starting point, at one angle of the motion.
 
-The idea: the light of a chip is the mean over its points, so the integral over position serves chips of any decentre
-and width. In the plane it is built from points, each integrated over its angles, denser where the response is curved.
-In space a point's light has two more dimensions, and integrating them costs the same for a point and for a strip: so
-it is built from strips, whose integrals over position and angles match at their ends, and which are halved where the
-curve through them is curved. The height of the chip is the design's.
+The light of a chip is the mean over its points, so the integral over position serves for chips of any decentre and
+width. In the plane it is computed from points, each integrated over its angles, more densely where the response is
+curved. In space the light of a point has two more dimensions, and its integration takes as long for a strip as for a
+point. The integral is therefore computed from strips, integrated over position and angles with matching ends; strips
+are halved where the curve through them is curved. The height of the chip is that of the design.
 
 The interface: `light_by_place` of a `Sensor` with a chip that covers all positions; `Places`.
 """
@@ -25,65 +25,66 @@ from solen.sensor.acceptance import SIDES, Acceptance
 from solen.trace.adaptive import Points, integrate
 
 TOLERANCE = 1e-5
-"""Within what fraction of the emitted power each point is integrated."""
+"""Tolerance of the integral of each point, as a fraction of the emitted power."""
 FIRST_MM, FIRST_CHANGE_MM, LEAST_MM = 0.05, 0.1, 0.0001
-"""Distance of places to begin with, also for changes in space, and the least that it is halved to in the plane."""
+"""Initial distance of positions, also for changes in space, and the smallest distance after halving in the plane."""
 BEND_MM = 3e-6
-"""Points are refined where they deviate by more from the line between their neighbours, per distance."""
+"""Deviation from the line between its neighbours, per distance, above which the positions about a point are refined."""
 STRIP_MM, LEAST_STRIP_MM = 2e-5, 0.002
-"""Within what a strip's integral over its places is known, the emitted power being 1; the least width of a strip."""
+"""Tolerance of a strip's integral over its positions, for an emitted power of 1, and the smallest width of a strip."""
 STRIP_BEND_MM, CHANGE_BEND_MM = 4e-5, 2e-5
-"""Where the integral at a strip's middle, or a change of it, departs from the curve by so much, the strip and its
-neighbours are halved."""
+"""Deviation of the integral at a strip's middle, or of its change, from the curve, above which the strip and its
+neighbours are halved.
+"""
 NEAR_MM, FAR = 0.35, 4.0
-"""Farther than this from the axis, integrals over places are let be off by so many times as much."""
+"""Distance from the axis beyond which the tolerance of integrals over positions is larger, and the factor."""
 MOST_TOLERANCE = 2e-3
 MISSED = 10.0
-"""Times the tolerance that a strip's uncertainty may reach where its integration ended early."""
+"""Largest uncertainty of a strip whose integration ended early, in units of the tolerance."""
 SEEN, SEEN_IN_SPACE = (0.01, 2**11), (0.05, 2**13)
-"""Widths of the strips in mm whose light directional receivers are asked for, and rays for each."""
+"""Width in mm of the strips that are traced for directional receivers, and number of rays for each."""
 
 Curve = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Integral of both receivers' shares over the places of an emitter at one angle.
+    """Integral of both receivers' fractions of the light over the position of the emitter, at one angle.
 
     Attributes
     ----------
     place_mm
-        Traced places, or ends of strips, (p,).
+        Traced positions, or ends of strips, (p,).
     upto
-        The integral (n, 2) up to places (n,), right and left, in mm.
+        Function that returns the integral (n, 2) up to positions (n,), right and left, in mm.
     """
 
     place_mm: FloatArray
     upto: Curve
 
     def mirrored(self) -> "Places":
-        """The integral for the opposite angle of a symmetric sensor: right and left exchanged."""
+        """The integral for the opposite angle of a symmetric sensor, with right and left exchanged."""
         return Places(-self.place_mm[::-1], lambda at: -self.upto(-at)[:, ::-1])
 
 
 def light_by_place(wide: Sensor, angle_deg: float, reach_mm: float, like: Places | None = None) -> Places:
-    """Light at one angle, for a chip that covers all positions.
+    """Compute the light at one angle, for a chip that covers all positions.
 
     Parameters
     ----------
     wide
-        The sensor; its chip is twice ``reach_mm`` wide.
+        The sensor, with a chip of width 2 ``reach_mm``.
     angle_deg
         Angle of the motion.
     reach_mm
-        How far from the axis.
+        Largest distance from the axis.
     like
-        That of a similar sensor: in space only the difference is then traced, by fewer strips.
+        Result of a similar sensor; in space, only the difference is then traced, with fewer strips.
 
     Raises
     ------
     DesignError
-        If light is scattered, comes from a file of rays, or is to go out in space by a pattern of the plane.
+        If light is scattered or comes from a file of rays, or an emission pattern of the plane is used in space.
     """
     scene = wide.scene(angle_deg)
     check_light(scene)
@@ -92,12 +93,14 @@ def light_by_place(wide: Sensor, angle_deg: float, reach_mm: float, like: Places
 
 
 def check_light(scene: Scene) -> None:
-    """`DesignError` if a scene's emitter cannot be resolved by position."""
+    """Raise `DesignError` if a scene's emitter cannot be resolved by position."""
     if scene.is_random:
-        limit = "diagnosis needs light without random scatter"
-        raise DesignError("diagnosis", value="scattered light", limit=limit, remedy="leave the scatter out")
+        limit = "diagnosis requires light without random scatter"
+        raise DesignError("diagnosis", value="scattered light", limit=limit, remedy="omit the scatter")
     if scene.sources[0].emission() is None:
-        raise DesignError("emitter", limit="a file of rays has no points to fit", remedy="state a pattern")
+        raise DesignError(
+            "emitter", limit="a file of rays has no emitter position that can be fitted", remedy="state a pattern"
+        )
 
 
 class _Chip:
@@ -111,19 +114,19 @@ class _Chip:
     def source(self) -> Chip | Emitter:
         source = self.scene.sources[0]
         if not isinstance(source, Chip | Emitter):
-            raise AssertionError("checked before: a chip made of points")
+            raise AssertionError("checked before: the chip consists of points")
         return source
 
     def strip(self, place_mm: float, width_mm: float = 0.0) -> Chip | Emitter:
         """A part of the chip."""
         emission = self.source.emission()
         if emission is None:
-            raise AssertionError("checked before: a chip made of points")
+            raise AssertionError("checked before: the chip consists of points")
         x, z, _ = emission.at(0.5 - 0.5 * place_mm / self.reach_mm)
         return replace(self.source, point=(x, z), width_mm=width_mm)
 
     def in_points(self) -> Places:
-        """Integral over the places, by points of the plane."""
+        """Integral over the positions, computed from points in the plane."""
         from scipy.interpolate import PchipInterpolator
 
         points = Points(self.scene, TOLERANCE)
@@ -143,7 +146,7 @@ class _Chip:
         return Places(places, PchipInterpolator(places, shares * self.seen(places)).antiderivative())
 
     def in_strips(self, like: Places | None) -> Places:
-        """Integral over the places, by strips in space."""
+        """Integral over the positions, computed from strips in space."""
         from scipy.interpolate import CubicSpline
 
         known: Curve = like.upto if like is not None else lambda at: np.zeros((at.size, len(SIDES)))
@@ -169,7 +172,7 @@ class _Chip:
         return Places(places, lambda at: np.asarray(known(at) + beyond(at)))
 
     def parts(self, low_mm: FloatArray, high_mm: FloatArray) -> FloatArray:
-        """Integrals (n, 2) over strips between places (n,)."""
+        """Integrals (n, 2) over strips between positions (n,)."""
         middles, widths = 0.5 * (low_mm + high_mm), high_mm - low_mm
         tolerance = np.clip(STRIP_MM * _room(middles) / widths, 0.0, MOST_TOLERANCE)
         rows = zip(middles.tolist(), widths.tolist(), tolerance.tolist(), strict=True)
@@ -189,7 +192,7 @@ class _Chip:
         return np.linspace(-self.reach_mm, self.reach_mm, count + 1)
 
     def seen(self, places_mm: FloatArray) -> FloatArray:
-        """Factors of directional receivers for the shares (p, 2) at positions (p,); 1 for flat windows."""
+        """Factors of directional receivers for the fractions (p, 2) at positions (p,); 1 for flat windows."""
         if self.acceptance.is_flat:
             return np.ones((places_mm.size, len(SIDES)))
         places, factors = self._factors
@@ -197,7 +200,7 @@ class _Chip:
 
     @cached_property
     def _factors(self) -> tuple[FloatArray, FloatArray]:
-        """Places (n,) and what is seen of each one's light (n, 2)."""
+        """Positions (n,), and the fraction of the light from each that directional receivers detect, (n, 2)."""
         step, rays = SEEN if self.scene.extrusion is None else SEEN_IN_SPACE
         places = np.linspace(-self.reach_mm, self.reach_mm, 2 * math.ceil(self.reach_mm / step) + 1)
         lights = (self.strip(place, step).with_rays(rays) for place in places.tolist())
@@ -206,11 +209,11 @@ class _Chip:
 
 
 def _beside(places: FloatArray, bent: FloatArray) -> IndexArray:
-    """The intervals on both sides of bent places."""
+    """The intervals on both sides of the positions with a curved response."""
     at = np.searchsorted(places, bent)
     return np.unique(np.concatenate([at - 1, at])).astype(np.intp)
 
 
 def _room(places_mm: FloatArray) -> FloatArray:
-    """Factor on tolerances at places."""
+    """Factor of the tolerances at given positions."""
     return np.where(np.abs(places_mm) <= NEAR_MM, 1.0, FAR)

@@ -1,16 +1,16 @@
-"""Least squares of a model on mean curves, with uncertainties from the scatter of the cycles.
+"""Least-squares fit of a model to mean curves, with uncertainties from the scatter of the cycles.
 
-The idea: noise of a recording is not white: it drifts, flickers and lags, so errors of neighbouring angles correlate.
-But **cycles are repetitions of each other**. The fit is by least squares, and every
-estimate is, to first order, a linear function of the curves; applied to each cycle separately, that function gives
-the estimate's scatter, whatever correlates within a cycle, and its mean over n cycles follows Student's t with n − 1.
-Two terms are added, with the law of propagation:
+The noise of a recording is not white: drift, flicker and lag correlate the errors of neighbouring angles. But **cycles
+are repetitions of each other**. The fit is by least squares, and every estimate is, to first order, a linear function
+of the curves. This function, applied to each cycle separately, gives the scatter of the estimate, whatever the
+correlations within a cycle, and its mean over n cycles follows Student's t distribution with n − 1 degrees of freedom.
+Two terms are added according to the law of propagation:
 
-- priors (of the index and the like), which enter the fit as observations;
-- **misfit**: departures of the mean curves from the model beyond the scatter of the cycles, as waves of some length.
-  Its size follows from the waves that no parameter can absorb, and is then assumed for those that parameters can.
+- priors (e.g. of the index), which enter the fit as observations;
+- **misfit**: deviations of the mean curves from the model beyond the scatter of the cycles, as waves.
+  Its size is estimated from the waves that no parameter can absorb, and assumed for those that parameters can absorb.
 
-The sum has Welch and Satterthwaite's degrees of freedom.
+The degrees of freedom of the sum are those of Welch and Satterthwaite.
 
 The interface: `Cycles`, `fit`, `Fitted`.
 """
@@ -28,16 +28,18 @@ from solen.results import Result, reported
 STARTS_MM = (0.0, -0.03, 0.03, -0.06, 0.06, -0.1, 0.1)
 STARTS_MM2 = (0.1**2, 0.25**2)
 TRIED = 3
-"""Starting values of a fit (decentres and spreads of the chip), and how many of them are refined.
+"""Number of starting values (decentres and spreads of the chip) that are refined in a fit.
 
 The best linear fits are chosen. Parameters with priors are fixed at first.
 """
 WAVES = 12
-"""Half waves over the range of angles, from 0, in which a misfit is searched for."""
+"""Number of half waves over the range of angles, from 0, that a misfit may consist of."""
 SIGNIFICANT = 0.05
-"""Chance of a misfit that is none, from which on it counts as one."""
+"""Probability of such a misfit by chance, below which it is significant."""
 CURVES_SHARE = 2e-5
-"""What mean curves are off by in every cycle alike, as a share of the swing: angles between entries of a log, cells."""
+"""Error common to the curves of all cycles, as a fraction of the swing: from angles between entries of a log, and
+cells.
+"""
 _ROUNDS = 60
 
 
@@ -48,9 +50,9 @@ class Cycles:
     Attributes
     ----------
     angle_deg
-        Even angles, (n,).
+        Evenly spaced angles, (n,).
     volts
-        (cycles, n, r), NaN where an angle is left out.
+        Voltages (cycles, n, r); NaN at angles that are omitted.
     """
 
     angle_deg: FloatArray
@@ -58,12 +60,12 @@ class Cycles:
 
     @property
     def valid(self) -> BoolArray:
-        """Angles of each receiver that every cycle has, (n, r)."""
+        """Whether every cycle has a value at each angle, for each receiver, (n, r)."""
         return np.asarray(np.isfinite(self.volts).all(axis=0))
 
     @property
     def mean_V(self) -> FloatArray:
-        """(n, r), NaN where an angle is left out."""
+        """Mean of the cycles, (n, r); NaN at angles that are omitted."""
         return np.asarray(np.where(self.valid, self.volts.mean(axis=0), np.nan))
 
     @property
@@ -84,7 +86,7 @@ class Misfit(Result):
         Mean square of the residuals' waves relative to that expected from the scatter of the cycles, and the
         probability of such a ratio by chance; NaN for a single cycle.
     share
-        Size of the misfit beyond the scatter as a share of the swing; 0 if there is none.
+        Size of the misfit beyond the scatter as a fraction of the swing; 0 if there is none.
     """
 
     rms_V: FloatArray
@@ -100,7 +102,7 @@ class Misfit(Result):
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A fit.
+    """Result of a fit.
 
     Attributes
     ----------
@@ -109,13 +111,13 @@ class Fitted:
     values
         Values of all parameters, (p,).
     active
-        Places of those that were fitted, (a,).
+        Indices of the fitted parameters, (a,).
     covariance
-        Covariance of the fitted ones, (a, a).
+        Covariance of the fitted parameters, (a, a).
     freedom
-        Effective degrees of freedom of each, (a,).
+        Effective degrees of freedom of each fitted parameter, (a,).
     residual_V
-        Mean curve less model, (n, r); NaN where an angle is left out.
+        Mean curve minus model, (n, r); NaN at angles that are omitted.
     misfit
         See `Misfit`.
     """
@@ -138,7 +140,7 @@ class Fitted:
         return float(self.values[self.model.places[name]])
 
     def half_width(self, name: str, level: float = 0.95) -> float:
-        """Half of the 95 % interval of a parameter, by Student's t."""
+        """Half-width of the 95 % interval of a parameter, from Student's t distribution."""
         from scipy.stats import t
 
         place = self._place(name)
@@ -152,18 +154,18 @@ class Fitted:
 
 
 def fit(model: Model, cycles: Cycles, active: Sequence[int], start: FloatArray | None = None) -> Fitted:
-    """Least squares of a model on the mean of the cycles.
+    """Fit a model to the mean of the cycles by least squares.
 
     Parameters
     ----------
     model
-        Of the same angles and receivers.
+        Model with the same angles and receivers.
     cycles
-        At least two for intervals.
+        Curves; at least two cycles are needed for intervals.
     active
-        Places of the parameters that are fitted; the others keep their start.
+        Indices of the fitted parameters; the others keep their start values.
     start
-        Values to begin with (p,); by default the best of several decentres.
+        Start values (p,); by default the best of several decentres.
     """
     places = np.array(sorted(active), dtype=np.intp)
     sd = _first_sd(cycles)
@@ -176,7 +178,7 @@ def fit(model: Model, cycles: Cycles, active: Sequence[int], start: FloatArray |
 
 
 def _first_sd(cycles: Cycles) -> FloatArray:
-    """Standard deviation of the mean curves of each receiver (r,), always above 0."""
+    """Standard deviation of the mean curves of each receiver (r,), always greater than 0."""
     count = len(cycles.volts)
     least = 1e-6 * cycles.swing_V + 1e-12
     if count < 2:
@@ -186,7 +188,7 @@ def _first_sd(cycles: Cycles) -> FloatArray:
 
 
 def _started(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray) -> FloatArray:
-    """Values of the best of several starting points."""
+    """Values from the best of several starting points."""
     spread = model.parameters[model.places[SPREAD]].start
     free = {model.parameters[place].name for place in places}
     begun = [
@@ -204,7 +206,7 @@ def _started(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray) -
 def _solved(
     model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Values and sum of squares by Levenberg and Marquardt's method, in the parameters' scales."""
+    """Values and sum of squares from the Levenberg-Marquardt method, in the scales of the parameters."""
     scale = np.array([model.parameters[place].scale for place in places])
     values, damping = start.copy(), 1e-3
     rest, cost = _rest(model, cycles, places, sd, values)
@@ -231,7 +233,7 @@ def _solved(
 
 
 def _keep_within(model: Model, values: FloatArray) -> None:
-    """Keep the chip within the traced positions."""
+    """Limit the chip to the traced positions."""
     reach, at = model.response.reach_mm, model.places
     values[at[OFFSET]] = np.clip(values[at[OFFSET]], -0.6 * reach, 0.6 * reach)
     most = 2.0 * (reach - abs(values[at[OFFSET]]))
@@ -249,7 +251,7 @@ def _rest(
 
 
 def _table(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, values: FloatArray) -> FloatArray:
-    """Derivatives of the model by the parameters in the same units, (observations, a)."""
+    """Derivatives of the model with respect to the parameters, in the same units, (observations, a)."""
     table = (model.jacobian(values, places.tolist()) / sd[:, None])[cycles.valid]
     prior = np.diag([1.0 / model.parameters[p].known for p in places])
     return np.concatenate([table, prior])
@@ -287,7 +289,7 @@ def _fitted(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, va
 
 
 def _inverse(normal: FloatArray, scale: FloatArray) -> FloatArray:
-    """Inverse of a matrix of normal equations, solved in the parameters' scales."""
+    """Inverse of a matrix of normal equations, computed in the scales of the parameters."""
     return np.asarray(np.linalg.inv(normal * np.outer(scale, scale)) * np.outer(scale, scale))
 
 
@@ -312,7 +314,7 @@ def _waves(cycles: Cycles) -> FloatArray:
 def _misfit(
     left: FloatArray, apart: FloatArray, waves: FloatArray, table: FloatArray, hat: FloatArray, count: int
 ) -> tuple[float, float, tuple[float, float]]:
-    """Size of the misfit's waves, their degrees of freedom, and the ratio to the cycles' scatter with its chance."""
+    """Size of the misfit's waves, their degrees of freedom, the ratio to the cycles' scatter, and its chance."""
     seen = waves - table @ (hat @ waves)
     basis, sizes, _ = np.linalg.svd(seen, full_matrices=False)
     basis = basis[:, sizes > 1e-3 * sizes[0]]
@@ -336,7 +338,7 @@ def _misfit(
 def _effective(scatter: FloatArray, most: float, freedom: int) -> float:
     """Effective number of independent waves, tr² C / tr C², from a scatter matrix S of few deviations.
 
-    E tr S² = (1 + 1/ν) tr C² + tr² C / ν for ν degrees of freedom.
+    It uses E tr S² = (1 + 1/ν) tr C² + tr² C / ν for ν degrees of freedom.
     """
     trace, square = float(np.trace(scatter)), float(np.sum(scatter**2))
     unbiased = (square - trace**2 / freedom) / (1.0 + 1.0 / freedom)

@@ -1,13 +1,13 @@
-"""The traced response of a design for an emitter of any place and width, as one table.
+"""The traced response of a design for an emitter of any position and width, as one table.
 
-The idea: the points of a chip emit incoherently, so the response of a chip is the mean of the responses of its points.
-These are traced on a grid, angles of the motion by places of a point emitter, and integrated over the places once: a
-chip is then a difference of two values of that integral, whatever its decentre and width. Places are traced more
-densely where the response bends, and counted from the place where light changes sides, which wanders with the angle;
-beside it the response changes slowly with the angle, so that few angles do. Directional receivers see less of each
-point's light, as `solen.sensor.readings` says.
+The points of a chip emit incoherently, so the response of a chip is the mean of the responses of its points. These are
+traced on a grid of motion angles and positions of a point emitter, and integrated once over position. The light of a
+chip of any decentre and width is then the difference of two values of that integral. Positions are traced more densely
+where the response bends. They are measured from the edge, where the light changes sides; the edge moves with the angle,
+but the response relative to it changes slowly, so few angles are sufficient. Directional receivers detect less of each
+point's light, as described in `solen.sensor.readings`.
 
-The interface: `Table.of` a `Sensor` at `angles_deg`; `Table.chip` gives the shares of the emitted power at both
+The interface: `Table.of` a `Sensor` at `angles_deg`; `Table.chip` returns the fractions of the emitted power at both
 receivers.
 """
 
@@ -26,15 +26,15 @@ from solen.sensor import Sensor
 from solen.spec import with_values
 
 REACH_MM = 0.6
-"""How far from the axis places are traced, beyond the design's own decentre and half its chip."""
+"""Range of traced positions on each side, in addition to the design's own decentre and half the width of its chip."""
 STEP_MM = 0.002
-"""Step of the integral over the places."""
+"""Step of the integral over position."""
 STEP_DEG, STEP_IN_SPACE_DEG, MOST_ANGLES = 0.125, 0.25, 81
 """Spacing of the traced angles in the plane and in space, and their largest number."""
 EDGE_MM, MOST_OFF_MM = 0.005, 0.05
-"""Span for the slope of light against position; tolerance of the edge's straightness."""
+"""Distance for the slope of light against position; largest deviation of the edge from a straight line."""
 POINT_MM = 0.004
-"""A chip less wide than this is a point."""
+"""Width below which a chip is treated as a point."""
 _PAD = 12
 
 
@@ -47,13 +47,13 @@ class Table:
     angle_deg
         Traced angles, (a,).
     place_mm
-        Places from the edge, (p,).
+        Positions relative to the edge, (p,).
     edge
-        Polynomial of the edge's place in mm by the angle, as `numpy.polyval` takes it.
+        Polynomial of the edge's position in mm against the angle, as required by `numpy.polyval`.
     total_mm
-        Integral up to each place, right and left, (2, a, p).
+        Integral up to each position, right and left, (2, a, p).
     rows
-        What was traced at each angle, which another table may differ from; () for one that was not traced.
+        Traced results at each angle, from which another table may differ; () for a table that was not traced.
     """
 
     angle_deg: FloatArray
@@ -66,12 +66,14 @@ class Table:
     def of(
         cls, sensor: Sensor, angle_deg: FloatArray, like: "Table | None" = None, progress: Progress | None = None
     ) -> "Table":
-        """Table of a design at angles (a,), at least four; ``like`` is that of a similar design, at these and more.
+        """Trace the table of a design at angles (a,), at least four.
+
+        ``like`` is the table of a similar design that includes these angles.
 
         Raises
         ------
         DesignError
-            As `light_by_place`.
+            As in `light_by_place`.
         """
         wide, reach_mm = _reaching(sensor)
         wide.check_pair()
@@ -87,7 +89,7 @@ class Table:
         return cls(angle_deg, grid, edge, total, rows)
 
     def places_of(self, angle_deg: FloatArray) -> IndexArray:
-        """Rows of angles (n,) that are among the table's."""
+        """Rows of the table with the given angles (n,)."""
         return np.searchsorted(self.angle_deg, angle_deg - 1e-9)
 
     def less(self, other: "Table") -> "Table":
@@ -96,7 +98,7 @@ class Table:
 
     @cached_property
     def _coefficients(self) -> tuple[FloatArray, ...]:
-        """Cubic spline coefficients of both receivers; the table is extended so that its ends do not bend."""
+        """Cubic spline coefficients of both receivers; the table is extended to be straight at its ends."""
         from scipy.ndimage import spline_filter
 
         wide = np.pad(self.total_mm, ((0, 0), (_PAD, _PAD), (_PAD, _PAD)), mode="reflect", reflect_type="odd")
@@ -104,11 +106,11 @@ class Table:
 
     @property
     def reach_mm(self) -> float:
-        """How far from the axis a chip may reach at every angle."""
+        """Largest distance of a chip's edge from the axis that is possible at every angle."""
         return float(self.place_mm[-1] - np.abs(np.polyval(self.edge, self.angle_deg[[0, -1]])).max())
 
     def chip(self, angle_deg: FloatArray, offset_mm: float, width_mm: float) -> FloatArray:
-        """Shares of the emitted power (n, 2), right and left, at angles (n,), for a chip about a place."""
+        """Fractions of the emitted power (n, 2), right and left, at angles (n,), for a chip centred at a position."""
         from scipy.ndimage import map_coordinates
 
         half = 0.5 * max(width_mm, POINT_MM)
@@ -124,7 +126,7 @@ class Table:
 
 
 def angles_deg(low_deg: float, high_deg: float, step_deg: float = STEP_DEG) -> FloatArray:
-    """Angles at which a response is traced between two: an odd number, so that every other one has both ends."""
+    """Angles at which a response is traced: an odd number, so that every other one includes both ends."""
     half = int(np.clip(math.ceil(0.5 * (high_deg - low_deg) / step_deg), 4, MOST_ANGLES // 2))
     return np.linspace(low_deg, high_deg, 2 * half + 1)
 
@@ -136,7 +138,7 @@ def _traced(
     known: Sequence[Places | None],
     progress: Progress | None,
 ) -> tuple[Places, ...]:
-    """Trace at every angle, on all cores; for a symmetric sensor only at angles of 0 and above."""
+    """Trace the light at every angle, on all cores; for a symmetric sensor only at non-negative angles."""
     even = np.allclose(angle_deg, -angle_deg[::-1], rtol=0.0, atol=1e-9)
     even = even and are_mirrored(*(wide.body(float(angle)) for angle in angle_deg[[0, -1]]))
     first = len(angle_deg) // 2 if even else 0

@@ -1,8 +1,9 @@
 """Diagnosis of the sensors of a study: the design of each, its traced response, and the fit.
 
-A recording of a bench carries its designs; for others the options name one. Sensors of one design share its response.
+A recording of a bench contains its designs; for other recordings the options name one. Sensors of the same design share
+its response.
 
-The interface: `diagnosed_sensors` of a `Study` gives `SensorDiagnoses`.
+The interface: `diagnosed_sensors` of a `Study` returns `SensorDiagnoses`.
 """
 
 from collections.abc import Iterator, Mapping
@@ -41,27 +42,28 @@ from solen.spec import Design, load, loads
 from solen.spec.strict import Finite, Options, refused
 
 MOST_BEYOND_DEG = 0.5
-"""A recording that goes farther beyond its design's motion gets a warning."""
+"""Angle by which a recording may exceed the motion of its design without a warning."""
 FAR_OFF = 0.002
-"""Misfit as a share of the swing from which on a model in the plane is named as a cause."""
+"""Misfit as a fraction of the swing above which a model in the plane is stated as a possible cause."""
 FITTED = ("emitter.offset_mm", "emitter.width_mm", "material.absorption_per_mm")
-"""Keys that are fitted anyway."""
+"""Keys that are always fitted."""
 
 
 class DiagnosisOptions(Options):
-    """Which sensors are diagnosed, and their priors."""
+    """Choice of the sensors to diagnose, and their priors."""
 
     design: Path | None = None
-    """Design of the sensor; default: the one that a recording of solen bench carries."""
+    """Design of the sensor; default: the one contained in a recording of solen bench."""
     sensor: tuple[str, ...] = ()
     """Sensors to diagnose, by their labels; default: all."""
     spread: tuple[str, ...] = ()
-    """What differs from print to print by a standard uncertainty, KEY=U, as in --spread emitter.distance_mm=0.02;
-    default: material.index=0.003."""
+    """Parameter that differs from print to print, with its standard uncertainty, KEY=U, as in --spread
+    emitter.distance_mm=0.02; default: material.index=0.003.
+    """
     zero_u_deg: Finite = Field(ZERO_U_DEG, gt=0, le=BEYOND_DEG)
     """Standard uncertainty of the angle at which the sensor is straight."""
     brighter: Literal["lower", "higher"] = "lower"
-    """Whether brighter light is a lower or a higher voltage."""
+    """Whether brighter light gives a lower or a higher voltage."""
 
     @model_validator(mode="after")
     def _check_spread(self) -> Self:
@@ -80,13 +82,13 @@ class DiagnosisOptions(Options):
 
     @property
     def spreads(self) -> dict[str, float]:
-        """Standard uncertainties by key; that of the index by default."""
+        """Standard uncertainties by key; by default only that of the index."""
         parts = [text.partition("=") for text in self.spread]
         return {INDEX: INDEX_U} | {key.strip(): float(value) for key, _, value in parts}
 
 
 class FittedCurve(Result):
-    """Mean curve of a receiver, the model's, and their difference over the angles (n,)."""
+    """Mean curve of a receiver, the curve of the model, and their difference over the angles (n,)."""
 
     angle_deg: FloatArray
     mean_V: FloatArray
@@ -102,23 +104,23 @@ class SensorDiagnosis(Result):
     diagnosis
         The fit and its estimates.
     lens
-        Whether it has a lens; None if not stated.
+        Whether the sensor has a lens; None if not stated.
     design
         Name of its design.
     drawn
-        True values of a simulated sensor, by key; None for others.
+        True values of a simulated sensor, by key; None for a measured one.
     words, advice
-        Results in words, a line for each parameter, and advice.
+        Results in words, one line for each parameter, and advice.
     parameters
         Every parameter by name.
     not_determined
-        Parameters that the recording does not determine, with those they correlate with.
+        Parameters that the recording does not determine, each with the parameters that it is correlated with.
     correlated, correlations
         Names of the fitted parameters, and their correlations (a, a).
     cycles_used
-        Number of cycles behind the intervals.
+        Number of cycles used for the intervals.
     misfit
-        Departure of the mean curves from the model.
+        Deviation of the mean curves from the model.
     receivers
         Curves of each receiver.
     warnings
@@ -147,7 +149,7 @@ class SensorDiagnoses(Result):
     Attributes
     ----------
     sensors
-        By label.
+        Diagnosis of each sensor, by label.
     prior
         Standard uncertainties of the priors, by key.
     simulated
@@ -177,16 +179,16 @@ class _Carried:
 def diagnosed_sensors(
     study: Study, options: DiagnosisOptions | None = None, progress: Progress | None = None
 ) -> SensorDiagnoses:
-    """Diagnosis of each sensor; sensors of the same design and lens share a traced response.
+    """Diagnose each sensor; sensors of the same design and lens share a traced response.
 
     Parameters
     ----------
     study
         The recordings, analysed.
     options
-        Which sensors, their design, and priors.
+        Sensors to diagnose, their design, and priors.
     progress
-        Called with the completed share of the tracing, up to 1.
+        Called with the completed fraction of the tracing, up to 1.
 
     Raises
     ------
@@ -223,7 +225,7 @@ def diagnosed_sensors(
 def _chosen(study: Study, options: DiagnosisOptions) -> list[SensorResponse]:
     for name in options.sensor:
         if name not in study.sensors:
-            limit = f"no such sensor; there are {', '.join(study.sensors)}"
+            limit = f"no sensor has this name; the sensors are {', '.join(study.sensors)}"
             raise SpecError("--sensor", value=name, limit=limit)
     return [sensor for sensor in study.sensors.values() if not options.sensor or sensor.label in options.sensor]
 
@@ -241,7 +243,7 @@ def _carried(sensor: SensorResponse) -> _Carried:
 
 
 def _design(sensor: SensorResponse, stated: Design | None, own: Design | None) -> Design:
-    """The design of a sensor; `DataError` without one, or if its motion differs from that of the recording."""
+    """Design of a sensor; `DataError` if there is none, or if its motion differs from that of the recording."""
     if stated is None:
         if own is None:
             remedy = "name its design file with --design"
@@ -251,7 +253,7 @@ def _design(sensor: SensorResponse, stated: Design | None, own: Design | None) -
         ours, theirs = (_text(getattr(one.motion, key)) for one in (stated, own) if one is not None)
         if ours != theirs:
             limit = f"the recording of {sensor.label} was made with {theirs}"
-            remedy = "state the motion of the recording, or leave --design out"
+            remedy = "state the motion of the recording, or omit --design"
             raise DataError(f"--design: motion.{key}", value=ours, limit=limit, remedy=remedy)
     return stated
 
@@ -275,7 +277,7 @@ def _diagnosis(
     bend = None if rising else _bend(sensor, design, own)
     warnings = list(_motion_warnings(sensor, design))
     if bend is None:
-        straight = "voltages are taken to fall in proportion to the light: the design states no [readout]"
+        straight = "the design states no [readout], so voltages are assumed to fall in proportion to the light"
         warnings.append(look_at(straight))
     diagnosis = diagnosed(sensor, response, {ZERO: options.zero_u_deg} | options.spreads, bend, rising=rising)
     fitted = diagnosis.fitted
@@ -321,37 +323,41 @@ def _motion_warnings(sensor: SensorResponse, design: Design) -> Iterator[Caution
     motion = design.motion
     if low < motion.from_deg - MOST_BEYOND_DEG or high > motion.to_deg + MOST_BEYOND_DEG:
         yield look_at(
-            f"the recording goes from {low:.3g}° to {high:.3g}°, the design's motion from {motion.from_deg:g}° to "
-            f"{motion.to_deg:g}°: is it the same motion?"
+            f"the recording covers {low:.3g}° to {high:.3g}°, but the motion of the design {motion.from_deg:g}° to "
+            f"{motion.to_deg:g}°; check that the motion is the same"
         )
 
 
 def _cautions(diagnosis: Diagnosis, design: Design) -> Iterator[Caution]:
-    """Limits of a diagnosis, as warnings."""
+    """Warnings about the limits of a diagnosis."""
     misfit = diagnosis.fitted.misfit
     if misfit.significant:
         rms = ", ".join(f"{1e3 * rms:.2g} mV {side}" for side, rms in zip(diagnosis.sides, misfit.rms_V, strict=True))
         yield look_at(
-            f"the model misses the mean curves by more than the scatter of the cycles ({rms} rms, "
-            f"{100.0 * misfit.share:.2g} % of the swing): the intervals are widened by it"
+            f"the model deviates from the mean curves by more than the scatter of the cycles ({rms} rms, "
+            f"{100.0 * misfit.share:.2g} % of the swing); the intervals include this misfit"
         )
     if misfit.significant and misfit.share > FAR_OFF and design.trace.dimension == "2d":
         yield look_at(
-            "the model is light in the plane, which an emitter in space does not keep to: state "
+            "the model is in the plane, which an emitter in space does not obey: state "
             'trace.dimension = "extruded", with its emitter.pattern and the chip\'s height_mm'
         )
     for key, change in diagnosis.fitted.model.response.changes.items():
         off = diagnosis.fitted.value(key)
         if abs(off) > change.step:
             yield look_at(
-                f"{key} comes out {off:+.2g} from the design's: the response is traced to ±{change.step:.2g}, and a "
-                "straight line beyond, on which all numbers rest; diagnose again with a design that has this value"
+                f"the estimate of {key} differs by {off:+.2g} from the design, but the response is traced only to "
+                f"±{change.step:.2g} and extrapolated linearly beyond, which affects all parameters; "
+                "diagnose again with a design "
+                "that has this value"
             )
     if len(diagnosis.cycles.volts) == 1:
-        yield look_at("one cycle: its intervals take its noise for white, and drift and hysteresis are not in them")
+        yield look_at("one cycle: the intervals assume white noise and do not include drift and hysteresis")
     for side, share in diagnosis.left_out.items():
         if share > 0.0:
-            lack = f"{100.0 * share:.2g} % of the angles are clipped or missing in a cycle and are left out"
+            lack = f"{100.0 * share:.2g} % of the angles are clipped or missing in a cycle and are omitted"
             yield of(side, look_at(lack))
     if len(diagnosis.sides) == 1:
-        yield look_at(f"only the {diagnosis.sides[0]} receiver is recognised: decentre and chip rest on it alone")
+        yield look_at(
+            f"only the {diagnosis.sides[0]} receiver is recognised: decentre and chip width depend on it alone"
+        )

@@ -1,6 +1,6 @@
-"""A diagnosis in words: each parameter with its interval, what is not determined, and advice.
+"""Description of a diagnosis in words: each parameter with its interval, undetermined parameters, and advice.
 
-The interface: `words` and `advice`, a line each.
+The interface: `words` and `advice`, which return lines.
 """
 
 import math
@@ -21,15 +21,15 @@ NAMES = {
     "offset left": "the left receiver's offset",
 }
 SAYS = 0.8
-"""Share of the prior uncertainty above which a recording adds nothing."""
+"""Ratio of the uncertainty to that of the prior above which a recording adds no information."""
 ALIKE = 0.05
-"""Gains that differ by less are alike."""
+"""Relative difference below which two gains count as equal."""
 NARROW_DEG = 2.0
-"""A range of angles below which a wider one is advised."""
+"""Range of angles below which a wider range is advised."""
 
 
 def words(diagnosis: Diagnosis) -> list[str]:
-    """Result of a diagnosis, a line for each parameter; ± is half of the 95 % interval."""
+    """Results of a diagnosis, one line for each parameter; ± is half of the 95 % interval."""
     return [
         *_decentre(diagnosis),
         *_chip(diagnosis),
@@ -41,7 +41,7 @@ def words(diagnosis: Diagnosis) -> list[str]:
 
 
 def advice(diagnosis: Diagnosis) -> list[str]:
-    """Advice, a line each."""
+    """Advice, one line for each item."""
     return [*_shift(diagnosis), *_trim(diagnosis), *_record(diagnosis)]
 
 
@@ -66,7 +66,7 @@ def _decentre(diagnosis: Diagnosis) -> Iterator[str]:
     side = "right" if one.value >= 0.0 else "left"
     half = 0.5 * (one.high - one.low)
     line = f"emitter {_pm(abs(one.value), half, 'mm')} to the {side}"
-    yield line + (", which may be none" if abs(one.value) < half else "")
+    yield line + (", possibly not shifted" if abs(one.value) < half else "")
 
 
 def _chip(diagnosis: Diagnosis) -> Iterator[str]:
@@ -80,7 +80,7 @@ def _chip(diagnosis: Diagnosis) -> Iterator[str]:
 
 
 def _beside_design(estimate: ParameterEstimate) -> str:
-    """Comparison of a number with the design's, if that lies outside its interval."""
+    """Comparison of an estimate with the value in the design, if that is outside its interval."""
     if (
         estimate.design_value is None
         or estimate.low is None
@@ -94,9 +94,11 @@ def _beside_design(estimate: ParameterEstimate) -> str:
 def _zero(diagnosis: Diagnosis) -> Iterator[str]:
     one = diagnosis.estimates["angle_zero_deg"]
     if one.u_value is not None and one.u_prior is not None and one.u_value > SAYS * one.u_prior:
-        yield f"the zero of the angle is taken as known to {one.u_prior:g}°: the recording adds nothing"
+        yield (
+            f"the recording adds no information on the zero of the angle, whose prior uncertainty is {one.u_prior:g}°"
+        )
     elif one.low is not None and one.high is not None and one.low <= 0.0 <= one.high:
-        yield f"the angle's zero is right within {max(-one.low, one.high):.2g}°"
+        yield f"the zero of the angle is correct within {max(-one.low, one.high):.2g}°"
     elif one.value is not None:
         turn = "left" if one.value > 0.0 else "right"
         half = 0.5 * ((one.high or 0.0) - (one.low or 0.0))
@@ -108,18 +110,18 @@ def _loss(diagnosis: Diagnosis) -> Iterator[str]:
     if one.value is None:
         others = "the gain" if len(diagnosis.sides) == 1 else "both gains"
         yield (
-            f"loss in the material and {others} together cannot be separated by this recording: only their "
-            "product is known, and gains are given at the design's loss"
+            f"this recording cannot separate the loss in the material from {others}: only their product is "
+            "determined, and the gains apply to the loss in the design"
         )
     else:
-        yield f"loss beyond the design's {pm(one)}"
+        yield f"loss in addition to the design's {pm(one)}"
 
 
 def _others(diagnosis: Diagnosis) -> Iterator[str]:
     for key in diagnosis.fitted.model.response.changes:
         one = diagnosis.estimates[key]
         if one.u_value is not None and one.u_prior is not None and one.u_value > SAYS * one.u_prior:
-            yield f"{key} is taken as the design's ± {one.u_prior:g}: the recording adds nothing"
+            yield (f"the recording adds no information on {key}, which is assumed to be the design's ± {one.u_prior:g}")
         else:
             yield f"{key} differs from the design's by {pm(one)}"
 
@@ -129,7 +131,7 @@ def _gains(diagnosis: Diagnosis) -> Iterator[str]:
         gain, offset = diagnosis.estimates[f"gain_{side}_V"], diagnosis.estimates[f"offset_{side}_V"]
         yield f"{side} receiver: gain {pm(gain)} for all of the emitted light, offset {pm(offset)}"
     if "gain_ratio" in diagnosis.estimates:
-        yield f"right gain over left {pm(diagnosis.estimates['gain_ratio'])}"
+        yield f"ratio of right gain to left gain {pm(diagnosis.estimates['gain_ratio'])}"
     for one, other, correlation in diagnosis.poor:
         yield (
             f"{NAMES.get(one, one)} and {NAMES.get(other, other)} are poorly separated (correlation {correlation:+.3f})"
@@ -138,7 +140,7 @@ def _gains(diagnosis: Diagnosis) -> Iterator[str]:
 
 def _apart(diagnosis: Diagnosis, name: str) -> str:
     others = ", ".join(NAMES.get(other, other) for other in diagnosis.held.get(name, ()))
-    return f", as it is correlated with {others}" if others else ": the curves hardly depend on it"
+    return f", because it is correlated with {others}" if others else ": the curves hardly depend on it"
 
 
 def _shift(diagnosis: Diagnosis) -> Iterator[str]:
@@ -163,12 +165,12 @@ def _trim(diagnosis: Diagnosis) -> Iterator[str]:
 
 def _record(diagnosis: Diagnosis) -> Iterator[str]:
     if LOSS in diagnosis.held:
-        yield ("guides of several lengths (solen resin cutback) give the loss; the gains are then known with it")
+        yield ("guides of several lengths (solen resin cutback) determine the loss, and with it the gains")
     if OFFSET in diagnosis.held or SPREAD in diagnosis.held:
         yield "a recording with the lens, or over a wider range of angles, would determine decentre and chip"
     angle = diagnosis.cycles.angle_deg
     reach = float(angle[-1] - angle[0])
     if reach < NARROW_DEG and not {OFFSET, SPREAD} & set(diagnosis.held):
-        yield f"the range of {reach:.2g}° is small: a wider one would narrow every interval"
+        yield f"the range of {reach:.2g}° is small: a wider range would narrow every interval"
     if len(diagnosis.cycles.volts) < 3:
-        yield "more cycles would narrow the intervals: with fewer than three they are wide"
+        yield "more cycles would narrow the intervals, which are wide with fewer than three"

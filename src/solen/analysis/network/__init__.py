@@ -1,9 +1,9 @@
 """Recorded networks: powers by emitter and receiver over several motions, and motions decoded from them.
 
-The idea: a network's emitters light in turn, so that a reading of it is a matrix, emitter × receiver. At the stops of
-a recording the matrix is averaged (`states`). A smooth forward map, readings as functions of the motions, is laid
-through the stops (`forward`); a reading is decoded by weighted least squares with the covariance of its noise and of
-what the map may be off by (`decoder`).
+The emitters of a network are lit in turn, so a reading is a matrix, emitter × receiver. The matrix is averaged at the
+stops of a recording (`states`). A smooth forward map, i.e. the readings as functions of the motions, is fitted through
+the stops (`forward`). A reading is decoded by weighted least squares with the covariance of its noise and of the error
+of the map (`decoder`).
 
 The interface: `network_readings` of a file; `analysed_network`; `calibrated_network`; `NetworkDecoder`.
 """

@@ -1,10 +1,10 @@
-"""Calibration of a network by recordings of its motions: a forward map through its states, and what that is worth.
+"""Calibration of a network from recordings of its motions: a forward map through its states, and its validation.
 
-The idea: all motions are calibrated at once, from the stops of recordings that go through their states together. States
-left out, a tenth at a time, are decoded by a calibration of the others. Where the readings cannot separate the
-motions, by the map's own derivatives and noise, there is no calibration: it is refused with the motions' names.
+All motions are calibrated together, from the stops of recordings that visit their states. A tenth of the states at a
+time is left out and decoded with a calibration from the others. If the readings cannot separate the motions, according
+to the derivatives and noise of the map, the calibration is rejected with an error that names the motions.
 
-The interface: `calibrated_network` of readings gives `NetworkCalibrations`.
+The interface: `calibrated_network` of readings returns `NetworkCalibrations`.
 """
 
 import math
@@ -29,29 +29,31 @@ from solen.results import HIDDEN, Result, in_unit, plain
 from solen.sensor.network.motions import Determination, determined, in_words
 
 FOLDS, ROWS = 10, 15
-"""Parts of the states that are left out in turn, and rows of each stop that are decoded then."""
+"""Number of parts of the states that are left out in turn, and of the rows of each stop that are then decoded."""
 LOOKED_AT = 200
-"""States in which it is looked whether motions are separated."""
+"""Number of states in which the separation of the motions is checked."""
 WIDE = 4.0
-"""A combination of motions whose standard deviation exceeds its range by this is not separated: its band holds all."""
+"""Ratio of the standard deviation of a combination of motions to its range above which it is not separated."""
 MOST_LOST, SOME_LOST = 0.5, 0.02
-"""Share of the states in which motions are not separated from which on it is refused, and warned of."""
+"""Fraction of the states with unseparated motions above which the calibration is rejected, and above which a warning is
+given.
+"""
 TAIL = 0.1
-"""Share of the distances of states left out that is their tail."""
+"""Fraction of the distances of states left out that form the tail."""
 FEW = 0.88
-"""Share within the 95 % bands from which on they are to be trusted."""
+"""Smallest fraction of readings within the 95 % bands without a warning."""
 
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
-    """Readings of states that a calibration does not know: true angles (n, motions), and what was decoded."""
+    """Readings of states that a calibration does not contain: true angles (n, motions), and the decoded readings."""
 
     angle_deg: FloatArray
     decoded: NetworkDecoded
 
     @classmethod
     def joined(cls, parts: Sequence["LeftOut"]) -> "LeftOut":
-        """Several as one."""
+        """Join several into one."""
         true = np.concatenate([part.angle_deg for part in parts])
         return cls(true, joined_rows([part.decoded for part in parts]))
 
@@ -64,9 +66,9 @@ class NetworkCalibrations(Result):
     calibration
         Content of its file.
     states
-        Distinct states that it rests on.
+        Number of distinct states used.
     unseparated
-        Share of all states in which some motions cannot be separated.
+        Fraction of all states in which some motions cannot be separated.
     simulated
         Whether a recording is simulated.
     sources
@@ -84,17 +86,17 @@ class NetworkCalibrations(Result):
     left_out: LeftOut | None = field(default=None, metadata=HIDDEN)
 
     def to_dict(self) -> dict[str, object]:
-        """The result as plain data; keys name the unit of the readings in place of V."""
+        """Return the result as plain data; keys end in the unit of the readings instead of V."""
         return in_unit(super().to_dict(), self.calibration.unit)
 
 
 def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrations:
-    """Calibration of a network by recordings of its states.
+    """Calibrate a network from recordings of its states.
 
     Raises
     ------
     DataError
-        If the recordings differ in what they hold, have too few states, or the readings cannot separate the motions.
+        If the recordings differ in their columns, have too few states, or the readings cannot separate the motions.
     """
     first = recordings[0]
     alike = [first, *(_as(first, one) for one in recordings[1:])]
@@ -104,14 +106,14 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
     least = len(first.motions) + 4
     if len(angle) < least or (np.ptp(angle, axis=0) <= 0.0).any():
         still = [name for name, span in zip(first.motions, np.ptp(angle, axis=0), strict=True) if span <= 0.0]
-        limit = f"{still[0]} stands still" if still else f"has {len(angle)} states; {least} are needed"
-        raise DataError(file, limit=limit, remedy="visit more states, as a [grid] in the protocol does")
+        limit = f"{still[0]} stands still" if still else (f"has {len(angle)} states, but at least {least} are needed")
+        raise DataError(file, limit=limit, remedy="visit more states, e.g. with a [grid] in the protocol")
     noise = _noise(each, alike)
     forward = ForwardMap.through(angle, signal)
     decoder = NetworkDecoder(forward, noise, len(angle) - len(first.motions) - 1)
     lost, worst = _lost(first.motions, forward, decoder)
     if lost > MOST_LOST and worst is not None:
-        remedy = "add an emitter or a receiver that separates them: solen sensitivity shows what a design determines"
+        remedy = "add an emitter or a receiver that separates them; solen sensitivity shows what a design determines"
         raise DataError(file, limit=" and ".join(in_words(worst)), remedy=remedy)
     left_out = _left_out(alike, each, forward, noise)
     checks = () if left_out is None else checks_of(first.motions, left_out)
@@ -154,19 +156,19 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
 
 
 def _as(first: NetworkReadings, other: NetworkReadings) -> NetworkReadings:
-    """Another recording in the order of the first; `DataError` where it lacks something."""
+    """Another recording in the order of the first; `DataError` if a column is missing."""
     file = other.provenance.name
     found = other.ordered(first.motions, first.emitters, first.receivers)
     if not found.motions:
         limit = f"has no angles of {', '.join(name for name in first.motions if name not in other.motions)}"
         raise DataError(file, limit=limit, remedy="calibrate with recordings of the same motions")
     if other.unit != first.unit:
-        raise DataError(file, value=other.unit, limit=f"is in another unit than {first.unit}")
+        raise DataError(file, value=other.unit, limit=f"is in a different unit than {first.unit}")
     return found
 
 
 def _joined(each: Sequence[States]) -> tuple[FloatArray, FloatArray]:
-    """Distinct states of all recordings, and readings in them."""
+    """Distinct states of all recordings, and their readings."""
     whole = replace(
         each[0],
         angle_deg=np.concatenate([one.angle_deg for one in each]),
@@ -178,7 +180,7 @@ def _joined(each: Sequence[States]) -> tuple[FloatArray, FloatArray]:
 
 
 def _noise(each: Sequence[States], recordings: Sequence[NetworkReadings]) -> FloatArray:
-    """Noise of all recordings, with a least one: that of an even distribution over the smallest step of a reading."""
+    """Noise of all recordings, at least that of a uniform distribution over the smallest step of a reading."""
     noise = np.mean([one.noise for one in each], axis=0)
     values = np.concatenate([one.signal.reshape(len(one.signal), -1) for one in recordings])
     steps = [np.diff(np.unique(column[np.isfinite(column)])) for column in values.T]
@@ -188,9 +190,9 @@ def _noise(each: Sequence[States], recordings: Sequence[NetworkReadings]) -> Flo
 
 
 def _lost(motions: Sequence[str], forward: ForwardMap, decoder: NetworkDecoder) -> tuple[float, Determination | None]:
-    """Share of states over the ranges in which motions are not separated, and what is not in one of these.
+    """Fraction of the states within the ranges in which motions are not separated, and the combinations concerned.
 
-    They lie between those that were recorded, where slopes are what the map has them for.
+    The states are between the recorded ones, where the slopes are those of the map.
     """
     angle = np.random.default_rng(0).uniform(forward.low, forward.high, (LOOKED_AT, len(motions)))
     slopes, covariance = decoder.slopes(angle), decoder.covariance(angle)
@@ -203,7 +205,7 @@ def _lost(motions: Sequence[str], forward: ForwardMap, decoder: NetworkDecoder) 
 
 
 def _with_range(found: Determination, span: FloatArray) -> Determination:
-    """The same, where a combination whose band would hold its whole range counts as not determined."""
+    """The same, where a combination of motions whose band would contain its whole range counts as not determined."""
     combinations = []
     for one in found.combinations:
         reach = float(np.sqrt(np.sum((np.array(list(one.shares.values())) * span) ** 2)))
@@ -218,7 +220,7 @@ def _with_range(found: Determination, span: FloatArray) -> Determination:
 def _left_out(
     recordings: Sequence[NetworkReadings], each: Sequence[States], forward: ForwardMap, noise: FloatArray
 ) -> LeftOut | None:
-    """Readings of each state, decoded by a calibration of the states of other parts; None with too few."""
+    """Readings of each state, decoded with a calibration from the other parts; None if there are too few states."""
     angle = np.concatenate([one.angle_deg for one in each])
     signal = np.concatenate([one.signal for one in each])
     span = np.maximum(forward.high - forward.low, 1e-12)
@@ -242,10 +244,10 @@ def _left_out(
 
 
 def _outside(left_out: LeftOut | None) -> float:
-    """Squared distance that few true readings exceed, by the tail of those of states left out; 0 without these.
+    """Squared distance that few true readings exceed, from the tail for states left out; 0 without such states.
 
-    Where a response turns sharply the map is off by more than its variance says. The tail is exponential, its mean
-    that of the excesses.
+    Where a response has a sharp bend, the error of the map is larger than its variance indicates. The tail is assumed
+    to be exponential, with the mean of the excesses.
     """
     if left_out is None:
         return 0.0
@@ -256,7 +258,7 @@ def _outside(left_out: LeftOut | None) -> float:
 
 
 def _some(recording: NetworkReadings, stop: slice) -> FloatArray:
-    """Some rows of a stop, evenly, of those that are whole."""
+    """Evenly spaced rows of a stop, of those that are complete."""
     flat = recording.signal[stop].reshape(stop.stop - stop.start, -1)
     whole = flat[np.isfinite(flat).all(axis=1)]
     return np.asarray(whole[np.unique(np.linspace(0, len(whole) - 1, ROWS).astype(int))])
@@ -293,11 +295,11 @@ def _words(check: MotionCheck) -> str:
 def _cautions(checks: Sequence[MotionCheck], lost: float, worst: Determination | None) -> list[Caution]:
     found = []
     if not checks:
-        found.append(look_at(f"fewer than {2 * FOLDS} states: too few to check it on states left out"))
+        found.append(look_at(f"fewer than {2 * FOLDS} states, too few to check the calibration on states left out"))
     if lost > SOME_LOST and worst is not None:
         found.append(look_at(f"in {100 * lost:.2g} % of the states, {' and '.join(in_words(worst))}"))
     found += [
-        do_not_use(f"{one.motion}: only {100 * one.within_95:.0f} % of states left out lie within the 95 % bands")
+        do_not_use(f"{one.motion}: only {100 * one.within_95:.0f} % of the states left out lie within the 95 % bands")
         for one in checks
         if one.within_95 < FEW
     ]
@@ -305,10 +307,12 @@ def _cautions(checks: Sequence[MotionCheck], lost: float, worst: Determination |
 
 
 def _on_a_grid(motions: Sequence[str], angle: FloatArray) -> list[Caution]:
-    """Warning of states on a grid alone: what turns sharply between its places is neither seen nor missed."""
+    """Warning if all states are on a grid, because sharp bends between its points then remain undetected."""
     span = np.maximum(np.ptp(angle, axis=0), 1e-9)
     places = [len(np.unique(np.rint(column))) for column in (angle / span * 250.0).T]
     if len(motions) < 2 or len(angle) < np.prod(places):
         return []
-    unseen = "what the readings do between its places is not seen, and bands do not hold it"
-    return [look_at(f"all states lie on a grid: {unseen}; scatter some between them, as scatter = 200 in [grid] does")]
+    unseen = "the behaviour of the readings between the grid points is unknown, and the bands do not cover it"
+    return [
+        look_at(f"all states are on a grid: {unseen}; add random states between them, e.g. scatter = 200 in [grid]")
+    ]

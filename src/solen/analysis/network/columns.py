@@ -1,11 +1,11 @@
-"""Columns of a network's table, of a file or of lines: its powers, their common unit, and what accompanies them.
+"""Columns of a network's table, of a file or of lines: its powers, their common unit, and accompanying columns.
 
-The idea: a column is a power by its name, ``EMITTER.RECEIVER``. Each has its own unit, all are taken to that of the
-first, V where it can be or where none states one; ``a.left_A`` is in ampere where all end so. Beside one may stand
-marks of clipping, ``a.left_clipped``, and the ambient light that was subtracted, ``a.left_ambient``: such a column of
-no power, or of some powers only, is refused.
+A column is a power if its name is ``EMITTER.RECEIVER``. Each has its own unit; all are converted to V if possible or if
+none states a unit, otherwise to the unit of the first. ``a.left_A`` is in ampere if all names end in ``_A``. A power
+may be accompanied by marks of clipping, ``a.left_clipped``, and by the ambient light that was subtracted,
+``a.left_ambient``. Such columns without a power, or of ambient light for only some of the powers, are rejected.
 
-The interface: `power_columns` of channels gives `PowerColumns`.
+The interface: `power_columns` of channels returns `PowerColumns`.
 """
 
 import re
@@ -20,7 +20,7 @@ from solen.recording.column_roles import ENDS_IN_V, is_companion, unit_of
 from solen.units import factor
 
 DOTTED = re.compile(r"([^.\s]+)\.([^.\s]+?)(?:_V)?")
-"""A power by the names of its emitter and its receiver."""
+"""Name of a power, from the names of its emitter and its receiver."""
 ENDS_IN_A = "_A"
 _BESIDE = re.compile(r"(?:(ambient|clipped)_)?(.*?)(?:_(ambient|clipped))?")
 Pair = tuple[str, str]
@@ -28,10 +28,10 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True)
 class PowerColumns:
-    """Places of the columns of powers and their factors to the common unit; marks of clipping.
+    """Indices of the columns of powers and their factors to the common unit; marks of clipping.
 
-    ``ambient`` is ``subtracted`` where a column of it stands beside each power, else None; ``warnings`` say where V is
-    assumed.
+    ``ambient`` is ``subtracted`` if each power has a column of subtracted ambient light, else None; ``warnings`` state
+    whether V is assumed.
     """
 
     places: dict[Pair, int]
@@ -43,12 +43,12 @@ class PowerColumns:
 
 
 def power_columns(columns: Sequence[Channel], source: str) -> PowerColumns:
-    """Powers among columns.
+    """Find the powers among columns.
 
     Raises
     ------
     DataError
-        If units cannot be converted to one, or a column beside powers belongs to none, or is missing beside others.
+        If units cannot be converted to a common one, or a column that accompanies powers is missing or belongs to none.
     """
     columns = _in_ampere(columns)
     names = [ENDS_IN_V.sub("", one.name) for one in columns]
@@ -61,7 +61,7 @@ def power_columns(columns: Sequence[Channel], source: str) -> PowerColumns:
     clipped, ambient = (_beside(kind, lights, places, source) for kind in ("clipped", "ambient"))
     lacking = [".".join(pair) for pair in places if pair not in ambient]
     if ambient and lacking:
-        limit = f"has a column of ambient light beside some powers, but not beside {lacking[0]}"
+        limit = f"has a column of ambient light for some powers, but not for {lacking[0]}"
         raise DataError(source, limit=limit, remedy="subtract it from all powers or from none")
     scaled = dict(zip(places, scales, strict=True))
     assumed = [] if unit or not places else [look_at("the powers state no unit; V is assumed")]
@@ -69,7 +69,7 @@ def power_columns(columns: Sequence[Channel], source: str) -> PowerColumns:
 
 
 def _in_ampere(columns: Sequence[Channel]) -> Sequence[Channel]:
-    """Columns with A as the unit of powers whose names all end in it, ``a.left_A``: a letter alone may be a name's."""
+    """Columns in A if the names of all powers end in it, as ``a.left_A``; otherwise it is part of a name."""
     are = [bool(DOTTED.fullmatch(one.name)) and not is_companion(one.name) for one in columns]
     powers = [one for one, is_power in zip(columns, are, strict=True) if is_power]
     if not powers or any(one.unit not in {"", "1"} or not one.name.endswith(ENDS_IN_A) for one in powers):
@@ -81,7 +81,7 @@ def _in_ampere(columns: Sequence[Channel]) -> Sequence[Channel]:
 
 
 def _scales(units: dict[str, str], source: str) -> tuple[str, list[float]]:
-    """Common unit of powers, empty if none states one, and the factor of each to it."""
+    """Common unit of powers, empty if none states one, and the factor of each power to it."""
     first = next((unit for unit in units.values() if unit not in {"", "1"}), "")
     if not first:
         return "", [1.0] * len(units)
@@ -91,20 +91,20 @@ def _scales(units: dict[str, str], source: str) -> tuple[str, list[float]]:
         scale = factor(unit, common) if unit not in {"", "1"} else None
         if scale is None:
             limit = f"cannot be converted to {common}, the unit of other powers"
-            remedy = "state units of one quantity for all, as in a.end_mV"
+            remedy = "state units of the same quantity for all powers, as in a.end_mV"
             raise DataError(f"{source}: {name}", value=unit or "no unit", limit=limit, remedy=remedy)
         scales.append(scale)
     return common, scales
 
 
 def _in(unit: str, columns: Sequence[Channel], names: Sequence[str]) -> list[str]:
-    """Names of columns without another kind of unit, as the temperature of ``ambient (K)`` has; empty for these."""
+    """Names of columns without a unit of another kind (e.g. the temperature ``ambient (K)``); empty for the latter."""
     other = (one.unit not in {"", "1", unit} and factor(one.unit, unit or "V") is None for one in columns)
     return ["" if odd else name for odd, name in zip(other, names, strict=True)]
 
 
 def _beside(kind: str, names: Sequence[str], powers: dict[Pair, int], source: str) -> dict[Pair, int]:
-    """Places of the columns of a kind, by the powers that they accompany."""
+    """Indices of the columns of a kind, by the powers that they accompany."""
     known = {".".join(pair): pair for pair in powers}
     found = {}
     for place, name in enumerate(names):
@@ -112,8 +112,8 @@ def _beside(kind: str, names: Sequence[str], powers: dict[Pair, int], source: st
         if match is None or kind not in {match[1], match[3], name}:
             continue
         if match[2] not in known:
-            limit = f"belongs to no power; there are {', '.join(known)}"
-            remedy = f"name it after its power, as in {next(iter(known))}_{kind}, or leave it out"
+            limit = f"belongs to no power; the powers are {', '.join(known)}"
+            remedy = f"name it after its power, as in {next(iter(known))}_{kind}, or omit it"
             raise DataError(f"{source}: {name}", limit=limit, remedy=remedy)
         found[known[match[2]]] = place
     return found

@@ -1,12 +1,12 @@
-"""From a network's readings to its motions: weighted least squares on the forward map, with bands.
+"""Decoding of a network's readings into motions: weighted least squares on the forward map, with bands.
 
-The idea: the forward map is laid out as a table, a smooth surface of means and of variances. For a reading y the
-motions θ are sought that make (y − f(θ))ᵀ S(θ)⁻¹ (y − f(θ)) + ln det S(θ) least, S being the covariance of a reading's
-noise and, beside it, the variances of the map. It is looked up over the whole table, and refined by Gauss–Newton steps
-from its lowest places, so that other motions that explain a reading are seen. The covariance of θ is
-(Jᵀ S⁻¹ J)⁻¹; its bands end where the calibrated range ends. A reading that is too far from every f(θ) lies outside.
+The forward map is tabulated as a smooth surface of means and of variances. For a reading y, the motions θ minimise (y −
+f(θ))ᵀ S(θ)⁻¹ (y − f(θ)) + ln det S(θ), where S is the covariance of a reading's noise plus the variances of the map.
+The minimum is searched for over the whole table and refined by Gauss–Newton steps from its lowest nodes, so other
+motions that match a reading are also found. The covariance of θ is (Jᵀ S⁻¹ J)⁻¹; its bands are limited to the
+calibrated range. A reading that is too far from every f(θ) is outside the map.
 
-The interface: `NetworkDecoder`, its `decode` gives `NetworkDecoded`.
+The interface: `NetworkDecoder`, whose method `decode` returns `NetworkDecoded`.
 """
 
 from collections.abc import Sequence
@@ -21,33 +21,34 @@ from solen.analysis.surface import Surface
 from solen.arrays import BoolArray, FloatArray
 
 NODES, MOST_NODES = 4096, 49
-"""Nodes of the table over all motions together, and of one motion, at most."""
+"""Largest number of nodes of the table for all motions together, and for one motion."""
 STARTS, ROUNDS = 4, 8
-"""Places of the table that a reading is refined from, and steps of that."""
+"""Number of nodes of the table from which a reading is refined, and of the steps for each."""
 COUNTS = 0.05
-"""Probability from which on another place that explains a reading counts."""
+"""Probability from which another state that matches a reading counts."""
 APART = 3.0
-"""Standard deviations by which two places differ."""
+"""Standard deviations by which two states must differ to be distinct."""
 AT_ONCE = 256
 
 
 @dataclass(frozen=True, eq=False)
 class NetworkDecoded:
-    """Motions of readings.
+    """Decoded motions of readings.
 
     Attributes
     ----------
     angle_deg, sd_deg
-        (n, motions) angles and their standard deviations; NaN where a reading is missing.
+        Angles and their standard deviations, (n, motions); NaN if a reading is missing.
     low_deg, high_deg
         Bands of 68 and 95 %, (n, motions, 2), within the calibrated range.
     distance
         Squared distance of the readings from the map, in units of their covariance, (n,).
     other_deg, probability
-        Another state that explains the readings (n, motions), NaN without one, and the probability of the first.
+        Another state that matches the readings (n, motions), NaN if there is none, and the probability of the first
+        state.
     outside, ambiguous, at_end, missing
-        Whether readings are on no point of the map; on several; their band reaches an end of a calibrated range; one is
-        missing, (n,).
+        Whether the readings match no point of the map; match several; have a band that reaches an end of a calibrated
+        range; are incomplete, (n,).
     """
 
     angle_deg: FloatArray
@@ -63,14 +64,14 @@ class NetworkDecoded:
     missing: BoolArray
 
     def holds(self, angle_deg: FloatArray, level: int) -> BoolArray:
-        """Whether the bands of a level (0 or 1) hold true angles (n, motions)."""
+        """Whether the bands of a level (0 for 68 %, 1 for 95 %) contain the true angles (n, motions)."""
         found = (self.low_deg[..., level] <= angle_deg) & (angle_deg <= self.high_deg[..., level])
         return np.asarray(found)
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Places (n, M) with the sum that is least there, and what it rests on."""
+    """States (n, M) at which the sum has a minimum, with the distance, the sum and the covariance there."""
 
     angle_deg: FloatArray
     distance: FloatArray
@@ -79,7 +80,7 @@ class _Fit:
 
 
 class NetworkDecoder:
-    """A forward map prepared for decoding.
+    """Decoder of readings, prepared from a forward map.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ class NetworkDecoder:
     freedom
         Degrees of freedom of the map's variances.
     outside
-        Squared distance from which on a reading lies outside, if beyond that of the map's t distribution.
+        Squared distance from which a reading is outside, if larger than that of the map's t distribution.
     """
 
     def __init__(self, forward: ForwardMap, noise: FloatArray, freedom: int, outside: float = 0.0) -> None:
@@ -124,11 +125,11 @@ class NetworkDecoder:
         return np.asarray(self._noise + (scatter**2)[:, :, None] * np.eye(self._readings))
 
     def slopes(self, angle_deg: FloatArray) -> FloatArray:
-        """Derivatives (N, K, M) of the readings by the motions."""
+        """Derivatives (N, K, M) of the readings with respect to the motions."""
         return self._surface.slopes(angle_deg)[:, : self._readings]
 
     def decode(self, signal: FloatArray) -> NetworkDecoded:
-        """Motions of readings (n, K), or (n, emitters, receivers) in the order of the calibration."""
+        """Decode readings (n, K), or (n, emitters, receivers) in the order of the calibration, into motions."""
         flat = np.asarray(signal, dtype=float).reshape(len(signal), -1)
         good = np.isfinite(flat).all(axis=1)
         parts = [self._part(flat[good][begin : begin + AT_ONCE]) for begin in range(0, int(good.sum()), AT_ONCE)]
@@ -140,7 +141,7 @@ class NetworkDecoder:
         return self._judged(fits)
 
     def _lowest(self, flat: FloatArray) -> FloatArray:
-        """Nodes of the table (n, STARTS) that explain readings best among their neighbours; the best first."""
+        """Nodes of the table (n, STARTS) that match the readings better than their neighbours, best first."""
         beside = flat - self._middle
         squares = (beside[:, :, None] * beside[:, None, :]).reshape(len(flat), -1)
         total = squares @ self._weights.reshape(len(self._grid), -1).T - 2.0 * beside @ self._pulled.T + self._own
@@ -158,7 +159,7 @@ class NetworkDecoder:
         return np.asarray(np.take_along_axis(first, order, axis=1))
 
     def _refined(self, flat: FloatArray, places: FloatArray, weights: FloatArray) -> _Fit:
-        """Gauss–Newton steps within the range, each halved where it does not help."""
+        """Refine by damped Gauss–Newton steps within the range."""
         span = np.maximum(self.high_deg - self.low_deg, 1e-12)
         damping = np.full(len(flat), 1e-3)
         residual = flat - self._surface.at(places)[:, : self._readings]
@@ -182,7 +183,7 @@ class NetworkDecoder:
         return self._at(flat, places)
 
     def _at(self, flat: FloatArray, places: FloatArray) -> _Fit:
-        """What readings are worth at places."""
+        """Evaluate the match of readings at given states."""
         covariance, jacobian = self.covariance(places), self.slopes(places)
         residual = flat - self._surface.at(places)[:, : self._readings]
         weights = np.linalg.inv(covariance)
@@ -229,7 +230,7 @@ class NetworkDecoder:
 
 
 def _spread(parts: Sequence[NetworkDecoded], good: BoolArray, motions: int) -> NetworkDecoded:
-    """Parts joined, with NaN where a reading is missing."""
+    """Join parts, with NaN for incomplete readings."""
     shapes = {"low_deg": (motions, 2), "high_deg": (motions, 2), "distance": (), "probability": ()}
     found = {}
     for name in NetworkDecoded.__dataclass_fields__:

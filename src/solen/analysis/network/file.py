@@ -1,4 +1,4 @@
-"""The file of a network's calibration: the recorded states, the noise of a reading, and the forward map's choice.
+"""The file of a network's calibration: the recorded states, the noise of a reading, and parameters of the forward map.
 
 The interface: `NetworkCalibration`; `load_network` of a path, `is_network_file`, `text_of`.
 """
@@ -24,7 +24,7 @@ Row = tuple[Number, ...]
 
 
 class MotionCheck(Strict):
-    """States that were left out, decoded by a calibration of the others: errors of one motion."""
+    """Errors of one motion for states left out, decoded with a calibration from the others."""
 
     table: ClassVar[str] = "check"
     error: ClassVar[type[DataError]] = DataError
@@ -34,8 +34,8 @@ class MotionCheck(Strict):
     bias_deg: Number = Field(description="Mean error.")
     worst_deg: NotNegative = Field(description="Largest error.")
     band95_deg: NotNegative = Field(description="Median width of the 95 % bands.")
-    within_68: NotNegative = Field(description="Share of the readings within their 68 % bands.")
-    within_95: NotNegative = Field(description="Share within their 95 % bands.")
+    within_68: NotNegative = Field(description="Fraction of the readings within their 68 % bands.")
+    within_95: NotNegative = Field(description="Fraction of the readings within their 95 % bands.")
 
 
 class NetworkCalibration(Strict):
@@ -43,30 +43,34 @@ class NetworkCalibration(Strict):
 
     error: ClassVar[type[DataError]] = DataError
 
-    kind: Literal["network calibration"] = Field("network calibration", description="What the file is.")
-    solen: Text = Field(description="Version that wrote it.")
-    sensor: str = Field(description="Name of the network; empty where the recording states none.")
+    kind: Literal["network calibration"] = Field("network calibration", description="Type of the file.")
+    solen: Text = Field(description="Version of solen that wrote the file.")
+    sensor: str = Field(description="Name of the network; empty if the recording states none.")
     simulated: bool = Field(description="Whether any recording was simulated.")
-    unit: Text = Field("V", description="Unit of the readings; it replaces V in the keys.")
+    unit: Text = Field("V", description="Unit of the readings, which replaces V in the keys.")
     ambient: Ambient | None = Field(None, description="Whether ambient light was subtracted; null if unknown.")
     motions: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Names of the motions.")
     emitters: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Names of the emitters.")
     receivers: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Names of the receivers.")
     range_deg: tuple[tuple[Number, Number], ...] = Field(description="Lowest and highest angle of each motion.")
-    angle_deg: tuple[Row, ...] = Field(description="Recorded states: a row of angles each.")
-    signal_V: tuple[Row, ...] = Field(description="Readings in them, by emitter, and of each by receiver.")
+    angle_deg: tuple[Row, ...] = Field(description="Recorded states, each a row of angles.")
+    signal_V: tuple[Row, ...] = Field(description="Readings in each state, by emitter and then by receiver.")
     noise_V2: tuple[Row, ...] = Field(description="Covariance of the noise of a reading.")
     reach: tuple[tuple[Positive, ...], ...] = Field(
-        description="Correlation length of the map of each reading, as a share of each motion's range."
+        description="Correlation length of the map of each reading, as a fraction of each motion's range."
     )
-    scatter: tuple[Positive, ...] = Field(description="Variance of a state beside the map, relative to the map's.")
+    scatter: tuple[Positive, ...] = Field(
+        description="Variance of a state about the map, relative to the map's variance."
+    )
     outside: NotNegative = Field(
         0.0, description="Smallest squared distance of a reading from the map at which it counts as off the map."
     )
-    checks: tuple[MotionCheck, ...] = Field(description="States left out, decoded by the others; none with few states.")
-    words: tuple[str, ...] = Field(description="What the checks show, in sentences.")
+    checks: tuple[MotionCheck, ...] = Field(
+        description="States left out, decoded with a calibration from the others; none if there are few states."
+    )
+    words: tuple[str, ...] = Field(description="Results of the checks, in sentences.")
     sources: tuple[dict[str, Any], ...] = Field(description="The recordings.")
-    warnings: tuple[Caution, ...] = Field(description="What the calibration cannot establish.")
+    warnings: tuple[Caution, ...] = Field(description="Limits of the calibration.")
 
     @model_validator(mode="after")
     def _is_one(self) -> Self:
@@ -85,7 +89,7 @@ class NetworkCalibration(Strict):
             if there != shape:
                 raise refused(name, f"must have the shape {' x '.join(map(str, shape))}")
         if states < motions + 3:
-            raise refused("angle_deg", f"must have {motions + 3} states at least", value=states)
+            raise refused("angle_deg", f"must have at least {motions + 3} states", value=states)
         noise = np.array(self.noise_V2)
         if not np.allclose(noise, noise.T) or np.linalg.eigvalsh(noise).min() <= 0.0:
             raise refused("noise_V2", "is not a covariance")
@@ -93,7 +97,7 @@ class NetworkCalibration(Strict):
 
     @cached_property
     def decoder(self) -> NetworkDecoder:
-        """What decodes by it; its readings are in the order of `emitters` and `receivers`."""
+        """Decoder for readings in the order of `emitters` and `receivers`."""
         freedom = len(self.angle_deg) - len(self.motions) - 1
         return NetworkDecoder(self._map(), np.array(self.noise_V2), freedom, self.outside)
 
@@ -106,7 +110,7 @@ class NetworkCalibration(Strict):
 
 
 def text_of(file: NetworkCalibration) -> str:
-    """The file's text."""
+    """Text of the file."""
     data = in_unit({"schema": SCHEMA, **file.model_dump(mode="json")}, file.unit)
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
@@ -118,11 +122,11 @@ def is_network_file(path: Path) -> bool:
 
 
 def load_network(path: Path) -> NetworkCalibration:
-    """Calibration of a network's file; `DataError` if it cannot be read or is none."""
+    """Load the calibration of a network from a file; `DataError` if it cannot be read or is not one."""
     data = calibration_data(path)
     if not isinstance(data, dict) or data.get("kind") != OF_NETWORK:
         found = data.get("kind") if isinstance(data, dict) else None
-        remedy = "make one with solen bench calibrate"
+        remedy = "create one with solen bench calibrate"
         raise DataError(str(path), value=found, limit="is not a calibration of a network", remedy=remedy)
     data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
     with error_context(str(path)):

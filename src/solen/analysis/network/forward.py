@@ -1,12 +1,12 @@
 """The forward map of a network: its readings as smooth functions of its motions, through the states of a recording.
 
-The idea: a Gaussian process for each reading (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006),
-about a plane by least squares, with a Matérn covariance of smoothness 5/2. How far it reaches along each motion and how
-much a state scatters beside it are chosen by how well each state is foretold by all others, which has a closed form
-(ibid., eq. 5.12); the same errors set its scale. So the map knows what it may be off by: little at a state that was
-recorded, more between states and most beyond, and more where the readings turn sharply.
+Each reading is a Gaussian process (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006) about a
+least-squares plane, with a Matérn covariance of smoothness 5/2. Its correlation length along each motion and the
+scatter of a state about it minimise the error of each state predicted from all others, which has a closed form (ibid.,
+eq. 5.12); the same errors determine its scale. The variance of the map is therefore small at recorded states, larger
+between them and largest beyond them, and larger where the readings change sharply.
 
-The interface: `ForwardMap.through` states; its `at` states gives means and variances.
+The interface: `ForwardMap.through` states; its method `at` returns means and variances.
 """
 
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ import numpy as np
 from solen.arrays import FloatArray
 
 REACHES = (0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0)
-"""How far a covariance reaches, as a share of a motion's range."""
+"""Correlation lengths tried, as a fraction of a motion's range."""
 FEWER = (0.2, 0.5, 1.2, 4.0)
 SCATTERS = (1e-6, 1e-4, 1e-3, 1e-2, 0.1)
-"""Variance of a state beside the map, relative to that of the map."""
+"""Variances of a state about the map that are tried, relative to that of the map."""
 AT_ONCE = 2048
 
 
 @dataclass(frozen=True, eq=False)
 class _Process:
-    """Readings that share a covariance: their places, its reaches and scatter, and what was prepared of it."""
+    """Readings with a common covariance: their indices, correlation lengths and scatter, and precomputed matrices."""
 
     places: tuple[int, ...]
     reach: FloatArray
@@ -37,16 +37,16 @@ class _Process:
 
 @dataclass(frozen=True, eq=False)
 class ForwardMap:
-    """Readings over motions.
+    """Readings as functions of motions.
 
     Attributes
     ----------
     low, high
         Ends of the range of each motion, (M,).
     reach
-        Reach of each reading along each motion, as a share of its range, (K, M).
+        Correlation length of each reading along each motion, as a fraction of its range, (K, M).
     scatter, scale
-        Of each reading: variance of a state relative to the map's, and variance of the map, (K,).
+        Variance of a state of each reading relative to the map's variance, and variance of the map, (K,).
     """
 
     low: FloatArray
@@ -68,18 +68,18 @@ class ForwardMap:
         reach: FloatArray | None = None,
         scatter: FloatArray | None = None,
     ) -> "ForwardMap":
-        """Map through states.
+        """Fit a map through states.
 
         Parameters
         ----------
         angle_deg
             Distinct states, (n, M), n > M + 2.
         signal
-            Readings in them, (n, K).
+            Readings in these states, (n, K).
         ends_deg
             Ends of the range (2, M); default: those of the states.
         reach, scatter
-            As of the attributes; default: chosen by the states.
+            As in the attributes; default: chosen from the states.
         """
         low, high = (angle_deg.min(axis=0), angle_deg.max(axis=0)) if ends_deg is None else ends_deg
         states = (angle_deg - low) / np.maximum(high - low, 1e-12)
@@ -99,7 +99,7 @@ class ForwardMap:
         return cls(low, high, reach, scatter, scale, states, plane, tuple(processes))
 
     def at(self, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Means and variances (N, K) of the readings' expectations in states (N, M)."""
+        """Means and variances (N, K) of the expected readings in states (N, M)."""
         places = (angle_deg - self.low) / np.maximum(self.high - self.low, 1e-12)
         mean = np.column_stack([np.ones(len(places)), places]) @ self._plane
         variance = np.zeros_like(mean)
@@ -115,7 +115,7 @@ class ForwardMap:
 
 
 def _chosen(states: FloatArray, beside: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Reach along each motion (K, M) and scatter (K,) by which each state of a reading is foretold best by others."""
+    """Correlation lengths (K, M) and scatter (K,) that best predict each state of a reading from the others."""
     motions = states.shape[1]
     each = REACHES if motions <= 2 else FEWER
     best = np.full(beside.shape[1], np.inf)
@@ -135,7 +135,7 @@ def _chosen(states: FloatArray, beside: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def _covariance(a: FloatArray, b: FloatArray, reach: FloatArray) -> FloatArray:
-    """Matérn covariance of smoothness 5/2 between places (n, M) and (m, M)."""
+    """Matérn covariance of smoothness 5/2 between positions (n, M) and (m, M)."""
     apart = (a[:, None, :] - b[None, :, :]) / reach
     far = np.sqrt(5.0 * np.einsum("ijk,ijk->ij", apart, apart))
     return np.asarray((1.0 + far + far**2 / 3.0) * np.exp(-far))

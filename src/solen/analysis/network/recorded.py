@@ -1,10 +1,10 @@
 """Readings of a network from a recording: a matrix, emitter × receiver, for each turn of its emitters.
 
-The idea: solen's bench writes a group for each emitter, with its own times and the angles at them; other recorders
-write a table with a column for each power, named ``EMITTER.RECEIVER``. Either becomes rows of one turn each: the first
-emitter's reading and the next one of every other emitter. A turn that lacks one is kept, with NaN in its place.
+The bench of solen writes a group for each emitter, with its own times and angles; other recorders write a table with a
+column for each power, named ``EMITTER.RECEIVER``. Both are converted to rows of one turn each: the reading of the first
+emitter and the next one of every other emitter. An incomplete turn is kept, with NaN for the missing readings.
 
-The interface: `holds_network` of a file; `network_readings` gives `NetworkReadings`.
+The interface: `holds_network` of a file; `network_readings` returns `NetworkReadings`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,23 +35,23 @@ class NetworkReadings:
     Attributes
     ----------
     sensor
-        Its name; empty where nothing states one.
+        Name of the network; empty if not stated.
     motions, emitters, receivers
-        Their names.
+        Names of the motions, emitters and receivers.
     time_s
         Time of each turn's first reading, (N,).
     angle_deg
-        (N, motions), the mean over a turn; no columns where the recording has no angles.
+        Mean angles over each turn, (N, motions); no columns if the recording has no angles.
     signal
-        (N, emitters, receivers), without ambient light where that was subtracted; NaN where one is missing.
+        Signals (N, emitters, receivers), without ambient light if it was subtracted; NaN for missing readings.
     clipped
-        Whether one was at a limit, of the same shape.
+        Whether each signal was at a limit, of the same shape.
     unit, ambient
-        Of the signals, and whether ambient light was subtracted; None if unknown.
+        Unit of the signals, and whether ambient light was subtracted; None if unknown.
     provenance
         The file.
     warnings
-        Units that were assumed.
+        Assumed units.
     """
 
     sensor: str
@@ -68,9 +68,9 @@ class NetworkReadings:
     warnings: tuple[Caution, ...] = ()
 
     def ordered(self, motions: Sequence[str], emitters: Sequence[str], receivers: Sequence[str]) -> "NetworkReadings":
-        """The readings with emitters, receivers and motions in the given order; `DataError` where one is missing.
+        """The readings with emitters, receivers and motions in the given order; `DataError` if one is missing.
 
-        Motions may be missing, as they are where a recording is decoded.
+        All motions may be missing, as in a recording that is to be decoded.
         """
         file = self.provenance.name
         lit = places_of("emitter", emitters, self.emitters, file)
@@ -89,17 +89,17 @@ class NetworkReadings:
 
 
 def places_of(kind: str, wanted: Sequence[str], there: Sequence[str], file: str) -> list[int]:
-    """Places of what is wanted of a kind among what there is in a file; `DataError` where one is missing."""
+    """Indices of the requested names of a kind among those in a file; `DataError` if one is missing."""
     for name in wanted:
         if name not in there:
-            limit = f"has no readings of {kind} {name}; there are {', '.join(there)}"
-            raise DataError(file, limit=limit, remedy="record all that was calibrated")
+            limit = f"has no readings of {kind} {name}; it has those of {', '.join(there)}"
+            raise DataError(file, limit=limit, remedy="record everything that was calibrated")
     return [there.index(one) for one in wanted]
 
 
 @dataclass(frozen=True, eq=False)
 class _Lit:
-    """Readings under one emitter: times (n,), angles (n, M), signals and marks of clipped ones (n, R)."""
+    """Readings with one emitter on: times (n,), angles (n, M), signals and marks of clipped ones (n, R)."""
 
     time_s: FloatArray
     angle_deg: FloatArray
@@ -108,7 +108,7 @@ class _Lit:
 
 
 def holds_network(path: Path) -> bool:
-    """Whether a recording is one of several motions: by the bench's header, or by its columns."""
+    """Whether a recording is of a network, according to the bench's header or to its columns."""
     _, recording = next(iter(read_parts(path)))
     if header_of(recording.provenance).get("motions"):
         return True
@@ -117,19 +117,19 @@ def holds_network(path: Path) -> bool:
 
 
 def network_readings(path: Path, sensor: str | None = None) -> NetworkReadings:
-    """Readings of a network in a file.
+    """Read the readings of a network from a file.
 
     Parameters
     ----------
     path
         A recording of solen's bench, or a table with columns ``time_s``, ``MOTION_deg`` and ``EMITTER.RECEIVER``.
     sensor
-        Which of several; default: the only one.
+        Name of the network; default: the only one.
 
     Raises
     ------
     DataError, SpecError
-        If it holds no network, none of that name, or several and none is named.
+        If the file has no network or none with this name, or has several but no name is given.
     """
     parts = list(read_parts(path))
     header = header_of(parts[0][1].provenance)
@@ -179,7 +179,7 @@ def _of_bench(parts: Mapping[str, Recording], header: Mapping[str, Any], entry: 
 
 
 def _lit(recording: Recording, motions: Sequence[str], receivers: Sequence[str]) -> _Lit:
-    """Readings under one emitter, from its group."""
+    """Readings with one emitter on, from its group."""
 
     def column(name: str) -> FloatArray:
         found = next((one for one in recording.channels if one.name == name), None)
@@ -196,7 +196,7 @@ def _lit(recording: Recording, motions: Sequence[str], receivers: Sequence[str])
 
 
 def _turns(times: Sequence[FloatArray]) -> Any:
-    """Place of each emitter's reading in the turns of the first (N, emitters); -1 where one is missing."""
+    """Index of each emitter's reading in the turns of the first emitter (N, emitters); -1 if it is missing."""
     first = times[0]
     usual_s = float(np.median(np.diff(first))) if len(first) > 1 else np.inf
     ends = np.append(first[1:], np.inf)
@@ -220,7 +220,7 @@ def _angles(recording: Recording) -> dict[str, Channel]:
 
 
 def times_of(recording: Recording) -> tuple[Channel, float, list[Caution]]:
-    """Column of the times, its factor to s, and a warning if that is assumed; `DataError` without one."""
+    """Column of the times, its factor to s, and a warning if that is assumed; `DataError` without such a column."""
     file = recording.provenance.name
     time = column_of(recording, "time")
     if time is None:
@@ -236,14 +236,16 @@ def _of_table(recording: Recording) -> NetworkReadings:
     powers = layout.places
     for name in recording.texts:
         if is_companion(name):
-            raise DataError(f"{file}: {name}", limit="holds words, not numbers", remedy="write 0 or 1, or leave it out")
+            raise DataError(
+                f"{file}: {name}", limit="contains words instead of numbers", remedy="write 0 or 1, or omit it"
+            )
     emitters, receivers = (tuple(dict.fromkeys(pair[place] for pair in powers)) for place in (0, 1))
     if not powers:
-        remedy = f"name a column for each, EMITTER.RECEIVER; {existing(recording)}"
+        remedy = f"name a column for each power, EMITTER.RECEIVER; {existing(recording)}"
         raise DataError(file, limit="has no columns of powers by emitter and receiver", remedy=remedy)
     for pair in ((lit, read) for lit in emitters for read in receivers):
         if pair not in powers:
-            limit = f"has no column {'.'.join(pair)}: every emitter needs one for every receiver"
+            limit = f"has no column {'.'.join(pair)}, but every emitter requires one for every receiver"
             raise DataError(file, limit=limit, remedy=existing(recording))
     angles = _angles(recording)
     columns = [one.values for one in recording.channels]

@@ -1,11 +1,12 @@
-"""States of a network in a recording: the stops of its motions, and its readings averaged over each.
+"""States of a network in a recording: the stops of its motions, and the readings averaged over each.
 
-The idea: only while all motions rest do the readings of a turn belong to one state. A stop is found in the angles: rows
-over which none moves. The noise of a reading is what rows of a stop differ by, pooled with its covariance, as light of
-a room or a converter's supply moves several readings together; the uncertainty of a stop's mean is that of means of
-its pieces, where these differ by more than that noise allows.
+The readings of a turn belong to one state only while all motions rest. A stop is a run of rows over which no angle
+changes. The noise of a reading is the covariance of the rows of a stop, pooled over the stops, because ambient light or
+the supply of a converter affects several readings together. The uncertainty of a stop's mean is that of the means of
+its pieces, if these differ by more than the noise explains.
 
-The interface: `states_of` readings gives `States`; `analysed_network` a `NetworkStates`, the response for a report.
+The interface: `states_of` readings returns `States`; `analysed_network` returns a `NetworkStates`, the response for a
+report.
 """
 
 from dataclasses import dataclass, field
@@ -20,13 +21,13 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result, in_unit
 
 AHEAD = 5
-"""Rows over which a motion that rests does not move."""
+"""Number of rows over which a motion at rest must not move."""
 STILL, OVER_NOISE = 1e-3, 5.0
-"""Most that one may, as a share of what it goes through; or times the noise of its angle."""
+"""Largest movement at rest, as a fraction of the range of the motion, or in units of the noise of its angle."""
 SHORTEST, SETTLING = 8, 2
-"""Rows of a stop at least, and rows at either end that are left out."""
+"""Smallest number of rows of a stop, and number of rows omitted at both ends."""
 PIECES = 6
-"""Pieces of a stop whose means show what its rows share."""
+"""Number of pieces of a stop whose means show the correlation of its rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,15 +37,15 @@ class States:
     Attributes
     ----------
     angle_deg
-        (stops, motions).
+        Angles (stops, motions).
     signal, u_signal
         Means (stops, emitters × receivers) and their standard uncertainties.
     noise
         Covariance of a row (emitters × receivers, emitters × receivers), pooled over stops.
     rows
-        Which rows of the readings belong to each stop.
+        Rows of the readings that belong to each stop.
     clipped
-        Share of the rows in which a reading was clipped, (stops, emitters × receivers).
+        Fraction of the rows in which a reading was clipped, (stops, emitters × receivers).
     """
 
     angle_deg: FloatArray
@@ -55,7 +56,7 @@ class States:
     clipped: FloatArray
 
     def merged(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Distinct states: angles (n, motions), means (n, K) over all stops in one state, and their variances."""
+        """Distinct states: angles (n, motions), means (n, K) over all stops in the same state, and their variances."""
         span = np.maximum(np.ptp(self.angle_deg, axis=0), 1e-9)
         rounded = np.rint(self.angle_deg / (2.0 * STILL * span))
         _, which = np.unique(rounded, axis=0, return_inverse=True)
@@ -73,21 +74,21 @@ class NetworkStates(Result):
     Attributes
     ----------
     sensor
-        Its name.
+        Name of the network.
     motions, emitters, receivers
-        Their names.
+        Names of the motions, emitters and receivers.
     unit
-        Unit of the signals; keys name it in place of V.
+        Unit of the signals, in which keys end instead of V.
     angle_deg
-        (stops, motions).
+        Angles (stops, motions).
     signal_V, u_signal_V
-        (stops, emitters, receivers): means over a stop, and their standard uncertainties.
+        Means over each stop, (stops, emitters, receivers), and their standard uncertainties.
     noise_V
         Standard deviation of a single reading (emitters, receivers).
     readings, missing
-        Turns of the emitters, and those that lack a reading.
+        Number of turns of the emitters, and of those that lack a reading.
     simulated
-        Whether the recording is.
+        Whether the recording is simulated.
     sources
         The file.
     warnings
@@ -111,12 +112,12 @@ class NetworkStates(Result):
     states: States = field(metadata=HIDDEN)
 
     def to_dict(self) -> dict[str, object]:
-        """The result as plain data; keys name the unit of the readings in place of V."""
+        """Return the result as plain data; keys end in the unit of the readings instead of V."""
         return in_unit(super().to_dict(), self.unit)
 
 
 def analysed_network(readings: NetworkReadings) -> NetworkStates:
-    """Response of a network over the stops of a recording; `DataError` if it has no angles, or none rests."""
+    """Response of a network at the stops of a recording; `DataError` if it has no angles or no stops."""
     states, shape = states_of(readings), readings.signal.shape[1:]
     missing = int(np.isnan(readings.signal).any(axis=(1, 2)).sum())
     return NetworkStates(
@@ -139,15 +140,15 @@ def analysed_network(readings: NetworkReadings) -> NetworkStates:
 
 
 def states_of(readings: NetworkReadings) -> States:
-    """Stops of a recording; `DataError` if it has no angles, or none rests."""
+    """Find the stops of a recording; `DataError` if it has no angles or no stops."""
     file = readings.provenance.name
     if not readings.motions:
         limit = "has no angles of motions"
-        raise DataError(file, limit=limit, remedy="add a column for each, as in index-bends_deg")
+        raise DataError(file, limit=limit, remedy="add a column for each motion, as in index-bends_deg")
     flat = readings.signal.reshape(len(readings.signal), -1)
     stops = [one for one in _stops(readings.angle_deg) if _held(flat[one]) >= SHORTEST]
     if not stops:
-        limit = f"never rests with all readings for {SHORTEST} turns of the emitters"
+        limit = f"never rests with complete readings for {SHORTEST} turns of the emitters"
         raise DataError(file, limit=limit, remedy="hold each state for longer")
     whole = [flat[one][np.isfinite(flat[one]).all(axis=1)] for one in stops]
     apart = np.concatenate([rows - rows.mean(axis=0) for rows in whole])
@@ -164,7 +165,7 @@ def states_of(readings: NetworkReadings) -> States:
 
 
 def at_rest(angle_deg: FloatArray) -> BoolArray:
-    """Which rows of angles (n, motions) belong to a stop."""
+    """Whether each row of angles (n, motions) belongs to a stop."""
     found = np.zeros(len(angle_deg), bool)
     for one in _stops(angle_deg):
         found[one] = True
@@ -172,17 +173,17 @@ def at_rest(angle_deg: FloatArray) -> BoolArray:
 
 
 def missing_slots(readings: NetworkReadings) -> list[Caution]:
-    """Warning of turns that lack a reading, by emitter."""
+    """Warning about turns that lack a reading, by emitter."""
     lacking = np.isnan(readings.signal).any(axis=2).sum(axis=0)
     pairs = zip(readings.emitters, lacking.tolist(), strict=True)
     lost = [f"{name} {count}" for name, count in pairs if count]
     if not lost:
         return []
-    return [look_at(f"readings are missing: {', '.join(lost)} of {len(readings.signal)}; those turns are left out")]
+    return [look_at(f"readings are missing: {', '.join(lost)} of {len(readings.signal)}; those turns are omitted")]
 
 
 def clipped_in(readings: NetworkReadings, states: States) -> list[Caution]:
-    """Warning of powers that stand at an end of the recorder's range in some states."""
+    """Warning about powers that are at an end of the recorder's range in some states."""
     names = [f"{lit}.{read}" for lit in readings.emitters for read in readings.receivers]
     shares = states.clipped.mean(axis=0).tolist()
     ends = [f"{name} {100 * share:.2g} %" for name, share in zip(names, shares, strict=True) if share > 0.0]
@@ -198,7 +199,7 @@ def _held(rows: FloatArray) -> int:
 
 
 def _stops(angle_deg: FloatArray) -> list[slice]:
-    """Stretches of rows over which no motion moves, less a few at their ends."""
+    """Slices of rows over which no motion moves, without a few rows at both ends."""
     if len(angle_deg) <= AHEAD:
         return []
     span, noise = np.ptp(angle_deg, axis=0), _noise_deg(angle_deg)
@@ -209,13 +210,13 @@ def _stops(angle_deg: FloatArray) -> list[slice]:
 
 
 def _noise_deg(angle_deg: FloatArray) -> FloatArray:
-    """Noise of the angles, of which a motion at one speed shows none: by their second differences."""
+    """Noise of the angles, from their second differences, to which a motion at constant speed does not contribute."""
     bends = np.abs(angle_deg[2:] - 2.0 * angle_deg[1:-1] + angle_deg[:-2])
     return np.asarray(np.median(bends, axis=0) / (0.6745 * np.sqrt(6.0)))
 
 
 def _u_mean(rows: FloatArray, noise: FloatArray) -> FloatArray:
-    """Standard uncertainty of the mean of a stop's rows (K,)."""
+    """Standard uncertainty of the mean of a stop's rows, (K,)."""
     white = np.sqrt(np.diag(noise) / len(rows))
     pieces = np.array([piece.mean(axis=0) for piece in np.array_split(rows, PIECES)])
     return np.asarray(np.maximum(white, pieces.std(axis=0, ddof=1) / np.sqrt(PIECES)))

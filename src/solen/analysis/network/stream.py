@@ -1,7 +1,7 @@
-"""A stream of a network's readings decoded by a saved calibration: rows of motions as they arrive, and a summary.
+"""Decoding of a stream of a network's readings with a saved calibration: rows of motions as they arrive, and a summary.
 
-The interface: `recorded_turns` of a file and `line_turns` of lines give `Turns`; `NetworkStream` decodes them, its
-`rows` are lines of CSV, its `result` a `NetworkDecoding`. `unused` options are refused.
+The interface: `recorded_turns` of a file and `line_turns` of lines return `Turns`. `NetworkStream` decodes them; its
+`rows` are lines of CSV, its `result` is a `NetworkDecoding`. `unused` raises an error for options that do not apply.
 """
 
 import math
@@ -32,7 +32,7 @@ BANDS = ("low68", "high68", "low95", "high95")
 FLAGS = ("outside", "ambiguous", "at_end")
 _TOLD = 0.5  # per cent of the readings from which on a flag is warned of
 _MEANING = {
-    "outside": "lie off the calibrated map, so their motions are meaningless",
+    "outside": "are outside the calibrated map, so their motions are meaningless",
     "ambiguous": "are consistent with several states",
     "missing": "lack a reading of a receiver",
     "clipped": "contain a value at a limit of the recorder's range, which hides any change beyond it",
@@ -43,7 +43,7 @@ _MEANING = {
 class Turns:
     """Turns of a network's emitters: times (n,), signals (n, emitters, receivers), and true angles, NaN if unknown.
 
-    ``clipped`` marks signals at an end of the recorder's range; None where the source states none.
+    ``clipped`` marks signals at an end of the recorder's range; None if the source does not state it.
     """
 
     time_s: FloatArray
@@ -58,23 +58,24 @@ class NetworkDecoding(Result):
     Attributes
     ----------
     readings, missing
-        Turns that were decoded, and those that lack a reading.
+        Number of turns that were decoded, and of those that lack a reading.
     outside, ambiguous, at_end
-        Turns with these flags, as in `solen.analysis.network.decoder.NetworkDecoded`.
+        Number of turns with these flags, as in `solen.analysis.network.decoder.NetworkDecoded`.
     clipped
-        Turns with a reading that the source marks as clipped.
+        Number of turns with a reading that the source marks as clipped.
     from_s, to_s
-        Times of the first and the last.
+        Times of the first and the last turn.
     reached_deg
-        Lowest and highest angle of each motion, of turns that are not outside.
+        Lowest and highest angle of each motion, in turns that are not outside.
     against
-        Errors against the source's own angles, at its stops and within the calibrated ranges; none without.
+        Errors relative to the source's own angles, at its stops and within the calibrated ranges; empty if there are
+        none.
     calibration, sensor
         File of the calibration, and its network.
     simulated
         Whether the calibration or the source is simulated.
     interrupted
-        Whether Ctrl-C ended the stream.
+        Whether the stream was ended with Ctrl-C.
     sources
         The recording.
     warnings
@@ -100,16 +101,16 @@ class NetworkDecoding(Result):
 
 
 class NetworkStream:
-    """Turns of one stream, decoded and counted.
+    """Decoder of a stream of turns that also counts them.
 
     Parameters
     ----------
     known, file
         The calibration, and the name of its file.
     source, provenance
-        Name of the stream in refusals, and its file; None for lines.
+        Name of the stream in error messages, and its file; None for lines.
     warnings
-        Of the stream itself.
+        Warnings about the stream itself.
     """
 
     def __init__(
@@ -130,13 +131,13 @@ class NetworkStream:
 
     @property
     def header(self) -> str:
-        """Names of the columns of its rows."""
+        """Header line with the names of the columns."""
         columns = (f"{one}_deg" for name in self._known.motions for one in (name, *(f"{name}_{b}" for b in BANDS)))
         return ",".join(["time_s", *columns, "flags", "probability", "other"]) + "\n"
 
     @property
     def heading(self) -> str:
-        """First lines of a file of rows: that it rests on simulated data and why not to use it, then the header."""
+        """First lines of a file of rows: notes on simulated data and on reasons not to use it, then the header."""
         doubts = "".join(f"# {line}\n" for line in self.warnings if rank_of(line) == DO_NOT_USE)
         return SIMULATED_DATA * self._simulated + doubts + self.header
 
@@ -145,21 +146,21 @@ class NetworkStream:
         return self._known.simulated or (self._provenance is not None and self._provenance.simulated)
 
     def rows(self, turns: Turns) -> str:
-        """Lines of CSV; `DataError` if the readings are a thousand times the calibrated ones."""
+        """Decode turns into lines of CSV; `DataError` if the readings are about a thousand times too large."""
         most = np.abs(turns.signal).max(axis=(1, 2))
         largest = float(np.median(most[np.isfinite(most)])) if np.isfinite(most).any() else 0.0
         if largest > 100.0 * self._largest:
             unit = self._known.unit
-            limit = f"reads {largest:.4g} {unit}; the calibration goes up to {self._largest:.3g} {unit}"
+            limit = f"reads {largest:.4g} {unit}, but the calibration only reaches {self._largest:.3g} {unit}"
             raise DataError(self._source, limit=limit, remedy="state the unit in the header, as in a.end_mV")
         decoded = self._known.decoder.decode(turns.signal)
         self._count(turns, decoded)
         return "".join(_rows(turns.time_s, decoded))
 
     def result(self, *, interrupted: bool) -> NetworkDecoding:
-        """Summary of the decoded stream; `DataError` without a whole turn."""
+        """Return the summary of the decoded stream; `DataError` if there was no complete turn."""
         if not self.counts["readings"]:
-            raise DataError(self._source, limit="holds no whole turn of the emitters", remedy="check its columns")
+            raise DataError(self._source, limit="contains no complete turn of the emitters", remedy="check its columns")
         pairs = zip(self._known.motions, self._ends.tolist(), strict=True)
         return NetworkDecoding(
             **self.counts,
@@ -178,7 +179,7 @@ class NetworkStream:
     def _doubts(self) -> Iterator[Caution]:
         yield from (of("calibration", line) for line in self._known.warnings if rank_of(line) == DO_NOT_USE)
         if self._known.simulated and self._provenance is not None and not self._provenance.simulated:
-            yield do_not_use("the calibration is simulated, and the recording is not")
+            yield do_not_use("the calibration is simulated, but the recording is not")
 
     def _flagged(self) -> Iterator[Caution]:
         for name, meaning in _MEANING.items():
@@ -218,9 +219,12 @@ class NetworkStream:
 def recorded_turns(
     path: Path, known: NetworkCalibration, sensor: str | None
 ) -> tuple[Turns, Provenance, tuple[Caution, ...]]:
-    """Turns of a recording, with true angles at its stops, its file, and its warnings.
+    """Turns of a recording with the true angles at its stops, its file, and its warnings.
 
-    `DataError` where it lacks an emitter or a receiver, or has another unit.
+    Raises
+    ------
+    DataError
+        If an emitter or a receiver is missing, or the unit is another one.
     """
     found = network_readings(path, sensor).ordered(known.motions, known.emitters, known.receivers)
     scale = scale_of(path.name, found.unit, known)
@@ -231,16 +235,19 @@ def recorded_turns(
 
 def _check_ambient(source: str, ambient: Ambient | None, known: NetworkCalibration) -> None:
     if None not in {ambient, known.ambient} and ambient != known.ambient:
-        limit = f"has ambient light {ambient}, and the calibration {known.ambient}"
+        limit = f"has ambient light {ambient}, but the calibration has it {known.ambient}"
         raise DataError(source, limit=limit, remedy="calibrate with recordings made in the same way")
 
 
 def scale_of(source: str, unit: str, known: NetworkCalibration) -> float:
-    """Factor of readings in a unit to that of the calibration; `DataError` if there is none."""
+    """Factor from a unit of readings to that of the calibration; `DataError` if it cannot be converted."""
     scale = factor(unit, known.unit)
     if scale is None:
-        limit = f"is the unit of the readings, but those of the calibration are in {known.unit}"
-        remedy = f"state theirs in the header, as in a.end ({known.unit}), or calibrate with readings in that unit"
+        limit = f"is the unit of the readings, but the calibration is in {known.unit}"
+        remedy = (
+            f"state the unit of the readings in the header, as in a.end ({known.unit}), or "
+            "calibrate with readings in their unit"
+        )
         raise DataError(source, value=unit, limit=limit, remedy=remedy)
     return scale
 
@@ -248,7 +255,10 @@ def scale_of(source: str, unit: str, known: NetworkCalibration) -> float:
 def line_turns(text: Iterable[str], known: NetworkCalibration) -> tuple[Iterator[Turns], tuple[Caution, ...]]:
     """Turns of lines of CSV, each as soon as it arrives, and warnings; the first line names the columns.
 
-    `DataError` if a power of the calibration, or the time, has no column.
+    Raises
+    ------
+    DataError
+        If the time or a power of the calibration has no column.
     """
     lines = lines_of(text, remedy="begin with time_s, and EMITTER.RECEIVER for each power")
     layout = _Layout.of(lines, known)
@@ -257,7 +267,7 @@ def line_turns(text: Iterable[str], known: NetworkCalibration) -> tuple[Iterator
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """Place and scale of the time, and of each power (emitters, receivers); places of its marks of clipping, or -1."""
+    """Column and scale of the time and of each power (emitters, receivers); columns of its marks of clipping, or -1."""
 
     time: tuple[int, float]
     places: IntArray
@@ -267,7 +277,7 @@ class _Layout:
 
     @classmethod
     def of(cls, lines: Lines, known: NetworkCalibration) -> "_Layout":
-        """Layout of lines by their header."""
+        """Layout of lines from their header."""
         header = lines.header
         times, of_time, warnings = times_of(header)
         powers = power_columns(header.channels, STDIN)
@@ -275,7 +285,7 @@ class _Layout:
         pairs = [(lit, read) for lit in known.emitters for read in known.receivers]
         for pair in pairs:
             if pair not in powers.places:
-                limit = f"has no column {'.'.join(pair)}, which the calibration needs"
+                limit = f"has no column {'.'.join(pair)}, which the calibration requires"
                 raise DataError(STDIN, limit=limit, remedy=f"its columns are {', '.join(lines.names)}")
         shape = len(known.emitters), len(known.receivers)
         return cls(
@@ -288,23 +298,23 @@ class _Layout:
         )
 
     def turn(self, values: Sequence[float]) -> Turns:
-        """Turn of one line."""
+        """Turn from the values of one line."""
         (place, scale), row = self.time, np.array(values)
         clipped = (self.marks >= 0) & (row[self.marks] > 0.5)
         return Turns(scale * row[[place]], self.scales * row[None, self.places], clipped=clipped[None])
 
 
 def unused(options: Options, kept: Sequence[str] = ()) -> None:
-    """`SpecError` for an option that does not apply to a network."""
+    """Raise `SpecError` for an option that does not apply to a network."""
     for name, info in type(options).model_fields.items():
         value = getattr(options, name)
         if name not in kept and value != info.get_default(call_default_factory=True):
-            limit = "does not apply to a network, whose columns and motions are known by their names"
+            limit = "does not apply to a network, whose columns and motions are identified by their names"
             raise SpecError(f"--{name.replace('_', '-')}", value=str(value), limit=limit, remedy="leave it out")
 
 
 def _rows(time_s: FloatArray, decoded: NetworkDecoded) -> Iterator[str]:
-    """A line for each turn."""
+    """Yield a line for each turn."""
     motions = decoded.angle_deg.shape[1]
     bands = np.stack([decoded.low_deg, decoded.high_deg], axis=-1).reshape(len(time_s), motions, 4)
     values = np.concatenate([decoded.angle_deg[..., None], bands], axis=-1).reshape(len(time_s), -1)
