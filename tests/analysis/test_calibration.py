@@ -236,7 +236,7 @@ def test_another_print_costs_what_prints_differ() -> None:
 
 def test_what_cannot_be_calibrated_is_refused_in_one_line() -> None:
     few = replace(SHORT, cycles=2)
-    with pytest.raises(DataError, match=r"has 1 cycle that is used.*at least 2"):
+    with pytest.raises(DataError, match=r"has 1 usable cycle.*at least 2"):
         trained(replace(NOISY, protocol=few))
     signals = made(NOISY)
     alone = Signals("S1", ("left", "top"), signals.time_s, signals.angle_deg, signals.volts)
@@ -281,5 +281,5 @@ def test_a_stream_that_rises_is_reported_whole_or_in_pieces() -> None:
 
 @pytest.mark.parametrize("sensor", ["U_L/V,U_R/V", "../../a", "con", "a."])
 def test_a_sensor_whose_name_is_no_file_s_is_refused_in_a_line(sensor: str) -> None:
-    with pytest.raises(DataError, match=r"^sensor = .*; name the file with --out$"):
+    with pytest.raises(DataError, match=r"^sensor = .*; name the file with the option --out$"):
         place_of([Path("run.csv"), Path("again.csv")], sensor)

@@ -175,7 +175,7 @@ def test_a_recording_is_said_in_words() -> None:
     assert re.fullmatch(r"emitter 0\.0[45]\d+ ± 0\.00\d+ mm to the left", said[0])
     assert any(line.startswith("chip 0.2") and line.endswith("mm wide") for line in said)
     told = " ".join(said)
-    assert "loss in the material and both gains together cannot be separated" in told
+    assert "cannot separate the loss in the material from both gains" in told
     assert set(found.held[LOSS]) >= {"gain right", "gain left"}
     assert found.estimates["loss_per_mm"].value is None
     assert found.estimates["gain_ratio"].value == pytest.approx(8.0 / 7.0, rel=5e-3)
@@ -232,7 +232,7 @@ def test_receivers_without_a_side_are_refused() -> None:
     with pytest.raises(DataError, match="do not distinguish right from left"):
         diagnosed(sensor_response([nameless], AnalysisOptions()), response(), KNOWN)
     twice = replace(made(Lit()), receivers=("right_1", "right_2"))
-    with pytest.raises(DataError, match="both the right one"):
+    with pytest.raises(DataError, match="both recognised as the right receiver"):
         diagnosed(sensor_response([twice], AnalysisOptions()), response(), KNOWN)
 
 
@@ -247,7 +247,7 @@ def test_clipped_angles_are_left_out_and_reported() -> None:
 
 
 def test_too_few_angles_are_refused() -> None:
-    with pytest.raises(DataError, match="a diagnosis needs 12"):
+    with pytest.raises(DataError, match="at least 12"):
         diagnosed(sensor_response([made(Lit())], AnalysisOptions(step_deg=0.6)), response(), KNOWN)
 
 

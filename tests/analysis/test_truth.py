@@ -230,7 +230,7 @@ def test_recordings_of_one_sensor_are_pooled_and_sensors_compared() -> None:
 
 
 def test_too_few_cycles_are_refused() -> None:
-    with pytest.raises(DataError, match="holds 1 whole cycle, and the first 1 are left out"):
+    with pytest.raises(DataError, match="contains 1 complete cycle, of which --drop 1 omits all"):
         found_of(Truth(Protocol(cycles=1)))
     alone = found_of(Truth(Protocol(cycles=1)), AnalysisOptions(drop=0))
     assert alone.passes.cycles == 1

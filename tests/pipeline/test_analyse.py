@@ -61,7 +61,7 @@ def test_an_unknown_unit_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[
     found = result(capsys, str(write(tmp_path / "one.csv", TRUTH, "time (s);angle (deg);left (foo);right (foo)", ",")))
     assert any('"foo"' in warning and "V is assumed" in warning for warning in found["warnings"])
     found = result(capsys, str(write(tmp_path / "one.csv", TRUTH, "time (s);angle (deg);left (foo);right [V]", ",")))
-    assert any('left (foo) is not used: "foo"' in warning for warning in found["warnings"])
+    assert any('left (foo) is not used, because "foo"' in warning for warning in found["warnings"])
 
 
 def test_german_headers_are_recognised(tmp_path: Path) -> None:
@@ -207,7 +207,7 @@ def test_what_cannot_be_known_is_asked_for(tmp_path: Path) -> None:
         ({"pattern": "one.csv"}, "has no field"),
         ({"control": ("S9",)}, "no sensor has this name"),
         ({"smooth_ms": -1.0}, "smooth_ms"),
-        ({"smooth_ms": 1e6}, "a twentieth of one.csv"),
+        ({"smooth_ms": 1e6}, "a twentieth of the length of one.csv"),
         ({"zero_deg": math.nan}, "finite number"),
         ({"dark_V": math.inf}, "finite number"),
         ({"angle_time": "t"}, "--angle-file"),
@@ -252,7 +252,7 @@ def test_a_log_on_another_clock(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert len(found["sources"]) == 2
     np.savetxt(log, rows[:, 1], header="pos_deg", comments="")
     assert run_command(["bench", "analyse", str(volts), "--angle-file", str(log)]) == 2
-    assert "--angle-time, or give --angle-rate-hz" in capsys.readouterr().err
+    assert "--angle-time, or state the rate with --angle-rate-hz" in capsys.readouterr().err
 
 
 def test_an_angle_that_nobody_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -176,7 +176,7 @@ def test_a_state_that_is_none_is_named_with_its_row(tmp_path: Path) -> None:
     path = written(
         tmp_path / "b.csv", "time_s,right (V),state", time, values[:, 0], [0.5 * one for one in state.tolist()]
     )
-    with pytest.raises(DataError, match=r"state in row 1 = 0\.5; must be whole"):
+    with pytest.raises(DataError, match=r"state in row 1 = 0\.5; must be a whole number"):
         demodulate(path)
 
 

@@ -87,7 +87,7 @@ def test_what_rests_on_estimates_is_reported(found: dict[str, Any]) -> None:
         (("readout.emitter_current_ma=1",), "the brightest parts saturate at 2000 ohm, but typical parts do not"),
         (("readout.emitter_current_ma=150",), "150 mA exceeds the 100 mA that VSMY1850 may carry"),
         (("readout.load_ohm=100",), "up to 50 mA, which exceeds the 20 mA"),
-        (("readout.supply_v=24",), "a supply of 24 V exceeds the 20 V"),
+        (("readout.supply_v=24",), "the supply of 24 V exceeds the 20 V"),
         (("readout.adc=ATmega328P",), "outside the range of ATmega328P, 0 to 5 V"),
         (("readout.load_ohm=200000",), "reduce the load or the rate"),
         ((), "rays in the plane"),
@@ -130,7 +130,7 @@ def test_a_directional_part_loses_light_from_the_side(design: Path) -> None:
 @pytest.mark.parametrize(
     ("assignments", "error", "words"),
     [
-        (("readout.part=VSMY1850",), DataError, "not a receiver"),
+        (("readout.part=VSMY1850",), DataError, "but a receiver"),
         (("readout.lod_ohm=1",), SpecError, "did you mean readout.load_ohm"),
         (("body.kind=outline", "body.file=none.dxf"), Exception, "none.dxf"),
     ],

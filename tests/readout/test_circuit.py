@@ -124,7 +124,7 @@ def test_without_a_power_it_is_the_intensity_over_the_pattern() -> None:
     assert Drive.of(bare, 100.0).typical_mW == pytest.approx(50.0, abs=0.1)
     with pytest.raises(DataError, match="states neither power_mw nor intensity_mw_per_sr"):
         Drive.of(bare.model_copy(update={"intensity_mw_per_sr": None}), 100.0)
-    with pytest.raises(DataError, match="current_ma; missing"):
+    with pytest.raises(DataError, match="current_ma; is missing"):
         Drive.of(part.model_copy(update={"current_ma": None}), 100.0)
 
 
@@ -209,9 +209,9 @@ def test_a_supply_beyond_every_range_takes_the_widest() -> None:
     [
         ({"readout__adc_range_v": [-3.0, 3.0]}, SpecError, "range of USB-6218"),
         ({"readout__adc_range_v": [3.0, -3.0]}, SpecError, "must run from low to high"),
-        ({"readout__part": "VSMY1850"}, DataError, "is of kind emitter, not a receiver"),
-        ({"readout__adc": "TEMT7100X01"}, DataError, "is of kind receiver, not an adc"),
-        ({"readout__emitter_part": "USB-6218"}, DataError, "is of kind adc, not an emitter"),
+        ({"readout__part": "VSMY1850"}, DataError, "is of kind emitter, but a receiver"),
+        ({"readout__adc": "TEMT7100X01"}, DataError, "is of kind receiver, but an adc"),
+        ({"readout__emitter_part": "USB-6218"}, DataError, "is of kind adc, but an emitter"),
         ({"readout__part": "TEMT7100"}, DataError, "did you mean TEMT7100X01"),
         ({"readout__part": "none.toml"}, DataError, "no such file"),
         ({"readout__load_ohm": 0.0}, SpecError, "must be at least 0.001"),
@@ -228,7 +228,7 @@ def test_a_circuit_that_cannot_be_is_refused(values: dict[str, object], error: t
 @pytest.mark.parametrize(
     ("fractions", "ambient", "words"),
     [
-        (np.zeros(3), 0.0, "one column for each of 2"),
+        (np.zeros(3), 0.0, "must have 2 columns"),
         (np.array([0.1, -0.1]), 0.0, "at least 0"),
         (np.array([0.1, np.nan]), 0.0, "numbers of at least 0"),
         (np.zeros(2), -1.0, "ambient_mW_cm2"),

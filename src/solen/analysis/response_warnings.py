@@ -63,8 +63,8 @@ def other_speeds_left_out(run: Run) -> Iterator[Caution]:
     if lost:
         used = float(np.median(speeds[list(run.used)]))
         yield look_at(
-            f"{len(lost)} cycle{'s' * (len(lost) != 1)} at {lost[0]:.3g}{sign}/s at the beginning are omitted (--drop "
-            f"{run.timed[0]}) and leave too few at that speed; all figures are for {used:.3g}{sign}/s: "
+            f"--drop {run.timed[0]} omits {len(lost)} cycle{'s' * (len(lost) != 1)} at {lost[0]:.3g}{sign}/s from the "
+            f"beginning, which leaves too few at that speed; all figures are for {used:.3g}{sign}/s: "
             "record more cycles at each speed"
         )
 

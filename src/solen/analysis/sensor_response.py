@@ -275,7 +275,7 @@ def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -
     known[id(signals.angle_deg)] = motion
     count = len(motion.cycles)
     if count <= options.drop:
-        limit = f"contains {count} complete cycle{'s' * (count != 1)}, of which the first {options.drop} are omitted"
+        limit = f"contains {count} complete cycle{'s' * (count != 1)}, of which --drop {options.drop} omits all"
         raise DataError(signals.source or signals.label, limit=limit, remedy="use --drop 0, or record more cycles")
     moving = np.zeros(signals.time_s.size, dtype=bool)
     for ramp in motion.ramps:

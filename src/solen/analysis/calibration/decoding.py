@@ -293,8 +293,8 @@ def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeO
             other.insert(0, f"sensor {stream.sensor} instead of {known.sensor}")
         else:
             yield note(
-                f"{stream.sensor} is only the name of the file, so the calibrated sensor {known.sensor} is assumed; "
-                f'use --sensor "{stream.sensor}" if it is a different sensor'
+                f"{stream.sensor} is only the name of the file, so it is decoded as the calibrated sensor "
+                f'{known.sensor}; use --sensor "{stream.sensor}" if it is a different sensor'
             )
     if other:
         yield do_not_use(f"the recording does not match the calibration: {'; '.join(other)}")
