@@ -45,17 +45,17 @@ class Prism:
 
     @property
     def height_mm(self) -> float:
-        """Height."""
+        """Height in mm."""
         return self.to_mm - self.from_mm
 
     @cached_property
     def area_mm2(self) -> float:
-        """Area of its outlines."""
+        """Area of the prism's outlines."""
         return area_mm2(self.outlines)
 
     @cached_property
     def perimeter_mm(self) -> float:
-        """Length of its outlines."""
+        """Length of the prism's outlines."""
         return perimeter_mm(self.outlines)
 
     def rings(self, tolerance_mm: float) -> list[NDArray[np.float64]]:
@@ -65,14 +65,14 @@ class Prism:
 
 @dataclass(frozen=True)
 class Cut:
-    """A cut: ``takes`` is the volume removed from the part, ``tool`` reaches beyond it so that no skin remains."""
+    """A cut: ``takes`` is the volume removed from the part, and ``tool`` extends beyond it to leave no skin."""
 
     tool: Prism
     takes: Prism
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """Name of the cut."""
         return self.tool.name
 
     @property
@@ -97,7 +97,7 @@ class Part:
 
     def __post_init__(self) -> None:
         if not self.prisms:
-            raise DesignError(self.name, value="no outline", limit="a part needs one")
+            raise DesignError(self.name, value="no outline", limit="a part requires at least one")
         for first, other in combinations(self.prisms, 2):
             if _shared_mm(first, other) > 0.0 and _overlap_mm2(first, other) > _negligible(first.area_mm2):
                 raise DesignError(self.name, value=f"{first.name} and {other.name}", limit="overlap")
@@ -106,7 +106,7 @@ class Part:
                 _shared_mm(one_cut.takes, other_cut.takes) > 0.0
                 and _overlap_mm2(one_cut.takes, other_cut.takes) > TOUCH_MM2
             ):
-                remedy = "make the part thicker, or leave one of them out"
+                remedy = "make the part thicker, or omit one of them"
                 raise DesignError(
                     self.name, value=f"{one_cut.name} and {other_cut.name}", limit="cut into one another", remedy=remedy
                 )
@@ -115,22 +115,23 @@ class Part:
 
     @property
     def volume_mm3(self) -> float:
-        """Volume of the exact curves' solid."""
+        """Volume of the solid within the exact curves."""
         prisms = sum(prism.area_mm2 * prism.height_mm for prism in self.prisms)
         return prisms - sum(cut.volume_mm3 for cut in self.cuts)
 
     @property
     def wall_mm2(self) -> float:
-        """Area of all upright walls; a mesh within a tolerance is off by at most this times the tolerance."""
+        """Area of all upright walls; the volume of a mesh is off by at most this times the mesh's tolerance."""
         prisms = (*self.prisms, *(cut.tool for cut in self.cuts))
         return sum(prism.perimeter_mm * prism.height_mm for prism in prisms)
 
     def _check_cut(self, cut: Cut) -> None:
-        """`DesignError` if a cut does not take exactly its stated volume from the part."""
+        """Raise `DesignError` if a cut does not remove exactly its stated volume from the part."""
         taken = sum(_shared_mm(cut.tool, prism) * _overlap_mm2(cut.tool, prism) for prism in self.prisms)
         if abs(taken - cut.volume_mm3) <= _negligible(cut.takes.area_mm2) * cut.takes.height_mm:
             return
-        limit = f"would take {taken:.4g} mm³ away, not {cut.volume_mm3:.4g}: it reaches past the part's edge"
+        limit = (f"would remove {taken:.4g} mm³ instead of {cut.volume_mm3:.4g} mm³, because it "
+"extends past the part's edge")
         raise DesignError(cut.name, limit=limit, remedy="make it smaller, or the part wider or thicker")
 
 
@@ -140,7 +141,7 @@ def sensor_prism(body: Body, thickness_mm: float) -> Prism:
     Raises
     ------
     DesignError
-        If an outline is open, crosses itself or another, or the thickness is not above 0.
+        If an outline is open or crosses itself or another, or if the thickness is not above 0.
     """
     body.check()
     return Prism("thickness", body.outlines, 0.0, float(thickness_mm))

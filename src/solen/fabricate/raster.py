@@ -1,13 +1,13 @@
 """Exact coverage of pixels by an area, from the corners of its outlines.
 
-The idea is that of font rasterisers. An edge is cut wherever it crosses pixel borders; each piece then lies
-in one pixel, whose area changes by the part between it and the pixel's right side, and that of all pixels farther
-right in the row by its full height. Summed from left to right these changes are the covered areas.
-Nothing is sampled; the cost of an edge is proportional to the pixels it crosses.
+The idea is that of font rasterisers. An edge is cut wherever it crosses pixel borders. Each piece is then in one pixel.
+It changes the covered area of this pixel by the part between the piece and the pixel's right side, and that of all
+pixels farther right in the row by its full height. Summed from left to right, these changes are the covered areas.
+Nothing is sampled; the cost of an edge is proportional to the number of pixels that it crosses.
 
-The interface: `coverage` gives shares from 0 to 1, `coverage_bytes` the same as 0 to 255 in little memory, `rings_of`
-the rings of a shapely area. Rows count upwards with y and columns with x: [i, j] is the square whose lower left corner
-is ``origin + (j, i) pitch``; pixels may be rectangles, wider than deep or deeper.
+The interface: `coverage` returns shares from 0 to 1, `coverage_bytes` the same as 0 to 255 using little memory, and
+`rings_of` the rings of a shapely area. Rows count upwards with y and columns with x: [i, j] is the square whose lower
+left corner is ``origin + (j, i) pitch``; pixels may be rectangles.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,12 +29,12 @@ Pitch = float | tuple[float, float]
 """Side of a square pixel in mm, or its sides along x and y."""
 
 BAND = 64
-"""Rows that are summed at a time: few enough to stay in a processor's cache."""
+"""Number of rows summed at a time: few enough to stay in a processor's cache."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Pixels: their side or sides, the lower left corner of the first, rows and columns."""
+    """Pixels: side or sides, lower left corner of the first pixel, and numbers of rows and columns."""
 
     pitch_mm: Pitch
     origin_mm: tuple[float, float]
@@ -49,13 +49,15 @@ class Grid:
             raise DataError("pixels", value=self.shape, limit="must be at least one row and one column")
 
     def placed(self, ring: FloatArray) -> FloatArray:
-        """Points (N, 2) in mm as columns and rows."""
+        """Points (N, 2) in mm as coordinates in columns and rows."""
         return (np.asarray(ring, float) - self.origin_mm) / self.pitch_mm
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """Edges cut at pixels, by ascending row: the descent of each, and the share of it that counts for its own pixel."""
+    """Edges cut at pixels, by ascending row: the descent of each, and the fraction of it that counts for its own
+    pixel.
+    """
 
     row: IntArray
     column: IntArray
@@ -77,25 +79,25 @@ class Pieces:
 def coverage(
     rings: Sequence[FloatArray], pitch_mm: Pitch, origin_mm: tuple[float, float], shape: tuple[int, int]
 ) -> FloatArray:
-    """Share of each pixel that lies within closed polygons.
+    """Share of each pixel covered by closed polygons.
 
     Parameters
     ----------
     rings
         Polygons (N, 2) in mm, counter-clockwise with the area on their left, holes clockwise; the last point may repeat
-        the first. They must not overlap. What lies beyond the grid is left out.
+        the first. They must not overlap. Areas beyond the grid are ignored.
     pitch_mm, origin_mm, shape
         Side of a pixel or its sides along x and y, lower left corner of the first, and rows and columns.
 
     Returns
     -------
     shares
-        Shape ``shape``, 0 to 1; exact but for rounding, about 1e-15 times the columns.
+        Shape ``shape``, 0 to 1; exact up to rounding of about 1e-15 times the number of columns.
 
     Raises
     ------
     DataError
-        If the grid is none, or a point is not finite.
+        If the grid is empty or invalid, or a point is not finite.
     """
     grid = Grid(pitch_mm, origin_mm, shape)
     pieces, shares = _pieces(rings, grid), np.empty(shape)
@@ -107,7 +109,9 @@ def coverage(
 def coverage_bytes(
     rings: Sequence[FloatArray], pitch_mm: Pitch, origin_mm: tuple[float, float], shape: tuple[int, int]
 ) -> NDArray[np.uint8]:
-    """`coverage` as grey values 0 to 255, rounded to the nearest; the sums take a few rows of memory at a time."""
+    """`coverage` as grey values 0 to 255, rounded to the nearest; the sums need memory for only a few rows at a
+    time.
+    """
     grid, shares = Grid(pitch_mm, origin_mm, shape), np.zeros(shape, np.uint8)
     rings = [ring for ring in rings if len(ring)]
     if not rings:
@@ -125,7 +129,7 @@ def coverage_bytes(
 
 
 def rings_of(area: "shapely.geometry.base.BaseGeometry") -> list[FloatArray]:
-    """Rings of a shapely area as `coverage` takes them; lines and points in it are left out."""
+    """Rings of a shapely area as required by `coverage`; lines and points are ignored."""
     import shapely
 
     polygons = [get_part for get_part in shapely.get_parts(area).tolist() if isinstance(get_part, shapely.Polygon)]
@@ -138,7 +142,7 @@ def _bands(first: int, last: int) -> Iterator[tuple[int, int]]:
 
 
 def _extent(rings: Sequence[FloatArray], grid: Grid) -> tuple[IntArray, IntArray]:
-    """First and last + 1 (row, column) of the grid that polygons reach."""
+    """First and last + 1 (row, column) of the part of the grid that polygons touch."""
     placed = [grid.placed(ring) for ring in rings]
     low, high = (
         np.min([points.min(axis=0) for points in placed], axis=0),
@@ -169,7 +173,7 @@ def _pieces(rings: Sequence[FloatArray], grid: Grid) -> Pieces:
 
 
 def _edges(placed: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Starts and ends (N, 2) of the sides of closed polygons; level ones change nothing and are left out."""
+    """Starts and ends (N, 2) of the sides of closed polygons, without horizontal sides, which do not matter."""
     starts = np.vstack([np.empty((0, 2)), *placed])
     ends = np.vstack([np.empty((0, 2)), *(np.roll(ring, -1, axis=0) for ring in placed)])
     if not np.isfinite(starts).all():
@@ -179,7 +183,7 @@ def _edges(placed: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
 
 
 def _cut(starts: FloatArray, ends: FloatArray, rows: int, columns: int) -> tuple[FloatArray, FloatArray]:
-    """Starts and ends (M, 2) of the pieces of edges between the lines that divide pixels."""
+    """Starts and ends (M, 2) of the pieces of edges between the grid lines."""
     count = len(starts)
     across, up = (_crossings(starts, ends, axis, most) for axis, most in ((0, columns), (1, rows)))
     edge = np.concatenate([np.arange(count), across[0], up[0], np.arange(count)])
@@ -192,7 +196,7 @@ def _cut(starts: FloatArray, ends: FloatArray, rows: int, columns: int) -> tuple
 
 
 def _crossings(starts: FloatArray, ends: FloatArray, axis: int, most: int) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Where edges cross the lines 0 to ``most`` of an axis: number of the edge, share of its length, point."""
+    """Crossings of edges with the lines 0 to ``most`` of an axis: number of the edge, fraction of its length, point."""
     low = np.clip(np.ceil(np.minimum(starts[:, axis], ends[:, axis])), 0, most + 1).astype(np.int64)
     high = np.clip(np.floor(np.maximum(starts[:, axis], ends[:, axis])), -1, most).astype(np.int64)
     number = np.maximum(high - low + 1, 0)

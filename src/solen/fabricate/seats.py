@@ -1,15 +1,16 @@
 """Seats for the electronics: pockets for the receivers' packages, and slots for film supports.
 
-A pocket is cut into the middle of a receiver's face, the package's longer side along the face and the shorter one
-along the height, as deep as the package unless stated. A slot is cut into the top, as deep as the film is thick: at a
-receiver from its face inwards, at the emitter through the top of the lens and on into the stem. There the film's edges
-centre what it carries. The underside has no slots: the exposures of the first layers are long and would close them.
+A pocket is cut into the middle of a receiver's face, with the package's longer side along the face and the shorter one
+along the height; it is as deep as the package unless a depth is stated. A slot is cut into the top, as deep as the film
+is thick: at a receiver it extends from the face inwards, at the emitter through the top of the lens into the stem. The
+edges of the film centre the component mounted on it. The underside has no slots, because the long exposures of the
+first layers would close them.
 
-A mark is a round dimple in the top of the left arm: a print of a symmetric design is else its own mirror image, and
-nobody can tell later which of its faces a picture shows, nor which receiver was drawn on the left.
+A mark is a round dimple in the top of the left arm. Without it, a print of a symmetric design is its own mirror image,
+and a picture of it does not show which face is visible and which receiver was drawn on the left.
 
-The sensor of the paper has its parts glued to film of 0.1 mm at the extremities; the figure with the details is not
-public, so the shape of these seats is solen's own.
+In the sensor of the paper, the parts are glued to film of 0.1 mm at the extremities; the figure with the details is not
+public, so the shape of these seats was chosen for solen.
 """
 
 from collections.abc import Sequence
@@ -29,24 +30,26 @@ from solen.spec import Design
 from solen.spec.strict import Options
 
 BEYOND_MM = 0.5
-"""How far a tool reaches past the surface that it cuts into."""
+"""Overhang of a tool beyond the surface that it cuts into."""
 MARK_MM, MARK_DEEP_MM, MARK_FROM_MM = 1.0, 0.2, 0.5
 """Diameter and depth of the mark, and its distance from the receiver's face or from the slot there."""
 
 
 class SeatOptions(Options):
-    """Options for seats, short for the keys of a design file."""
+    """Options for seats, as shorthand for keys of a design file."""
 
     pockets: bool = False
     """Seat the receivers in pockets; short for --set fabricate.pockets=true."""
     slots: bool = False
-    """Cut slots for supports of film at receivers and emitter; short for --set fabricate.slots=[...]."""
+    """Cut slots for film supports at receivers and emitter; short for --set fabricate.slots=[...]."""
     mark: bool = False
-    """Mark the top of the left arm with a dimple, to know the faces of the print; short for fabricate.mark=true."""
+    """Mark the top of the left arm with a dimple that identifies the faces of the print; short for
+    fabricate.mark=true.
+    """
 
     @property
     def assignments(self) -> list[str]:
-        """The same as keys and values of a design."""
+        """The options as keys and values of a design."""
         asked = {
             "fabricate.pockets=true": self.pockets,
             'fabricate.slots=["receivers", "emitter"]': self.slots,
@@ -61,7 +64,7 @@ def sensor_part(design: Design, body: Body) -> Part:
     Raises
     ------
     DataError
-        If the receiver's part cannot be read, is not a receiver, or its package's size is not known.
+        If the receiver's part cannot be read, is not a receiver, or the size of its package is unknown.
     DesignError
         If the body cannot be built, or a seat does not fit.
     """
@@ -126,8 +129,8 @@ def _package(design: Design) -> tuple[float, float, float]:
         del sizes["package_depth_mm"]
     missing = next((key for key, size in sizes.items() if size is None), None)
     if missing is not None:
-        remedy = f"add [{missing}] to its part file" + (
-            ", or give fabricate.pocket_depth_mm" if missing == "package_depth_mm" else ""
+        remedy = f"add [{missing}] to the receiver's part file" + (
+            ", or state fabricate.pocket_depth_mm" if missing == "package_depth_mm" else ""
         )
         raise DataError(f"receiver {part.name}", limit=f"states no {missing}", remedy=remedy)
     width_mm, height_mm, *depth = (size.usual for size in sizes.values())
@@ -135,14 +138,14 @@ def _package(design: Design) -> tuple[float, float, float]:
 
 
 def _receivers(body: Body, what: str, key: str) -> list[tuple[str, Face]]:
-    """Faces of the body that a seat is cut into, each with the seat's name."""
+    """Receiver faces in which seats are cut, each with the seat's name."""
     faces = [face for face in body.all_faces if face.part == "receiver"]
     if not faces:
         raise DesignError(key, limit="no face of the body is a receiver", remedy="leave it out")
     for face in faces:
         if not isinstance(face.curve, Segment):
-            limit = f"is curved at {place_text(face.curve.middle_point)}, and a seat is cut into a straight face"
-            raise DesignError(key, value=face.name, limit=limit, remedy="make it straight, or leave seats out")
+            limit = f"is curved at {place_text(face.curve.middle_point)}, but a seat requires a straight face"
+            raise DesignError(key, value=face.name, limit=limit, remedy="make it straight, or omit the seats")
     return [(f"{what}-{face.name.removeprefix('receiver-')}", face) for face in faces]
 
 
@@ -164,7 +167,7 @@ def _polygon(corners: Sequence[Point]) -> tuple[Face, ...]:
 
 def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Face, ...], tuple[Face, ...]]:
     """Outlines of the emitter's slot: of the tool, and of the removed volume, bounded by the lens."""
-    body.upright('leave the emitter out of fabricate.slots, or set lens.shape = "cartesian-oval"')
+    body.upright('remove the emitter from fabricate.slots, or set lens.shape = "cartesian-oval"')
     lens = [face for face in body.faces if face.part == "lens"]
     if design.body.lens_is_drawn or design.body.kind == "network" or not lens:
         raise DesignError("fabricate.slots", value="emitter", limit="is only cut into a Y", remedy="leave it out")
@@ -183,7 +186,7 @@ def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Fac
 
 
 def _within(face: Face, half_mm: float) -> Face | None:
-    """The part of a piece of the lens, which is walked from left to right, that lies within |x| of ``half_mm``."""
+    """The part of a piece of the lens within |x| of ``half_mm``; the piece runs from left to right."""
     low, high = (_u_at(face.curve, x_mm) for x_mm in (-half_mm, half_mm))
     if not low < high:
         return None
@@ -191,7 +194,7 @@ def _within(face: Face, half_mm: float) -> Face | None:
 
 
 def _u_at(curve: Curve, x_mm: float) -> float:
-    """Parameter at which a curve, walked from left to right, passes ``x_mm``; 0 or 1 where that is beyond its end."""
+    """Parameter at which a curve, directed from left to right, passes ``x_mm``; 0 or 1 if that is beyond its ends."""
     if x_mm <= curve.start[0]:
         return 0.0
     if x_mm >= curve.end[0]:

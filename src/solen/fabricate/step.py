@@ -1,10 +1,10 @@
-"""STEP files of exact solids, by the Open CASCADE kernel (the extra ``cad``), which is loaded only on demand.
+"""STEP files of exact solids, made with the Open CASCADE kernel (the extra ``cad``), which is loaded only on demand.
 
 Every curve of an outline becomes one edge, or one for each primitive of it (`solen.fabricate.bspline`): lines, arcs and
-B-splines in the plane of the build plate, with a corner shared exactly by its two edges. Extruded they are planes,
-cylinders and surfaces of extrusion, so a CAD program gets the curves themselves and no facets. Faces carry the names of
-the body's faces, ``top`` and ``bottom``; those that a cut leaves carry its name. A part of layers is a solid for each
-of them; the smooth face of a lens that differs by height is one B-spline surface.
+B-splines in the plane of the build plate, with a corner shared exactly by its two edges. Extrusion makes planes,
+cylinders and surfaces of extrusion from them, so a CAD program receives the exact curves rather than facets. Faces have
+the names of the body's faces, ``top`` or ``bottom``; faces made by a cut have the cut's name. A part of layers has one
+solid for each layer; the smooth face of a lens that varies with height is one B-spline surface.
 """
 
 import math
@@ -30,19 +30,19 @@ from solen.plane import Point
 
 SCHEMA = "AP214IS"
 TIME = "1970-01-01T00:00:00"
-"""The header needs a time; a fixed one, so that the same design gives the same file."""
+"""Time of the header, which is mandatory; it is fixed because the same design must give the same file."""
 MOST_TEXT = 200
 Named = list[tuple[Any, str]]
 """Faces of the kernel with their names."""
 
 
 def check_kernel() -> None:
-    """`OutputError` if the kernel is not installed."""
+    """Raise `OutputError` if the kernel is not installed."""
     need("OCP", what="--step", doing="writing STEP")
 
 
 def as_step(part: Part, label: Label) -> bytes:
-    """STEP file (ISO 10303-21, AP214) of a part, in mm.
+    """Write a STEP file (ISO 10303-21, AP214) of a part, in mm.
 
     Raises
     ------
@@ -82,12 +82,14 @@ def _solid(part: Part) -> tuple[Any, Named]:
 
 
 def _no_solid(part: Part, what: str) -> DesignError:
-    limit = "the CAD kernel makes no valid solid of it"
+    limit = "the CAD kernel cannot make a valid solid of it"
     return DesignError(part.name, value=what, limit=limit, remedy="simplify the outline there, or export a mesh")
 
 
 def _after(operation: Any, face: Any) -> list[Any]:
-    """Faces that result from a face in an operation: its changed pieces, none if it was removed, or itself."""
+    """Faces that result from a face in an operation: its modified pieces, none if it was removed, otherwise the face
+    itself.
+    """
     if operation.IsDeleted(face):
         return []
     changed = list(operation.Modified(face))
@@ -95,7 +97,7 @@ def _after(operation: Any, face: Any) -> list[Any]:
 
 
 def _stack(part: StackedPart) -> tuple[Any, Named]:
-    """Layers as solids of their own, less what is cut from each."""
+    """Layers as separate solids, minus the cuts in each."""
     solids, named = [], []
     for prism in part.prisms:
         cuts = tuple(cut for cut in part.cuts if prism.from_mm < cut.tool.to_mm and cut.tool.from_mm < prism.to_mm)
@@ -106,7 +108,7 @@ def _stack(part: StackedPart) -> tuple[Any, Named]:
 
 
 def _within(cut: Cut, prism: Prism) -> Cut:
-    """A cut as far as it lies within the height of a layer."""
+    """The part of a cut within the height of a layer."""
     low, high = max(cut.takes.from_mm, prism.from_mm), min(cut.takes.to_mm, prism.to_mm)
     return replace(cut, takes=replace(cut.takes, from_mm=low, to_mm=high))
 
@@ -140,7 +142,7 @@ def _surface(control: FloatArray, *knots: FloatArray) -> Any:
 
 
 def _prism(prism: Prism, name: str, all_named: str = "") -> tuple[Any, Named]:
-    """A prism as one or several solids, with the names of its faces, or one for all of them."""
+    """A prism as one or several solids, with the names of its faces or one name for all faces."""
     from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
     from OCP.gp import gp_Vec
 
@@ -159,7 +161,7 @@ def _prism(prism: Prism, name: str, all_named: str = "") -> tuple[Any, Named]:
 
 
 def _together(solids: list[Any]) -> Any:
-    """Several solids as one shape."""
+    """Combine several solids into one shape."""
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
 
@@ -200,12 +202,12 @@ def _face(outlines: list[tuple[Face, ...]], height_mm: float) -> tuple[Any, Name
         else:
             made.Add(wire)
     if made is None or not made.IsDone():
-        raise DesignError(outlines[0][0].name, limit="the CAD kernel makes no face of its outline")
+        raise DesignError(outlines[0][0].name, limit="the CAD kernel cannot make a face of its outline")
     return made.Face(), named
 
 
 def _wire(outline: tuple[Face, ...], height_mm: float) -> tuple[Any, Named]:
-    """Closed wire of an outline; each corner is one vertex, that of the curve which starts there."""
+    """Closed wire of an outline; each corner is one vertex, owned by the curve that starts there."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeVertex, BRepBuilderAPI_MakeWire
 
     pieces = [(piece, face.name) for face in outline for piece in primitives(face.curve)]
@@ -215,7 +217,7 @@ def _wire(outline: tuple[Face, ...], height_mm: float) -> tuple[Any, Named]:
         curve, length = _curve(piece, height_mm)
         made = BRepBuilderAPI_MakeEdge(curve, corners[i], corners[(i + 1) % len(corners)], 0.0, length)
         if not made.IsDone():
-            raise DesignError(name, limit="the CAD kernel makes no edge of it", remedy="simplify the outline there")
+            raise DesignError(name, limit="the CAD kernel cannot make an edge of it", remedy="simplify the outline there")
         wire.Add(made.Edge())
         named.append((made.Edge(), name))
     if not wire.IsDone():
@@ -230,7 +232,7 @@ def _point(point: Point, height_mm: float) -> Any:
 
 
 def _curve(piece: Primitive, height_mm: float) -> tuple[Any, float]:
-    """Curve of the kernel, and its last parameter; the first is 0."""
+    """Curve of the kernel and its last parameter; the first is 0."""
     from OCP.Geom import Geom_Circle, Geom_Line
     from OCP.gp import gp_Ax2, gp_Dir
 
@@ -257,7 +259,7 @@ def _bspline(piece: Bspline, height_mm: float) -> Any:
 
 
 def _knots(values: Iterable[float], multiplicities: Iterable[int]) -> tuple[Any, Any]:
-    """Knots of the kernel, and how often each counts."""
+    """Knots of the kernel, and the multiplicity of each."""
     from OCP.collections import Array1_double, Array1_int
 
     both = [(float(knot), int(count)) for knot, count in zip(values, multiplicities, strict=True)]
@@ -293,7 +295,7 @@ def _written(solid: Any, named: Named, label: Label) -> bytes:
 
 
 def _head(model: Any, label: Label) -> None:
-    """Header and product: the design as name and description, solen as the system that it comes from."""
+    """Set header and product: the design as name and description, solen as the originating system."""
     from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
     from OCP.StepBasic import StepBasic_Product
 
@@ -324,7 +326,7 @@ def _text(text: str) -> Any:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Keep the kernel's messages off stdout, which holds the command's answer."""
+    """Keep the kernel's messages off stdout, which is reserved for the command's output."""
     from OCP.Message import Message, Message_Gravity
 
     printers = list(Message.DefaultMessenger_s().Printers())

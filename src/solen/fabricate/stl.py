@@ -1,8 +1,8 @@
 """Reader of STL files, binary or text: triangles in mm, with equal corners merged.
 
-An STL states no unit, and its first word does not show whether it is text: a file whose length is that of the
-triangles it announces is binary, whatever it begins with. The normals that it states are not looked at; the order of
-the corners defines the outside.
+An STL states no unit, and its first word does not show whether it is text: a file whose length matches its announced
+number of triangles is binary, whatever its first word. Normals in the file are ignored; the order of the corners
+defines the outside.
 """
 
 import re
@@ -19,19 +19,19 @@ from solen.fabricate.meshfiles import STL_HEADER, TRIANGLE
 Corners = NDArray[np.float32] | NDArray[np.float64]
 
 LARGEST_MB = 500
-"""A file beyond this is refused."""
+"""Maximum size of a file."""
 COUNT = STL_HEADER + 4
 VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
 REMEDY = "export it again as STL"
 
 
 def read_stl(path: Path) -> Mesh:
-    """Mesh of an STL file, in mm as it stands; whether it is closed is not checked.
+    """Read the mesh of an STL file, taking its numbers as mm; whether it is closed is not checked.
 
     Raises
     ------
     DataError
-        If the file cannot be read, is not an STL, is cut off, holds no triangle or a number that is not finite.
+        If the file cannot be read, is not an STL, is truncated, or contains no triangle or a number that is not finite.
     """
     data = _bytes(path)
     corners = _binary(data, path) if _is_binary(data) else _text(data, path)
@@ -46,7 +46,7 @@ def read_stl(path: Path) -> Mesh:
 
 
 def _welded(corners: Corners) -> tuple[Corners, NDArray[np.int64]]:
-    """Places (N, 3), each once, and their numbers for each triangle (M, 3)."""
+    """Distinct points (N, 3), and their indices for each triangle (M, 3)."""
     order = np.lexsort(corners.T).astype(np.int32)
     new = np.ones(len(order), bool)
     new[1:] = False
@@ -88,7 +88,7 @@ def _binary(data: bytes, path: Path) -> Corners:
     (count,) = struct.unpack_from("<I", data, STL_HEADER)
     announced = COUNT + count * TRIANGLE.itemsize
     if len(data) != announced:
-        limit = f"announces {count} triangles, which are {announced} bytes: is cut off, or not an STL"
+        limit = f"announces {count} triangles, which need {announced} bytes: it is truncated, or not an STL"
         raise DataError(str(path), value=f"{len(data)} bytes", limit=limit, remedy=REMEDY)
     return np.frombuffer(data, TRIANGLE, offset=COUNT)["corners"].astype(np.float32)
 
@@ -97,7 +97,7 @@ def _text(data: bytes, path: Path) -> Corners:
     """Corners (N, 3, 3) of a text file."""
     corners = VERTEX.findall(data)
     if b"endsolid" not in data.lower() or len(corners) % 3:
-        raise DataError(str(path), value=f"{len(corners)} corners", limit="is cut off, or not an STL", remedy=REMEDY)
+        raise DataError(str(path), value=f"{len(corners)} corners", limit="is truncated, or not an STL", remedy=REMEDY)
     try:
         return np.array(corners, dtype=np.bytes_).astype(np.float64).reshape(-1, 3, 3)
     except ValueError:

@@ -1,7 +1,7 @@
-"""SVG drawings of a body: a user unit is 1 mm, and every face is a path that carries its name.
+"""SVG drawings of a body: a user unit is 1 mm, and every face is a path with the face's name.
 
-Lines, arcs and parabolas are exact, and so are cubics; any other curve is its B-spline's Bézier pieces, within 1 nm.
-Names are the paths' ids and their labels in Inkscape, so that `solen.geometry.drawing` reads the body back. SVG's y
+Lines, arcs, parabolas and cubics are exact; any other curve consists of the Bézier pieces of its B-spline, within 1 nm.
+Names are the paths' ids and their labels in Inkscape; `solen.geometry.drawing` reads the body back. The y axis of SVG
 points down: it is −z. Small circles mark the emitter and the pivot of the motion.
 """
 
@@ -23,11 +23,11 @@ MARGIN_MM = 1.0
 STROKE_MM = 0.1
 MARK_MM = 0.1
 LARGEST_ARC_DEG = 90.0
-"""An arc is written in pieces of at most this: from its ends alone a larger one is found less exactly."""
+"""Maximum angle of a piece of an arc; the centre of a larger arc is less accurately determined by its ends."""
 
 
 def as_svg(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> bytes:
-    """SVG file of a body, in mm, with numbers beside its parts and a table of them."""
+    """SVG file of a body, in mm, with numbers next to its parts and a table of them."""
     faces = (*body.all_faces, *body.apart)
     corners = np.vstack([*(face.curve.flattened(1e-3) for face in faces), [pose.point for _, pose in emitters(body)]])
     low, high = corners.min(axis=0) - MARGIN_MM, corners.max(axis=0) + MARGIN_MM
@@ -56,7 +56,7 @@ def as_svg(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> byte
 
 
 def _numbers(parts: Sequence[NumberedPart], table: Point) -> Iterator[str]:
-    """Numbers beside parts, and the table of them."""
+    """Numbers next to parts, and the table of parts."""
     if not parts:
         return
     yield f'<g id="notes" font-family="sans-serif" font-size="{TEXT_MM:g}">'
@@ -115,5 +115,5 @@ def _at(point: Point) -> str:
 
 
 def _number(value: float) -> str:
-    """A length with twelve decimals at most: a thousandth of a picometre."""
+    """A length with at most twelve decimals: a thousandth of a picometre."""
     return f"{value + 0.0:.12f}".rstrip("0").rstrip(".")

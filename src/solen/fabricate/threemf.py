@@ -1,8 +1,8 @@
 """Reader of 3MF files (3MF Consortium, core specification 1.3): the meshes to be built, in mm.
 
-A 3MF is a ZIP with a model in XML: objects, each a mesh or made of others, and the items to build, each an object and a
-transformation. Units are converted; materials, colours, and what extensions add are not looked at, but an extension
-that the file requires is refused.
+A 3MF is a ZIP with a model in XML: objects, each a mesh or composed of others, and the items to build, each an object
+and a transformation. Units are converted; materials, colours and extensions are ignored, but a file that requires an
+extension is rejected.
 """
 
 import zipfile
@@ -22,18 +22,18 @@ from solen.fabricate.meshfiles import CORE, MODEL
 
 MM = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
 LARGEST_MB = 500
-"""A model beyond this is refused before it is unpacked."""
+"""Maximum size of a model, checked before it is unpacked."""
 DEEPEST, MOST_OBJECTS = 16, 10_000
-"""Objects made of objects, at most so deep, and so many of them in all."""
+"""Maximum depth of nested objects, and maximum number of objects."""
 SPACE = f"{CORE} "
 PIECE = 1 << 20
-"""Bytes that are parsed at a time."""
+"""Number of bytes parsed at a time."""
 REMEDY = "export it again, or as STL"
 
 
 @dataclass
 class Pieces:
-    """Triangles that were gathered so far."""
+    """Triangles gathered from the meshes."""
 
     vertices: list[FloatArray] = field(default_factory=list)
     triangles: list[IntArray] = field(default_factory=list)
@@ -49,7 +49,7 @@ class Pieces:
 
 @dataclass
 class Thing:
-    """An object: corners, corners' numbers of its triangles, and the objects that it is made of."""
+    """An object: its corners, the corner indices of its triangles, and its component objects."""
 
     vertices: "array[float]" = field(default_factory=lambda: array("d"))
     triangles: "array[int]" = field(default_factory=lambda: array("q"))
@@ -58,7 +58,7 @@ class Thing:
 
 @dataclass
 class Model:
-    """Content of a model, collected element by element, so that its tree is never held in memory."""
+    """Content of a model, collected element by element to avoid storing its whole tree in memory."""
 
     about: dict[str, str] = field(default_factory=dict)
     things: dict[str, Thing] = field(default_factory=dict)
@@ -66,7 +66,7 @@ class Model:
     _thing: Thing = field(default_factory=Thing)
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
-        """Take an element of the core specification."""
+        """Handle the start of an element of the core specification."""
         tag = name.removeprefix(SPACE) if name.startswith(SPACE) else ""
         if tag == "vertex":
             self._thing.vertices.extend([float(attributes[key]) for key in ("x", "y", "z")])
@@ -83,19 +83,19 @@ class Model:
 
 
 def read_threemf(path: Path) -> Mesh:
-    """Mesh of all that a 3MF builds, in mm; whether it is closed is not checked.
+    """Read the mesh of everything that a 3MF builds, in mm; whether it is closed is not checked.
 
     Raises
     ------
     DataError
-        If the file cannot be read, is not a 3MF, is damaged, needs an extension, or builds nothing.
+        If the file cannot be read, is not a 3MF, is damaged, requires an extension, or builds nothing.
     """
     model = _model(path)
     scale = MM.get(model.about.get("unit", "millimeter"))
     if scale is None:
         raise DataError(f"{path}: unit", value=model.about.get("unit"), limit=f"must be one of {', '.join(MM)}")
     if extensions := model.about.get("requiredextensions"):
-        limit = f"needs the extension {extensions}, which solen does not read"
+        limit = f"requires the extension {extensions}, which solen does not read"
         raise DataError(str(path), limit=limit, remedy="export it as STL")
     pieces = Pieces()
     try:
@@ -116,14 +116,14 @@ def _damaged(path: Path) -> DataError:
 
 
 def _model(path: Path) -> Model:
-    """The model."""
+    """Parse the model."""
     model = Model()
     try:
         with zipfile.ZipFile(path) as archive:
             names = [name for name in archive.namelist() if name.lower().endswith(".model")]
             name = MODEL if MODEL in names else min(names)
             if archive.getinfo(name).file_size > LARGEST_MB * 1e6:
-                raise DataError(str(path), limit=f"holds a model of more than {LARGEST_MB} MB", remedy="coarsen it")
+                raise DataError(str(path), limit=f"contains a model of more than {LARGEST_MB} MB", remedy="coarsen it")
             parser = expat.ParserCreate(namespace_separator=" ")  # expat bounds what entities grow to
             parser.StartElementHandler = _guarded(model, path)
             with archive.open(name) as opened:
@@ -133,7 +133,7 @@ def _model(path: Path) -> Model:
     except FileNotFoundError:
         raise DataError(str(path), limit="no such file", remedy="check the path") from None
     except (zipfile.BadZipFile, ValueError, KeyError, zlib.error, EOFError, NotImplementedError, RuntimeError):
-        raise DataError(str(path), limit="is not a 3MF, or damaged", remedy=REMEDY) from None
+        raise DataError(str(path), limit="is damaged, or not a 3MF", remedy=REMEDY) from None
     except expat.ExpatError as bad:
         raise DataError(str(path), limit=f"its model is damaged: {bad}", remedy=REMEDY) from None
     except OSError as bad:
@@ -142,7 +142,7 @@ def _model(path: Path) -> Model:
 
 
 def _guarded(model: Model, path: Path) -> Callable[[str, dict[str, str]], None]:
-    """`Model.start` with errors that name the file if a number is missing or invalid."""
+    """`Model.start`, with errors that name the file if a number is missing or invalid."""
 
     def start(name: str, attributes: dict[str, str]) -> None:
         try:
@@ -154,10 +154,10 @@ def _guarded(model: Model, path: Path) -> Callable[[str, dict[str, str]], None]:
 
 
 def _gather(reference: dict[str, str], things: dict[str, Thing], outer: FloatArray, pieces: Pieces, depth: int) -> None:
-    """Add what an item or a component refers to, moved by its transformation and those around it."""
+    """Add an item's or component's object, moved by its transformation and all outer ones."""
     pieces.objects += 1
     if depth > DEEPEST or pieces.objects > MOST_OBJECTS:
-        raise ValueError("objects in a circle, or without end")
+        raise ValueError("its objects contain one another")
     thing = things[str(reference.get("objectid"))]
     moved = _transform(reference.get("transform")) @ outer
     if len(thing.vertices) or len(thing.triangles):
@@ -175,7 +175,7 @@ def _gather(reference: dict[str, str], things: dict[str, Thing], outer: FloatArr
 
 
 def _transform(text: str | None) -> FloatArray:
-    """Matrix (4, 4) for rows of coordinates, of the twelve numbers that a 3MF gives."""
+    """Matrix (4, 4) for rows of coordinates, from the twelve numbers of a 3MF."""
     matrix = np.eye(4)
     if text:
         matrix[:, :3] = np.array([float(word) for word in text.split()]).reshape(4, 3)

@@ -1,12 +1,12 @@
 """A bend: the straight axis of a stem becomes a curve, and everything attached to it moves along.
 
 Every cross-section of the stem stays straight and square to the centre line, and the centre line keeps its length (the
-kinematics of a slender beam; nothing is said of forces). What lies above the bent stretch stands still, what lies below
-it (lens, emitter) is carried as a rigid body by the lowest section. ``angle_deg`` turns that section against the fork,
+kinematics of a slender beam, without forces). Everything above the bent segment stays fixed; everything below it (lens,
+emitter) moves rigidly with the lowest section. ``angle_deg`` turns that section relative to the fork,
 counter-clockwise, as a rigid turn of the same angle would.
 
 A wall parallel to the axis of an even bend becomes an arc of a circle, exactly. Any other curve becomes a spline within
-`BEND_TOLERANCE_MM`. Without a bend every curve stays the object that it was.
+`BEND_TOLERANCE_MM`. Without a bend every curve remains the same object.
 """
 
 import math
@@ -24,24 +24,24 @@ from solen.errors import DesignError
 from solen.plane import Point, Rigid
 
 BEND_TOLERANCE_MM = 1e-9
-"""How far a bent wall may be from the spline that stands for it."""
+"""Maximum deviation of the spline from a bent wall."""
 LARGEST_RADIUS_MM = 1000.0
 """Flatter arcs are written as splines: their centres are too far away for their ends to be exact."""
 LEVEL_MM = 1e-9
-"""A curve this little across a height lies on one side of it."""
+"""A curve that extends across a height by less than this counts as being on one side of it."""
 UPRIGHT_MM = 1e-13
-"""A line whose ends are this near across the axis is parallel to it."""
+"""A line is parallel to the axis if the lateral positions of its ends differ by less than this."""
 SAMPLES = 257
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 PANELS = 256
-"""Panels of the centre line's table; each is integrated by 12 nodes."""
+"""Number of panels in the table of the centre line, each integrated with 12 nodes."""
 
 
 class Profile(Protocol):
-    """Distribution of a bend: share of its angle reached at a share of the length below the fork."""
+    """Distribution of a bend: fraction of its angle as a function of the fraction of the length below the fork."""
 
     def turn(self, share: FloatArray) -> FloatArray:
-        """Share of the angle at shares of the length, 0 at the fork."""
+        """Fraction of the angle at fractions of the length, 0 at the fork."""
 
     def per_share(self, share: FloatArray) -> FloatArray:
         """Derivative of `turn`."""
@@ -60,10 +60,10 @@ class Even:
 
 
 class Drawn:
-    """Distribution along a drawn centre line: its direction relative to that at the fork.
+    """Distribution given by the direction of a drawn centre line relative to that at the fork.
 
-    The line is the natural spline through its points. Its largest turn against the fork counts as the whole angle, so
-    that an S may be drawn as well; its length plays no part.
+    The line is the natural spline through its points. Its largest angle to the fork counts as the whole angle, so an S
+    shape may also be drawn; its length does not matter.
     """
 
     def __init__(self, points: Sequence[Point]) -> None:
@@ -102,11 +102,13 @@ class Bend:
 
     @property
     def length_mm(self) -> float:
-        """Length of the bent stretch."""
+        """Length of the bent segment."""
         return self.to_mm - self.from_mm
 
     def section(self, z_mm: float) -> Rigid:
-        """Motion of the cross-section at a height: that of the lowest one for all below, none for all above."""
+        """Motion of the cross-section at a height: the lowest section's motion for all heights below, none for all
+        above.
+        """
         if z_mm >= self.to_mm or self.angle_deg == 0.0:
             return Rigid()
         z = np.array([max(z_mm, self.from_mm)])
@@ -130,7 +132,7 @@ class Bend:
         return np.column_stack([dx * cos - ahead * sin, dx * sin + ahead * cos])
 
     def carry(self, curve: Curve, _start: float, _end: float) -> tuple[Function, Function, tuple[float, float]]:
-        """Places and velocities of a bent curve at its parameters; see `solen.curve.carried`."""
+        """Points and velocities of a bent curve at its parameters; see `solen.curve.carried`."""
 
         def velocity(u: FloatArray) -> FloatArray:
             return self.velocities(curve.points(u), curve.velocities(u))
@@ -138,28 +140,28 @@ class Bend:
         return lambda u: self.places(curve.points(u)), velocity, (0.0, 1.0)
 
     def check(self, points: FloatArray) -> None:
-        """`DesignError` where material at points (N, 2) would be folded over: inside the centre of curvature."""
+        """Raise `DesignError` if material at points (N, 2) would be folded over, inside the centre of curvature."""
         least = float(np.min(1.0 + points[:, 0] * self._turn_per_mm(points[:, 1])))
         if least <= 0.0:
             raise DesignError(
                 "motion",
                 value=f"a bend by {self.angle_deg:g} deg over {self.length_mm:g} mm",
-                limit="folds the inner wall over: it is narrower than the stem",
-                remedy="bend by less or over a longer stretch",
+                limit="folds the inner wall over: its radius is smaller than half the stem's width",
+                remedy="bend by a smaller angle or over a longer segment",
             )
 
     def _share(self, z: FloatArray) -> FloatArray:
         return np.clip((self.to_mm - z) / self.length_mm, 0.0, 1.0)
 
     def _turn(self, z: FloatArray) -> FloatArray:
-        """Angles in radians of the sections at heights (N,)."""
+        """Angles of the sections at heights (N,), in radians."""
         return math.radians(self.angle_deg) * self.profile.turn(self._share(z))
 
     def _turn_per_mm(self, z: FloatArray) -> FloatArray:
         return -math.radians(self.angle_deg) / self.length_mm * self.profile.per_share(self._share(z))
 
     def _centre(self, z: FloatArray) -> FloatArray:
-        """Bent axis at heights (N,), (N, 2), integrated downwards from the fork."""
+        """Points (N, 2) of the bent axis at heights (N,), integrated downwards from the fork."""
         share = self._share(z)
         if isinstance(self.profile, Even):
             half = 0.5 * math.radians(self.angle_deg) * share
@@ -176,7 +178,7 @@ class Bend:
         return np.vstack([np.zeros((1, 2)), np.cumsum(steps, axis=0)[:-1]])
 
     def _integral(self, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Steps (N, 2) down the centre line between shares of its length."""
+        """Steps (N, 2) down the centre line between fractions of its length."""
         half = 0.5 * (high - low)
         share = (0.5 * (low + high))[:, None] + half[:, None] * NODES
         turn = math.radians(self.angle_deg) * self.profile.turn(share.ravel()).reshape(share.shape)
@@ -185,7 +187,7 @@ class Bend:
 
 
 def bend_of(centre_line: Sequence[Point] | None, from_mm: float, to_mm: float, angle_deg: float) -> Bend:
-    """Bend between two heights, even or distributed as along a drawn centre line."""
+    """Bend between two heights, either even or distributed according to a drawn centre line."""
     return Bend(
         from_mm, to_mm, angle_deg, Even() if centre_line is None else _drawn(tuple((x, z) for x, z in centre_line))
     )
@@ -197,21 +199,21 @@ def _drawn(points: tuple[Point, ...]) -> Drawn:
 
 
 def bent(curve: Curve, bend: Bend) -> tuple[Curve, ...]:
-    """The bent curve, divided where it enters and leaves the bent stretch, else in one piece."""
+    """The bent curve, divided where it enters and leaves the bent segment, otherwise in one piece."""
     if bend.angle_deg == 0.0:
         return (curve,)
     return tuple(_bent(piece, bend) for piece in _divided(curve, bend))
 
 
 def _divided(curve: Curve, bend: Bend) -> list[Curve]:
-    """The curve in pieces that lie above, in or below the bent stretch."""
+    """The curve in pieces above, in or below the bent segment."""
     cuts = sorted({u for height in (bend.from_mm, bend.to_mm) for u in _passes(curve, height)})
     ends = [0.0, *cuts, 1.0]
     return [curve.part(low, high) for low, high in pairwise(ends)] if cuts else [curve]
 
 
 def _passes(curve: Curve, height_mm: float) -> list[float]:
-    """Parameters at which a curve passes through a height, its ends left out."""
+    """Parameters at which a curve passes through a height, without its ends."""
     from scipy.optimize import brentq
 
     def above(u: float) -> float:
@@ -226,7 +228,7 @@ def _passes(curve: Curve, height_mm: float) -> list[float]:
 
 
 def _bent(curve: Curve, bend: Bend) -> Curve:
-    """One piece that does not pass the ends of the bent stretch."""
+    """Bend one piece that does not pass the ends of the bent segment."""
     z = curve.points(np.linspace(0.0, 1.0, SAMPLES))[:, 1]
     low, high = float(z.min()), float(z.max())
     if low >= bend.to_mm - LEVEL_MM:
@@ -243,7 +245,7 @@ def _bent(curve: Curve, bend: Bend) -> Curve:
 
 
 def _arc(curve: Curve, bend: Bend) -> Arc | None:
-    """Arc that a line parallel to the axis of an even bend becomes; None for any other, or a very flat one."""
+    """Arc that results from bending a line parallel to the axis evenly; None for other curves and very flat arcs."""
     straight = isinstance(curve, Segment) or (isinstance(curve, Parabola) and curve.curve_per_mm == 0.0)
     (x, z_start), (other_x, z_end) = curve.start, curve.end
     if not straight or abs(x - other_x) > UPRIGHT_MM or not isinstance(bend.profile, Even):

@@ -1,8 +1,8 @@
 """A body: closed outlines of named exact curves, and the position of its emitter.
 
-Geometry is independent of optics. An outline is walked with the material on its left: the outer one
-counter-clockwise, a hole clockwise. :meth:`Body.check` verifies that each is closed and simple, that none crosses
-another and that they are oriented in this way, and names the location of any fault.
+Geometry is independent of optics. An outline is directed with the material on its left: the outer one
+counter-clockwise, a hole clockwise. :meth:`Body.check` verifies that each is closed and simple, that no outline crosses
+another and that they have this orientation, and reports the location of any fault.
 """
 
 import math
@@ -26,15 +26,15 @@ GAP_MM = END_TOLERANCE_MM
 """Two faces share a corner if their ends are this close; curves extend this far beyond their ends."""
 REMEDY_OF_THE_Y = "check stem, arm and lens lengths, the arm's angle and width, and the motion's angles"
 NEAR_MM = 1e-2
-"""Faces this close to a crossing of outlines are named in the error."""
+"""Faces this close to an intersection of outlines are named in the error message."""
 
 
 @dataclass(frozen=True)
 class Face:
-    """A named piece of an outline, or of an object beside the body.
+    """A named piece of an outline, or of a separate object.
 
-    ``wall`` is the number of the design's wall table that covers it. Lengths along a face count from its start, or
-    with ``from_end`` from its end; ``begins_mm`` is the length there, where the face starts late.
+    ``wall`` is the number of the design's wall table that covers it. Lengths along a face count from its start, or from
+    its end if ``from_end`` is set; ``begins_mm`` is the length at the beginning of a trimmed face.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Face:
 
     @property
     def part(self) -> str:
-        """Part that it belongs to, by the first word of its name: ``receiver`` of ``receiver-right.2``."""
+        """Part that the face belongs to, from the first word of its name: ``receiver`` of ``receiver-right.2``."""
         return self.part_of(self.name)
 
     @staticmethod
@@ -55,14 +55,18 @@ class Face:
 
     @property
     def whose(self) -> str:
-        """The rest of its name without the number of a piece: ``right`` of ``receiver-right.2``; the part if none."""
+        """The name after the part and without the number of a piece: ``right`` of ``receiver-right.2``; the part if
+        empty.
+        """
         part, rest = _words(self.name)
         return rest or part
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Position and direction of an object: ``axis_deg`` counter-clockwise from +z; ``width_mm`` across it."""
+    """Position and direction of an object: ``axis_deg`` counter-clockwise from +z; ``width_mm`` is its width across the
+    axis.
+    """
 
     point: Point
     axis_deg: float
@@ -75,10 +79,10 @@ class Pose:
 
 @dataclass(frozen=True)
 class Front:
-    """A face in space that stands in place of an upright one: a lens that is no cylinder.
+    """A face in space that replaces an upright one: a lens that is not a cylinder.
 
-    ``interface`` is the name of the upright face that has its middle section, material on its left; ``motion`` takes
-    the lens's own frame to the body's.
+    ``interface`` is the name of the upright face with its middle section, material on the left; ``motion`` maps the
+    lens's own frame to the body's.
     """
 
     interface: str
@@ -90,10 +94,10 @@ class Front:
 class Body:
     """A closed outline, its emitter and its named points (``marks``: the fork's two corners, the crotch, the base).
 
-    ``others`` are further closed outlines: holes, and bodies that stand apart. ``apart`` are faces in the air beside
-    the body: receivers behind a gap, mirrors. An emitter may be ``embedded`` in the material.
-    With a ``front`` the outline is that of the middle section, and the body no prism. ``lamps`` are all emitters of a
-    network, of which ``emitter`` lights.
+    ``others`` are further closed outlines: holes and separate bodies. ``apart`` are faces in the air: receivers behind
+    a gap, mirrors. An emitter may be ``embedded`` in the material. With a ``front``, the outline is that of the middle
+    section, and the body is not a prism. ``lamps`` are all emitters of a network, of which only ``emitter`` emits
+    light.
     """
 
     faces: tuple[Face, ...]
@@ -106,7 +110,7 @@ class Body:
     lamps: tuple[tuple[str, Pose], ...] = ()
 
     def upright(self, remedy: str = 'set lens.shape = "cartesian-oval"') -> "Body":
-        """The body itself; `DesignError` if its lens is no cylinder, so that one outline does not describe it."""
+        """The body itself; raises `DesignError` if its lens is not a cylinder and one outline cannot describe it."""
         if self.front is None:
             return self
         raise DesignError(
@@ -127,7 +131,7 @@ class Body:
         return tuple(face for outline in self.outlines for face in outline)
 
     def face(self, name: str) -> Face:
-        """The face of that name; `KeyError` if there is none."""
+        """The face with a given name; raises `KeyError` if there is none."""
         return {face.name: face for face in (*self.all_faces, *self.apart)}[name]
 
     def outline(self, tolerance_mm: float = 1e-3) -> FloatArray:
@@ -141,7 +145,7 @@ class Body:
         return area_mm2(self.outlines)
 
     def check(self) -> "Body":
-        """The body itself, or `DesignError` with the faces and the place where it is open, crossing or inside out."""
+        """The body itself; raises `DesignError` with faces and place if it is open, crosses itself or is inside out."""
         rings = []
         for outline in self.outlines:
             _check_closed(outline)
@@ -164,10 +168,12 @@ class Body:
     def _check_orientation(self, ring: FloatArray, inside: int) -> None:
         if (area(ring) > 0.0) != (inside % 2 == 0):
             way, must = ("clockwise", "counter-clockwise") if inside % 2 == 0 else ("counter-clockwise", "clockwise")
-            raise DesignError("body outline", value=way, limit=f"must run {must}, material on its left")
+            raise DesignError("body outline", value=way, limit=f"must run {must}, with the material on its left")
 
     def _check_rings(self, rings: list[FloatArray]) -> None:
-        """`DesignError` if outlines touch, or run in the wrong sense for the number of outlines around them."""
+        """Raise `DesignError` if outlines touch, or their orientation does not fit the number of outlines around
+        them.
+        """
         import shapely
 
         lines = [shapely.LinearRing(ring) for ring in rings]
@@ -182,7 +188,7 @@ class Body:
             self._check_orientation(ring, around)
 
     def _check_beside(self, rings: list[FloatArray]) -> None:
-        """`DesignError` if an object beside the body lies in it."""
+        """Raise `DesignError` if a separate object intersects the body."""
         import shapely
 
         solid = filled(rings)
@@ -191,17 +197,17 @@ class Body:
             if solid.intersects(line):
                 place = solid.intersection(line).representative_point()
                 limit = f"must be in the air, but touches the body at {place_text((place.x, place.y))}"
-                raise DesignError(face.name, limit=limit, remedy="move it away, or turn by less")
+                raise DesignError(face.name, limit=limit, remedy="move it away, or turn by a smaller angle")
         if not self.embedded and solid.intersects(shapely.Point(self.emitter.point)):
             raise DesignError(
                 "emitter",
                 value=f"inside the body at {place_text(self.emitter.point)}",
-                limit="must be before the lens",
-                remedy="raise emitter.distance_mm or turn by less",
+                limit="must be in front of the lens",
+                remedy="increase emitter.distance_mm or turn by a smaller angle",
             )
 
     def _crosses(self, place: Point | None = None, reason: str = "") -> DesignError:
-        """Which faces cross and where."""
+        """Describe which faces intersect, and where."""
         where = reason
         if place is not None:
             near = [face.name for face in self.all_faces if _distance_mm(face.curve, place) < NEAR_MM]
@@ -210,7 +216,8 @@ class Body:
             "body outline",
             value="crosses itself",
             limit=where,
-            remedy=REMEDY_OF_THE_Y if "crotch" in self.marks else "mend the drawing there, or move by less",
+            remedy=REMEDY_OF_THE_Y if "crotch" in self.marks else "correct the drawing there, or reduce "
+"the motion",
         )
 
 
@@ -236,12 +243,12 @@ def filled(rings: list[FloatArray]) -> "shapely.geometry.base.BaseGeometry":
 
 
 def place_text(point: Point) -> str:
-    """A point in words, for errors."""
+    """Coordinates of a point, for error messages."""
     return f"x = {point[0]:.4g}, z = {point[1]:.4g} mm"
 
 
 def _words(name: str) -> tuple[str, str]:
-    """First word of a face's name and the rest, without the number of a piece."""
+    """First word of a face's name and the remainder, without the number of a piece."""
     name = re.sub(r"\.\d+$", "", name)
     part = re.match(r"[^\W\d_]*", name)
     first = part.group() if part else ""
@@ -262,7 +269,7 @@ def _check_closed(outline: tuple[Face, ...]) -> None:
 
 
 def _places(reason: str) -> tuple[Point | None, str]:
-    """Place in shapely's words for what is not simple, and the words."""
+    """The fault of an invalid geometry, and its position, from shapely's explanation."""
     numbers = re.findall(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?", reason)
     return ((float(numbers[-2]), float(numbers[-1])) if len(numbers) >= 2 else None), reason
 

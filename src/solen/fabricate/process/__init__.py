@@ -1,11 +1,11 @@
 """From images to printed parts: dose, cured resin, the printed lens, and compensation in the drawing.
 
-`solen.fabricate.process.settings` holds the process file; `solen.fabricate.process.field` is the dose;
-`solen.fabricate.process.flat` and `solen.fabricate.process.upright` follow a lens's wall in each orientation,
-`solen.fabricate.process.solid` makes the whole part that comes out, `solen.fabricate.process.predict` gives its
-uncertainty, `solen.fabricate.process.compensate` draws so that it prints as designed,
-`solen.fabricate.process.print_design` does all of it for a design, and `solen.fabricate.process.calibrate` finds the
-process's numbers from measured coupons.
+`solen.fabricate.process.settings` contains the values of the process file; `solen.fabricate.process.field` computes the
+dose; `solen.fabricate.process.flat` and `solen.fabricate.process.upright` follow a lens's wall in each orientation,
+`solen.fabricate.process.solid` makes the whole printed part, `solen.fabricate.process.predict` gives its uncertainty,
+`solen.fabricate.process.compensate` corrects the drawing so that the part prints as designed,
+`solen.fabricate.process.print_design` does all of it for a design, and `solen.fabricate.process.calibrate` determines
+the numbers of the process from measured coupons.
 """
 
 from solen.fabricate.process.calibrate import PrinterCalibration, calibrated

@@ -1,14 +1,14 @@
 """Calibration of a process from measured coupons: blur, critical dose of edges, shrinkage.
 
-The idea: least squares of modelled against measured sizes (`solen.fabricate.process.coupon_fit`), weighted by
-their uncertainties. The previous process is a prior, three times as uncertain as stated, so that parameters that
+The idea: modelled sizes are fitted to measured sizes by least squares (`solen.fabricate.process.coupon_fit`), weighted
+by their uncertainties. The previous process is a prior, three times as uncertain as stated, so that parameters that
 coupons cannot determine stay unchanged, with a warning. The scale of each picture is a further unknown
-(`solen.fabricate.process.scales`): it and shrinkage multiply all sizes alike, so shrinkage is as uncertain as the
-scale. Large features determine growth of edges and scaling; only features about as small as the blur separate
-the blur from the critical dose; washing moves edges like the critical dose, and stays as stated.
+(`solen.fabricate.process.scales`): the scale and shrinkage multiply all sizes equally, so shrinkage is as uncertain as
+the scale. Large features determine growth of edges and scaling; only features about as small as the blur separate the
+blur from the critical dose; washing moves edges in the same way as the critical dose, so it stays as stated.
 
-The resulting critical dose is effective: with the blur it reproduces the measured edges. That of a working curve
-is a different number, better for depths.
+The resulting critical dose is effective: with the blur it reproduces the measured edges. The critical dose of a working
+curve is a different number, better suited to depths.
 
 The interface: `calibrated` returns a `PrinterCalibration`.
 """
@@ -32,11 +32,11 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
 SOUGHT = ("Ec_mJ_per_cm2", "shrinkage_percent")
-"""Parameters fitted beside the width of the blur: of a response, its scale."""
+"""Parameters fitted in addition to the width of the blur (or, for a response, its scale)."""
 INSEPARABLE = 0.9
-"""Correlation above which two numbers cannot be separated."""
+"""Absolute correlation above which two numbers count as inseparable."""
 LEARNED = 0.5
-"""Share of its variance of before that a number must lose to count as determined by the coupons."""
+"""Fraction of its prior variance that a number must lose to count as determined by the coupons."""
 LEAST = 3
 _DOUBT = 2.0
 
@@ -45,7 +45,7 @@ _DOUBT = 2.0
 class CalibratedNumber:
     """A number of the process with its standard uncertainty now and before; ``key`` ends in its unit.
 
-    ``growth_um`` represents the critical dose: the growth of a straight wall beyond its image.
+    ``growth_um`` replaces the critical dose: it is the growth of a straight wall beyond its image.
     """
 
     key: str
@@ -55,7 +55,7 @@ class CalibratedNumber:
 
     @property
     def learned(self) -> float:
-        """Share of the variance of before that the coupons removed."""
+        """Fraction of the prior variance that the coupons removed."""
         return 1.0 - (self.u / self.u_before) ** 2
 
 
@@ -75,17 +75,17 @@ class PrinterCalibration(Result):
     Ec_mJ_per_cm2, u_Ec_mJ_per_cm2
         Effective critical dose.
     given, features
-        Number of given features, and the features used.
+        Number of features in the files, and the features used.
     scales
         Scale of each picture, measured over true.
     chi2, df
-        Chi-square, and number of measured values minus parameters they determine.
+        Chi-square, and number of measured values minus the number of parameters that they determine.
     scale
-        Factor on uncertainties because features scatter more than stated; 1 if they do not.
+        Factor by which uncertainties are widened if features scatter more than stated; 1 otherwise.
     disagree
         Features that are resolved only in the model or only in the measurement.
     sources, warnings
-        Files of the features, and what cannot be concluded.
+        Files of the features, and limits of the conclusions.
     """
 
     process: Process = field(metadata=HIDDEN)
@@ -122,27 +122,27 @@ class PrinterCalibration(Result):
 
     @reported
     def rms_um(self) -> float:
-        """Root mean square of printed less measured sizes."""
+        """Root mean square of printed minus measured sizes."""
         off_um = [1e3 * (feature.printed_mm - feature.measured_mm) for feature in self.features]
         return float(np.sqrt(np.nanmean(np.square(off_um))))
 
 
 def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -> PrinterCalibration:
-    """Process that prints coupons as they were measured.
+    """Fit a process to measured coupons.
 
     Parameters
     ----------
     process
         Prior knowledge.
     coupons
-        Features, picture by picture, printed by that process.
+        Features, picture by picture, printed with that process.
     name
         Source of the numbers, for the process file.
 
     Raises
     ------
     DataError
-        For too few features with a size, or none that the model prints.
+        If there are too few features with a size, or the model prints none of them.
     """
     features = [feature for coupon in coupons for feature in coupon.features]
     used = tuple(
@@ -153,7 +153,7 @@ def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -
     )
     lateral = sum(feature.kind != "step" for _, feature in used)
     if lateral < LEAST:
-        limit = f"needs at least {LEAST} pillars, holes or gaps with a measured size"
+        limit = f"must have at least {LEAST} pillars, holes or gaps with a measured size"
         raise DataError("coupons", value=f"{lateral} of {len(features)} features", limit=limit)
     keys = (process.process.blur_key, *SOUGHT) + (("shrinkage_z_percent",) if lateral < len(used) else ())
     problem = CouponFit(process, used, Scales.among(coupons, used), keys)
@@ -194,7 +194,7 @@ def _calibration(problem: CouponFit, fit: Solution, coupons: Sequence[MeasuredCo
 def _process(
     problem: CouponFit, settings: Settings, covariance: FloatArray, u_of_Ec: float, name: str, simulated: bool
 ) -> Process:
-    """Process file of the result."""
+    """Calibrated process, as written to its file."""
     before, count = problem.process, len(problem.used)
     data = before.model_dump()
     data["process"] = settings.model_dump()
@@ -225,9 +225,8 @@ def _of_scales(fit: PrinterCalibration) -> list[Caution]:
         return []
     return [
         look_at(
-            f"{', '.join(unstated)}: no uncertainty of the scale is stated; {100.0 * U_SCALE:g} % is taken, and "
-            "shrinkage is known no better than the scale: measure with --u-um-per-px (--u-z-um for heights), from a "
-            "stage micrometer"
+            f"{', '.join(unstated)}: no uncertainty of the scale is stated; {100.0 * U_SCALE:g} % is assumed, which limits "
+            "shrinkage: measure with --u-um-per-px (--u-z-um for heights), from a stage micrometer"
         )
     ]
 
@@ -235,7 +234,7 @@ def _of_scales(fit: PrinterCalibration) -> list[Caution]:
 def _unknown(fit: PrinterCalibration) -> list[Caution]:
     return [
         look_at(
-            f"these coupons do not determine {number.key}: it stays {number.value:.3g} ± {number.u:.2g}, as assumed "
+            f"these coupons do not determine {number.key}: it remains {number.value:.3g} ± {number.u:.2g}, as assumed "
             "before"
         )
         for number in fit.numbers
@@ -244,12 +243,12 @@ def _unknown(fit: PrinterCalibration) -> list[Caution]:
 
 
 def _inseparable(fit: PrinterCalibration) -> list[Caution]:
-    """Warnings about numbers that change all coupons alike."""
+    """Warn of numbers that change all coupons in the same way."""
     warnings = [
         note(
             "washing, critical dose, exposure and scattering move edges in the same way and cannot be separated here: "
-            f"Ec_mJ_per_cm2 is an effective one, for edges at wash_um = {fit.settings.wash_um:g} and not for "
-            "depths; the growth of walls is what is known and kept"
+            f"Ec_mJ_per_cm2 is an effective value for edges at wash_um = {fit.settings.wash_um:g}, not valid for "
+            "depths; only the growth of walls is known, and it is kept"
         )
     ]
     for i, j in combinations(range(len(fit.numbers)), 2):
@@ -269,8 +268,8 @@ def _of_fit(fit: PrinterCalibration) -> list[Caution]:
     if fit.scale > _DOUBT:
         warnings.append(
             look_at(
-                f"features are off by {fit.scale:.2g} times their stated uncertainty (rms {fit.rms_um:.2g} µm): the "
-                "model does not describe them, or they are less certain than stated; uncertainties were widened by that"
+                f"features are off by {fit.scale:.2g} times their stated uncertainty (rms {fit.rms_um:.2g} µm): either the "
+                "model does not describe them, or their uncertainty is larger; uncertainties were widened by this factor"
             )
         )
     if fit.disagree:

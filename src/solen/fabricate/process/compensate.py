@@ -1,13 +1,14 @@
 """Compensation of a lens's drawing, so that the printed lens has the intended shape.
 
-The idea: what prints too far out is drawn as much farther in, and printed again in the model until it is right. A
-printer's blur answers a slow change of the drawing by the same change and a fast one hardly at all, so the iteration
-(drawn minus printed error, a fixed point) converges for whatever the printer can make, and what it cannot, such as a
-corner sharper than its blur, is left. Corrections are kept as slow as the blur, or the iteration would drive the
-drawing into ripples that do not print. Other walls are moved by what a straight wall grows by, and all is enlarged
-against shrinkage.
+The idea: an error of the printed wall is subtracted from the drawing, and the print is modelled again until the error
+vanishes. A printer's blur reproduces slow changes of the drawing and suppresses fast ones. This fixed-point iteration
+(drawn minus printed error) therefore converges for every shape that the printer can make, and leaves an error only at
+details that it cannot make, such as a corner sharper than its blur. Corrections are smoothed to the width of the blur,
+because the drawing would otherwise develop ripples that do not print. Other walls are moved by the growth of a straight
+wall, and the drawing is enlarged to balance shrinkage.
 
-The interface: `Printing` is a body with what prints it; `compensated` and `Printing.against` give a `Compensation`.
+The interface: `Printing` is a body with the process that prints it; `compensated` and `Printing.against` give a
+`Compensation`.
 """
 
 import math
@@ -29,9 +30,9 @@ from solen.results import HIDDEN, reported
 
 MOST_ROUNDS = 24
 SETTLED_UM = 0.02
-"""Change of the printed error's root mean square from round to round below which it has settled."""
+"""Change of the printed error's root mean square between rounds below which the iteration has converged."""
 LEAST_SHARE = 0.1
-"""Share of a correction below which a smaller one is not tried."""
+"""Fraction of a correction below which no smaller one is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,15 +44,15 @@ class Compensation:
     outlines
         Outlines to draw, by face.
     drawn_um
-        How far the lens is drawn beyond the designed one, (N,) along its normals, before the scale.
+        Displacement of the drawn lens from the designed one, (N,) along its normals, before scaling.
     wall_um
-        By how much other walls are drawn outwards; below 0 inwards.
+        Outward displacement of the other walls; negative if inwards.
     scale
-        By what the drawing is enlarged, about the lens's middle.
+        Enlargement of the drawing about the lens's middle.
     printed
         Deviation of the printed lens from the designed one.
     rounds_um
-        Root mean square of that, round by round.
+        Root mean square of that deviation, round by round.
     """
 
     outlines: list[list[DrawnFace]] = field(metadata=HIDDEN)
@@ -63,18 +64,20 @@ class Compensation:
 
     @property
     def drawing(self) -> "Drawing":
-        """Its drawing."""
+        """The displacements and scale of the compensated drawing."""
         return Drawing(self.drawn_um, self.wall_um, self.scale)
 
     @reported
     def drawn_range_um(self) -> tuple[float, float]:
-        """Least and most that the lens is drawn beyond the designed one."""
+        """Range of the drawn lens's displacement from the designed one."""
         return float(self.drawn_um.min()), float(self.drawn_um.max())
 
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """How a body is drawn: its lens (N,) beyond the designed one, other walls outwards, and by what all is enlarged."""
+    """Displacement of the drawn lens (N,) from the designed one, of other walls outwards, and the scale of the
+    drawing.
+    """
 
     drawn_um: FloatArray
     wall_um: float = 0.0
@@ -83,14 +86,14 @@ class Drawing:
 
 @dataclass(frozen=True, eq=False)
 class Printing:
-    """A body whose lens is to be printed as its target, and the process that prints it flat.
+    """A body, the target shape of its lens, and the process that prints it flat.
 
     Attributes
     ----------
     height_um
         Height of the profile; None for the mean over the thickness.
     phase
-        Where the drawing's origin stands in its pixel.
+        Position of the drawing's origin in its pixel.
     """
 
     body: Body
@@ -106,14 +109,14 @@ class Printing:
         return redrawn(self.body, lens, drawing.wall_um, drawing.scale, self.target.centre)
 
     def deviation_um(self, outlines: Sequence[Sequence[DrawnFace]]) -> FloatArray:
-        """How far the lens that some outlines print stands beyond the designed one, (N,) along its normals."""
+        """Deviation of the lens printed from the given outlines, (N,) along the normals of the designed one."""
         printed = FlatPrint.of(rings_of(outlines), self.target, self.settings, self.thickness_mm, self.phase)
         return printed.profile_um(self.height_um)
 
     def against(self, start: Drawing, besides_um: FloatArray | float = 0.0) -> Compensation:
-        """Drawing whose print is the designed lens where prints stand ``besides_um`` (N,) beyond the model's.
+        """Drawing that prints the designed lens if real prints are ``besides_um`` (N,) beyond the model's.
 
-        Walls and scale stay as they start.
+        Walls and scale are those of ``start``.
         """
         drawn, share = start.drawn_um, 1.0
         best: Compensation | None = None
@@ -134,7 +137,7 @@ class Printing:
 
     @cached_property
     def _inner(self) -> BoolArray:
-        """Which points (N,) lie farther than the blur from an end: a sharper corner cannot be printed."""
+        """Mark the points (N,) farther than the blur from an end, because a sharper corner cannot be printed."""
         along, reach = self.target.along_mm, 1e-3 * self.settings.edge_um
         return np.asarray((along > reach) & (along < along[-1] - reach))
 
@@ -142,7 +145,7 @@ class Printing:
         return float(np.sqrt(np.mean(um[self._inner] ** 2)))
 
     def _smooth(self, um: FloatArray) -> FloatArray:
-        """A deviation as slow as the blur, at the corners that of the lens beside them."""
+        """Deviation smoothed to the width of the blur; at the corners, it continues that of the neighbouring lens."""
         along = self.target.along_mm
         steady = np.interp(along, along[self._inner], um[self._inner])
         width = 1e-3 * self.settings.edge_um / float(np.mean(np.diff(along)))
@@ -150,7 +153,7 @@ class Printing:
 
 
 def compensated(printing: Printing) -> Compensation:
-    """Drawing of a body whose lens prints as its target, by the process alone.
+    """Drawing of a body whose lens prints as its target, according to the process model alone.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Files of a compensated drawing: a design with its outline as the body, and the predicted profile.
 
-The design is one for the printer: `solen export` and the slicer take it. Nothing but the outline, the thickness and
-what is needed to read it is in it, and its name states that it is not the intended shape.
+The design is meant for the printer: `solen export` and the slicer accept it. It contains only the outline, the
+thickness and what is needed to read it, and its name states that it is not the intended shape.
 """
 
 import dataclasses
@@ -19,7 +19,7 @@ from solen.spec.objects import CURVES
 
 LABEL = "as drawn for the printer, not the intended shape"
 COMMENT = """\
-# As drawn for the printer, not the intended shape: this outline is the one of {name!r} changed so that the
+# As drawn for the printer, not the intended shape: this is the outline of {name!r}, changed so that the
 # process {process!r} prints the intended one. Do not trace it, and do not compensate it again.
 """
 
@@ -27,7 +27,7 @@ COMMENT = """\
 def compensation_files(
     target: Path, sensor: Sensor, made: Compensation | None, profile: MeasuredProfile | None, process: str
 ) -> dict[Path, bytes]:
-    """Contents of the design file, the outline and the predicted profile beside it; none without a compensation."""
+    """Contents of the design file, the outline and the predicted profile; empty without a compensation."""
     if made is None or profile is None:
         return {}
     target, outline, printed = targets_of(target, "outline").values()
@@ -37,14 +37,16 @@ def compensation_files(
 
 
 def targets_of(target: Path, drawn: str) -> dict[str, Path]:
-    """Files of a compensated design by name: itself, what it draws (outline or drawn), and what that prints."""
+    """Files of a compensated design by name: the design, its drawing (outline or drawn layers), and the predicted
+    print.
+    """
     return {"compensated": target} | {
         f"compensated_{end}": target.with_name(f"{target.stem}-{end}.json") for end in (drawn, "printed")
     }
 
 
 def outline_text(sensor: Sensor, made: Compensation) -> str:
-    """JSON text of a drawing's outline, by whose hash it is known."""
+    """JSON text of a drawing's outline, whose hash identifies it."""
     return json.dumps(_outline(sensor, made), indent=1, allow_nan=False) + "\n"
 
 
@@ -58,7 +60,7 @@ def _design(sensor: Sensor, outline: str) -> Design:
 
 
 def _outline(sensor: Sensor, made: Compensation) -> dict[str, Any]:
-    """Outline as JSON of `solen.geometry.drawing.outline_json`, with the emitter where the designed body has it."""
+    """Outline as JSON of `solen.geometry.drawing.outline_json`, with the emitter of the designed body."""
     body = sensor.body().upright()
     faces = [{"name": face.name, "curve": _curve(curve_of(face))} for outline in made.outlines for face in outline]
     emitter = {"point": list(body.emitter.point), "axis_deg": body.emitter.axis_deg}

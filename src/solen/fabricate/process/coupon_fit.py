@@ -1,6 +1,6 @@
-"""Least squares of a process's numbers and of the scales of pictures over measured features of coupons.
+"""Least-squares fit of a process's numbers and of picture scales to measured features of coupons.
 
-The interface: `CouponFit` of used features, whose `solved` gives a `Solution`.
+The interface: `CouponFit` of used features, whose `solved` returns a `Solution`.
 """
 
 import math
@@ -19,7 +19,7 @@ from solen.fabricate.process.settings import Settings
 WEAK = 3.0
 """Factor on the previous process's stated uncertainty for the prior."""
 WIDEST_GROWTH = 10.0
-"""Uncertainty of before of a wall's growth, in pixels: as good as none."""
+"""Prior standard uncertainty of a wall's growth, in pixels: practically no prior."""
 WIDE: dict[str, float] = {
     "sigma_um": 10.0,
     "response_scale": 0.2,
@@ -27,15 +27,15 @@ WIDE: dict[str, float] = {
     "shrinkage_percent": 2.0,
     "shrinkage_z_percent": 2.0,
 }
-"""Prior uncertainties if a process states none."""
+"""Prior uncertainties for a process that states none."""
 _LOST_UM = 200.0  # residual of a feature that the model does not print, in µm
 
 
 @dataclass(frozen=True)
 class FittedFeature:
-    """A feature that was used: its size as drawn, as measured, and as the model prints it at the picture's scale.
+    """A feature used in the fit: its drawn and measured sizes, and the modelled size at the picture's scale.
 
-    ``u_measured_mm`` is without the scale's uncertainty, which all features of a picture share.
+    ``u_measured_mm`` excludes the scale's uncertainty, which all features of a picture share.
     """
 
     kind: Kind
@@ -47,7 +47,7 @@ class FittedFeature:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Numbers and errors of scales that fit best, their covariance, and how well they fit."""
+    """Best-fitting numbers and errors of scales, their covariance, and the goodness of fit."""
 
     values: FloatArray
     covariance: FloatArray
@@ -57,7 +57,9 @@ class Solution:
 
 
 class CouponFit:
-    """Least squares in numbers that coupons separate best: the growth of a straight wall in place of critical dose."""
+    """Least squares in the numbers that coupons separate best: the growth of a straight wall replaces the critical
+    dose.
+    """
 
     def __init__(
         self, process: Process, used: tuple[tuple[int, MeasuredFeature], ...], scales: Scales, keys: tuple[str, ...]
@@ -85,7 +87,9 @@ class CouponFit:
         self._scales_whitened = np.linalg.inv(np.linalg.cholesky(scales.covariance))
 
     def solved(self) -> Solution:
-        """Least squares; features that scatter more have less weight, and priors keep theirs."""
+        """Solve by least squares; features that scatter more have less weight, and the weights of priors are
+        unchanged.
+        """
         count, scales = len(self.sought), len(self.scales.of)
         ends = (np.append(self.low, np.full(scales, -0.5)), np.append(self.high, np.full(scales, 0.5)))
         solution = least_squares(
@@ -120,11 +124,11 @@ class CouponFit:
         return np.asarray(1e3 * printed_mm(settings, self._distinct)[self._which])
 
     def _seen_um(self, settings: Settings, errors: FloatArray) -> FloatArray:
-        """Sizes (n,) as pictures of these scales show them."""
+        """Sizes (n,) as they appear in pictures with these scales."""
         return np.asarray(self._printed_um(settings) * (1.0 + errors[self.scales.rows]))
 
     def residuals(self, values: FloatArray) -> FloatArray:
-        """Residuals of features and distances in units of their uncertainties, and of the priors in units of theirs."""
+        """Residuals of features and distances, and of the priors, each divided by its uncertainty."""
         count = len(self.sought)
         numbers, errors = values[:count], values[count:]
         settings = self.settings(numbers)
@@ -135,7 +139,9 @@ class CouponFit:
         return np.concatenate([off / self._u, apart / self._u_pitch, before, self._scales_whitened @ errors])
 
     def jacobian(self, values: FloatArray) -> FloatArray:
-        """Derivatives of the residuals: by small steps of the numbers, exact by the scales, which only multiply."""
+        """Derivatives of the residuals: finite differences for the numbers, exact for the scales, which only
+        multiply.
+        """
         count, rows, pitches = len(self.sought), len(self.used), len(self._pitch)
         numbers, here = values[:count], self.residuals(values)
         result = np.zeros((len(here), len(values)))

@@ -1,11 +1,11 @@
 """Drawing sent to the printer: a body's outlines unchanged, or compensated so that they print as designed.
 
-The idea: an outline is faces with names. Drawn otherwise means: the lens's points are given one by one, every other
-wall is moved along its normal by one length (what a straight wall grows by), and all of it is scaled against shrinkage
-about the lens's middle. Where two moved faces no longer meet, they are cut or lengthened along their tangents to where
-these do.
+The idea: an outline consists of named faces. In a changed drawing, the lens's points are given one by one, every other
+wall is moved along its normal by one length (the growth of a straight wall), and the whole drawing is scaled about the
+lens's middle to balance shrinkage. If two moved faces no longer meet, they are cut or extended along their tangents to
+the intersection of these tangents.
 
-The interface: `DrawnFace`; `as_designed` and `redrawn` of a body; `rings_of` what was drawn, `curve_of` a face.
+The interface: `DrawnFace`; `as_designed` and `redrawn` for a body; `rings_of` a drawing, `curve_of` a face.
 """
 
 import math
@@ -21,7 +21,7 @@ from solen.geometry import Body, Face
 from solen.plane import Point
 
 FLAT_MM = 1e-4
-"""How closely polylines follow curves."""
+"""Tolerance within which polylines follow curves."""
 _PARALLEL = 1e-3
 _NEAREST_MM = 1e-6
 _LONGEST_MITER = 20.0
@@ -29,17 +29,17 @@ _LONGEST_MITER = 20.0
 
 @dataclass(frozen=True, eq=False)
 class DrawnFace:
-    """Polyline (N, 2) of a face, in mm, and its name."""
+    """Name of a face and its polyline (N, 2) in mm."""
 
     name: str
     points: FloatArray
 
 
 def lens_face(body: Body) -> Face:
-    """The lens face of a body; `DesignError` if there is none, or several."""
+    """Lens face of a body; raises `DesignError` if there is none, or several."""
     faces = [face for face in body.all_faces if face.part == "lens"]
     if len(faces) != 1:
-        limit = "a print is held against one face whose name begins with lens"
+        limit = "a print is compared with exactly one face whose name begins with lens"
         raise DesignError("lens", value=f"{len(faces)} faces", limit=limit, remedy="name or join the faces accordingly")
     return faces[0]
 
@@ -52,12 +52,13 @@ def as_designed(body: Body) -> list[list[DrawnFace]]:
 def redrawn(
     body: Body, lens: FloatArray, wall_um: float, scale: float = 1.0, centre: Point = (0.0, 0.0)
 ) -> list[list[DrawnFace]]:
-    """Outlines with the lens's points given, other walls moved outwards by ``wall_um``, and all scaled about a centre.
+    """Outlines with the given points of the lens, other walls moved outwards by ``wall_um``, and all scaled about a
+    centre.
 
     Raises
     ------
     DesignError
-        If a wall is shorter than its displacement allows.
+        If a wall is too short for its displacement.
     """
     outlines, middle = [], np.asarray(centre)
     for outline in body.outlines:
@@ -83,7 +84,7 @@ def curve_of(face: DrawnFace) -> Curve:
 
 
 def _moved(points: FloatArray, by_mm: float) -> FloatArray:
-    """Polyline moved to its right, away from the material."""
+    """Polyline displaced to its right, away from the material."""
     step = np.diff(points, axis=0)
     step /= np.hypot(*step.T)[:, None]
     tangent = np.vstack([step[:1], step[:-1] + step[1:], step[-1:]])
@@ -112,13 +113,13 @@ def _corner(before: FloatArray, after: FloatArray, name: str) -> FloatArray:
         return np.asarray(0.5 * (a + b))
     along = float(gap[0] * tb[1] - gap[1] * tb[0]) / sine
     if abs(along) > _LONGEST_MITER * math.hypot(*gap):
-        limit = "the moved walls hardly meet there: the corner is too sharp"
+        limit = "the moved walls have no common corner there: the angle is too sharp"
         raise DesignError(f"corner before {name}", value=f"{math.degrees(math.asin(sine)):.2g} deg", limit=limit)
     return np.asarray(a + along * ta)
 
 
 def _between(points: FloatArray, start: FloatArray, end: FloatArray, name: str) -> FloatArray:
-    """A polyline from one corner to another; its points beyond these are dropped."""
+    """Polyline from one corner to another; its points beyond these are removed."""
     first, last = _unit(points[1] - points[0]), _unit(points[-1] - points[-2])
     inner = points[1:-1]
     keep = ((inner - start) @ first > _NEAREST_MM) & ((end - inner) @ last > _NEAREST_MM)
@@ -127,7 +128,7 @@ def _between(points: FloatArray, start: FloatArray, end: FloatArray, name: str) 
         keep[:middle] = ((inner - start) @ first > _NEAREST_MM)[:middle]
         keep[middle:] = ((end - inner) @ last > _NEAREST_MM)[middle:]
     if float((end - start) @ (points[-1] - points[0])) <= 0.0:
-        limit = "would vanish: it is shorter than what its neighbours take"
+        limit = "would vanish: it is shorter than the length that its neighbours remove"
         raise DesignError(name, limit=limit, remedy="lengthen it")
     return np.vstack([start, inner[keep], end])
 

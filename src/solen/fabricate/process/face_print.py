@@ -1,10 +1,10 @@
-"""The face of a lens that differs by height, as a process prints it flat: layer by layer, each with its own image.
+"""The face of a lens that varies with height, as a process prints it flat: layer by layer, each with its own image.
 
-The idea: a `FacePrint` is a wanted lens and the body that is drawn for it, which is the same unless it is compensated.
-Every layer's printed wall is found along the normals of the wanted one in the layer's middle, and becomes a profile z
-over |x|: the image stands on a corner or in the middle of a pixel across the axis, so that left mirrors right.
+The idea: a `FacePrint` is a wanted lens and the body that is drawn for it; these agree unless the drawing is
+compensated. The printed wall of every layer is computed along the normals of the wanted wall in the layer's middle, and
+becomes a profile z over |x|. The image has a corner or the middle of a pixel on the axis, so left mirrors right.
 
-The interface: `FacePrint.of`, with `printed` and `compensated`, which give a `PrintedFace`.
+The interface: `FacePrint.of`, with `printed` and `compensated`, which return a `PrintedFace`.
 """
 
 from collections.abc import Sequence
@@ -30,20 +30,20 @@ from solen.progress import Progress
 from solen.results import HIDDEN
 
 POINTS = 401
-"""Points along a section of the face, of which the right half is looked at."""
+"""Number of points along a section of the face, of which the right half is used."""
 PLACES = 257
-"""Places of a profile from the axis to the half width."""
+"""Number of points of a profile from the axis to the half width."""
 VERTEX = (0.0, 0.0)
 MOST_ROUNDS, SETTLED_UM, LEAST_SHARE = 12, 0.1, 0.2
-"""Rounds of a compensation; the gain of its root mean square at which it has settled; the least share of a step."""
+"""Maximum rounds of a compensation; change of its root mean square at convergence; minimum fraction of a step."""
 FAINT = 1e-3
-"""Share of a layer's light below which it is not held to account for a wall."""
+"""Fraction of a layer's light below which the layer is not considered to affect a wall."""
 ACROSS_LAYERS = 1.0
-"""Layers over which a correction is smoothed."""
+"""Number of layers over which a correction is smoothed."""
 
 
 class Layer(NamedTuple):
-    """What is drawn in a layer, and the right half of its wanted wall."""
+    """The drawn image of a layer, and the right half of its wanted wall."""
 
     rings: Rings
     target: Target
@@ -51,18 +51,19 @@ class Layer(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PrintedFace:
-    """A printed face, layer by layer, the one on the build plate first.
+    """A printed face, layer by layer from the build plate.
 
     Attributes
     ----------
     y_mm
         Heights (L,) of the layers' middles from the middle of the body.
     um
-        Deviation (L, N) along the wanted walls' normals at N points from the axis to the edge; more material above 0.
+        Deviation (L, N) along the normals of the wanted walls, at N points from the axis to the edge; positive for more
+        material.
     drawn, printed
-        Profiles as they are drawn and as they come out.
+        Profiles as drawn and as printed.
     rounds_um
-        Of a compensation, root mean square of the deviation round by round, the edge of the aperture left out.
+        For a compensation, root mean square of the deviation, round by round, without the edge of the aperture.
     """
 
     y_mm: FloatArray
@@ -73,13 +74,13 @@ class PrintedFace:
 
     @property
     def rms_um(self) -> float:
-        """Root of the mean square over the whole face."""
+        """Root mean square over the whole face."""
         return float(np.sqrt(np.mean(self.um**2)))
 
 
 @dataclass(frozen=True, eq=False)
 class FacePrint:
-    """A body whose lens varies with the height, as designed and as drawn, and the process that prints it."""
+    """A body whose lens varies with height, as designed and as drawn, and the process that prints it."""
 
     body: Body
     lens: LensInSpace
@@ -110,17 +111,17 @@ class FacePrint:
 
     @cached_property
     def edges_mm(self) -> FloatArray:
-        """Heights (L + 1,) of the borders between the process's layers, ascending, as those of a layered lens."""
+        """Heights (L + 1,) of the boundaries between the process's layers, ascending, like those of a layered lens."""
         return layer_edges_mm(self.lens.thickness_mm, 1e-3 * self.settings.layer_um)
 
     @cached_property
     def y_mm(self) -> FloatArray:
-        """Heights (L,) of the layers' middles from the middle of the body, the layer on the plate first."""
+        """Heights (L,) of the layers' middles from the middle of the body, starting at the build plate."""
         return np.asarray(0.5 * (self.edges_mm[:-1] + self.edges_mm[1:]))[::-1]
 
     @cached_property
     def places_mm(self) -> FloatArray:
-        """Lateral places (M,) of profiles."""
+        """Lateral positions (M,) of profiles."""
         return np.linspace(0.0, self.lens.half_width_mm, PLACES)
 
     @cached_property
@@ -129,12 +130,12 @@ class FacePrint:
         return np.array([self.lens.z_at(self.places_mm, np.full(PLACES, y)) for y in self.y_mm.tolist()])
 
     def printed(self, progress: Progress | None = None) -> PrintedFace:
-        """The face as it is printed uncompensated."""
+        """The face as printed without compensation."""
         um, z = self._printed(self._layers(self.body), progress)
         return PrintedFace(self.y_mm, um, self.wanted, z)
 
     def offsets_um(self, layer: int, settings: Settings) -> FloatArray:
-        """Deviation of one layer (N,), drawn as it is, with other settings of the same pixels and layers."""
+        """Deviation of one layer (N,), drawn unchanged, with other settings that have the same pixels and layers."""
         stack = replace(self._plain, settings=settings)
         return stack.offsets_um(layer, self._layers(self.body)[layer].target, VERTEX)
 
@@ -144,7 +145,7 @@ class FacePrint:
         return [stack.offsets_um(alike[one], self._targets[alike[one]], VERTEX) - face.um[one] for one in layers]
 
     def compensated(self, start: PrintedFace, progress: Progress | None = None) -> PrintedFace:
-        """Face of the drawing, corrected by the deviation of its print until that no longer changes."""
+        """Face printed from the drawing, which is corrected by the deviation of its print until that stops changing."""
         best, share, rounds = start, 1.0, [self._inner_rms_um(start.printed)]
         for number in range(MOST_ROUNDS):
             drawn = (best.drawn - share * self._smooth(self._blamed(best)))[self._alike]
@@ -162,12 +163,12 @@ class FacePrint:
         return replace(best, rounds_um=tuple(rounds))
 
     def profiles(self, z: FloatArray, name: str, warning: str) -> Profiles:
-        """Profiles (L, M) of the layers, the one on the plate first, as a lens takes them."""
+        """Profiles (L, M) of the layers from the build plate, in the form that a lens requires."""
         cut = (self.lens.half_width_mm, self.edges_mm, z[::-1])
         return Profiles(name, *cut, simulated=True, warnings=(warning,))
 
     def lens_of(self, given: Profiles) -> GivenLayers:
-        """Lens of given profiles in place of the wanted one."""
+        """Lens with the given profiles in place of the wanted ones."""
         own = self.lens
         cut = (own.distance_mm, own.focus_mm, own.half_width_mm, own.design_index, own.outside_index)
         layer_mm = own.thickness_mm / len(given.z_mm)
@@ -187,7 +188,7 @@ class FacePrint:
         )
 
     def _layers(self, body: Body) -> list[Layer]:
-        """Layers as a body draws them; those of the same curve are one object."""
+        """Layers as a body draws them; layers with the same curve share one object."""
         if body.front is None:
             raise AssertionError("a prism has one outline")
         known: dict[bytes, Layer] = {}
@@ -202,7 +203,7 @@ class FacePrint:
 
     @cached_property
     def _targets(self) -> list[Target]:
-        """Wanted walls (L,); those of the same curve are one object."""
+        """Wanted walls (L,); walls with the same curve share one object."""
         known: dict[bytes, Target] = {}
         for y, wanted in zip(self.y_mm.tolist(), self.wanted, strict=True):
             key = np.round(wanted, 9).tobytes()
@@ -229,7 +230,7 @@ class FacePrint:
         return np.array(um), np.array([self._profile(y, layer.target, off, z) for y, layer, off, z in rows])
 
     def _profile(self, y_mm: float, target: Target, um: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Printed profile (M,): the wanted one and the deviation along z, which goes on beyond the last point."""
+        """Printed profile (M,): the wanted profile plus the deviation along z, continued beyond the last point."""
         x, z = target.moved_um(um).T
         ahead = (x > np.concatenate([[-np.inf], np.maximum.accumulate(x[:-1])]) + 1e-9) & (x <= self.lens.half_width_mm)
         x, z = x[ahead], z[ahead]
@@ -245,7 +246,9 @@ class FacePrint:
 
     @cached_property
     def _alike(self) -> IntArray:
-        """Number of the layer (L,) that each prints like: of an upright lens, that in the middle of its slab."""
+        """For each layer (L,), number of the layer that prints the same; for an upright lens, the middle layer of its
+        slab.
+        """
         if np.ptp(self.wanted, axis=0).max() > 0.0:
             return np.arange(self.layers)
         parts = slabs(self.settings, self.layers)
@@ -253,7 +256,7 @@ class FacePrint:
 
     @cached_property
     def _inner(self) -> int:
-        """Number of places that lie farther than the blur from the edge: a sharper corner cannot be printed."""
+        """Number of points farther than the blur from the edge, because a sharper corner cannot be printed."""
         reach = self.lens.half_width_mm - 2e-3 * self.settings.edge_um
         return int(np.count_nonzero(self.places_mm < reach))
 
@@ -261,10 +264,11 @@ class FacePrint:
         return 1e3 * float(np.sqrt(np.mean((z - self.wanted)[:, : self._inner] ** 2)))
 
     def _blamed(self, face: PrintedFace) -> FloatArray:
-        """Deviations (L, M) along z assigned to the layers whose light causes them, not to those where they appear.
+        """Deviations (L, M) along z, assigned to the layers whose light causes them rather than those in which they
+        appear.
 
-        A wall moves with the edge of an image in proportion to that edge's light there. Below an overhang, the
-        wall is set by the overhanging layer's light; moving its own edge has no effect.
+        A wall moves with the edge of an image in proportion to that edge's light at the wall. Below an overhang, the
+        wall is set by the overhanging layer's light, so moving its own edge has no effect.
         """
         off = face.printed - self.wanted
         lean = np.hypot(1.0, np.gradient(self.wanted, self.places_mm, axis=1))
@@ -282,7 +286,9 @@ class FacePrint:
         return np.asarray(moved / weights)
 
     def _smooth(self, off: FloatArray) -> FloatArray:
-        """Deviations (L, M) along z as slow as the blur, at the edge those of the face beside it."""
+        """Deviations (L, M) along z, smoothed to the width of the blur; at the edge, those of the neighbouring face
+        continue.
+        """
         steady = np.where(np.arange(PLACES) < self._inner, off, off[:, self._inner - 1 : self._inner])
         width = 1e-3 * self.settings.edge_um / float(self.places_mm[1])
         mirrored = np.concatenate([steady[:, :0:-1], steady], axis=1)

@@ -1,14 +1,14 @@
 """Features of printed coupons: read from files, and as the model prints them: pillars, holes, gaps, steps.
 
-The idea: seen from above, a feature is as wide as it is where it is widest: on the window side of a layer far inside. A
-round image blurred by a Gaussian is a one-dimensional integral, so a coupon is printed without any image, its place
-between pixels averaged over (`Settings.edge_um`). A pillar is not there where even its middle is short of the critical
-dose; a hole is closed and a gap merged where their middle gets it.
+The idea: seen from above, the width of a feature is its largest width, which is on the window side of a layer far
+inside. A round image blurred by a Gaussian is a one-dimensional integral, so a coupon is modelled without any image,
+averaged over its positions between pixels (`Settings.edge_um`). A pillar is missing if even its middle receives less
+than the critical dose; a hole is closed, and a gap merged, if its middle receives it.
 
-All features of one picture share its scale, so a `MeasuredCoupon` keeps it beside them: an error of the scale is one
-unknown, and not noise of each feature.
+All features of one picture share its scale, so a `MeasuredCoupon` stores the scale with them: an error of the scale is
+one unknown, not noise of each feature.
 
-The interface: `read_features` gives the `MeasuredCoupon` of a file, `printed_mm` what some settings print of features.
+The interface: `read_features` returns the `MeasuredCoupon` of a file, `printed_mm` the printed sizes of features.
 """
 
 import math
@@ -35,9 +35,9 @@ from solen.spec.strict import NotNegative, Number, Strict, error_context
 Kind = Literal["pillar", "hole", "gap", "step"]
 Length = Annotated[float, Field(strict=True, gt=0, le=100)]
 GAP_PILLAR_MM = 0.3
-"""Diameter of the pillars that a gap is between where the file does not say: that of the published group B."""
+"""Diameter of the two pillars of a gap if the file does not state it: that of the published group B."""
 APART = 3.0
-"""Factor by which features may come out larger or smaller than drawn, where their unit is in doubt."""
+"""Ratio of measured to drawn sizes, or its inverse, above which the unit is questioned."""
 _WIDE = 6.5  # widths of a blur beyond which it adds nothing
 _NODES = 28
 _EXACT: Any = {"xatol": 1e-7, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0}  # of an edge, in µm
@@ -58,7 +58,7 @@ class MeasuredFeature:
     resolved
         Whether the pillar stands, the hole and the gap are open, the step is seen.
     diameter_mm
-        Diameter of the pillars beside a gap.
+        Diameter of the two pillars of a gap.
     u_own_mm
         Standard uncertainty without that of the scale; None if not stated separately.
     """
@@ -72,9 +72,9 @@ class MeasuredFeature:
     u_own_mm: Length | None = None
 
     def own_u_mm(self, u_scale: float) -> float:
-        """Relative standard uncertainty without that of the scale; if not stated, the total without the scale's part.
+        """Relative standard uncertainty excluding that of the scale; if not stated, the total minus the scale's part.
 
-        A file whose uncertainty is smaller than its scale's leaves that out already.
+        A file whose uncertainty is smaller than its scale's already excludes the latter.
         """
         u_mm, by_scale = self.u_measured_mm or 0.0, (self.measured_mm or 0.0) * u_scale
         if self.u_own_mm is not None:
@@ -83,7 +83,7 @@ class MeasuredFeature:
 
 
 class PixelScale(Strict):
-    """Size of a pixel of the picture that features were measured in."""
+    """Size of a pixel in the picture from which features were measured."""
 
     model_config = ConfigDict(extra="ignore")
     error: ClassVar[type[SolenError]] = DataError
@@ -132,7 +132,7 @@ class MeasuredCoupon:
     lateral, vertical
         Scales of its lengths and of its heights.
     pitch_ratio, u_pitch_ratio
-        Distances between features, measured over drawn, and its standard uncertainty without the scale's.
+        Ratio of measured to drawn distances between features, and its standard uncertainty excluding the scale's.
     source
         The file.
     """
@@ -151,7 +151,7 @@ class MeasuredCoupon:
 
 
 def read_features(path: Path) -> MeasuredCoupon:
-    """Features of a JSON file, and their scale.
+    """Read the features of a JSON file and their scale.
 
     The file is ``{"coupon": …, "simulated": …, "features": [{"kind": "pillar" | "hole" | "gap" | "step", "nominal_mm":
     …, "measured_mm": …, "u_measured_mm": …, "resolved": …}, …], "scale": {"um_per_px": …, "u_um_per_px": …}}``; a gap
@@ -160,7 +160,7 @@ def read_features(path: Path) -> MeasuredCoupon:
     Raises
     ------
     DataError
-        If it holds none, or one that is not possible.
+        If it contains no feature, or an impossible one.
     """
     source = load(path)
     data = parsed(source.text(), str(path))
@@ -171,7 +171,7 @@ def read_features(path: Path) -> MeasuredCoupon:
         file = _File(**data | {"features": [_sized(row) for row in data["features"]]})
     for number, feature in enumerate(file.features):
         if feature.measured_mm is not None and feature.u_measured_mm is None:
-            limit = "missing: a measured size without its uncertainty cannot be weighed"
+            limit = "missing: a measured size must have an uncertainty to be weighted"
             raise DataError(f"{path}: features[{number}].u_measured_mm", limit=limit, remedy="state it")
     scale, about = file.scale, {"coupon": file.coupon}
     return MeasuredCoupon(
@@ -185,7 +185,7 @@ def read_features(path: Path) -> MeasuredCoupon:
 
 
 def _check_units(path: Path, rows: list[Any]) -> None:
-    """`DataError` if sizes that were drawn and measured are apart by a factor of a thousand, in most of the rows."""
+    """Raise `DataError` if most drawn and measured sizes differ by a factor of about a thousand."""
     ratios = [
         float(measured) / float(nominal)
         for row in rows
@@ -195,8 +195,8 @@ def _check_units(path: Path, rows: list[Any]) -> None:
     ]
     ratio = sorted(ratios)[len(ratios) // 2] if ratios else 1.0
     for factor, limit in (
-        (1e3, "look like µm: measured_mm is in mm"),
-        (1e-3, "look like metres, or nominal_mm like µm"),
+        (1e3, "appears to be in µm: measured_mm is in mm"),
+        (1e-3, "appears to be in metres, or nominal_mm in µm"),
     ):
         if abs(math.log(ratio / factor)) < math.log(APART):
             value = f"{ratio:.3g} times as drawn"
@@ -204,7 +204,7 @@ def _check_units(path: Path, rows: list[Any]) -> None:
 
 
 def _sized(row: Any) -> Any:
-    """A row without sizes that are not resolved, such as a step of height 0; these are not used."""
+    """A row without its size if that is not resolved, such as a step of height 0; such rows are not used."""
     if not isinstance(row, dict):
         return row
     sizes = {key: row.get(key) if row.get("resolved") else None for key in ("measured_mm", "u_measured_mm", "u_own_mm")}
@@ -232,10 +232,10 @@ def printed_mm(settings: Settings, features: Sequence[MeasuredFeature]) -> Float
 
 
 def disc(r_um: FloatArray, radius_um: FloatArray, sigma_um: FloatArray | float) -> FloatArray:
-    """Evenly lit disc blurred by a Gaussian, at distances from its middle; all broadcast.
+    """Evenly lit disc blurred by a Gaussian, at distances from its middle; all arguments broadcast.
 
-    ∫ exp(-(r - ρ)²/2σ²) e^(-rρ/σ²) I₀(rρ/σ²) ρ dρ/σ² over the disc, by Gauss and Legendre within 6.5 σ of r; in the
-    middle 1 - exp(-R²/2σ²).
+    ∫ exp(-(r - ρ)²/2σ²) e^(-rρ/σ²) I₀(rρ/σ²) ρ dρ/σ² over the disc, by Gauss-Legendre quadrature within 6.5 σ of r; in
+    the middle 1 - exp(-R²/2σ²).
     """
     nodes, weights = _quadrature()
     low = np.maximum(r_um - _WIDE * sigma_um, 0.0)
@@ -254,7 +254,7 @@ def _quadrature() -> tuple[FloatArray, FloatArray]:
 
 
 def _dose(r_um: FloatArray, radius_um: FloatArray, light: Light) -> FloatArray:
-    """Dose at distances from the middle of discs that are lit."""
+    """Dose at distances from the middle of lit discs."""
     doses, blurs = light
     return np.asarray(doses @ disc(r_um, radius_um, blurs[:, None]))
 
@@ -287,7 +287,7 @@ def _gaps(gap: FloatArray, beside: FloatArray, light: Light, critical: float) ->
 
 
 def _edge(excess: Callable[..., FloatArray], far: FloatArray, *of: FloatArray) -> FloatArray:
-    """Distances at which functions fall from positive in the middle to negative outside; NaN without one."""
+    """Distances at which functions fall from positive in the middle to negative outside; NaN without a crossing."""
     near = np.zeros_like(far)
     has = (excess(near, *of) > 0.0) & (excess(far, *of) < 0.0)
     edges = np.full(len(far), np.nan)

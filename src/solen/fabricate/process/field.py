@@ -1,14 +1,14 @@
-"""Dose in a part printed flat: computed by Fourier transform on a grid finer than the pixels, splines between.
+"""Dose in a part printed flat: computed by Fourier transform on a grid finer than the pixels, with splines in between.
 
-The idea: every term of a dose is an image convolved with the light of one pixel and a Gaussian, so its spectrum is a
-product: the image's, the pixel's (`solen.fabricate.process.response`), exp(-σ²k²/2). Terms of one image add up before
-anything is transformed back, which makes a part whose layers all show one image one transform there and one back. The
-pixel's blur ends the spectrum, so a fine grid holds the dose to rounding, and a cubic spline of the logarithm, which is
-nearly a parabola at an edge, gives it in between.
+The idea: every term of a dose is an image convolved with the light of one pixel and a Gaussian. Its spectrum is
+therefore a product of the image's, the pixel's (`solen.fabricate.process.response`) and exp(-σ²k²/2). Terms of one
+image are added before the inverse transform; a part whose layers all show one image needs only one transform in each
+direction. The pixel's blur limits the spectrum, so a fine grid represents the dose to rounding. In between, it is
+interpolated by a cubic spline of its logarithm, which is nearly a parabola at an edge.
 
-A transform is periodic: an image must be dark, or even, within a few widths of the halo from its sides.
+A transform is periodic: an image must be dark, or uniform, within a few widths of the halo from its sides.
 
-The interface: `FlatImage` of a part, `dose_map` at a height, `DoseMap.log_excess` at places.
+The interface: `FlatImage` of a part, `dose_map` at a height, `DoseMap.log_excess` at points.
 """
 
 import math
@@ -29,7 +29,7 @@ from solen.fabricate.raster import coverage
 
 Spectrum = NDArray[np.complex128]
 DARK = 1e-12
-"""Share of the dose inside below which its logarithm is not followed."""
+"""Fraction of the maximum dose below which its logarithm is cut off."""
 MOST_POINTS = 20_000_000
 MOST_LAYERS = 10_000
 _FAR = 6.0  # widths of the halo that are kept free round the lens
@@ -44,7 +44,7 @@ class FlatImage:
     Attributes
     ----------
     shares
-        Shares of light (rows, columns), 0 to 1.
+        Fractions of the full light (rows, columns), 0 to 1.
     layers
         Number of layers.
     corner_um
@@ -66,13 +66,12 @@ class FlatImage:
     ) -> "FlatImage":
         """Image of closed polylines (N, 2) in mm, over the extent of points (M, 2) with a margin.
 
-        The drawing's origin stands at ``phase`` in its pixel, as `solen.fabricate.layers` draws it: at (0, 0) on a
-        corner.
+        The drawing's origin is at ``phase`` in its pixel, as drawn by `solen.fabricate.layers`; (0, 0) is a corner.
 
         Raises
         ------
         DataError
-            If a print would take more than a laptop's memory, or minutes for each height.
+            If a print would need more than a laptop's memory, or minutes for each height.
         """
         pitch = 1e-3 * np.array(settings.pixels_um)
         halo = math.hypot(settings.halo_um, settings.halo_per_depth * _DEEP * settings.Dp_um)
@@ -88,7 +87,7 @@ class FlatImage:
 
     @cached_property
     def spectrum(self) -> NDArray[np.complex128]:
-        """Fourier transform of the image, pixels taken as points."""
+        """Fourier transform of the image, with pixels as points."""
         return np.asarray(fft.fft2(self.shares))
 
 
@@ -99,11 +98,11 @@ class DoseMap:
     Attributes
     ----------
     dose
-        In mJ/cm², (rows, columns).
+        Dose in mJ/cm², (rows, columns).
     first_um
-        Place of its first point: along columns, along rows.
+        Position of the grid's first point: along columns, along rows.
     step_um
-        Distances of its points: along columns, along rows.
+        Spacing of the grid: along columns, along rows.
     Ec_mJ_per_cm2
         Critical dose.
     """
@@ -120,14 +119,14 @@ class DoseMap:
         return np.asarray(ndimage.spline_filter(excess, order=3, mode="nearest"))
 
     def log_excess(self, places_um: ArrayLike) -> FloatArray:
-        """Logarithm of dose over critical dose at places (..., 2) in µm; above 0 the resin is set."""
+        """Logarithm of dose over critical dose at points (..., 2) in µm; above 0 the resin is set."""
         places = np.asarray(places_um, float)
         at = [(places[..., axis] - self.first_um[axis]) / self.step_um[axis] for axis in (1, 0)]
         return np.asarray(ndimage.map_coordinates(self._spline, at, order=3, mode="nearest", prefilter=False))
 
 
 def dose_map(image: FlatImage, settings: Settings, height_um: float) -> DoseMap:
-    """Dose of a part at a height above the platform, on a grid some times finer than the pixels."""
+    """Dose of a part at a height above the platform, on a grid finer than the pixels by an integer factor."""
     terms = terms_at(settings, image.layers, height_um)
     return fine_dose(image, settings, [(image.spectrum, *_merged(terms.dose, terms.sigma_um))])
 
@@ -135,7 +134,7 @@ def dose_map(image: FlatImage, settings: Settings, height_um: float) -> DoseMap:
 def fine_dose(
     image: FlatImage, settings: Settings, terms: Sequence[tuple[Spectrum, FloatArray, FloatArray]]
 ) -> DoseMap:
-    """Dose of spectra of pictures on the pixels of an image, each with its doses in mJ/cm² and blurs in µm (T,)."""
+    """Dose of pictures on the pixels of an image, from terms (spectrum, doses in mJ/cm² (T,), blurs in µm (T,))."""
     (x, y), pixel = settings.pixels_um, settings.pixel_light
     fine = pixel.fine
     rows, columns = (fine * count for count in image.shares.shape)
@@ -153,22 +152,23 @@ def fine_dose(
 def _check_size(pixels: int, layers: int, settings: Settings) -> None:
     points = pixels * settings.pixel_light.fine**2
     if points > MOST_POINTS:
-        limit = f"the part and {_FAR:g} widths of the halo would be {points:.2g} points, at most {MOST_POINTS:.1g}"
-        remedy = "take larger pixels, a narrower halo or a smaller part"
+        limit = (f"the part with {_FAR:g} widths of the halo requires {points:.2g} grid points; "
+f"the limit is {MOST_POINTS:.1g}")
+        remedy = "use larger pixels, a narrower halo or a smaller part"
         raise DataError("process.halo_um", value=settings.halo_um, limit=limit, remedy=remedy)
     if layers > MOST_LAYERS:
-        limit = f"the part would have {layers:,} layers, at most {MOST_LAYERS:,}"
+        limit = f"the part would have {layers:,} layers; the limit is {MOST_LAYERS:,}"
         raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thicker")
 
 
 def _merged(dose: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Terms with the same blur, added up."""
+    """Add up the terms with the same blur."""
     kinds, which = np.unique(sigma, return_inverse=True)
     return np.asarray(np.bincount(which, dose), float), kinds
 
 
 def _blur(along: FloatArray, across: FloatArray, dose: FloatArray, sigma: FloatArray) -> FloatArray:
-    """Spectrum of a sum of Gaussians: each is a product of one along and one across."""
+    """Spectrum of a sum of Gaussians, each of which is a product of one along and one across."""
     first = np.exp(-0.5 * np.outer(sigma, along) ** 2) * dose[:, None]
     second = np.exp(-0.5 * np.outer(sigma, across) ** 2)
     return np.asarray(first.T @ second)

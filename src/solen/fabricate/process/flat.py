@@ -1,13 +1,13 @@
-"""A lens printed flat: its profile lies in the plane of the pixels, and each height of the part has its own.
+"""A lens printed flat: its profile is in the plane of the pixels, and each height of the part has its own.
 
-The idea: all layers of a flat sensor show the same image. The dose at a height depends on the number of later layers:
-inside, all heights are alike except for the position within their layer; the last layers receive less and recede, the
-burn-in layers receive more and protrude. So the walls taper by dose alone, with a ripple of one period per layer.
-Light passes the lens at half its thickness, where the emitter is: that height's profile, averaged over its layer, is
-the default.
+The idea: all layers of a flat sensor show the same image. The dose at a height depends on the number of later layers.
+Far inside, all heights are equivalent except for the position within their layer; the last layers receive less and
+recede, the burn-in layers receive more and protrude. The dose alone therefore tapers the walls, with a ripple of one
+period per layer. Light passes the lens at half its thickness, at the height of the emitter: the default is the profile
+at that height, averaged over its layer.
 
-Shrinkage, washing and the taper beyond the dose's are applied to the set outline: everything shrinks about the middle
-of the lens, and washing and taper move a wall along its normal.
+Shrinkage, washing and additional taper are applied to the set outline: everything shrinks about the middle of the lens,
+and washing and taper move a wall along its normal.
 
 The interface: `FlatPrint.of` an outline, with `offsets_um` and `profile_um` at a height, and `ripple_um`; `walls_um`
 over the heights.
@@ -29,9 +29,9 @@ from solen.fabricate.process.target import Target, exits_um
 
 STEP_UM = 2.0
 FEWEST_PIXELS = 20
-"""Pixels over a lens's width below which it is refused."""
+"""Minimum number of pixels over a lens's width."""
 _GAUSS = ((0.5 - math.sqrt(0.15), 5 / 18), (0.5, 4 / 9), (0.5 + math.sqrt(0.15), 5 / 18))
-"""Places within a layer, from its window side, and weights of Gauss and Legendre's quadrature."""
+"""Positions within a layer, from its window side, and weights of Gauss-Legendre quadrature."""
 _HEIGHTS = 16
 
 
@@ -63,9 +63,9 @@ class FlatPrint:
         settings
             The process.
         thickness_mm
-            Thickness of the part; it is made of the nearest whole number of layers.
+            Thickness of the part, which is printed as the nearest whole number of layers.
         phase
-            Where the drawing's origin stands in its pixel, 0 to 1 along x and z; at (0, 0) on a corner.
+            Position of the drawing's origin in its pixel, 0 to 1 along x and z; (0, 0) is a corner.
 
         Raises
         ------
@@ -78,8 +78,8 @@ class FlatPrint:
             raise DataError("body.thickness_mm", value=thickness_mm, limit=limit, remedy="raise it")
         width_mm = float(np.ptp(target.points_mm[:, 0]))
         if width_mm < FEWEST_PIXELS * 1e-3 * settings.pixel_um:
-            limit = f"the lens, {width_mm:.3g} mm wide, must have {FEWEST_PIXELS} pixels at least"
-            remedy = f"take a printer of pixels below {1e3 * width_mm / FEWEST_PIXELS:.3g} µm"
+            limit = f"the lens, {width_mm:.3g} mm wide, must be at least {FEWEST_PIXELS} pixels wide"
+            remedy = f"use a printer with pixels below {1e3 * width_mm / FEWEST_PIXELS:.3g} µm"
             raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy=remedy)
         image = FlatImage.of(rings, target.points_mm, settings, layers, phase)
         return cls(settings, image, target)
@@ -91,7 +91,7 @@ class FlatPrint:
 
     @property
     def thickness_um(self) -> float:
-        """Height of the layers together."""
+        """Total height of the layers."""
         return self.layers * self.settings.layer_um
 
     def offsets_um(self, height_um: float) -> FloatArray:
@@ -107,16 +107,16 @@ class FlatPrint:
         return exits_um(excess, self.target, STEP_UM) + float(beyond)
 
     def profile_um(self, height_um: float | None = None) -> FloatArray:
-        """Offsets (N,) at a height, mean over its layer; without a height, mean over the whole thickness."""
+        """Offsets (N,) averaged over the layer at a height; without a height, averaged over the whole thickness."""
         if height_um is not None:
             return self._mean_of_layer(self.layer_at(height_um))
         heights = (np.arange(_HEIGHTS) + 0.5) / _HEIGHTS * self.thickness_um
         return np.asarray(np.mean([self.offsets_um(float(height)) for height in heights], axis=0))
 
     def layer_at(self, height_um: float) -> int:
-        """Number of the layer at a height; `DataError` outside the part."""
+        """Number of the layer at a height; raises `DataError` outside the part."""
         if not 0.0 <= height_um <= self.thickness_um:
-            limit = f"must be 0 to {1e-3 * self.thickness_um:g} mm, above the platform"
+            limit = f"must be from 0 to {1e-3 * self.thickness_um:g} mm above the platform"
             raise DataError("--height-mm", value=1e-3 * height_um, limit=limit)
         return min(int(height_um / self.settings.layer_um), self.layers - 1)
 
@@ -126,20 +126,20 @@ class FlatPrint:
         return np.asarray(np.sum(parts, axis=0))
 
     def ripple_um(self, height_um: float) -> float:
-        """How far walls step back within a layer at a height, from its window side to its far side: straight walls."""
+        """Recession of a straight wall within the layer at a height, from its window side to its far side."""
         number, h = self.layer_at(height_um), self.settings.layer_um
         near, far = ((number + 1) * h - 1e-9 * h, number * h + 1e-9 * h)
         return straight_edge_um(self.settings, self.layers, near) - straight_edge_um(self.settings, self.layers, far)
 
 
 def beyond_dose_um(settings: Settings, height_um: ArrayLike, thickness_um: float) -> FloatArray:
-    """Displacement of walls by washing and by taper beyond that of the dose, in µm, at heights of a part."""
+    """Displacement of walls due to washing and to taper beyond that of the dose, in µm, at heights of a part."""
     lean = math.tan(math.radians(settings.taper_deg))
     return np.asarray(settings.wash_um + lean * (np.asarray(height_um) - 0.5 * thickness_um))
 
 
 def walls_um(settings: Settings, layers: int) -> tuple[FloatArray, FloatArray]:
-    """Middle heights of layers, and growth of a straight wall beyond its image there, without shrinkage."""
+    """Middle heights of layers, and growth of a straight wall beyond its image at each, without shrinkage."""
     heights = np.asarray((np.arange(layers) + 0.5) * settings.layer_um, float)
     edges = np.array([straight_edge_um(settings, layers, height) for height in heights.tolist()])
     return heights, edges + beyond_dose_um(settings, heights, layers * settings.layer_um)

@@ -1,12 +1,12 @@
-"""Light of grey pixels from discs of several greys that one exposure cured.
+"""Light of grey pixels, determined from discs of several greys cured in one exposure.
 
-The idea: a disc has the cure depth of its light, Dp ln(E/Ec) (Jacobs). For two discs of one exposure the critical dose
-cancels: the light of a grey, relative to the full one, is exp((C - C₁)/Dp) with the thicknesses C and, for the full
-grey, C₁. An error of Dp is an error of the exponent, so it is stated as that of `Settings.grey_power`, together with
-the discs' scatter. Light that falls with rising grey is due to scatter: the shares are the
-nearest ascending ones (isotonic regression, weighted by the uncertainties of thickness).
+The idea: the cure depth of a disc is Dp ln(E/Ec) (Jacobs). For two discs of one exposure the critical dose cancels: the
+light of a grey, relative to the full grey, is exp((C - C₁)/Dp) with the thicknesses C and, for the full grey, C₁. An
+error of Dp is an error of the exponent, so it is stated as the uncertainty of `Settings.grey_power`, together with the
+discs' scatter. Light that falls with rising grey is due to scatter; the nearest ascending values are used instead
+(isotonic regression, weighted by the uncertainties of thickness).
 
-The interface: `measured_greys` gives `MeasuredGreys`, whose ``process`` holds them.
+The interface: `measured_greys` returns `MeasuredGreys`, whose ``process`` contains them.
 """
 
 from dataclasses import field
@@ -32,37 +32,37 @@ U_THICKNESSES = tuple(f"u_{name}" for name in THICKNESSES)
 DISCS = ("disc", "disk", "sample", "specimen", "id", *REPEATS)
 _STEP_UM = 1e-3
 FEWEST = 4
-"""Greys, the full one among them, that a curve is drawn through."""
+"""Minimum number of greys, including the full one, for a curve."""
 DARK = 0.5
-"""Grey below which one should have been measured."""
+"""A grey below this should have been measured."""
 APART = 3.0
-"""Standard uncertainties by which light may fall where grey rises."""
+"""Maximum fall of light with rising grey, in standard uncertainties."""
 
 
 class GreyOptions(RowOptions):
-    """How discs of several greys are evaluated."""
+    """Options for evaluating discs of several greys."""
 
     u_thickness_um: Finite | None = Field(None, gt=0.0)
-    """Standard uncertainty of a disc's thickness, where the table has no column u_thickness_um and no repeats."""
+    """Standard uncertainty of a disc's thickness, if the table has no column u_thickness_um and no repeats."""
     u_scale_percent: Annotated[Finite, Field(ge=0.0, le=50.0)] = 0.0
-    """Standard uncertainty of the gauge's scale, %, common to all thicknesses; not included in those of the discs."""
+    """Standard uncertainty of the gauge's scale, %, common to all thicknesses; excluded from those of the discs."""
 
 
 class MeasuredGreys(Measured, kw_only=True):
-    """Light of grey pixels, as shares of the full one.
+    """Light of grey pixels, as fractions of the light of the full grey.
 
     Attributes
     ----------
     process
-        The process with these greys; JSON leaves it out.
+        The process with these greys; omitted from JSON.
     grey, light, u_light
-        Measured greys, ascending, the light of each, and its standard uncertainty without that of Dp.
+        Measured greys, ascending, the light of each, and its standard uncertainty excluding that of Dp.
     discs
-        Number of discs of each.
+        Number of discs of each grey.
     Dp_um, u_Dp_um
-        Penetration depth that turned thickness into light, and its uncertainty.
+        Penetration depth used for converting thickness to light, and its uncertainty.
     u_power
-        Standard uncertainty of the exponent of all light: of Dp, and of the discs.
+        Standard uncertainty of the exponent of all light, from Dp and from the discs.
     """
 
     process: Process = field(metadata=HIDDEN)
@@ -76,25 +76,27 @@ class MeasuredGreys(Measured, kw_only=True):
 
     @reported
     def edge_shift_px(self) -> float:
-        """Outward shift of an edge drawn in proportion, in pixels, mean over its positions."""
+        """Outward shift in pixels of an edge drawn with proportional greys, averaged over the edge's positions in a
+        pixel.
+        """
         greys = self.process.process.model_copy(update={"grey_drawn": "proportional"}).greys
         return greys.shift
 
 
 def measured_greys(recording: Recording, process: Process, options: GreyOptions = GreyOptions()) -> MeasuredGreys:
-    """Light of greys from a table of discs.
+    """Determine the light of greys from a table of discs.
 
     Parameters
     ----------
     recording
         Table with a column of greys (fractions, % or 0 to 255) and one of thicknesses, of discs cured in one exposure.
     process
-        Its Dp converts thickness to light; the rest is kept.
+        Process whose Dp converts thickness to light; its other values are kept.
 
     Raises
     ------
     DataError
-        If a column is missing, no disc has the full grey, too few greys set, or light falls with rising grey.
+        If a column is missing, no disc has the full grey, too few greys cured a disc, or light falls with rising grey.
     """
     recording = chosen_rows(recording, options)
     thickness = recording.need(*THICKNESSES)
@@ -107,12 +109,13 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     greys, which, counts = np.unique(shares[set_at], return_inverse=True, return_counts=True)
     blank = np.flatnonzero(~np.isfinite(depth) & (shares > greys.min(initial=1.0)))
     if len(blank):
-        limit = f"is blank at a grey of {shares[blank[0]]:g}, and {greys[0]:g} set: a disc was not measured"
+        limit = (f"is blank at a grey of {shares[blank[0]]:g}, although {greys[0]:g} cured a disc: "
+"this disc was not measured")
         raise DataError(f"{thickness.name} in row {blank[0] + 1}", limit=limit, remedy="delete the row, or measure it")
     if not len(greys) or greys[-1] != 1.0:
-        raise DataError("grey", limit="no disc of the full grey set: all others are compared with it")
+        raise DataError("grey", limit="no disc of the full grey was cured, and all others are compared with it")
     if len(greys) < FEWEST:
-        limit = f"at least {FEWEST} greys must have set, the full one among them"
+        limit = f"at least {FEWEST} greys, including the full one, must have cured a disc"
         raise DataError("grey", value=len(greys), limit=limit, remedy="expose for longer")
     u_disc = _u_um(depth[set_at], which, None if stated is None else stated.to("um")[set_at], options)
     weight = np.bincount(which, u_disc**-2)
@@ -126,7 +129,8 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     u_log = np.hypot(u_mean * per_um, u_mean[-1] * per_um[-1])[:-1]
     u_light = np.append(light[:-1] * u_log, 0.0)
     if not log_light[0] < 0.0:
-        raise DataError("thickness", limit="all discs are as thick as those of full grey: was a single picture used?")
+        raise DataError("thickness", limit="all discs are as thick as those of the full grey: "
+"check whether a single picture was used")
     u_own = _u_of_exponent(log_light[:-1], u_mean * per_um)
     u_power = float(np.hypot(np.hypot(u_Dp / Dp, 0.01 * options.u_scale_percent), u_own))
     pairs = tuple((float(grey), float(share)) for grey, share in zip(greys, light, strict=True))
@@ -147,27 +151,31 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
 def _u_of_exponent(log_light: FloatArray, u_log: FloatArray) -> float:
     """Standard uncertainty of the exponent of all light by generalised least squares.
 
-    All logarithms (N,) share the error of the full grey, the last of ``u_log`` (N + 1,): it does not average out.
+    All logarithms (N,) share the error of the full grey, the last of ``u_log`` (N + 1,): this error does not average
+    out.
     """
     covariance = np.diag(u_log[:-1] ** 2) + u_log[-1] ** 2
     return float(1.0 / np.sqrt(log_light @ np.linalg.solve(covariance, log_light)))
 
 
 def _shares(recording: Recording) -> tuple[FloatArray, str]:
-    """Greys as shares of the full one, and the column they stand in."""
+    """Greys as fractions of the full one, and the column with the greys."""
     grey = recording.need(*GREYS)
     values = grey.to("1") if grey.unit == "%" else np.asarray(grey.values, float)
     if not grey.unit and np.nanmax(values) > 1.0:
         values = values / FULL
     if not (np.isfinite(values).all() and values.min() >= 0.0 and values.max() <= 1.0):
         raise DataError(
-            grey.name, value=float(np.nanmax(values)), limit="must be shares to 1, % to 100 or values to 255"
+            grey.name, value=float(np.nanmax(values)), limit="must be fractions up to 1, % up to "
+"100 or values up to 255"
         )
     return np.round(values, 6), grey.name
 
 
 def _u_um(depth: FloatArray, which: NDArray[np.intp], stated: FloatArray | None, options: GreyOptions) -> FloatArray:
-    """Standard uncertainty of each disc's thickness: as stated, by column or option, or by the scatter of repeats."""
+    """Standard uncertainty of each disc's thickness: as stated in a column or option, or from the scatter of
+    repeats.
+    """
     if stated is not None:
         if not (np.isfinite(stated).all() and (stated > 0.0).all()):
             raise DataError("u_thickness_um", limit="must be above 0 for every disc")
@@ -183,14 +191,15 @@ def _u_um(depth: FloatArray, which: NDArray[np.intp], stated: FloatArray | None,
 
 
 def _ascending(greys: FloatArray, mean: FloatArray, u: NDArray[np.floating]) -> FloatArray:
-    """Thicknesses that do not fall as grey rises, the nearest to those measured."""
+    """Thicknesses that do not fall as grey rises, as close as possible to the measured ones."""
     from scipy.optimize import isotonic_regression
 
     fitted = np.asarray(isotonic_regression(mean, weights=u**-2).x)
     worst = int(np.argmax(np.abs(fitted - mean) / u))
     if abs(fitted[worst] - mean[worst]) > APART * u[worst]:
-        limit = f"is {mean[worst]:.4g} µm at a grey of {greys[worst]:g}, thicker or thinner than its neighbours allow"
-        raise DataError("thickness", limit=limit, remedy="check which disc is which, and their uncertainty")
+        limit = (f"is {mean[worst]:.4g} µm at a grey of {greys[worst]:g}, which is out of order "
+"with its neighbours")
+        raise DataError("thickness", limit=limit, remedy="check the order of the discs and their uncertainty")
     return fitted
 
 
@@ -207,14 +216,15 @@ def _warnings(process: Process, shares: FloatArray, set_at: NDArray[np.bool_], g
     if "Dp_um" in process.assumptions:
         warnings.append(
             look_at(
-                f"Dp is assumed, {process.process.Dp_um:g} µm: measure it by cure discs on the same printer, all light "
-                "of greys rests on it"
+                f"Dp is assumed to be {process.process.Dp_um:g} µm, and the light of all greys depends on it: measure it with "
+                "cure discs on the same printer"
             )
         )
     dark = np.unique(shares[~set_at])
     if len(dark):
         warnings.append(
-            look_at(f"greys up to {dark.max():g} set nothing; below {greys[0]:g} the light is interpolated to 0")
+            look_at(f"greys up to {dark.max():g} cure nothing; below {greys[0]:g} the light is "
+"interpolated to 0")
         )
     elif greys[0] > DARK:
         warnings.append(look_at(f"no grey below {greys[0]:g} was measured; there the light is interpolated to 0"))

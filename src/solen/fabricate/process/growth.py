@@ -1,12 +1,12 @@
 """Growth of straight edges, and the critical dose that causes it.
 
-The idea: seen from above, the width of a part is that on the window side of a layer far inside, where all layers are
-alike. The growth of a long straight wall beyond its image there is the number that coupons determine best: blur,
-scattering, critical dose, exposure and washing all contribute. So a calibrated process keeps it: when another number
-is varied within its uncertainty, the critical dose is adjusted so that walls still grow as measured.
+The idea: seen from above, the width of a part is its width on the window side of a layer far inside, where all layers
+are equivalent. The growth of a long straight wall beyond its image there is the number that coupons determine best:
+blur, scattering, critical dose, exposure and washing all contribute. A calibrated process therefore keeps this growth:
+when another number is varied within its uncertainty, the critical dose is adjusted to give the measured growth.
 
-The interface: `straight_edge_um` is the growth of a wall at a height; `inside` is the light far inside,
-`growth_um` the growth there, `with_growth` gives settings of a given one.
+The interface: `straight_edge_um` is the growth of a wall at a height; `inside` is the light far inside, `growth_um` the
+growth there, and `with_growth` returns settings with a given growth.
 """
 
 import math
@@ -26,11 +26,11 @@ _HALOS = 4  # groups of scattered light
 _WIDE = 8.0  # widths of a blur beyond which it adds nothing
 
 Light = tuple[FloatArray, FloatArray]
-"""Doses in mJ/cm² and blurs in µm of what arrives on the window side of a layer far inside."""
+"""Doses in mJ/cm² and blurs in µm of the light that arrives on the window side of a layer far inside."""
 
 
 def layers_inside(settings: Settings) -> int:
-    """Number of layers beyond which more make no difference."""
+    """Number of layers beyond which further layers have no effect."""
     return math.ceil(25.0 * settings.deep_Dp_um / settings.layer_um) + 1
 
 
@@ -59,27 +59,27 @@ def growth_um(settings: Settings) -> float:
     Raises
     ------
     DataError
-        If nothing sets.
+        If the dose sets no resin.
     """
     return _edge_um(*inside(settings), settings, "far inside") + settings.wash_um
 
 
 def straight_edge_um(settings: Settings, layers: int, height_um: float) -> float:
-    """Growth of a long straight wall beyond its image at a height, in µm; negative if it falls short.
+    """Growth of a long straight wall beyond its image at a height, in µm; negative if the wall recedes.
 
-    Mean over the wall's places between pixels (see `Settings.edge_um`).
+    The growth is averaged over the wall's positions between pixels (see `Settings.edge_um`).
 
     Raises
     ------
     DataError
-        If nothing sets at that height.
+        If the dose sets no resin at that height.
     """
     terms = terms_at(settings, layers, height_um)
     return _edge_um(*_of_edges(terms.dose, terms.sigma_um, settings), settings, f"at a height of {height_um:g} µm")
 
 
 def uneven_um(settings: Settings) -> tuple[float, float]:
-    """Least and largest growth of straight walls far inside that face along an axis, by an asymmetric response."""
+    """Range of the growth of straight walls far inside that face along an axis, for an asymmetric response."""
     pixel = settings.pixel_light
     if not isinstance(pixel, MeasuredPixel):
         return (growth_um(settings),) * 2
@@ -94,7 +94,7 @@ def uneven_um(settings: Settings) -> tuple[float, float]:
 
 
 def _of_edges(dose: FloatArray, sigma: FloatArray, settings: Settings) -> Light:
-    """Doses and blurs of edges by terms (T,): by the pixel's light, what is wider than that, and covered shares."""
+    """Doses and blurs of an edge from terms (T,): the pixel's light, any wider blur, and covered shares."""
     weights, widths = settings.pixel_light.mixture
     beyond = np.maximum(sigma**2 - settings.blur_um**2, 0.0) + settings.covered_um**2
     return np.outer(dose, weights).ravel(), np.sqrt(beyond[:, None] + widths**2).ravel()
@@ -103,9 +103,10 @@ def _of_edges(dose: FloatArray, sigma: FloatArray, settings: Settings) -> Light:
 def _edge_um(
     dose: FloatArray, blur: FloatArray, settings: Settings, where: str, beside: FloatArray | float = 0.0
 ) -> float:
-    """Distance x from a straight edge's image at which Σ E Φ((b - x)/σ) = Ec, with light that falls ``beside`` by b."""
+    """Distance x from a straight edge's image at which Σ E Φ((b - x)/σ) = Ec, for light offset by b (``beside``)."""
     if float(dose.sum()) <= settings.Ec_mJ_per_cm2:
-        limit = f"{dose.sum():.3g} mJ/cm2 arrive {where}, and the resin sets from {settings.Ec_mJ_per_cm2:g} on"
+        limit = (f"{dose.sum():.3g} mJ/cm2 arrive {where}, and the resin sets at {settings.Ec_mJ_per_cm2:g} "
+"mJ/cm2")
         raise DataError("process.exposure_s", value=settings.exposure_s, limit=limit, remedy="expose for longer")
     reach = _WIDE * float(blur.max()) + float(np.abs(beside).max())
     excess = brentq(

@@ -1,11 +1,11 @@
-"""The lens that a process prints, with the uncertainty due to that of the process.
+"""The lens that a process prints, and the uncertainty of its shape due to the process.
 
 The idea: one method for every orientation. The printed face is computed twice for each uncertain number of the process,
-with that number larger and smaller by its standard uncertainty; half the difference is the number's contribution,
-point by point along the lens. The position of the lens within a pixel is unknown beforehand: that is one more
-contribution. Numbers from one calibration enter with their covariance.
+with that number larger and smaller by its standard uncertainty; half the difference is the number's contribution, point
+by point along the lens. The position of the lens within a pixel is unknown beforehand and is a further contribution.
+Numbers from one calibration enter with their covariance.
 
-The interface: `predicted` gives a `Prediction`.
+The interface: `predicted` returns a `Prediction`.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,13 +38,13 @@ class Prediction:
     deviation
         Deviation from the designed face; for a lens printed in steps, without their ripple.
     u_um
-        Its standard uncertainty at each point, (N,).
+        Standard uncertainty of the deviation at each point, (N,).
     ripple_um
         Steps of layers along the face, (N,); 0 everywhere for a flat print.
     ripple_through_um
         Peak to valley of a wall within a layer along the thickness, for a flat print; 0 otherwise.
     contributions_um
-        Contribution (rms along the face) of each uncertain number, the largest first.
+        Contribution (rms along the face) of each uncertain number, in descending order.
     """
 
     deviation: Deviation
@@ -55,7 +55,7 @@ class Prediction:
 
 
 def points_for(orientation: Orientation) -> int:
-    """Number of points along a lens: finer where layers must be seen."""
+    """Number of points along a lens; larger if individual layers must be resolved."""
     return FLAT_POINTS if orientation == "flat" else SIDE_POINTS
 
 
@@ -70,7 +70,7 @@ def predicted(
     *,
     phase: tuple[float, float] | None = None,
 ) -> Prediction:
-    """Lens that a process prints.
+    """Predict the lens that a process prints.
 
     Parameters
     ----------
@@ -83,14 +83,14 @@ def predicted(
     thickness_mm
         Thickness of the part.
     orientation
-        How it lies in the printer.
+        Orientation in the printer.
     height_um
         Height of the profile, for a part printed flat; None for the mean over its thickness.
     progress
-        Called with the completed share, up to 1.
+        Called with the completed fraction, up to 1.
     phase
-        Position of the drawing's origin within its pixel, for a part printed flat; None if it is unknown, which adds
-        an uncertainty.
+        Position of the drawing's origin within its pixel, for a part printed flat; None if it is unknown, which adds an
+        uncertainty.
 
     Raises
     ------
@@ -122,7 +122,9 @@ def predicted(
 
 
 _Lens = tuple[FloatArray, FloatArray, float, Callable[..., FloatArray]]
-"""Offsets and their ripple (N,), the ripple through the thickness, and the offsets by other settings."""
+"""Offsets and their ripple (N,), the ripple through the thickness, and a function for the offsets with other
+settings.
+"""
 
 
 def _flat(
@@ -151,10 +153,10 @@ class Phase:
     Attributes
     ----------
     phase_px
-        The place, along x and z in pixels.
+        The position along x and z, in pixels.
     shape_um, on_a_corner_um, worst_um
-        Deviation of the lens's shape, root mean square after the best shift along z: there, on a corner of pixels, and
-        at the worst place.
+        Deviation of the lens's shape, root mean square after the best shift along z: at the best position, on a corner
+        of pixels, and at the worst position.
     """
 
     phase_px: tuple[float, float]
@@ -166,10 +168,10 @@ class Phase:
 def best_phase(
     rings: Sequence[FloatArray], target: Target, settings: Settings, thickness_mm: float, height_um: float | None
 ) -> Phase:
-    """Position of the drawing's origin within a pixel that gives a flat lens the least deviation of shape.
+    """Position of the drawing's origin within a pixel that minimises the deviation of a flat lens's shape.
 
-    A lens that is symmetric about x = 0 stays so on a corner and in the middle of a pixel, so these two are tried
-    along x, and eighths along z.
+    A lens that is symmetric about x = 0 stays symmetric on a corner and in the middle of a pixel. Only these two are
+    therefore tried along x, and multiples of an eighth along z.
     """
     flat = FlatPrint.of(rings, target, settings, thickness_mm)
     at_um = 0.5 * flat.thickness_um if height_um is None else height_um
@@ -193,7 +195,7 @@ def _standing(rings: Sequence[FloatArray], target: Target, settings: Settings, s
 
 
 def half_difference(process: Process, key: str, u: float, printed: Callable[[Settings], FloatArray]) -> FloatArray:
-    """Half of the change between a number minus and plus its uncertainty; one-sided where that fails."""
+    """Half of the change from a number minus its uncertainty to the number plus it; one-sided if one of them fails."""
 
     def changed(by: float) -> FloatArray | None:
         try:
@@ -205,14 +207,14 @@ def half_difference(process: Process, key: str, u: float, printed: Callable[[Set
     if more is not None and less is not None:
         return 0.5 * (more - less)
     if more is None and less is None:
-        limit = "neither more nor less of it prints a lens"
+        limit = "neither a larger nor a smaller value prints a lens"
         raise DataError(f"uncertainty.{key}", value=u, limit=limit, remedy="state a smaller uncertainty")
     base = printed(process.process)
     return more - base if more is not None else base - np.asarray(less)
 
 
 def _varied(process: Process, key: str, by: float) -> Settings:
-    """Settings with one number changed; if the growth of walls is known, the critical dose follows."""
+    """Settings with one number changed; the critical dose is adjusted if the growth of walls is known."""
     settings = process.process
     if key == GROWTH:
         return with_growth(settings, growth_um(settings) + by)

@@ -1,8 +1,8 @@
-"""A design as printed: the printed lens beside the designed one, its effect on the response, and compensation.
+"""A design as printed: the printed lens compared with the designed one, its effect on the response, and compensation.
 
-The idea: one call for what a print of a design does. The lens is predicted with its uncertainty and compared with the
-designed one; the response of both is traced; on demand the drawing that prints as designed is found, and the whole part
-that comes out is made.
+The idea: one call predicts the effects of printing a design. The lens is predicted with its uncertainty and compared
+with the designed one, and the response of both is traced. On request, a drawing that prints as designed is computed,
+and the whole printed part is made.
 
 The interface: `print_design` returns a `PrintedDesign`.
 """
@@ -35,7 +35,7 @@ from solen.sensor.print_loss import print_loss
 
 _MOST = (2.5, 97.5)
 _TAPER_UM = 2.0
-"""Taper of the walls that is worth a warning."""
+"""Taper of the walls above which there is a warning."""
 _WELL_KNOWN_UM = 3.0
 
 
@@ -57,15 +57,14 @@ def print_design(
     options
         The process and the orientation.
     response, compensate, part
-        Whether to trace the response with both lenses, compute a compensated drawing, and make the whole
-        part.
+        Whether to trace the response with both lenses, compute a compensated drawing, and make the whole part.
     progress
-        Called with the completed share, up to 1.
+        Called with the completed fraction, up to 1.
 
     Raises
     ------
     SolenError
-        If the process is impossible, the lens cannot be printed by it, or an option requires a flat part.
+        If the process is impossible or cannot print the lens, or if an option requires a flat part.
     """
     _check_flat(options, compensate=compensate, part=part)
     process, sources = process_of(options)
@@ -110,7 +109,7 @@ def print_design(
 
 @dataclass(frozen=True, eq=False)
 class _Print:
-    """A sensor, the process that prints it, and how."""
+    """A sensor, the process that prints it, and the print options."""
 
     sensor: Sensor
     process: Process
@@ -164,7 +163,7 @@ class _Print:
     @property
     def profile_at(self) -> str:
         if self.options.orientation != "flat":
-            return "the whole thickness: nothing changes along it"
+            return "the whole thickness: the profile is constant along it"
         if self.height_um is None:
             return "mean over the thickness"
         return f"{1e-3 * self.height_um:g} mm above the platform, mean over its layer"
@@ -204,7 +203,7 @@ class _Print:
 
 
 def _check_flat(options: PrintOptions, *, compensate: bool, part: bool) -> None:
-    """`SpecError` if something that only a flat part has is asked for of another."""
+    """Raise `SpecError` if an option for flat parts is combined with another orientation."""
     if options.choose_phase and options.phase_px is not None:
         raise SpecError(
             "--phase-px", value=options.phase_px, limit="cannot be combined with --choose-phase", remedy="leave one out"
@@ -212,11 +211,11 @@ def _check_flat(options: PrintOptions, *, compensate: bool, part: bool) -> None:
     if options.orientation == "flat":
         return
     if options.at != "middle":
-        raise SpecError("--at", value=options.at, limit="is for parts printed flat", remedy="leave it out")
+        raise SpecError("--at", value=options.at, limit="applies to parts printed flat", remedy="leave it out")
     phase = options.choose_phase or options.phase_px is not None
     for asked, option in ((compensate, "--compensate"), (part, "--solid"), (phase, "--phase-px or --choose-phase")):
         if asked:
-            limit = f"{option} is for parts printed flat"
+            limit = f"{option} applies to parts printed flat"
             raise SpecError("--orientation", value=options.orientation, limit=limit, remedy="print it flat")
 
 
@@ -243,21 +242,21 @@ def _ripple(lens: Prediction, orientation: Orientation) -> Ripple:
 
 
 def _of_features(sensor: Sensor, settings: Settings) -> list[Caution]:
-    """Bumps and bends of a free-form lens that are finer than what the process prints."""
+    """Warn of bumps and bends of a free-form lens that are too fine for the process."""
     if not isinstance(sensor.cut, SplineLens):
         return []
-    fine = sensor.cut.too_fine(settings.least_feature_um, "what the process prints to 90 %")
+    fine = sensor.cut.too_fine(settings.least_feature_um, "the finest feature that the process prints to 90 %")
     return [look_at(text) for text in fine]
 
 
 def _of_layers(prediction: PrintedDesign) -> list[Caution]:
-    """Effects of layers on the lens that the profile leaves out."""
+    """Warn of effects of layers on the lens that the profile ignores."""
     walls = prediction.walls
     if walls is None:
         return [
             look_at(
                 f"the steps of the layers, {prediction.ripple.rms_um:.2g} µm root mean square along the profile, "
-                "scatter light; the traced profile is without them"
+                "scatter light; the traced profile omits them"
             )
         ]
     first, middle, last = walls.first_um, walls.middle_um, walls.last_um
@@ -265,34 +264,36 @@ def _of_layers(prediction: PrintedDesign) -> list[Caution]:
         return []
     return [
         look_at(
-            f"walls stand {first:+.3g} µm beyond their image at the first layer, {middle:+.3g} in the middle and "
-            f"{last:+.3g} at the last: light at another height sees another lens"
+            f"walls are {first:+.3g} µm beyond their image at the first layer, {middle:+.3g} in the middle and "
+            f"{last:+.3g} at the last: light at another height passes a lens of another shape"
         )
     ]
 
 
 def _of_response(prediction: PrintedDesign) -> list[Caution]:
-    """Walls that an asymmetric response moves unlike, where they are taken by the mean of all directions."""
+    """Warn if an asymmetric response moves walls differently, because walls other than the lens use the mean of all
+    sides.
+    """
     least, most = uneven_um(prediction.settings)
     if prediction.walls is None or most - least < _TAPER_UM:
         return []
     return [
         look_at(
-            f"the response is not symmetric: walls lie {least:+.3g} to {most:+.3g} µm beyond their image, by "
-            "the side they face; the lens follows that, and other walls are drawn and reported by the mean of all sides"
+            f"the response is not symmetric: walls are {least:+.3g} to {most:+.3g} µm beyond their image, depending on "
+            "the side they face; the lens includes this, but other walls use the mean of all sides"
         )
     ]
 
 
 def _of_compensation(prediction: PrintedDesign) -> list[Caution]:
-    """A drawing against the print is worth no more than the process is known."""
+    """Warn if a compensated drawing is limited by the uncertainty of the process."""
     u_um = prediction.u_rms_um
     if prediction.compensation is None or u_um < max(2.0 * prediction.compensation.printed.rms_um, _WELL_KNOWN_UM):
         return []
     return [
         do_not_use(
             f"compensated, the lens is {prediction.compensation.printed.rms_um:.2g} µm off in the model, whose "
-            f"uncertainty is {u_um:.2g} µm: calibrate the process with coupons of your printer before you trust the "
+            f"uncertainty is {u_um:.2g} µm: calibrate the process with coupons of your printer before you rely on the "
             "drawing"
         )
     ]

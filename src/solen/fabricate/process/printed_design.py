@@ -24,7 +24,7 @@ NUMERICAL_UM = 0.1
 
 @dataclass(frozen=True)
 class Ripple:
-    """Ripple of the layers, along the thickness of a flat part and else along the profile."""
+    """Ripple of the layers: along the thickness of a flat part, otherwise along the profile."""
 
     along: str
     peak_to_valley_um: float
@@ -38,7 +38,7 @@ class Walls:
     Attributes
     ----------
     height_um, beyond_um
-        Middle heights of the layers (n,), and the growth of a wall beyond its image there, without shrinkage.
+        Middle heights of the layers (n,), and the growth of a wall beyond its image at each, without shrinkage.
     """
 
     height_um: FloatArray = field(metadata=HIDDEN)
@@ -51,23 +51,23 @@ class Walls:
 
     @reported
     def first_um(self) -> float:
-        """How far a wall stands beyond its image at the first layer."""
+        """Growth of a wall beyond its image at the first layer."""
         return float(self.beyond_um[0])
 
     @reported
     def middle_um(self) -> float:
-        """The same in the middle of the thickness."""
+        """Growth of a wall beyond its image in the middle of the thickness."""
         return float(self.beyond_um[self.layers // 2])
 
     @reported
     def last_um(self) -> float:
-        """The same at the last layer."""
+        """Growth of a wall beyond its image at the last layer."""
         return float(self.beyond_um[-1])
 
 
 @dataclass(frozen=True)
 class Shape:
-    """Deviation left after the best shift along z."""
+    """Deviation that remains after the best shift along z."""
 
     shift_z_um: float
     rms_um: float
@@ -94,15 +94,15 @@ class PrintedDesign(Result):
     name, simulated
         Name of the design; a prediction is always simulated.
     orientation, profile_at
-        How the part lies, and the height of the profile in words.
+        Orientation of the part, and height of the profile in words.
     process, settings
         Name and values of the process.
     lens
         The printed lens.
     phase
-        Where in its pixel the lens was chosen to stand, and what that buys; None if it was not chosen.
+        Chosen position of the lens in its pixel, and the gain from it; None if it was not chosen.
     deviation
-        From the designed lens, along its normal; above 0 there is more material.
+        Deviation from the designed lens, along its normal; positive for more material.
     u_rms_um, u_max_um
         Standard uncertainty of the deviation along the lens.
     shape
@@ -110,15 +110,15 @@ class PrintedDesign(Result):
     ripple, walls
         Ripple of the layers, and straight walls of a flat part.
     contributions_um
-        Contribution of each uncertain number to the uncertainty, root mean square along the lens, the largest first.
+        Contribution of each uncertain number to the uncertainty, root mean square along the lens, in descending order.
     response
-        The response that is lost; None if it was not traced.
+        The loss of response; None if it was not traced.
     compensation, compensated_response
-        The drawing that prints as designed, and the response with the lens that it prints.
+        The drawing that prints as designed, and the response with the lens printed from it.
     part
-        The whole printed part; None if it was not asked for.
+        The whole printed part; None if it was not requested.
     sources, warnings
-        The process's file, and what cannot be concluded.
+        File of the process, and limits of the conclusions.
     """
 
     name: str
@@ -145,7 +145,7 @@ class PrintedDesign(Result):
 
     @reported
     def cure_depth_um(self) -> float:
-        """How deep one ordinary layer's exposure sets resin."""
+        """Cure depth of one ordinary layer's exposure."""
         return self.settings.cure_depth_um
 
     @reported
@@ -155,12 +155,12 @@ class PrintedDesign(Result):
 
     @property
     def profile(self) -> MeasuredProfile:
-        """Profile of the printed lens, as `[lens] profile` of a design takes it."""
+        """Profile of the printed lens, in the form of a design's `[lens] profile`."""
         return self._profile(self.deviation)
 
     @property
     def compensated_profile(self) -> MeasuredProfile | None:
-        """Profile of the lens that the compensated drawing prints."""
+        """Profile of the lens printed from the compensated drawing."""
         return None if self.compensation is None else self._profile(self.compensation.printed)
 
     def _profile(self, deviation: Deviation) -> MeasuredProfile:
@@ -172,8 +172,8 @@ def profile_of_print(
 ) -> MeasuredProfile:
     """Profile of a printed lens, marked as simulated.
 
-    Its ``u_mm`` is what may differ from point to point. What the process leaves open, ``u_um``, moves all points
-    together and is a warning: taken for noise of single points it would have the profile smoothed away.
+    Its ``u_mm`` is the uncertainty that varies from point to point. The uncertainty of the process, ``u_um``, moves all
+    points together and is stated in a warning: treated as noise of single points, it would smooth the profile away.
     """
     points = deviation.points_mm
     chosen = np.unique(np.linspace(0, len(points) - 1, PROFILE_POINTS).round().astype(int))
@@ -198,6 +198,6 @@ def profile_of_print(
 
 
 def _forwards(points: FloatArray) -> FloatArray:
-    """Points (N, 2) of which each lies farther right than all before it."""
+    """Points (N, 2) without those that do not advance to the right of all previous points."""
     highest = np.concatenate([[-np.inf], np.maximum.accumulate(points[:-1, 0])])
     return points[points[:, 0] > highest + 1e-9]

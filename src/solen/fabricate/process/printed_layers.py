@@ -1,9 +1,9 @@
-"""A design whose lens differs by height, as a process prints it: its face layer by layer, and what is left of its gain.
+"""A design whose lens varies with height, as a process prints it: its face layer by layer, and its remaining gain.
 
-The cylinder of the same middle section is printed by the same model, so that a table compares both as designed and as
-printed. What is compensated is drawn layer by layer; the walls beside the lens stay as designed.
+The cylinder with the same middle section is printed by the same model, so a table compares both as designed and as
+printed. Compensation changes the drawing layer by layer; the walls next to the lens stay as designed.
 
-The interface: `print_layers` returns `PrintedLayers`; `layer_files` are the files of it.
+The interface: `print_layers` returns `PrintedLayers`; `layer_files` are its files.
 """
 
 from dataclasses import dataclass, field, replace
@@ -33,9 +33,9 @@ from solen.sensor.sensor import OF_SHAPES
 from solen.spec import Design, dumps, with_values
 
 ALIKE_UM = 1.0
-"""How unlike a pixel's light may move the walls of both sides."""
+"""Maximum difference by which a pixel's light may move opposite walls."""
 MIDDLE_PIXELS = (0.0, 0.5)
-"""Places in a pixel across the axis at which left mirrors right."""
+"""Positions in a pixel across the axis at which left mirrors right."""
 ELSEWHERE = (0.5, 0.5)
 """Position in the pixel farthest from a corner; the default is a corner."""
 WELL_KNOWN_UM = 3.0
@@ -44,7 +44,7 @@ CYLINDER, DESIGNED, PRINTED, DRAWN = "cylinder", "designed", "printed", "compens
 
 @dataclass(frozen=True)
 class LayerDeviation:
-    """Deviation of one layer's wall from the designed one, along its normal; more material above 0.
+    """Deviation of one layer's wall from the designed one, along its normal; positive for more material.
 
     Attributes
     ----------
@@ -53,10 +53,10 @@ class LayerDeviation:
     height_mm
         Height of its middle above the plate.
     rms_um, mean_um, largest_um, largest_x_mm
-        Over half the wall, which mirrors itself; where the largest is.
+        Statistics over half the wall, whose other half mirrors it; position of the largest deviation.
     u_rms_um
-        Standard uncertainty by the process, and by the place in the pixel where that is not stated; root mean square
-        along the wall.
+        Standard uncertainty due to the process, and to the position in the pixel if that is not stated; root mean
+        square along the wall.
     """
 
     layer: int
@@ -69,7 +69,7 @@ class LayerDeviation:
 
 
 class PrintedLayers(Result):
-    """A design whose lens differs by height, as a process prints it flat; simulated.
+    """A design whose lens varies with height, as a process prints it flat; simulated.
 
     Attributes
     ----------
@@ -82,15 +82,16 @@ class PrintedLayers(Result):
     rms_um
         Deviation of the whole printed face from the designed one, root mean square along the normals.
     deviations
-        Deviations of the first layer, one in the middle, one at three quarters of the height, and the last.
+        Deviations of the first and last layers, one in the middle and one at three quarters of the height.
     compensated_rms_um, compensated_deviations, rounds_um
-        The same of the compensated drawing, and its root mean square along z round by round; None without one.
+        The same values for the compensated drawing, and the root mean square along z, round by round; None without
+        compensation.
     drawn_range_um
-        How far the compensated drawing stands out of the designed face, along z towards the emitter, at least and most.
+        Range of the displacement of the compensated drawing from the designed face, along z towards the emitter.
     responses
-        Contrast and light of cylinder and lens, designed and printed; empty if they were not traced.
+        Contrast and light of cylinder and lens, designed and printed; empty if not traced.
     sources, warnings
-        The process's file, and what cannot be concluded.
+        File of the process, and limits of the conclusions.
     face, compensated, half_width_mm
         The printed faces.
     """
@@ -117,17 +118,19 @@ class PrintedLayers(Result):
 
     @reported
     def remaining(self) -> dict[str, tuple[float, ...]]:
-        """Of each lens, its contrast over that of the printed cylinder, by angle; empty without responses."""
+        """Contrast of each lens divided by that of the printed cylinder, by angle; empty without responses."""
         return {name: tuple(share.tolist()) for name, (share, _) in self._remaining.items()}
 
     @reported
     def u_remaining(self) -> dict[str, tuple[float, ...]]:
-        """Uncertainty of `remaining`, by that of both contrasts; 0 of the printed cylinder over itself."""
+        """Standard uncertainty of `remaining`, from that of both contrasts; 0 for the printed cylinder itself."""
         return {name: tuple(u.tolist()) for name, (_, u) in self._remaining.items()}
 
     @property
     def _remaining(self) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """Of each lens, its contrast over that of the printed cylinder and the uncertainty; NaN where that is 0."""
+        """Contrast of each lens divided by that of the printed cylinder, and its uncertainty; NaN if the latter
+        contrast is 0.
+        """
         base = next((one for one in self.responses if one.name == f"{CYLINDER}, {PRINTED}"), None)
         if base is None:
             return {}
@@ -141,7 +144,7 @@ class PrintedLayers(Result):
 
     @property
     def profile(self) -> Profiles:
-        """The printed face, as ``[lens] profile`` of a layered lens takes it."""
+        """The printed face, in the form of a layered lens's ``[lens] profile``."""
         return self._profiles(self.face)
 
     def _profiles(self, face: PrintedFace) -> Profiles:
@@ -202,9 +205,9 @@ def print_layers(
 
 
 def layer_files(made: PrintedLayers, out: Path | None, compensate: Path | None) -> dict[Path, files.Content]:
-    """Files of a prediction: the printed layers, and the design that draws the compensated ones.
+    """Files of a prediction: the printed layers, and the design that draws the compensated layers.
 
-    `OutputError` if two of them are one file.
+    Raises `OutputError` if two of the files have the same path.
     """
     contents: dict[Path, files.Content] = {} if out is None else {out: layers_text(made.profile).encode()}
     if compensate is None or made.compensated is None:
@@ -241,10 +244,11 @@ def _drawn_design(sensor: Sensor, layers: str) -> Design:
 
 
 def _check(options: PrintOptions, *, part: bool) -> None:
-    """`SpecError` for what is not offered of such a lens."""
-    why = "is not offered for a lens that differs by height"
+    """Raise `SpecError` if an option is not supported for such a lens."""
+    why = "is not supported for a lens that varies with height"
     if options.orientation != "flat":
-        limit = "a lens that differs by height is printed flat, its layers parallel to the faces of the body"
+        limit = ("a lens that varies with height is printed flat, with its layers parallel to the "
+"faces of the body")
         raise SpecError("--orientation", value=options.orientation, limit=limit, remedy="leave it out")
     if part:
         raise SpecError("--solid", limit=why, remedy="export the printed layers: lens.profile of a layered design")
@@ -258,24 +262,26 @@ def _check(options: PrintOptions, *, part: bool) -> None:
 
 
 def _check_halves(settings: Settings) -> None:
-    """`SpecError` if a pixel's light moves opposite walls unlike: one half of each layer is printed for both."""
+    """Raise `SpecError` if a pixel's light moves opposite walls differently: one half of each layer is modelled for
+    both.
+    """
     least, most = uneven_um(settings)
     if most - least > ALIKE_UM:
         raise SpecError(
             "process.response",
-            value=f"walls at {least:+.3g} to {most:+.3g} µm by the side they face",
+            value=f"walls at {least:+.3g} to {most:+.3g} µm, depending on the side they face",
             limit=f"must move all sides equally, within {ALIKE_UM:g} µm, for a lens that varies with height",
             remedy="state a symmetric response, or its sigma_um",
         )
 
 
 def _shown(layers: int) -> list[int]:
-    """Numbers of the layers whose deviations are reported, from 0."""
+    """Numbers, from 0, of the layers whose deviations are reported."""
     return sorted({0, layers // 2, (3 * layers) // 4, layers - 1})
 
 
 def _u_um(model: FacePrint, process: Process) -> dict[int, float]:
-    """Standard uncertainty of the shown layers by that of the process, root mean square along the wall."""
+    """Standard uncertainty of the reported layers due to the process, root mean square along the wall."""
     keys, covariance = process.covariance()
     scale = np.sqrt(np.diag(covariance))
     return {layer: _u_of_layer(model, process, layer, keys, scale, covariance) for layer in _shown(model.layers)}
@@ -295,7 +301,7 @@ def _u_of_layer(
 
 
 def _u_by_place_um(model: FacePrint, face: PrintedFace) -> dict[int, float]:
-    """Standard uncertainty of the shown layers by the place in the pixel, as `predict.predicted` takes it."""
+    """Standard uncertainty of the reported layers due to the position in the pixel, as in `predict.predicted`."""
     shown = _shown(model.layers)
     moved = zip(shown, model.moved_um(face, shown, ELSEWHERE), strict=True)
     return {layer: float(np.sqrt(np.mean(um**2) / 3.0)) for layer, um in moved}
@@ -303,8 +309,8 @@ def _u_by_place_um(model: FacePrint, face: PrintedFace) -> dict[int, float]:
 
 def _of_place(u_um: dict[int, float]) -> Caution:
     return look_at(
-        f"--phase-px is not stated and taken as 0,0: elsewhere in the pixel a layer's wall is another, uncertain by "
-        f"{max(u_um.values()):.2g} µm rms; that is in u_rms_um, not in the table of responses"
+        f"--phase-px is not stated; 0,0 is assumed. Another position in the pixel changes a layer's wall by "
+        f"{max(u_um.values()):.2g} µm rms; this is included in u_rms_um, but not in the table of responses"
     )
 
 
@@ -327,7 +333,7 @@ def _responses(
     process: str,
     progress: Progress | None,
 ) -> tuple[LensResponse, ...]:
-    """Responses of cylinder and lens, designed and printed, the compensated ones where they were made."""
+    """Responses of cylinder and lens, designed and printed, and of the compensated lens if there is one."""
     upright = Sensor.of(with_values(sensor.design, _upright(sensor)))
     cylinder = FacePrint.of(upright.body(), model.settings, model.phase)
     printed = cylinder.printed()
@@ -352,28 +358,30 @@ def _upright(sensor: Sensor) -> dict[str, object]:
 
 
 def _of_face(sensor: Sensor, model: FacePrint, made: PrintedFace | None, u_um: dict[int, float]) -> list[Caution]:
-    """What a prediction of such a face leaves out."""
+    """Limits of the prediction of such a face."""
     worst = max(u_um.values())
     warnings = [
-        note("each layer's wall is that of its middle height; shrinkage along the height is left out"),
-        note("the walls beside the lens are traced as designed"),
+        note("each layer's wall is that at its middle height; shrinkage along the height is ignored"),
+        note("the walls next to the lens are traced as designed"),
         look_at(
-            f"the process is uncertain by up to {worst:.2g} µm of a layer's wall; the table of responses is without it"
+            f"the uncertainty of the process is up to {worst:.2g} µm for a layer's wall; the table "
+"of responses excludes it"
         ),
     ]
     layer_mm = sensor.design.lens.layer_mm
     printers_mm = 1e-3 * model.settings.layer_um
     if layer_mm is not None and not np.isclose(layer_mm, printers_mm):
-        warnings.append(look_at(f"lens.layer_mm = {layer_mm:g}, and the process prints layers of {printers_mm:g} mm"))
+        warnings.append(look_at(f"lens.layer_mm = {layer_mm:g}, but the process prints layers of "
+f"{printers_mm:g} mm"))
     last_mm = float(model.edges_mm[1] - model.edges_mm[0])
     if not np.isclose(last_mm, printers_mm):
         count = f"{sensor.design.body.thickness_mm:g} mm is {model.layers - 1} layers of {printers_mm:g} mm"
-        warnings.append(look_at(f"{count} and one of {last_mm:.3g} mm, whose light is that of a whole layer"))
+        warnings.append(look_at(f"{count} and one of {last_mm:.3g} mm, which is exposed like a whole layer"))
     if made is not None and worst > max(2.0 * made.rms_um, WELL_KNOWN_UM):
         warnings.append(
             do_not_use(
                 f"compensated, the face is {made.rms_um:.2g} µm off in the model, whose uncertainty is {worst:.2g} µm: "
-                "calibrate the process with coupons of your printer before you trust the drawing"
+                "calibrate the process with coupons of your printer before you rely on the drawing"
             )
         )
     return warnings

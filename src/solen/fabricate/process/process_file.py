@@ -1,14 +1,14 @@
 """The process file: the properties of a printer and a resin, each number with its uncertainty and its source.
 
-The idea: a prediction is only as good as its inputs. So the file holds three tables with the same keys: the value
-(``[process]``), its standard uncertainty (``[uncertainty]``) and its source (``[source]``), and the covariance
-of jointly calibrated numbers. Missing numbers are those of the default, with its sources.
+The idea: a prediction is only as good as its inputs. The file therefore contains three tables with the same keys: the
+value (``[process]``), its standard uncertainty (``[uncertainty]``) and its source (``[source]``), and the covariance of
+jointly calibrated numbers. Missing numbers are taken from the default process, with its sources.
 
-The default follows the publication that solen is built around (Cafiso et al., Methods) where it states a
-number: 13 mW/cm², layers of 25 µm, 2 s, six burn-in layers of 3 s. It states only bounds of the working curve, and
+The default follows the publication that solen is built around (Cafiso et al., Methods) if that states a number: 13
+mW/cm², layers of 25 µm, 2 s, six burn-in layers of 3 s. The publication states only bounds of the working curve, and
 nothing about the projector: those values are assumptions, marked as such in the file.
 
-The interface: `read_process`, `default_process`, `process_text`; `Process` holds the three tables.
+The interface: `read_process`, `default_process`, `process_text`; a `Process` has the three tables.
 """
 
 from collections.abc import Mapping
@@ -44,7 +44,7 @@ from solen.spec.strict import (
 SCHEMA = 1
 MIGRATIONS: Migrations = {}
 GROWTH = "growth_um"
-"""Growth of a straight wall: what a calibration finds in place of the critical dose."""
+"""Growth of a straight wall, which a calibration determines in place of the critical dose."""
 CRITICAL = "Ec_mJ_per_cm2"
 U_RESPONSE = 0.05
 """Default standard uncertainty of a response's scale."""
@@ -53,7 +53,7 @@ U_RESPONSE = 0.05
 class Calibration(Strict):
     """Jointly fitted numbers, and their covariance in the units of their keys.
 
-    ``growth_um`` among them means that walls grow as measured, whatever the other numbers.
+    If ``growth_um`` is one of them, walls grow as measured when other numbers are varied.
     """
 
     table: ClassVar[str] = "calibration"
@@ -61,8 +61,8 @@ class Calibration(Strict):
 
     keys: tuple[Text, ...] = Field(description="names of the numbers.")
     covariance: tuple[tuple[Number, ...], ...] = Field(description="covariance, a row for each.")
-    features: Annotated[int, Field(strict=True, ge=0)] = Field(0, description="How many features it rests on.")
-    simulated: Annotated[bool, Field(strict=True)] = Field(False, description="Whether these were computed.")
+    features: Annotated[int, Field(strict=True, ge=0)] = Field(0, description="Number of features used.")
+    simulated: Annotated[bool, Field(strict=True)] = Field(False, description="Whether the features were simulated.")
 
     @model_validator(mode="after")
     def _is_sound(self) -> Self:
@@ -99,19 +99,20 @@ class Process(Strict):
                     raise refused(table, f"must be one of {', '.join(allowed)}", value=key)
         unused = "response_scale" if self.process.response is None else "sigma_um"
         if unused in self.uncertainty:
-            limit = f"is of no number here: the process states {'no' if unused != 'sigma_um' else 'a'} response"
+            limit = (f"names no number of this process, which states {'no' if unused != 'sigma_um' else 'a'} "
+"response")
             raise refused(f"uncertainty.{unused}", limit, value=self.uncertainty[unused], remedy="leave it out")
         return self
 
     @property
     def keeps_growth(self) -> bool:
-        """Whether the growth of walls is known, and is kept when other numbers are varied."""
+        """Whether the growth of walls is known, and kept when other numbers are varied."""
         return self.calibration is not None and GROWTH in self.calibration.keys
 
     def covariance(self) -> tuple[tuple[str, ...], FloatArray]:
-        """Keys of the uncertain numbers and their covariance: the calibration's, else diagonal.
+        """Keys of the uncertain numbers and their covariance: the calibration's, otherwise diagonal.
 
-        If the growth of walls is known, it represents the critical dose.
+        If the growth of walls is known, it replaces the critical dose.
         """
         together: tuple[str, ...] = () if self.calibration is None else self.calibration.keys
         alone = [key for key in UNCERTAIN if self.uncertainty.get(key, 0.0) > 0.0 and key not in together]
@@ -123,7 +124,9 @@ class Process(Strict):
         return (*together, *alone), matrix
 
     def with_settings(self, **values: Any) -> "Process":
-        """Return the same with some values set; their uncertainty and source go, as those are of the old ones."""
+        """Process with some values changed; their uncertainties and sources are removed, as they belong to the old
+        values.
+        """
         data = self.model_dump(exclude_unset=False)
         data["process"] |= values
         for key in values:
@@ -135,13 +138,13 @@ class Process(Strict):
 
     @property
     def greys(self) -> Greys:
-        """Light of grey pixels; they are those of its pixels where these are not assumed."""
+        """Light of grey pixels, with the pixel size of the process unless that is assumed."""
         assumed = self.source.get("pixel_um", "").lower().startswith("assum")
         return replace(self.process.greys, pixels_um=None) if assumed else self.process.greys
 
     @property
     def assumptions(self) -> tuple[str, ...]:
-        """Keys whose value is an assumption, as the first word of its source says or because it has none."""
+        """Keys of assumed values: the source begins with "assumption" or is missing."""
         unused = {"sigma_um"} if self.process.response is not None else {"response", "response_scale"}
         stated = [key for key in KEYS if key not in unused]
         return tuple(key for key in stated if self.source.get(key, "assumption").lower().startswith("assum"))
@@ -152,7 +155,7 @@ class Process(Strict):
         if s.cure_depth_um < s.layer_um:
             messages.append(
                 do_not_use(
-                    f"the layers do not hold: {s.exposure_s:g} s ({s.dose_mJ_per_cm2:.3g} mJ/cm2) cure "
+                    f"the layers do not adhere: {s.exposure_s:g} s ({s.dose_mJ_per_cm2:.3g} mJ/cm2) cure "
                     f"{s.cure_depth_um:.3g} µm, less than a layer of {s.layer_um:g} µm; expose for longer or slice "
                     "thinner"
                 )
@@ -176,7 +179,7 @@ class Process(Strict):
         if self.calibration is not None and self.calibration.simulated:
             messages.append(
                 look_at(
-                    "numbers of the process rest on simulated coupons or a simulated working curve, not on measured "
+                    "numbers of the process are from simulated coupons or a simulated working curve, not from measured "
                     "ones"
                 )
             )
@@ -184,13 +187,13 @@ class Process(Strict):
 
 
 def default_process() -> Process:
-    """Process that solen ships, each number with its source in the file."""
+    """Default process shipped with solen; its file states a source for each number."""
     text = (files("solen.fabricate.process") / "default.toml").read_text(encoding="utf-8")
     return parsed_process(text, "default process")
 
 
 def read_process(path: Path) -> Process:
-    """Process of a file; `DataError` if it cannot be read or a value is not possible."""
+    """Read the process of a file; raises `DataError` if it cannot be read or a value is impossible."""
     return parsed_process(read_text(path, DataError), str(path), path.parent)
 
 
@@ -203,9 +206,9 @@ def response_of_file(path: Path) -> Path | None:
 
 
 def parsed_process(text: str, what: str, folder: Path = Path()) -> Process:
-    """Process of a TOML text; what it leaves out is the default's, with the default's uncertainty and source.
+    """Process of a TOML text; missing values are those of the default, with the default's uncertainty and source.
 
-    A response's file is one of the folder.
+    The file of a response is in ``folder``.
     """
     data = migrated(parse_toml(text, what, DataError), what, current=SCHEMA, migrations=MIGRATIONS, error=DataError)
     _read_response(data, what, folder)
@@ -215,13 +218,13 @@ def parsed_process(text: str, what: str, folder: Path = Path()) -> Process:
 
 
 def _read_response(data: Document, what: str, folder: Path) -> None:
-    """Put the light of a response's file in its place, and the file into the sources."""
+    """Replace the file of a response by its light, and record the file in the sources."""
     table = data.get("process", {}).get("response") if isinstance(data.get("process"), dict) else None
     if not isinstance(table, dict) or "file" not in table:
         return
     file = table.pop("file")
     if not isinstance(file, str) or "light" in table:
-        limit = "must be the name of a file, and the only statement of the light, without light"
+        limit = "must be the name of a file; the table cannot also state light"
         raise DataError(f"{what}: process.response.file", value=file, limit=limit)
     table["light"] = light_of_file(folder / file)
     if isinstance(source := data.setdefault("source", {}), dict):
@@ -229,7 +232,7 @@ def _read_response(data: Document, what: str, folder: Path) -> None:
 
 
 def _completed(process: Process) -> Process:
-    """Process with uncertainty and source of the default for the keys that it leaves out."""
+    """Process with the default's values, uncertainties and sources for missing keys."""
     default = default_process()
     if process.process.response is not None and "response_scale" not in process.uncertainty:
         source = {"response_scale": f"assumption: the picture's scale and focus known to {100 * U_RESPONSE:g} %"}
@@ -248,6 +251,6 @@ def _completed(process: Process) -> Process:
 
 
 def process_text(process: Process) -> str:
-    """TOML text of a process, all of its values stated; `read_process` gives the process back."""
+    """TOML text of a process with all its values; `read_process` reads the process back."""
     data: Mapping[str, Any] = process.model_dump(exclude_none=True)
     return tomli_w.dumps({"schema": SCHEMA, **{key: value for key, value in data.items() if value or key == "name"}})

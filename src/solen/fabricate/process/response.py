@@ -1,13 +1,13 @@
-"""Light of one pixel at the window: its rectangle blurred by a Gaussian, or a response that was measured.
+"""Light of one pixel at the window: its rectangle blurred by a Gaussian, or a measured response.
 
-The idea: an image's light is the sum of its pixels' light. Often only the width of a projector's blur is
-known, which a Gaussian over the pixel's rectangle describes. If the light of a single lit pixel was measured,
-that picture replaces both, with flat tops, tails and asymmetry. Samples are interpolated by a cubic
-spline and dark beyond; their sum is the light of one pixel.
+The idea: an image's light is the sum of its pixels' light. Often only the width of a projector's blur is known; the
+pixel's rectangle is then convolved with a Gaussian. If the light of a single lit pixel was measured, that picture
+replaces both, with its flat top, tails and asymmetry. Samples are interpolated by a cubic spline, and the light beyond
+the table is zero; their sum is the light of one pixel.
 
-The interface: `PixelResponse` is the table of a process file and `light_of_file` what its file holds; `GaussianPixel`
-and `MeasuredPixel` give its spectrum on a grid, in the plane and summed along one axis, and its mean over directions as
-a sum of Gaussians, used for straight walls and round features.
+The interface: `PixelResponse` is the table of a process file, `light_of_file` reads the samples of its file;
+`GaussianPixel` and `MeasuredPixel` return the spectrum on a grid, in the plane and summed along one axis, and the mean
+over directions as a sum of Gaussians, which is used for straight walls and round features.
 """
 
 import math
@@ -30,23 +30,23 @@ from solen.spec.strict import Number, Positive, Strict, refused
 
 Spectrum = NDArray[np.complex128]
 Mixture = tuple[FloatArray, FloatArray]
-"""Weights, some of them below 0, and standard deviations in µm of Gaussians whose sum is a response."""
+"""Weights, some of them negative, and standard deviations in µm of Gaussians whose sum is a response."""
 
 PICTURES = (".png", ".tif", ".tiff", ".bmp")
 MOST_SAMPLES = 65_536
 FAINTEST = 1e-6
-"""Relative size of the narrowest blur's spectrum at the end of the fine grid's."""
+"""Relative size of the narrowest blur's spectrum at the highest frequency of the fine grid."""
 FAINT = 5e-5
-"""The same of a measured response."""
+"""Relative size of a measured response's spectrum at the highest frequency of the fine grid."""
 LEAST_FINE, MOST_FINE = 3, 16
 RIM = 0.01
-"""Share of the brightest sample that each side of a table's rim may have, in the mean."""
+"""Maximum mean of each side of a table's rim, as a fraction of the brightest sample."""
 NOISE = 0.05
-"""Share of the brightest sample by which others may lie below 0."""
+"""Maximum depth of negative samples, as a fraction of the brightest sample."""
 HOT = 8.0
 """Ratio of a sample to its brightest neighbour above which it is probably a defect of the camera."""
 COARSEST = 4.0
-"""Samples that a pixel must have, side by side."""
+"""Minimum number of samples along the side of a pixel."""
 _GREY = ("L", "F", "I", "I;16", "I;16B", "I;16L", "I;16N")  # kinds of pictures whose numbers are light
 _FULL_SCALES = (255, 1023, 4095, 16383, 65535)
 _WIDTHS = np.geomspace(0.35, 2.5, 8)  # of the Gaussians of a mixture, over the response's own
@@ -63,22 +63,24 @@ class PixelResponse(Strict):
     error: ClassVar[type[SolenError]] = DataError
 
     light: tuple[tuple[Number, ...], ...] = Field(
-        description="samples, in any unit: columns along x, rows along y, the least first; or file names a table "
+        description="samples, in any unit: columns along x, rows along y, the smallest first; or file names a table "
         "(.csv, .txt) of them or a picture with y up (.png, .tif)."
     )
-    pitch_um: Annotated[Positive, Field(le=1e3)] = Field(description="distance of neighbouring samples in µm.")
+    pitch_um: Annotated[Positive, Field(le=1e3)] = Field(description="Spacing of the samples in µm.")
     centre_um: tuple[Number, Number] | None = Field(
-        None, description="Position of the pixel's centre from the first sample, along x and y; default: the centroid."
+        None, description="Position of the pixel's centre from the first sample, along x and y; "
+"default: the centroid."
     )
 
     @model_validator(mode="after")
     def _is_one_pixel(self) -> Self:
         rows, columns = len(self.light), len(self.light[0]) if self.light else 0
         if min(rows, columns) < 5 or any(len(row) != columns for row in self.light):
-            raise refused("light", "must be at least 5 rows of at least 5 numbers, all as long", value=f"{rows} rows")
+            raise refused("light", "must be at least 5 rows of at least 5 numbers, all of the same length", value=f"{rows} rows")
         if rows * columns > MOST_SAMPLES:
             limit = f"at most {MOST_SAMPLES:,} samples"
-            raise refused("light", limit, value=f"{rows} x {columns}", remedy="cut it to the light, or average samples")
+            raise refused("light", limit, value=f"{rows} x {columns}", remedy="crop it to the light, or average "
+"samples")
         light = np.array(self.light)
         peak = float(light.max())
         if not peak > 0.0 or light.min() < -NOISE * peak:
@@ -86,18 +88,21 @@ class PixelResponse(Strict):
             raise refused("light", limit, value=float(light.min()), remedy="check the dark picture that was subtracted")
         rim = max(float(np.mean(side)) for side in (light[0], light[-1], light[:, 0], light[:, -1]))
         if rim > RIM * peak:
-            limit = f"each side of its rim must be dark: within {100 * RIM:g} % of the brightest sample in the mean"
-            remedy = "subtract the background, or take a wider table"
+            limit = (f"the mean of each side of its rim must be dark: within {100 * RIM:g} % of "
+"the brightest sample")
+            remedy = "subtract the background, or use a wider table"
             raise refused("light", limit, value=f"{100 * rim / peak:.2g} %", remedy=remedy)
         sides = (columns - 1) * self.pitch_um, (rows - 1) * self.pitch_um
         if self.centre_um and not all(0.0 <= at <= side for at, side in zip(self.centre_um, sides, strict=True)):
-            limit = f"must lie within the table, 0 to {sides[0]:g} and 0 to {sides[1]:g} µm"
+            limit = f"must be within the table, 0 to {sides[0]:g} and 0 to {sides[1]:g} µm"
             raise refused("centre_um", limit, value=list(self.centre_um), remedy="state it along x and y, in µm")
         return self
 
     @property
     def hot(self) -> tuple[int, int, float] | None:
-        """Row and column (from 1) of a sample far brighter than its neighbours, and their ratio; None without one."""
+        """Row and column (from 1) of a sample far brighter than its neighbours, and the ratio; None if there is
+        none.
+        """
         from scipy.ndimage import maximum_filter
 
         light = np.array(self.light)
@@ -118,33 +123,33 @@ class GaussianPixel:
 
     @property
     def mixture(self) -> Mixture:
-        """Its mean over directions, as one Gaussian."""
+        """The response's mean over directions, as one Gaussian."""
         return np.ones(1), np.array([math.sqrt(self.blur_um**2 + _own_um2(self.pixels_um))])
 
     @property
     def reach_um(self) -> float:
-        """How far it reaches beyond its rectangle."""
+        """Extent of the light beyond the pixel's rectangle."""
         return _FAR * self.blur_um
 
     @property
     def fine(self) -> int:
-        """Grid points per pixel that represent it to rounding; `DataError` if it is too sharp."""
+        """Grid points per pixel that represent the response to rounding; raises `DataError` if it is too sharp."""
         width, pixel_um = math.sqrt(-2.0 * math.log(FAINTEST)), max(self.pixels_um)
         needed = math.ceil(width * pixel_um / (math.pi * self.blur_um))
         if needed > MOST_FINE:
             least = width * pixel_um / (math.pi * MOST_FINE)
             limit = f"must be at least {least:.2g} µm for pixels of {pixel_um:g} µm"
-            raise DataError("process.sigma_um", value=self.blur_um, limit=limit, remedy="no projector is sharper")
+            raise DataError("process.sigma_um", value=self.blur_um, limit=limit, remedy="no projector produces sharper pixels")
         return max(needed, LEAST_FINE)
 
     def plane(self, shape: tuple[int, int], step_um: tuple[float, float]) -> FloatArray:
-        """Spectrum on a periodic grid of rows and columns, steps along x and y, as of a real transform."""
+        """Spectrum on a periodic grid of rows and columns with steps along x and y, in the form of a real transform."""
         across = self.row(shape[1], step_um[0], 0)
         along = self.row(shape[0], step_um[1], 1)
         return np.outer(along[_mirrored(shape[0])], across)
 
     def row(self, count: int, step_um: float, axis: int) -> FloatArray:
-        """Spectrum of its sum along the other axis, on a periodic row along x (0) or y (1)."""
+        """Spectrum of the response summed along the other axis, on a periodic row along x (0) or y (1)."""
         k = math.tau * fft.rfftfreq(count, step_um)
         blur = np.exp(-0.5 * (self.blur_um * k) ** 2)
         return np.asarray(blur * np.sinc(k * self.pixels_um[axis] / math.tau))
@@ -152,18 +157,18 @@ class GaussianPixel:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPixel:
-    """A measured response in numbers.
+    """A measured response as spline coefficients.
 
     Attributes
     ----------
     response
-        Its table.
+        The table of samples.
     splines
-        Coefficients (rows, columns) of its cubic B-splines; their sum is 1.
+        Coefficients (rows, columns) of the cubic B-splines; their sum is 1.
     first_um
-        Place of the first of these from the pixel's centre, along x and y.
+        Position of the first spline from the pixel's centre, along x and y.
     pitch_um
-        Distance of neighbours.
+        Spacing of the splines.
     pixels_um
         Sides of the pixel.
     """
@@ -176,34 +181,38 @@ class MeasuredPixel:
 
     @cached_property
     def centroid_um(self) -> FloatArray:
-        """Centroid of the light from the pixel's centre, along x and y."""
+        """Position of the light's centroid relative to the pixel's centre, along x and y."""
         return np.array([float(self._line(axis) @ self._places(axis)) for axis in (0, 1)])
 
     @cached_property
     def blur_um(self) -> float:
-        """Standard deviation of a Gaussian that would make the pixel's rectangle as wide, mean of both axes."""
+        """Standard deviation of the Gaussian that would blur the pixel's rectangle to the same width, mean of both
+        axes.
+        """
         return math.sqrt(max(self.width_um**2 - _own_um2(self.pixels_um), 0.0))
 
     @cached_property
     def width_um(self) -> float:
-        """Standard deviation of its light along an axis, root mean square of both axes."""
+        """Standard deviation of the light along an axis, root mean square of both axes."""
         centroid = self.centroid_um
         squares = (float(self._line(axis) @ (self._places(axis) - centroid[axis]) ** 2) for axis in (0, 1))
         return math.sqrt(0.5 * sum(squares) + self.pitch_um**2 / 3.0)  # a cubic B-spline's own variance
 
     @property
     def reach_um(self) -> float:
-        """How far its table reaches."""
+        """Extent of the table."""
         return max(float(np.abs(self._places(axis)).max()) for axis in (0, 1))
 
     @property
     def mixture(self) -> Mixture:
-        """Its mean over directions about its centroid, as Gaussians: least squares of their spectra."""
+        """The response's mean over directions about its centroid, as Gaussians fitted by least squares to its
+        spectrum.
+        """
         return _weights(self.response), self.width_um * _WIDTHS
 
     @cached_property
     def fine(self) -> int:
-        """Points of a grid for each pixel between which a spline follows it: at most as fine as its samples."""
+        """Grid points per pixel at which a spline follows the response: at most as fine as its samples."""
         pixel_um = max(self.pixels_um)
         most = min(MOST_FINE, math.ceil(pixel_um / self.pitch_um))
         k = math.pi / pixel_um * np.linspace(1.0, 2.0, 32)
@@ -213,21 +222,21 @@ class MeasuredPixel:
         return most
 
     def plane(self, shape: tuple[int, int], step_um: tuple[float, float]) -> Spectrum:
-        """Spectrum on a periodic grid of rows and columns, steps along x and y, as of a real transform."""
+        """Spectrum on a periodic grid of rows and columns with steps along x and y, in the form of a real transform."""
         (rows, i), (columns, j) = (self._on(shape[1 - axis], step_um[axis], axis) for axis in (1, 0))
         kernel = np.zeros(shape)
         np.add.at(kernel, (i[:, None], j), rows @ self.splines @ columns.T)
         return np.asarray(fft.rfft2(kernel))
 
     def row(self, count: int, step_um: float, axis: int) -> Spectrum:
-        """Spectrum of its sum along the other axis, on a periodic row along x (0) or y (1)."""
+        """Spectrum of the response summed along the other axis, on a periodic row along x (0) or y (1)."""
         basis, places = self._on(count, step_um, axis)
         kernel = np.zeros(count)
         np.add.at(kernel, places, basis @ self._line(axis))
         return np.asarray(fft.rfft(kernel))
 
     def towards(self, axis: int, sign: float) -> tuple[FloatArray, FloatArray, float]:
-        """Weights and places (N,) of its light along a direction of an axis, and the width of each of them."""
+        """Weights and positions (N,) of the light along a direction of an axis, and the width of each."""
         return self._line(axis), sign * self._places(axis), self.pitch_um / math.sqrt(3.0)
 
     def _line(self, axis: int) -> FloatArray:
@@ -238,7 +247,9 @@ class MeasuredPixel:
         return self.first_um[axis] + self.pitch_um * np.arange(count, dtype=float)
 
     def _on(self, count: int, step_um: float, axis: int) -> tuple[FloatArray, NDArray[np.intp]]:
-        """Splines (M, N) at the points of a periodic grid that they reach, times its step, and these points (M,)."""
+        """Splines (M, N) at the points of a periodic grid within their support, times the grid's step, and these points
+        (M,).
+        """
         places = self._places(axis)
         low, high = places[0] - 2.0 * self.pitch_um, places[-1] + 2.0 * self.pitch_um
         points = np.arange(math.ceil(low / step_um), math.floor(high / step_um) + 1)
@@ -246,7 +257,9 @@ class MeasuredPixel:
         return basis, np.asarray(points % count, np.intp)
 
     def along(self, k: FloatArray, across: float, along: float) -> FloatArray:
-        """Spectrum (K,) about the centroid at wave numbers along a direction, its real part: both ways in the mean."""
+        """Spectrum (K,) about the centroid at wave numbers along a direction; the real part averages both
+        directions.
+        """
         (x, y), (cx, cy) = (self._places(0), self._places(1)), self.centroid_um
         turn = [np.exp(-1j * np.outer(k * way, place)) for way, place in ((across, x - cx), (along, y - cy))]
         smooth = [np.sinc(k * way * self.pitch_um / math.tau) ** 4 for way in (across, along)]
@@ -256,15 +269,15 @@ class MeasuredPixel:
 
 @lru_cache(maxsize=8)
 def measured_pixel(response: PixelResponse, scale: float, pixels_um: tuple[float, float]) -> MeasuredPixel:
-    """A response in numbers, its lengths times ``scale``.
+    """A response as spline coefficients, with its lengths multiplied by ``scale``.
 
     Raises
     ------
     DataError
-        If its samples are too coarse for the pixels, or its light is not about as wide as one.
+        If its samples are too coarse for the pixels, or its light is not about as wide as a pixel.
     """
     if COARSEST * response.pitch_um > min(pixels_um):
-        limit = f"a pixel of {min(pixels_um):g} µm needs {COARSEST:g} samples at least"
+        limit = f"a pixel of {min(pixels_um):g} µm requires at least {COARSEST:g} samples"
         raise DataError("process.response.pitch_um", value=response.pitch_um, limit=limit, remedy="measure it finer")
     made = _scaled(response, scale, pixels_um)
     least, most = (share * max(pixels_um) for share in _APART)
@@ -282,7 +295,7 @@ def _scaled(response: PixelResponse, scale: float, pixels_um: tuple[float, float
 
 @lru_cache(maxsize=8)
 def _splines(response: PixelResponse) -> tuple[FloatArray, tuple[float, float]]:
-    """Coefficients of a response's splines, and the pixel's centre from the first of them, along x and y in samples."""
+    """Coefficients of a response's splines, and the position of the pixel's centre from the first one, in samples."""
     light = np.pad(np.array(response.light), _PAD)
     splines = ndimage.spline_filter(light, order=3, mode="mirror")
     splines = splines / splines.sum()
@@ -296,7 +309,7 @@ def _splines(response: PixelResponse) -> tuple[FloatArray, tuple[float, float]]:
 
 @lru_cache(maxsize=8)
 def _weights(response: PixelResponse) -> FloatArray:
-    """Weights of the Gaussians whose sum is nearest to a response's mean over directions."""
+    """Weights of the Gaussians whose sum is the best fit to a response's mean over directions."""
     one = _scaled(response, 1.0, (1.0, 1.0))
     k, widths = np.linspace(0.0, 6.0 / one.width_um, _WAVES), one.width_um * _WIDTHS
     angles = math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
@@ -308,18 +321,18 @@ def _weights(response: PixelResponse) -> FloatArray:
 
 
 def light_of_file(path: Path) -> list[list[float]]:
-    """Samples of a table of numbers, or of a picture of one channel with y up, the least y first.
+    """Samples of a table of numbers, or of a single-channel picture with y up, the smallest y first.
 
     Raises
     ------
     DataError
-        If the file cannot be read, is in colour, overexposed or of several pages, or holds no rectangle of numbers.
+        If the file cannot be read, is in colour, overexposed or of several pages, or contains no rectangle of numbers.
     """
     return _of_picture(path) if path.suffix.lower() in PICTURES else _of_table(path)
 
 
 def _of_table(path: Path) -> list[list[float]]:
-    """Rows of numbers; one separator and one decimal mark are those of the whole file."""
+    """Rows of numbers; the whole file uses one separator and one decimal mark."""
     cells = grid.of_text(load(path))
     rows = [row for row in range(len(cells.rows)) if not cells.is_blank(row)]
     widths = [cells.width(row) for row in rows]
@@ -329,10 +342,10 @@ def _of_table(path: Path) -> list[list[float]]:
         try:
             value = parse(cells.rows[row][column], mark)
         except ValueError as bad:
-            limit = f"must be rows of numbers, and this {bad}"
-            raise cells.refused(row, column, limit, "use one separator; mark other lines by #") from None
+            limit = f"must be rows of numbers, but this {bad}"
+            raise cells.refused(row, column, limit, "use one separator; begin other lines with #") from None
         if math.isnan(value):
-            raise cells.refused(row, column, "must be a finite number", "take a rectangle without gaps")
+            raise cells.refused(row, column, "must be a finite number", "use a rectangle without gaps")
         return value
 
     return [[number(row, column) for column in range(width)] for row, width in zip(rows, widths, strict=True)]
@@ -347,28 +360,28 @@ def _of_picture(path: Path) -> list[list[float]]:
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as bad:
         raise DataError(str(path), limit=f"cannot be read as a picture: {bad}", remedy="check the file") from None
     if kind not in _GREY:  # the numbers of a palette are no light
-        limit = "must be a picture of one channel of grey, not of colours or of a palette"
+        limit = "must be a single-channel grey picture, without colours or a palette"
         raise DataError(str(path), value=kind, limit=limit, remedy="save it in grey, in 8, 16 or 32 bits")
     if pages > 1:
-        raise DataError(str(path), value=f"{pages} pages", limit="must be one picture", remedy="save that of the pixel")
+        raise DataError(str(path), value=f"{pages} pages", limit="must be one picture", remedy="save only the page with the pixel")
     if int(light.max()) in _FULL_SCALES and np.count_nonzero(light == light.max()) > 1:
         limit = f"is overexposed: {np.count_nonzero(light == light.max()):,} samples are {light.max():g}"
-        raise DataError(str(path), limit=limit, remedy="expose less: values must be in proportion to the light")
+        raise DataError(str(path), limit=limit, remedy="expose less: values must be proportional to the light")
     rows: list[list[float]] = light[::-1].astype(float).tolist()
     return rows
 
 
 def _spline(t: FloatArray) -> FloatArray:
-    """Cubic B-spline of the distance in steps."""
+    """Cubic B-spline as a function of the distance in steps."""
     t = np.abs(t)
     return np.where(t < 1.0, 2.0 / 3.0 - t**2 + 0.5 * t**3, np.maximum(2.0 - t, 0.0) ** 3 / 6.0)
 
 
 def _own_um2(pixels_um: tuple[float, float]) -> float:
-    """Variance of a pixel's rectangle along an axis, mean of both."""
+    """Variance of a pixel's rectangle along an axis, mean of both axes."""
     return sum(side**2 for side in pixels_um) / 24.0
 
 
 def _mirrored(count: int) -> NDArray[np.intp]:
-    """Places of all frequencies of a transform of so many points among those of a real one."""
+    """Indices of all frequencies of a full transform among those of a real one."""
     return np.abs(np.rint(fft.fftfreq(count) * count)).astype(np.intp)

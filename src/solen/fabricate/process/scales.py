@@ -1,12 +1,12 @@
 """The scales of pictures as unknowns of a calibration: one error for all lengths of a picture, not noise of each.
 
-The idea: a picture whose scale is off by e shows every length larger by the factor 1 + e. Taken as each feature's own,
-that error would average out over features, which it does not. So each picture has one such unknown, and one for its
-heights where it is a z map, with the stated uncertainty as prior. Pictures that state the same size of a pixel were
-taken with one calibration of one objective: their errors are nearly the same, and many of them tell it no better than
-one.
+The idea: a picture whose scale is off by e shows every length multiplied by 1 + e. Treated as independent noise, this
+error would average out over features, which it does not. Each picture therefore has one such unknown (for a z map, a
+second one for its heights), with the stated uncertainty as its prior. Pictures that state the same size of a pixel were
+taken with one calibration of one objective: their errors are nearly the same, and many such pictures determine the
+scale no better than one.
 
-The interface: `Scales` of coupons; `FittedScale` is what became of one.
+The interface: `Scales` of coupons; `FittedScale` is a scale after the fit.
 """
 
 from collections.abc import Sequence
@@ -20,16 +20,18 @@ from solen.fabricate.process.features import MeasuredCoupon, MeasuredFeature, Sh
 
 Axis = Literal["lateral", "vertical"]
 U_SCALE = 0.03
-"""Relative standard uncertainty of a scale of which none is stated."""
+"""Relative standard uncertainty assumed for a scale if none is stated."""
 EXACT = 1e-6
 """Relative uncertainty of a scale that is stated to be exact."""
 SHARED = 0.9
-"""Share of the variance that pictures of the same size of a pixel have in common."""
+"""Fraction of the variance that pictures with the same pixel size have in common."""
 
 
 @dataclass(frozen=True)
 class FittedScale:
-    """Scale of a picture's lengths or heights: measured over true, by the fit, and its relative uncertainty before."""
+    """Scale of a picture's lengths or heights: measured over true, from the fit, and its relative uncertainty
+    before.
+    """
 
     file: str
     axis: Axis
@@ -41,7 +43,7 @@ class FittedScale:
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """Unknown errors of scales, one for each picture and axis, and which features and distances they belong to.
+    """Unknown errors of scales, one for each picture and axis, with their features and distances.
 
     Attributes
     ----------
@@ -60,7 +62,7 @@ class Scales:
 
     @classmethod
     def among(cls, coupons: Sequence[MeasuredCoupon], used: Sequence[tuple[int, MeasuredFeature]]) -> "Scales":
-        """Unknowns of the features that are used, each given with the number of its coupon."""
+        """Unknowns of the used features, each given with the number of its coupon."""
         keys = [(number, axis_of(feature)) for number, feature in used]
         pitches: list[tuple[int, Axis]] = [
             (number, "lateral") for number, coupon in enumerate(coupons) if coupon.pitch_ratio is not None
@@ -70,7 +72,7 @@ class Scales:
         return cls(tuple(coupons), distinct, rows, places)
 
     def u_own_mm(self, used: Sequence[tuple[int, MeasuredFeature]]) -> FloatArray:
-        """Standard uncertainties (n,) of features without those of their scales."""
+        """Standard uncertainties (n,) of features, excluding those of their scales."""
         return np.array([one.own_u_mm(self._stated(number, axis_of(one)).u_relative or 0.0) for number, one in used])
 
     @property
@@ -111,5 +113,5 @@ class Scales:
 
 
 def axis_of(feature: MeasuredFeature) -> Axis:
-    """Which scale a feature's size is measured with."""
+    """Axis of the scale that applies to a feature's size."""
     return "vertical" if feature.kind == "step" else "lateral"

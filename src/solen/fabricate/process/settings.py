@@ -1,4 +1,4 @@
-"""Settings of a process: the numbers of a printer and a resin that a print model needs, and what follows from them."""
+"""Settings of a process: the numbers of a printer and a resin that a print model needs, and derived quantities."""
 
 import math
 from itertools import pairwise
@@ -39,63 +39,69 @@ class Settings(Strict):
 
     pixel_um: Micrometres = Field(27.0, description="Side of a pixel in the plane of the resin, along x.")
     pixel_y_um: Micrometres | None = Field(
-        None, description="Its side along the printer's Y, a flat part's z, where pixels are not squares."
+        None, description="Its side along the printer's Y, a flat part's z, if pixels are not square."
     )
     layer_um: Annotated[Number, Field(ge=1, le=1000)] = Field(25.0, description="Thickness of a layer.")
     irradiance_mW_per_cm2: Positive = Field(13.0, description="Irradiance at the window.")
     exposure_s: Seconds = Field(2.0, description="Exposure of a layer.")
     burn_in_layers: Annotated[int, Field(strict=True, ge=0, le=10_000)] = Field(
-        6, description="How many layers, first, are exposed for burn_in_s."
+        6, description="Number of first layers that are exposed for burn_in_s."
     )
     burn_in_s: Seconds = Field(3.0, description="Exposure of these.")
     Dp_um: Micrometres = Field(100.0, description="Penetration depth of the light; with a lamp, at the surface.")
     Ec_mJ_per_cm2: Positive = Field(5.0, description="Critical dose, at which the resin sets.")
     lamp: tuple[tuple[Positive, Positive], ...] = Field(
         (),
-        description="Lines of the lamp: share of each and its absorption over the mean at the surface, as solen resin "
-        "cure --penetration gives them; without, one wavelength.",
+        description="Lines of the lamp: fraction of light and relative absorption of each, from solen resin cure --penetration "
+        "(relative to the mean at the surface); without a table, one wavelength.",
     )
     sigma_um: Annotated[Number, Field(gt=0, le=1000)] | None = Field(
-        15.0, description="Standard deviation of the projector's point-spread at the window; none beside a response."
+        15.0, description="Standard deviation of the projector's point-spread function at the "
+"window; none if there is a response."
     )
     response: PixelResponse | None = Field(
         None, description="Measured light of one pixel at the window, in place of its rectangle and sigma_um."
     )
     response_scale: Annotated[Number, Field(ge=0.1, le=10)] = Field(
-        1.0, description="By what the response's lengths are multiplied."
+        1.0, description="Factor on the response's lengths."
     )
     halo_um: Annotated[Number, Field(gt=0, le=1e4)] = Field(
         60.0, description="Standard deviation of the scattered light at the window."
     )
     halo_per_depth: Annotated[Number, Field(ge=0, le=3)] = Field(
-        0.3, description="Its growth with depth, µm per µm (added in squares)."
+        0.3, description="Its growth with depth, µm per µm (added in quadrature)."
     )
-    halo_fraction: Share = Field(0.05, description="Share of the light that is scattered.")
+    halo_fraction: Share = Field(0.05, description="Fraction of the light that is scattered.")
     shrinkage_percent: Percent = Field(1.0, description="Linear shrinkage in the plane, about the lens's vertex.")
     shrinkage_z_percent: Percent = Field(1.0, description="Linear shrinkage along the direction of printing.")
     wash_um: Annotated[Number, Field(ge=-1000, le=1000)] = Field(
-        0.0, description="What washing adds to a wall along its normal: swelling above 0, erosion below."
+        0.0, description="Displacement of a wall along its normal by washing: positive for swelling, "
+"negative for erosion."
     )
     taper_deg: Annotated[Number, Field(ge=-30, le=30)] = Field(
-        0.0, description="Lean of the walls beyond that of the dose; above 0 they widen away from the platform."
+        0.0, description="Lean of the walls beyond that due to the dose; positive if they widen "
+"away from the platform."
     )
 
     grey: tuple[tuple[GreyShare, GreyShare], ...] = Field(
         (),
-        description="Measured pairs of grey value and light, as shares of the full ones; none for proportional light.",
+        description="Measured pairs of grey value and light, as fractions of the full values; "
+"none for proportional light.",
     )
     grey_drawn: Literal["corrected", "proportional"] = Field(
-        "corrected", description="How an edge is drawn: by the grey that gives its share of light, or by that share."
+        "corrected", description="How an edge is drawn: with the grey that gives its share of "
+"light, or with that share."
     )
     grey_power: Annotated[Number, Field(gt=0.05, le=10)] = Field(
         1.0,
-        description="Exponent of a grey pixel's light beyond that: 1 where proportion, or the measured answer, holds.",
+        description="Exponent on a grey pixel's light; 1 if the measured response (or proportionality) "
+"is right.",
     )
 
     @model_validator(mode="before")
     @classmethod
     def _one_blur(cls, data: Any) -> Any:
-        """A response takes the place of the Gaussian blur, which only then may be left out."""
+        """A response replaces the Gaussian blur, which may be omitted only then."""
         return {"sigma_um": None} | data if isinstance(data, dict) and data.get("response") is not None else data
 
     @model_validator(mode="after")
@@ -104,16 +110,16 @@ class Settings(Strict):
             limit = "cannot be combined with process.response, as both define the light of a pixel"
             raise refused("sigma_um", limit, value=self.sigma_um, remedy="leave one out")
         if self.response is None and self.response_scale != 1.0:
-            raise refused("response_scale", "is for a response, and none is stated", value=self.response_scale)
+            raise refused("response_scale", "applies to a response, and none is stated", value=self.response_scale)
         return self
 
     @model_validator(mode="after")
     def _greys_ascend(self) -> Self:
         for (grey, light), (more, brighter) in pairwise(self.grey):
             if not (grey < more and light <= brighter):
-                raise refused("grey", "must ascend, and its light not fall", value=[more, brighter])
+                raise refused("grey", "must ascend, and the light must not fall", value=[more, brighter])
         if self.grey and self.grey[-1][0] == 1.0 and self.grey[-1][1] != 1.0:
-            raise refused("grey", "a full grey value has a light of 1", value=list(self.grey[-1]))
+            raise refused("grey", "the full grey value must have a light of 1", value=list(self.grey[-1]))
         return self
 
     @model_validator(mode="after")
@@ -128,7 +134,7 @@ class Settings(Strict):
     def _sets(self) -> Self:
         if self.halo_um < self.blur_um:
             blur = "sigma_um" if self.response is None else "the blur of the response"
-            limit = f"must be at least {blur}, {self.blur_um:.4g}: scattered light is the wider"
+            limit = f"must be at least {blur}, {self.blur_um:.4g}: scattered light is wider"
             raise refused("halo_um", limit, value=self.halo_um)
         self._check_dose("exposure_s", self.exposure_s)
         if self.burn_in_layers:
@@ -139,7 +145,8 @@ class Settings(Strict):
         """Reject an exposure that cures nothing at all."""
         dose = seconds * self.irradiance_mW_per_cm2
         if dose <= self.Ec_mJ_per_cm2:
-            limit = f"gives {dose:.3g} mJ/cm², and the resin sets from {self.Ec_mJ_per_cm2:g} mJ/cm² on: nothing cures"
+            limit = (f"gives {dose:.3g} mJ/cm², but the resin sets at {self.Ec_mJ_per_cm2:g} mJ/cm²: "
+"nothing cures")
             least = self.Ec_mJ_per_cm2 / self.irradiance_mW_per_cm2
             raise refused(key, limit, value=seconds, remedy=f"expose for more than {least:.3g} s")
 
@@ -160,16 +167,16 @@ class Settings(Strict):
 
     @property
     def lines(self) -> Lines:
-        """Lines of the lamp, one at one wavelength."""
+        """Lines of the lamp; a single line for one wavelength."""
         return self.lamp or ONE_LINE
 
     def left(self, depth_um: ArrayLike) -> FloatArray:
-        """Share of the light that is left at a depth."""
+        """Fraction of the light that remains at a depth."""
         return self.law.left(depth_um)
 
     @property
     def deep_Dp_um(self) -> float:
-        """Penetration depth far below the surface, which says how many layers matter."""
+        """Penetration depth far below the surface, which determines the number of relevant layers."""
         share, absorption = np.array(self.lines).T
         lit = share * np.exp(-_FAR * absorption)
         return self.Dp_um * float(lit.sum() / (lit @ absorption))
@@ -180,17 +187,17 @@ class Settings(Strict):
         return Greys(self.grey, self.grey_drawn == "corrected", self.grey_power, self.pixels_um)
 
     def exposures(self, layers: int) -> FloatArray:
-        """Dose at the window of each given layer, the first printed first, shape (layers,)."""
+        """Dose at the window of each layer of a part, the first printed first, shape (layers,)."""
         doses = np.full(layers, self.dose_mJ_per_cm2)
         doses[: self.burn_in_layers] = self.burn_in_s * self.irradiance_mW_per_cm2
         return doses
 
     def middle_um(self, thickness_mm: float) -> float:
-        """Middle height of a part, which is made of whole layers."""
+        """Middle height of a part, which consists of whole layers."""
         return 0.5 * max(1, round(1e3 * thickness_mm / self.layer_um)) * self.layer_um
 
     def inside_mJ_per_cm2(self) -> float:
-        """Mean dose far inside a part, where all layers are as wide."""
+        """Mean dose far inside a part, where all layers are equally wide."""
         longer = sum(share / absorption for share, absorption in self.lines)
         return self.dose_mJ_per_cm2 * self.Dp_um * longer / self.layer_um
 
@@ -208,41 +215,43 @@ class Settings(Strict):
 
     @property
     def blur_key(self) -> str:
-        """Key of the number that the blur's width is varied by."""
+        """Key of the parameter that varies the width of the blur."""
         return "sigma_um" if self.response is None else "response_scale"
 
     @property
     def blur_um(self) -> float:
-        """Standard deviation of the blur of a pixel's rectangle, by a response that of a Gaussian as wide."""
+        """Standard deviation of the blur of a pixel's rectangle; for a response, that of an equally wide Gaussian."""
         return self.pixel_light.blur_um
 
     @property
     def covered_um(self) -> float:
-        """Standard deviation that an edge gets by covering shares of pixels, mean over its places and directions."""
+        """Standard deviation added to an edge by pixel coverage, averaged over its positions and directions."""
         return math.hypot(*self.pixels_um) / math.sqrt(24.0)
 
     @property
     def grey_shift_um(self) -> float:
-        """Outward shift of a straight edge whose greys transmit other light than their share."""
+        """Outward shift of a straight edge whose greys do not transmit light in proportion to their covered share."""
         return self.greys.shift * float(np.mean(self.pixels_um))
 
     @property
     def edge_um(self) -> float:
-        """Standard deviation of a straight edge's blur: by covered shares, by the pixel's rectangle, and its blur."""
+        """Standard deviation of a straight edge's blur, from pixel coverage, the pixel's rectangle and its blur."""
         return math.hypot(self.blur_um, math.sqrt(2.0) * self.covered_um)
 
     @property
     def least_feature_um(self) -> float:
-        """Half a wave of a wall that keeps `KEPT` of its height: blurred by σ, exp(−2 (π σ / wave)²) of it are left."""
+        """Half period of a wavy wall that keeps `KEPT` of its height; a blur of σ leaves exp(−2 (π σ / period)²) of
+        it.
+        """
         return self.edge_um * math.pi / math.sqrt(-2.0 * math.log(KEPT))
 
 
 KEPT = 0.9
-"""Share of the height of a bump that a printer with features of `Settings.least_feature_um` keeps."""
+"""Fraction of its height that a bump as wide as `Settings.least_feature_um` keeps when printed."""
 KEYS: tuple[str, ...] = tuple(Settings.model_fields)
 UNCERTAIN: tuple[str, ...] = tuple(
     key
     for key in KEYS
     if key not in {"burn_in_layers", "pixel_um", "pixel_y_um", "layer_um", "grey", "grey_drawn", "response"}
 )
-"""Numbers that may have an uncertainty; pixel, layer and number of layers are exact, greys have that of their power."""
+"""Numbers that may have an uncertainty; pixels, layers and layer counts are exact, greys have that of their power."""

@@ -1,11 +1,11 @@
 """The printed solid of a flat part: its outline at every height.
 
-The idea: all layers show the same image, and the growth of walls changes with height only near the first layers
-and the last. So the part is cut into slabs within which a straight wall moves by less than a tolerance; each slab gets
-the outline at its middle, where the dose is critical, shrunk and washed like a lens. The
-ripple within a layer is omitted: slabs are evaluated at the middle of a layer.
+The idea: all layers show the same image, and the growth of walls changes with height only near the first layers and the
+last. The part is therefore cut into slabs within which a straight wall moves by less than a tolerance; each slab has
+the outline of critical dose at its middle, after shrinkage and washing as for a lens. The ripple within a layer is
+omitted: slabs are evaluated at the middle of a layer.
 
-The interface: `slabs` over the heights, `outlines` at one, `printed_solid` of drawn rings.
+The interface: `slabs` over the heights, `outlines` at one height, `printed_solid` of drawn rings.
 """
 
 from collections.abc import Sequence
@@ -24,17 +24,19 @@ from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.terms import terms_at
 
 SLAB_UM = 1.0
-"""How far a straight wall may move within a slab."""
+"""Maximum displacement of a straight wall within a slab."""
 WITHIN_UM = 1.0
-"""How far outlines may leave the place of the critical dose: by the fine grid's straight pieces, and by thinning."""
+"""Maximum deviation of outlines from the line of critical dose, both by the fine grid's segments and by thinning."""
 OVERLAP_MM = 1e-4
-"""How far a slab reaches into the one below, so that both are one."""
+"""Overlap of a slab with the one below, to join them."""
 _THIN_UM = 0.2
 
 
 @dataclass(frozen=True)
 class Slab:
-    """Layers ``first`` to ``last``, inclusive, whose walls have the same growth, ``edge_um`` in their middle."""
+    """Layers ``first`` to ``last``, inclusive, whose walls have the same growth; ``edge_um`` is the growth at their
+    middle.
+    """
 
     first: int
     last: int
@@ -42,7 +44,7 @@ class Slab:
 
     @property
     def middle(self) -> int:
-        """Layer in its middle."""
+        """The layer in the middle of the slab."""
         return (self.first + self.last) // 2
 
 
@@ -52,7 +54,7 @@ def slabs(settings: Settings, layers: int) -> tuple[Slab, ...]:
     Raises
     ------
     DataError
-        If nothing sets in the middle of a layer.
+        If no resin sets in the middle of a layer.
     """
     edges = [straight_edge_um(settings, layers, _middle_um(settings, layer)) for layer in range(layers)]
     parts, first = [], 0
@@ -73,7 +75,7 @@ def outlines(
 ) -> list[FloatArray]:
     """Outlines (N, 2) in mm of the cured resin in the middle of a layer, after shrinkage, washing and taper.
 
-    Which of them are holes follows from what lies within what (even and odd).
+    Holes follow from how outlines enclose one another (even-odd rule).
     """
     image = FlatImage.of(rings, np.vstack(rings), settings, layers, phase)
     height_um = _middle_um(settings, layer)
@@ -103,18 +105,18 @@ def printed_solid(
     settings
         The process.
     thickness_mm
-        Thickness of the part; it is made of the nearest whole number of layers.
+        Thickness of the part, which is printed as the nearest whole number of layers.
     centre_mm
         Centre of the shrinkage: the middle of the lens.
     name
-        Name of the part, for refusals.
+        Name of the part, for error messages.
     phase
-        Where the drawing's origin stands in its pixel.
+        Position of the drawing's origin in its pixel.
 
     Raises
     ------
     DataError, DesignError
-        If nothing sets, the pixels are too many, or what sets is not a closed solid.
+        If no resin sets, there are too many pixels, or the cured resin is not a closed solid.
     """
     from manifold3d import CrossSection, FillRule, Manifold, OpType
 

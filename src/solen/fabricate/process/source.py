@@ -1,6 +1,6 @@
-"""Which process a design is printed by: a file or the default, with the pixels of a printer and the cure of a resin.
+"""The process that prints a design: a file or the default, with the pixels of a printer and the cure of a resin.
 
-The interface: `ProcessOptions` name a process, `PrintOptions` how a design is printed by it; `process_of` gives the
+The interface: `ProcessOptions` select a process, `PrintOptions` also the print of a design; `process_of` returns the
 process, `with_printer` and `with_resin` adapt one.
 """
 
@@ -32,26 +32,26 @@ class ProcessOptions(Options):
     process: Path | None = None
     """Process file; default: published settings with assumed optics."""
     cure: Path | None = None
-    """Working curve of the resin, with its lamp's spectrum where that was fitted: solen resin cure --out."""
+    """Working curve of the resin, with its lamp's spectrum if that was fitted: solen resin cure --out."""
     printer: str | None = None
-    """Printer whose pixels are taken: a name of solen print printers, or a printer's .toml."""
+    """Printer with the pixels to use: a name of solen print printers, or a printer's .toml."""
 
 
 class PrintOptions(ProcessOptions):
-    """How a design is printed."""
+    """Options of the print of a design."""
 
     orientation: Orientation = "flat"
-    """How the part lies in the printer; upright makes the lens last."""
+    """Orientation of the part in the printer; upright prints the lens last."""
     phase_px: tuple[PixelShare, PixelShare] | None = None
     """Position of the lens vertex in its pixel along x and z, as in solen print layers; default: a corner."""
     choose_phase: bool = False
-    """Choose the place in the pixel at which the lens comes out nearest to its shape (flat parts)."""
+    """Choose the position in the pixel that minimises the deviation of the lens's shape (flat parts)."""
     at: str = "middle"
-    """Height of a flat part whose profile is meant: middle of the thickness, mean over it, or a height in mm."""
+    """Height of the profile of a flat part: middle of the thickness, mean over it, or a height in mm."""
 
 
 def process_of(options: ProcessOptions) -> tuple[Process, tuple[Provenance, ...]]:
-    """Process that was named, with the pixels of a named printer, and the provenance of its files."""
+    """The selected process, with the pixels of a selected printer, and the provenance of its files."""
     process, sources = (default_process(), ()) if options.process is None else _of_file(options.process)
     if options.cure is not None:
         process, sources = with_cure(process, options.cure), (*sources, _source(options.cure, "solen-cure"))
@@ -67,7 +67,7 @@ def _of_file(path: Path) -> tuple[Process, tuple[Provenance, ...]]:
 
 
 def files_read(process: Path | None, cure: Path | None) -> list[Path | None]:
-    """Files that a process is read from: its own, that of its pixels' light, and a working curve."""
+    """Files from which a process is read: its own, that of its pixels' light, and a working curve."""
     return [process, None if process is None else response_of_file(process), cure]
 
 
@@ -76,16 +76,17 @@ def _source(path: Path, kind: str) -> Provenance:
 
 
 def with_cure(process: Process, path: Path) -> Process:
-    """Process with the working curve of a file, by its law with the lamp's spectrum unless the discs prefer Jacobs'.
+    """Process with the working curve of a file, using the lamp's spectrum unless the discs fit Jacobs' law better.
 
     Raises
     ------
     DataError
-        Where the file is not a working curve, or the process was calibrated: its critical dose is that of its walls.
+        If the file is not a working curve, or the process was calibrated: its critical dose then describes its walls.
     """
     curve = read_law(path)
     if process.keeps_growth:
-        limit = f"the process {process.name} was calibrated with another Dp, and its critical dose is that of its walls"
+        limit = (f"the process {process.name} was calibrated with another Dp, and its critical dose "
+"describes its walls")
         remedy = "calibrate with a process that has this Dp and lamp"
         raise DataError("--cure", value=path.name, limit=limit, remedy=remedy)
     keys = ("Dp_um", "Ec_mJ_per_cm2")
@@ -104,8 +105,8 @@ def with_printer(process: Process, name: str | None) -> Process:
     Raises
     ------
     DataError
-        If there is no such printer, it does not print layers as thin or thick, or the process was calibrated with
-        other pixels.
+        If there is no such printer, it cannot print layers of the process's thickness, or the process was calibrated
+        with other pixels.
     """
     if name is None:
         return process
@@ -118,11 +119,11 @@ def with_printer(process: Process, name: str | None) -> Process:
         raise DataError("process.layer_um", value=layer_um, limit=limit, remedy="change one of the two")
     if process.calibration is not None and not np.allclose(pixels_um, process.process.pixels_um, rtol=1e-6):
         limit = f"the process was calibrated with pixels of {process.process.pixel_um:g} µm"
-        remedy = "leave --printer out, or calibrate that printer"
+        remedy = "omit --printer, or calibrate that printer"
         raise DataError("--printer", value=f"{printer.name}, {printer.pixel_text} µm", limit=limit, remedy=remedy)
     if process.process.response is not None and not np.allclose(pixels_um, process.process.pixels_um, rtol=1e-6):
         limit = f"the process states the response of a pixel of {process.process.pixel_um:g} µm"
-        remedy = "leave --printer out, or measure the response of that printer"
+        remedy = "omit --printer, or measure the response of that printer"
         raise DataError("--printer", value=f"{printer.name}, {printer.pixel_text} µm", limit=limit, remedy=remedy)
     changed = process.with_settings(
         pixel_um=pixels_um[0], pixel_y_um=None if printer.pitch_y_um is None else pixels_um[1]
@@ -132,7 +133,7 @@ def with_printer(process: Process, name: str | None) -> Process:
 
 
 def curve_cautions(process: Process, design: Design) -> list[Caution]:
-    """Warnings about the resin's working curve where the process has it, or that it keeps its own instead."""
+    """Warn if a measured working curve of the resin is used, or if the process uses its own curve instead."""
     resin = None if design.material.resin is None else resin_of(design.material.resin, design.resin_file)
     if resin is not None and process.source.get("Dp_um") == _of_resin(resin):
         return list(resin.cautions("cure"))
@@ -149,7 +150,7 @@ def curve_cautions(process: Process, design: Design) -> list[Caution]:
 
 
 def with_resin(process: Process, design: Design) -> Process:
-    """Process with the working curve of the design's resin, if measured and the process only assumes its own."""
+    """Process with the working curve of the design's resin if that is measured and the process only assumes its own."""
     resin = None if design.material.resin is None else resin_of(design.material.resin, design.resin_file)
     keys = ("Dp_um", "Ec_mJ_per_cm2")
     if resin is None or resin.cure is None or process.calibration is not None or process.process.lamp:
@@ -166,5 +167,5 @@ def with_resin(process: Process, design: Design) -> Process:
 
 
 def _of_resin(resin: Resin) -> str:
-    """Source of what a process has from a resin."""
+    """Source of the numbers that a process takes from a resin."""
     return f"resin: {resin.name}"

@@ -1,12 +1,12 @@
 """A lens printed flat whose layers show different images, near the lens.
 
 The idea: resin at a height receives its own layer's exposure and those of all later ones, each blurred and attenuated
-by the layers in between (`solen.fabricate.process.terms`). With different images per layer, a dose is a sum over
-them: light of a protruding layer sets resin below it, and a layer below receding ones receives less. All of it is
-summed as spectra, as in `solen.fabricate.process.field`: the sharp light of all layers has the same blur, so its
-images are summed first; scattered light, whose width grows with depth, is summed in `GROUPS` groups of similar width.
+by the layers in between (`solen.fabricate.process.terms`). With different images per layer, a dose is a sum over them:
+light of a protruding layer sets resin below it, and a layer below receding layers receives less. The sums are computed
+as spectra, as in `solen.fabricate.process.field`: the sharp light of all layers has the same blur, so its images are
+summed first; scattered light, whose width grows with depth, is summed in `GROUPS` groups of similar width.
 
-The interface: `Stack.of` the outlines of all layers, with `offsets_um` of one layer's face.
+The interface: `Stack.of` the outlines of all layers, with `offsets_um` for one layer's face.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ from solen.plane import Point
 
 Rings = Sequence[FloatArray]
 GROUPS = 8
-"""Groups of widths of scattered light."""
+"""Number of groups of scattered light of similar width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +35,11 @@ class Stack:
     Attributes
     ----------
     spectra
-        Spectra of the images that differ, (I, rows, columns).
+        Spectra of the distinct images, (I, rows, columns).
     image
-        Number of each layer's image, (L,), the layer on the plate first.
+        Index of each layer's image, (L,), from the build plate.
     grid
-        One of the images, for the pixels.
+        One of the images, which defines the pixels.
     """
 
     settings: Settings
@@ -53,7 +53,7 @@ class Stack:
     ) -> "Stack":
         """Stack of closed polylines (N, 2) in mm by layer, over the extent of points (M, 2) with a margin.
 
-        Layers that are drawn by the same object have one image. Errors are those of `FlatImage.of`.
+        Layers drawn by the same object share one image. Errors are those of `FlatImage.of`.
         """
         kinds = list({id(rings): rings for rings in layers}.values())
         number = {id(rings): i for i, rings in enumerate(kinds)}
@@ -67,7 +67,7 @@ class Stack:
         return len(self.image)
 
     def height_um(self, layer: int) -> float:
-        """Middle of a layer above the platform."""
+        """Height of a layer's middle above the platform."""
         return (layer + 0.5) * self.settings.layer_um
 
     def dose(self, layer: int) -> DoseMap:
@@ -77,7 +77,7 @@ class Stack:
         return fine_dose(self.grid, self.settings, summed)
 
     def offsets_um(self, layer: int, target: Target, centre: Point) -> FloatArray:
-        """Deviation of the printed face from a layer's wanted one in the layer's middle, (N,) along its normals."""
+        """Deviation of the printed face from the wanted one in the middle of a layer, (N,) along its normals."""
         dose, middle = self.dose(layer), np.asarray(centre)
         grown = 1.0 / (1.0 - 0.01 * self.settings.shrinkage_percent)
 
@@ -97,7 +97,9 @@ class Stack:
 
 
 def _groups(terms: Terms) -> list[tuple[IntArray, float]]:
-    """Numbers of terms of like widths, and the width of each group: the sharp light, then scattered light by depth."""
+    """Indices of terms with similar widths, and the width of each group: the sharp light, then scattered light by
+    depth.
+    """
     half = len(terms.dose) // 2
     groups = [np.arange(half)]
     if terms.dose[half:].any():

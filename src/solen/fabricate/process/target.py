@@ -1,10 +1,10 @@
 """A target face for comparison with a print: equidistant points, normals, and zeros of a field along them.
 
-The idea: a deviation is measured along the designed face's normal: positive means more material
-than designed, negative less. The field of a print model (dose above the critical dose) is followed along the
-normals from inside to outside, and its first zero is the printed wall.
+The idea: a deviation is measured along the designed face's normal; it is positive for more material than designed,
+negative for less. The field of a print model (dose above the critical dose) is followed along the normals from inside
+to outside, and its first zero is the printed wall.
 
-The interface: `Target.of` a face; `exits_um` of a field; `Deviation` of the result.
+The interface: `Target.of` a face; `exits_um` of a field; `Deviation` for the result.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from solen.plane import Point
 from solen.results import HIDDEN, reported
 
 Field = Callable[[FloatArray], FloatArray]
-"""Function of places (..., 2) in mm that is above 0 where resin is set."""
+"""Function of points (..., 2) in mm that is positive in set resin."""
 
 _DENSE = 4001
 _BISECTIONS = 30
@@ -35,13 +35,13 @@ class Target:
     Attributes
     ----------
     points_mm
-        Shape (N, 2), evenly along the face, in its direction.
+        Shape (N, 2), evenly spaced along the face, in its direction.
     outward
         Unit normals (N, 2) away from the material.
     along_mm
         Length of the face up to each point, (N,).
     centre
-        Place about which a print shrinks: the face's middle.
+        Centre of a print's shrinkage: the face's middle.
     """
 
     points_mm: FloatArray
@@ -51,7 +51,7 @@ class Target:
 
     @classmethod
     def of(cls, curve: Curve, points: int) -> "Target":
-        """Points of a face that has the material on its left."""
+        """Points of a face with the material on its left."""
         u = np.linspace(0.0, 1.0, _DENSE)
         dense = curve.points(u)
         length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(dense, axis=0).T))])
@@ -63,26 +63,26 @@ class Target:
         return cls(curve.points(even), outward, np.interp(even, u, length), curve.middle_point)
 
     def moved_um(self, offset_um: FloatArray) -> FloatArray:
-        """Points (N, 2) in mm by an offset (N,) along the normals."""
+        """Points (N, 2) in mm displaced by (N,) along the normals."""
         return np.asarray(self.points_mm + 1e-3 * np.asarray(offset_um)[:, None] * self.outward)
 
 
 def exits_um(field: Field, target: Target, step_um: float) -> FloatArray:
-    """Where a field falls to 0 along the normals of a target, from inside outwards: offsets (N,) in µm.
+    """Offsets (N,) in µm at which a field falls to 0 along the normals of a target, from inside to outside.
 
     Parameters
     ----------
     field
-        The field; it may jump.
+        The field, which may be discontinuous.
     target
         The target face.
     step_um
-        How finely it is looked along the normals at first; two changes within a step are not seen.
+        Step of the first search along the normals; two sign changes within one step are missed.
 
     Raises
     ------
     DataError
-        If the field ends nowhere within 1.6 mm, or there is nothing inside.
+        If the field has no zero within 1.6 mm, or is not positive inside.
     """
     reach = FIRST_REACH_UM
     while True:
@@ -95,7 +95,7 @@ def exits_um(field: Field, target: Target, step_um: float) -> FloatArray:
 
 
 def _exits(field: Field, target: Target, reach_um: float, step_um: float) -> FloatArray:
-    """Exits within a reach; NaN where the field is not above 0 inside and below 0 outside."""
+    """Exits within a reach; NaN where the field is not positive inside and negative outside."""
     t = np.arange(-reach_um, reach_um + step_um, step_um)
     low, high = np.full((2, len(target.points_mm)), np.nan)
     some = max(1, _AT_ONCE // len(t))
@@ -120,7 +120,8 @@ def _refuse(target: Target, exits: FloatArray) -> None:
     raise DataError(
         "printed lens",
         value=f"no wall near x = {place[0]:.3g}, z = {place[1]:.3g} mm",
-        limit=f"the print ends nowhere within {MOST_REACH_UM:g} µm of the target face: too little light, or too much",
+        limit=f"the print has no wall within {MOST_REACH_UM:g} µm of the target face: it receives "
+"too little light, or too much",
         remedy="check exposure_s, Ec_mJ_per_cm2, sigma_um and halo_um of the process",
     )
 
@@ -134,7 +135,7 @@ class Deviation:
 
     @reported
     def rms_um(self) -> float:
-        """Root of the mean square over the face's length."""
+        """Root mean square over the face's length."""
         return float(np.sqrt(np.mean(self.um**2)))
 
     @reported

@@ -1,12 +1,12 @@
-"""Light at a height of a part: narrow and wide light from each later layer through the layers in between.
+"""Light at a height of a part: sharp and scattered light from each later layer through the layers in between.
 
 The idea: resin at a height receives its own layer's exposure and those of all later layers, each attenuated by
-e^(-depth/Dp) from the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), or line by line for a
-lamp with a spectrum, so a dose is a sum of
-blurred images. A share of the light is scattered: it makes a halo, whose width grows with depth. The halo is a Gaussian
-about the light of a pixel; one of standard deviation h at the window is sqrt(h² + (g d)²) wide at the depth d.
+e^(-depth/Dp) from the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), or line by line for a lamp with a
+spectrum. A dose is therefore a sum of blurred images. A fraction of the light is scattered into a halo, whose width
+grows with depth. The halo is a Gaussian about the light of a pixel; one of standard deviation h at the window has
+sqrt(h² + (g d)²) at the depth d.
 
-The interface: `terms_at` gives the `Terms` of a height.
+The interface: `terms_at` returns the `Terms` at a height.
 """
 
 import math
@@ -19,12 +19,12 @@ from solen.errors import DataError
 from solen.fabricate.process.settings import Settings
 
 FAINT = 1e-9
-"""Share of the dose below which later layers are left out."""
+"""Fraction of the dose below which later layers are neglected."""
 
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Blurred images that a dose is the sum of: number of the layer, dose in mJ/cm² and blur in µm, (T,) each."""
+    """Blurred images whose sum is a dose: number of the layer, dose in mJ/cm² and blur in µm, (T,) each."""
 
     layer: np.ndarray[tuple[int], np.dtype[np.int64]]
     dose: FloatArray
@@ -32,25 +32,25 @@ class Terms:
 
     @property
     def total(self) -> float:
-        """Dose with every pixel of every layer lit."""
+        """Total dose if every pixel of every layer is lit."""
         return float(self.dose.sum())
 
 
 def terms_at(settings: Settings, layers: int, height_um: float) -> Terms:
-    """Terms of the dose at a height above the platform, in a part of some layers.
+    """Terms of the dose at a height above the platform, for a given number of layers.
 
-    A height between two layers is the later one's far side. Below 0 there is liquid under the first layer, as under an
-    overhang: it receives what every layer lets through.
+    A height between two layers counts as the far side of the later one. Below 0 there is liquid under the first layer,
+    as under an overhang: it receives the light transmitted through every layer.
 
     Raises
     ------
     DataError
-        For a height above the part.
+        If the height is above the part.
     """
     h = settings.layer_um
     if not height_um <= layers * h:
         limit = f"the part ends at {layers * h:g} µm"
-        raise DataError("height", value=f"{height_um:g} µm", limit=limit, remedy="name one within it")
+        raise DataError("height", value=f"{height_um:g} µm", limit=limit, remedy="choose a height within it")
     first = min(max(math.floor(height_um / h), 0), layers - 1)
     number = np.arange(first, layers)
     depth = (number + 1) * h - height_um

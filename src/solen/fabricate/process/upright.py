@@ -1,13 +1,13 @@
-"""A lens printed upright or on edge: its profile lies along the direction of printing, and is made of layers.
+"""A lens printed upright or on edge: its profile is along the printing direction and made of layers.
 
 The idea: seen from the side, a layer is a row, lit where the drawn body is at half the layer's height, with grey at the
-ends. Sideways, light blurs as usual. Along the printing direction it travels one way, from the window towards the
-platform: behind an overhang it sets unintended resin (print-through), on the window side there is no later resin to
-set. So a face towards the platform grows and its steps are filled in, and a face towards the window
-keeps its steps. The body is assumed thick along y; shrinkage is stated for both directions.
+ends. Across the printing direction, light blurs as usual. Along it, light only travels from the window towards the
+platform. Behind an overhang it sets unintended resin (print-through), while no resin is left to set on the window side.
+A face towards the platform therefore grows and its steps are filled in, and a face towards the window keeps its steps.
+The body is assumed thick along y; shrinkage is stated for both directions.
 
-The interface: `SidePrint.of` drawn outlines; `profile_um` gives the offsets along a target's normals, `steps` splits
-them into what the steps' ripple is and what is left without it.
+The interface: `SidePrint.of` drawn outlines; `profile_um` returns the offsets along a target's normals, and `steps`
+splits them into a smooth part and the ripple of the steps.
 """
 
 import math
@@ -33,9 +33,9 @@ from solen.fabricate.process.terms import FAINT
 Side = Literal["upright", "upright-lens-first", "on-edge"]
 STEP_UM = 1.0
 MOST_WORK = 2e10
-"""Products that a side view may take: a minute's."""
+"""Maximum number of products for a side view: about a minute of computing."""
 SUBLAYERS = 5
-"""Heights within a layer at which its dose is held; between them its logarithm is a straight line."""
+"""Number of heights within a layer at which its dose is computed; its logarithm is interpolated linearly in between."""
 _DEPTHS = -math.log(FAINT)
 _MARGIN_UM = 1500.0
 _LAYERS_PER_KNOT = 10.0
@@ -50,15 +50,15 @@ class SidePrint:
     settings
         The process.
     side
-        Orientation: the lens last and away from the platform, first and on it, or to one side.
+        Orientation: the lens printed last and away from the platform, first and on it, or to one side.
     rows
-        Share of light (layers, columns) of the layers from ``first`` on.
+        Fraction of the full light (layers, columns) of the layers from ``first`` on.
     first
-        Number of the first of these, the part's own first being 0.
+        Number of the first row's layer, counted from 0 at the first layer of the part.
     corner_um
-        Where the first column begins.
+        Position at which the first column begins.
     platform_um
-        Where the platform is, along the direction of printing.
+        Position of the platform along the printing direction.
     target
         The designed lens.
     """
@@ -115,7 +115,9 @@ class SidePrint:
         return excess
 
     def _gathered(self, lit: NDArray[np.complex128], k: FloatArray, depth_um: float) -> NDArray[np.complex128]:
-        """Spectra of the dose of each layer at a depth from its window side: its own light and that of later ones."""
+        """Spectra of the dose of each layer at a depth from its window side, from its own light and that of later
+        layers.
+        """
         s = self.settings
         spectra, blur_um = np.zeros_like(lit), s.blur_um
         for later in range(min(len(lit), math.ceil(s.deep_Dp_um * _DEPTHS / s.layer_um) + 1)):
@@ -126,7 +128,7 @@ class SidePrint:
         return spectra
 
     def log_excess(self, places_mm: FloatArray) -> FloatArray:
-        """Logarithm of dose over critical dose at places (..., 2) of the body's own plane, before it shrinks."""
+        """Logarithm of dose over critical dose at points (..., 2) of the body's own plane, before shrinkage."""
         s, fine = self.settings, self.settings.pixel_light.fine
         at = _turned(1e3 * np.asarray(places_mm, float), self.side)
         height = (at[..., 1] - self.platform_um) / s.layer_um
@@ -157,7 +159,9 @@ class SidePrint:
         return exits_um(excess, self.target, STEP_UM) + s.wash_um
 
     def steps(self, offset_um: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Offsets without the steps' ripple, and the ripple, (N,) each: a smooth curve, a knot for ten layers."""
+        """Offsets without the ripple of the steps, and the ripple, (N,) each: a smooth curve with one knot per ten
+        layers.
+        """
         along = self.target.along_mm
         knots = np.arange(1, int(1e3 * along[-1] / (_LAYERS_PER_KNOT * self.settings.layer_um)))
         inner = along[-1] * knots / (len(knots) + 1)
@@ -166,40 +170,42 @@ class SidePrint:
 
 
 def _pixel_um(settings: Settings, side: Side) -> float:
-    """Side of a pixel along the lens: the part's x lies along the printer's X, its z along Y."""
+    """Side of a pixel along the lens: the part's x is along the printer's X, its z along Y."""
     return settings.pixels_um[side == "on-edge"]
 
 
 def _check_fine(wanted: FloatArray, settings: Settings, pixel_um: float) -> None:
     size = np.ptp(wanted, axis=0)
     if size[0] < FEWEST_PIXELS * pixel_um:
-        limit = f"the lens, {1e-3 * size[0]:.3g} mm along the pixels, must have {FEWEST_PIXELS} of them at least"
-        raise DataError("process.pixel_um", value=pixel_um, limit=limit, remedy="take a finer printer")
+        limit = (f"the lens, {1e-3 * size[0]:.3g} mm along the pixels, must be at least {FEWEST_PIXELS} "
+"pixels wide")
+        raise DataError("process.pixel_um", value=pixel_um, limit=limit, remedy="use a printer with smaller pixels")
     if size[1] < 2.0 * settings.layer_um:
-        limit = f"the lens, {1e-3 * size[1]:.3g} mm along the layers, must have two of them at least"
+        limit = f"the lens, {1e-3 * size[1]:.3g} mm along the layers, must be at least two layers high"
         raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thinner")
 
 
 def _check_work(layers: int, columns: float, settings: Settings) -> None:
-    """`DataError` if the sums over later layers would take minutes."""
+    """Raise `DataError` if the sums over later layers would take minutes."""
     later = min(layers, settings.deep_Dp_um * _DEPTHS / settings.layer_um)
     work = layers * later * columns * settings.pixel_light.fine * SUBLAYERS
     if work > MOST_WORK:
         limit = (
-            f"{layers:,} layers near the lens, each lit through {later:,.0f} later ones, are more than can be followed"
+            f"{layers:,} layers near the lens, each lit through {later:,.0f} later ones, would "
+"take minutes to compute"
         )
         raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thicker")
 
 
 def _turned(places: FloatArray, side: Side) -> FloatArray:
-    """Points (..., 2) of the body's plane as coordinates across and along the printing direction."""
+    """Coordinates across and along the printing direction of points (..., 2) of the body's plane."""
     x, z = places[..., 0], places[..., 1]
     across, along = {"upright": (x, -z), "upright-lens-first": (x, z), "on-edge": (z, x)}[side]
     return np.stack([across, along], axis=-1)
 
 
 def _row(rings: Sequence[FloatArray], height: float, start: float, pitch: float, columns: int) -> FloatArray:
-    """Share of each pixel of a row that lies within closed polylines at a height."""
+    """Covered share of each pixel of a row by closed polylines at a height."""
     crossings = []
     for ring in rings:
         a, b = ring, np.roll(ring, -1, axis=0)

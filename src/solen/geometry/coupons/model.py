@@ -2,11 +2,11 @@
 
 A coupon lies on the build plate as seen from above: x to the right, y up, its centre at the origin; heights count from
 the plate. A `Feature` is a round or rectangular column or hole; a `Gap` is the free distance between two columns, a
-`Step` the difference of height of two. A `Stage` is one run of the printer: most coupons have one. `Reading` is a
-statement of the source and its interpretation, where it is ambiguous or contradictory.
+`Step` the difference of height between two. A `Stage` is one run of the printer; most coupons have one. A `Reading` is
+a statement of the source and its interpretation, if the source is ambiguous or contradictory.
 
-Everything is a frozen dataclass of plain numbers; `solen.fabricate` makes solids of them, and measurements are
-matched to them in `solen.metrology`.
+All of these are frozen dataclasses of plain numbers; `solen.fabricate` makes solids of them, and `solen.metrology`
+matches measurements to them.
 """
 
 import json
@@ -29,7 +29,7 @@ TOUCH_MM = 1e-6
 
 
 class _Table:
-    """Tables of coupon files; unknown keys are rejected."""
+    """A table of a coupon file; unknown keys are rejected."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
@@ -41,11 +41,11 @@ class Feature(_Table):
     Attributes
     ----------
     name
-        Unique within its coupon: ``d-0.30``.
+        Name, unique within its coupon: ``d-0.30``.
     kind
         Kind of feature; a ``mark`` orients an image and is not evaluated.
     x_mm, y_mm
-        Its centre.
+        Position of its centre.
     width_mm, depth_mm
         Its extent along x and y; both equal the diameter of a round feature.
     from_mm, to_mm
@@ -53,13 +53,13 @@ class Feature(_Table):
     round
         Whether it is a circle rather than a rectangle.
     bevel_mm
-        Legs of the bevelled corner of a rectangle, at right and back (+x, +y); 0 for none.
+        Legs of the bevel of a rectangle's right back corner (+x, +y); 0 for none.
     stage
         Name of the run in which it is printed.
     exposure_s
-        Its exposure, if different from that of the layers.
+        Exposure, if different from that of the layers.
     grey
-        Grey value of its pixels as a share of the full value, if not full.
+        Grey value of its pixels as a fraction of the full value, if not full.
     """
 
     name: str
@@ -78,29 +78,29 @@ class Feature(_Table):
 
     @property
     def height_mm(self) -> float:
-        """Its height, or the depth of a hole."""
+        """Height of a column, or depth of a hole."""
         return self.to_mm - self.from_mm
 
     @property
     def is_stacked(self) -> bool:
-        """Whether it is a layer of a bar that lies on another one."""
+        """Whether the feature is a layer of a bar on top of another layer."""
         return self.kind == "ledge" and self.from_mm > 0.0
 
     @property
     def diameter_mm(self) -> float:
-        """Diameter of a round feature; the width of another."""
+        """Diameter of a round feature; width of any other."""
         return self.width_mm
 
     def meets(self, other: "Feature") -> bool:
-        """Whether both must not overlap; layers of a bar may, at different heights."""
+        """Whether two features must not overlap; layers of a bar may overlap at different heights."""
         if self.kind != "ledge" or other.kind != "ledge":
             return True
         return self.from_mm < other.to_mm - TOUCH_MM and other.from_mm < self.to_mm - TOUCH_MM
 
     def distance_mm(self, other: "Feature") -> float:
-        """Free distance to another as seen from above; negative where they overlap.
+        """Free distance to another feature as seen from above; negative if they overlap.
 
-        Exact for two circles; next to a rectangle a circle counts as its square.
+        The distance is exact for two circles; next to a rectangle, a circle counts as its bounding square.
         """
         dx, dy = abs(self.x_mm - other.x_mm), abs(self.y_mm - other.y_mm)
         if self.round and other.round:
@@ -131,7 +131,7 @@ class Step(_Table):
 
 @dataclass(frozen=True)
 class Slab(_Table):
-    """Rectangular base about the origin, from the plate up; one corner, at right and back (+x, +y), is bevelled."""
+    """Rectangular base about the origin, from the plate up, with a bevelled corner at right and back (+x, +y)."""
 
     width_mm: float
     depth_mm: float
@@ -143,8 +143,8 @@ class Slab(_Table):
 class Stage(_Table):
     """One run of the printer.
 
-    ``z_offset_mm`` is the additional distance of the build platform from the vat's floor at its first
-    layer; ``note`` states the preparation.
+    ``z_offset_mm`` is the additional distance between the build platform and the vat's floor at the first layer;
+    ``note`` states the preparation.
     """
 
     name: str = ""
@@ -163,7 +163,7 @@ class Reading(_Table):
 
 @dataclass(frozen=True)
 class Coupon(_Table):
-    """A part to be printed and measured; checked as it is made.
+    """A part to be printed and measured, checked when created.
 
     Attributes
     ----------
@@ -172,20 +172,20 @@ class Coupon(_Table):
     features
         Columns and holes.
     slab
-        The base that carries or contains them; None for separate pieces.
+        The base that carries or contains the features; None for separate pieces.
     gaps, steps
-        Gaps between and steps of features.
+        Gaps and steps between features.
     stages
         Runs of the printer.
     readings
         Interpretations of the source.
     cautions
-        Warnings before printing it.
+        Warnings before printing.
 
     Raises
     ------
     SpecError
-        If a size is not above 0, a feature leaves the slab, or two features overlap.
+        If a size is not above 0, a feature extends beyond the slab, or two features overlap.
     """
 
     name: str
@@ -209,7 +209,7 @@ class Coupon(_Table):
             self._check(feature)
         if len({feature.name for feature in self.features}) < len(self.features):
             raise SpecError(
-                f"coupon {self.name}", limit="two features have the same size", remedy="name each size once"
+                f"coupon {self.name}", limit="two features have the same size", remedy="state each size only once"
             )
         for first, other in combinations(self.features, 2):
             if first.stage == other.stage and first.meets(other) and first.distance_mm(other) < TOUCH_MM:
@@ -234,16 +234,16 @@ class Coupon(_Table):
             raise SpecError(what, limit=f"does not fit on the slab of {size}", remedy="make it smaller")
 
     def feature(self, name: str) -> Feature:
-        """The feature of that name; `KeyError` if there is none."""
+        """The feature with a given name; raises `KeyError` if there is none."""
         return {feature.name: feature for feature in self.features}[name]
 
     def of_kind(self, kind: Kind) -> tuple[Feature, ...]:
-        """Its features of a kind."""
+        """Features of a kind."""
         return tuple(feature for feature in self.features if feature.kind == kind)
 
     @property
     def size_mm(self) -> tuple[float, float, float]:
-        """Extent along x and y, and the greatest height of a stage."""
+        """Extent along x and y, and maximum height of a stage."""
         if self.slab is not None:
             width, depth = self.slab.width_mm, self.slab.depth_mm
         else:
@@ -266,12 +266,12 @@ def _check_sizes(what: str, *sizes_mm: float) -> None:
 
 
 def coupon_of(data: Any, what: str) -> Coupon:
-    """Coupon from plain data of JSON; ``what`` names its origin in errors.
+    """Coupon from parsed JSON; ``what`` names the source in errors.
 
     Raises
     ------
     DataError
-        If a key is missing or unknown, a value has another type, or the coupon is impossible.
+        If a key is missing or unknown, a value has the wrong type, or the coupon is impossible.
     """
     try:
         return TypeAdapter(Coupon).validate_json(json.dumps(data), strict=True)
@@ -285,7 +285,7 @@ def coupon_of(data: Any, what: str) -> Coupon:
 
 
 def distinct(names: Iterable[str], suffix: Callable[[int], str] = str) -> list[str]:
-    """Names, the second of the same with a suffix: ``t-1s``, ``t-1s-2``."""
+    """Names made unique by a suffix for repeated ones: ``t-1s``, ``t-1s-2``."""
     seen: Counter[str] = Counter()
     numbered = []
     for name in names:
