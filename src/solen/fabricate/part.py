@@ -130,8 +130,9 @@ class Part:
         taken = sum(_shared_mm(cut.tool, prism) * _overlap_mm2(cut.tool, prism) for prism in self.prisms)
         if abs(taken - cut.volume_mm3) <= _negligible(cut.takes.area_mm2) * cut.takes.height_mm:
             return
-        limit = (f"would remove {taken:.4g} mm³ instead of {cut.volume_mm3:.4g} mm³, because it "
-"extends past the part's edge")
+        limit = (
+            f"would remove {taken:.4g} mm³ instead of {cut.volume_mm3:.4g} mm³, because it extends past the part's edge"
+        )
         raise DesignError(cut.name, limit=limit, remedy="make it smaller, or the part wider or thicker")
 
 

@@ -55,9 +55,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Pieces:
-    """Edges cut at pixels, by ascending row: the descent of each, and the fraction of it that counts for its own
-    pixel.
-    """
+    """Edges cut at pixels, by ascending row: their descent, and its fraction that counts for the own pixel."""
 
     row: IntArray
     column: IntArray
@@ -109,9 +107,7 @@ def coverage(
 def coverage_bytes(
     rings: Sequence[FloatArray], pitch_mm: Pitch, origin_mm: tuple[float, float], shape: tuple[int, int]
 ) -> NDArray[np.uint8]:
-    """`coverage` as grey values 0 to 255, rounded to the nearest; the sums need memory for only a few rows at a
-    time.
-    """
+    """`coverage` as grey values 0 to 255, rounded to the nearest, computed in memory for only a few rows."""
     grid, shares = Grid(pitch_mm, origin_mm, shape), np.zeros(shape, np.uint8)
     rings = [ring for ring in rings if len(ring)]
     if not rings:

@@ -87,9 +87,7 @@ def _no_solid(part: Part, what: str) -> DesignError:
 
 
 def _after(operation: Any, face: Any) -> list[Any]:
-    """Faces that result from a face in an operation: its modified pieces, none if it was removed, otherwise the face
-    itself.
-    """
+    """Faces that result from a face in an operation: modified pieces, none if removed, otherwise itself."""
     if operation.IsDeleted(face):
         return []
     changed = list(operation.Modified(face))
@@ -217,7 +215,9 @@ def _wire(outline: tuple[Face, ...], height_mm: float) -> tuple[Any, Named]:
         curve, length = _curve(piece, height_mm)
         made = BRepBuilderAPI_MakeEdge(curve, corners[i], corners[(i + 1) % len(corners)], 0.0, length)
         if not made.IsDone():
-            raise DesignError(name, limit="the CAD kernel cannot make an edge of it", remedy="simplify the outline there")
+            raise DesignError(
+                name, limit="the CAD kernel cannot make an edge of it", remedy="simplify the outline there"
+            )
         wire.Add(made.Edge())
         named.append((made.Edge(), name))
     if not wire.IsDone():

@@ -106,9 +106,7 @@ class Bend:
         return self.to_mm - self.from_mm
 
     def section(self, z_mm: float) -> Rigid:
-        """Motion of the cross-section at a height: the lowest section's motion for all heights below, none for all
-        above.
-        """
+        """Motion of the cross-section at a height: none above the segment, that of the lowest section below it."""
         if z_mm >= self.to_mm or self.angle_deg == 0.0:
             return Rigid()
         z = np.array([max(z_mm, self.from_mm)])

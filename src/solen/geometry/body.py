@@ -55,18 +55,14 @@ class Face:
 
     @property
     def whose(self) -> str:
-        """The name after the part and without the number of a piece: ``right`` of ``receiver-right.2``; the part if
-        empty.
-        """
+        """The name without part and piece number: ``right`` of ``receiver-right.2``; the part if nothing is left."""
         part, rest = _words(self.name)
         return rest or part
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Position and direction of an object: ``axis_deg`` counter-clockwise from +z; ``width_mm`` is its width across the
-    axis.
-    """
+    """Position and direction of an object: ``axis_deg`` counter-clockwise from +z, ``width_mm`` across the axis."""
 
     point: Point
     axis_deg: float
@@ -171,9 +167,7 @@ class Body:
             raise DesignError("body outline", value=way, limit=f"must run {must}, with the material on its left")
 
     def _check_rings(self, rings: list[FloatArray]) -> None:
-        """Raise `DesignError` if outlines touch, or their orientation does not fit the number of outlines around
-        them.
-        """
+        """Raise `DesignError` if outlines touch, or the orientation of one does not fit those around it."""
         import shapely
 
         lines = [shapely.LinearRing(ring) for ring in rings]
@@ -216,8 +210,7 @@ class Body:
             "body outline",
             value="crosses itself",
             limit=where,
-            remedy=REMEDY_OF_THE_Y if "crotch" in self.marks else "correct the drawing there, or reduce "
-"the motion",
+            remedy=REMEDY_OF_THE_Y if "crotch" in self.marks else "correct the drawing there, or reduce the motion",
         )
 
 

@@ -1,12 +1,13 @@
-"""A body displaced point by point, as a load deforms it: its walls as exact curves, its parts carried along.
+"""A body displaced point by point, as a load deforms it: its walls as exact curves, with its parts carried along.
 
-The displacement is known at places along every wall. A cubic spline through them, over the wall's length, added to the
-exact wall is a smooth curve, which is kept as a spline within `SPLINE_MM`, as a bent wall is. A wall that moves as a
-rigid body stays the curve that it was: a lens in a clamp stays an exact oval. Walls stay upright: the displacement is
-one in the plane, the same at every height. A notch that closes begins where its walls part (`solen.geometry.notches`).
+The displacement is known at points along every wall. A cubic spline through them, over the wall's length, is added to
+the exact wall. The sum is a smooth curve, which is stored as a spline within `SPLINE_MM`, like a bent wall. A wall that
+moves as a rigid body remains the same kind of curve: a lens in a clamp stays an exact oval. Walls stay upright: the
+displacement is in the plane and the same at every height. A notch that closes begins where its walls part
+(`solen.geometry.notches`).
 
-Receivers behind a gap go with the arms' ends, the emitter with the faces that it is fixed to: by the rigid motion
-nearest to theirs.
+Receivers behind a gap move with the arms' ends, and the emitter with the faces that carry it, each by the rigid motion
+that best fits theirs.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,25 +31,25 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 SPLINE_MM = 1e-7
-"""How far a displaced wall may be from the spline that stands for it."""
+"""Maximum deviation of the spline from a displaced wall."""
 RIGID_MM = 2e-12
-"""A face that a rigid motion describes this well stays the curve that it was."""
+"""Maximum residual of a rigid motion for a face to keep its kind of curve."""
 FRONT_MM = 1e-4
-"""How far a lens that is no cylinder may be from rigid: its surface in space is kept and moved."""
+"""Maximum deviation from a rigid motion for a lens that is not a cylinder: its surface in space is moved unchanged."""
 LENS = "lens"
-"""Faces of the lens, and what carries the emitter where nothing else is stated."""
+"""Name of the lens faces, which carry the emitter by default."""
 GROUND = "ground"
-"""What carries an emitter that stands still."""
+"""Value of ``emitter_on`` for an emitter that is fixed in space."""
 NEAR = 1e-6
-"""Share of a curve by which a place must lie inside it to be a joint of its own."""
+"""Minimum distance from the ends of a curve, as a fraction of its parameter range, for a point to become a joint."""
 QUARTERS = np.array([[3.0, 6.0, -1.0], [-1.0, 6.0, 3.0]]) / 8.0
-"""Shares of an edge's first, middle and last node in a quadratic at a quarter and three quarters of the edge."""
+"""Weights of an edge's first, middle and last node in a quadratic at a quarter and three quarters of the edge."""
 
 
 class Moves(Protocol):
     """Displacement of one face: parameters (N,) on its curve, ascending from 0 to 1, and displacements (N, 2) in mm.
 
-    Places are the nodes of quadratic elements: every second one is the middle of an edge.
+    The points are the nodes of quadratic elements: every second one is the middle of an edge.
     """
 
     @property
@@ -60,7 +61,7 @@ class Moves(Protocol):
 
 @dataclass(frozen=True)
 class Touch:
-    """Part of a face between two parameters of its curve at rest, and the number of the wall table that covers it."""
+    """Part of a face between two parameters of its curve at rest, and the number of its wall table."""
 
     face: str
     u_from: float
@@ -77,11 +78,11 @@ class Displaced:
     body
         The body, checked.
     carried
-        Rigid motion of the emitter: that nearest to the motion of the faces that carry it.
+        Rigid motion of the emitter: the best fit to the motion of the faces that carry it.
     lens
-        That nearest to the motion of the faces named ``lens``; None where the body has none.
+        Rigid motion that best fits the faces named ``lens``; None if the body has none.
     off_mm
-        How far a wall lies from the displacement of its elements between the nodes that it passes.
+        Maximum deviation of a wall between its nodes from the displacement of its elements.
     closed
         Notches that have closed.
     """
@@ -96,23 +97,23 @@ class Displaced:
 def displaced(
     body: Body, moves: Mapping[str, Moves], emitter_on: str = LENS, touches: Sequence[Touch] = ()
 ) -> Displaced:
-    """Body at rest in the state that displacements bring it to.
+    """Displace a body from its state at rest.
 
     Parameters
     ----------
     body
         The body at rest.
     moves
-        Displacements along each of its faces, by their names; neighbours agree at their corner.
+        Displacements along each face, by the face's name; neighbours must agree at their corner.
     emitter_on
-        Faces, by name or pattern, that carry the emitter; ``ground`` where it stands still.
+        Faces, by name or pattern, that carry the emitter; ``ground`` if it is fixed in space.
     touches
-        Stretches of faces that something touches in this state, which become faces of their own.
+        Segments of faces in contact with an object in this state, which become separate faces.
 
     Raises
     ------
     DesignError
-        Where no face has that name, the displaced outline crosses itself, or a lens that is no cylinder is deformed.
+        If no face has a given name, the displaced outline crosses itself, or a lens that is not a cylinder is deformed.
     """
     walls = {face.name: Followed(face.curve, moves[face.name]) for face in body.all_faces}
     front = _front(body, walls)
@@ -143,20 +144,20 @@ class Followed:
 
     @cached_property
     def rigid(self) -> Rigid | None:
-        """The motion of a face that moves as a rigid body."""
+        """The rigid motion of the face; None if it is deformed."""
         at = self.curve.points(self.u)
         motion = Rigid.nearest(at, at + self.moves_mm)
         return motion if np.abs(motion.points(at) - at - self.moves_mm).max() <= RIGID_MM else None
 
     @cached_property
     def places(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Places (N, 2) along the curve, where they go, and the length of it (N,) that each stands for."""
+        """Points (N, 2) along the curve, their displaced positions (N, 2), and the length (N,) at each point."""
         at = self.curve.points(self.u)
         return at, at + self.moves_mm, np.gradient(self.measure.lengths_at(self.u))
 
     @cached_property
     def off_mm(self) -> float:
-        """How far the spline lies from the elements' quadratics, a quarter and three quarters along every edge."""
+        """Maximum deviation of the spline from the elements' quadratics, at the quarters of every edge."""
         if self.rigid is not None:
             return 0.0
         ends, moves = self.measure.lengths_at(self.u[::2]), self.moves_mm
@@ -167,7 +168,7 @@ class Followed:
         return float(np.hypot(off[..., 0], off[..., 1]).max())
 
     def between(self, first: Point, last: Point, cuts: FloatArray) -> list[Curve]:
-        """The displaced curve between two corners, cut at places of the curve at rest."""
+        """The displaced curve between two corners, divided at parameters of the curve at rest."""
         moves = self.moves_mm.copy()
         moves[0], moves[-1] = np.subtract(first, self.curve.start), np.subtract(last, self.curve.end)
         spline = self._spline(self.u, moves)
@@ -198,16 +199,16 @@ class Followed:
 
 
 def motion_of(body: Body, walls: Mapping[str, Followed], pattern: str, key: str) -> Rigid:
-    """Rigid motion nearest to that of the faces of a name; `DesignError`, about a key, where there are none."""
+    """Rigid motion that best fits the faces with a name; raises `DesignError`, about a key, if there are none."""
     places = [walls[face.name].places for face in body.all_faces if called(face, pattern)]
     if not places:
         known = ", ".join(face.name for face in body.all_faces)
-        raise DesignError(key, value=pattern, limit=f"names no face; there are {known}")
+        raise DesignError(key, value=pattern, limit=f"names no face; the faces are {known}")
     return Rigid.nearest(*(np.concatenate(each) for each in zip(*places, strict=True)))
 
 
 def _front(body: Body, walls: Mapping[str, Followed]) -> Front | None:
-    """Moved lens that is no cylinder, which stays rigid."""
+    """Moved front of a lens that is not a cylinder and stays rigid."""
     if body.front is None:
         return None
     at, goal, length = walls[body.front.interface].places
@@ -217,14 +218,14 @@ def _front(body: Body, walls: Mapping[str, Followed]) -> Front | None:
         raise DesignError(
             "lens.shape",
             value=body.front.lens.shape,
-            limit=f"is deformed by {off_mm:.2g} mm, and a surface in space is kept rigid to {FRONT_MM:g} mm",
+            limit=f"is deformed by {off_mm:.2g} mm, but a surface in space must be rigid to {FRONT_MM:g} mm",
             remedy='hold the lens, or set lens.shape = "cartesian-oval", whose walls stay upright',
         )
     return replace(body.front, motion=motion)
 
 
 def _beside(face: Face, body: Body, walls: Mapping[str, Followed]) -> Face:
-    """A receiver behind a gap, carried by the arm's end; anything else beside the body stands still."""
+    """A receiver behind a gap, carried by the arm's end; any other separate object is fixed."""
     end = face.name.replace("receiver", "end", 1)
     if face.part != "receiver" or not any(called(other, end) for other in body.all_faces):
         return face
@@ -238,7 +239,7 @@ def _outline(
     touches: Sequence[Touch],
     notches: list[Closed],
 ) -> tuple[Face, ...]:
-    """A closed outline; neighbours share their corners to the last digit. Notches that have closed join the list."""
+    """Displaced closed outline, with exactly shared corners; notches that have closed are added to the list."""
     motions = [
         front.motion if front is not None and face.name == front.interface else walls[face.name].rigid for face in faces
     ]
@@ -255,7 +256,7 @@ def _outline(
 
 
 def _joined(before: Face, after: Face, last: list[Face], first: list[Face]) -> Closed | None:
-    """The notch between two faces at rest, where it has closed; their displaced pieces are cut to what is left."""
+    """The notch between two faces if it has closed; their displaced pieces are cut to the remaining parts."""
     if cross(before.curve.velocity_at(1.0), after.curve.velocity_at(0.0)) >= 0.0:
         return None
     found = closed_notch((before.name, after.name), last[-1].curve, first[0].curve)
@@ -266,7 +267,7 @@ def _joined(before: Face, after: Face, last: list[Face], first: list[Face]) -> C
 
 
 def _pieces(face: Face, curves: list[Curve], ends: list[float], touches: list[Touch]) -> list[Face]:
-    """Pieces of a displaced face, numbered from where its lengths count, each with what touches it."""
+    """Pieces of a displaced face, numbered from the origin of its lengths, each with the wall table of its contact."""
     if len(curves) == 1 and not touches:
         return [replace(face, curve=curves[0])]
     pieces, count = [], len(curves)
@@ -280,7 +281,7 @@ def _pieces(face: Face, curves: list[Curve], ends: list[float], touches: list[To
 
 
 def _corner(face: Face, wall: Followed, motion: Rigid | None) -> Point:
-    """Place that the start of a face goes to: that of a rigid neighbour, or by its own displacement."""
+    """Displaced start of a face, moved with a rigid neighbour or by the face's own displacement."""
     if motion is not None:
         return motion.point(face.curve.start)
     x, z = np.asarray(face.curve.start) + wall.moves_mm[0]

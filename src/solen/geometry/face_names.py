@@ -1,4 +1,4 @@
-"""Names with a meaning in a drawing, and detection of misspellings, which would turn a receiver into a bare wall."""
+"""Reserved names in a drawing, and detection of misspellings, which would turn a receiver into a bare wall."""
 
 import difflib
 
@@ -8,7 +8,7 @@ from solen.geometry.drawing import Drawing
 from solen.geometry.drawing.model import EMITTER, PIVOT
 
 WORDS = ("receiver", "mirror", "black", EMITTER, PIVOT)
-"""Meaning of the first word of a name, beside ``lens``, which is a wall like any other."""
+"""Reserved first words of names; ``lens`` is also recognised, but is otherwise an ordinary wall."""
 ORDINARY = {"back", "blank", "block", "slack", "pilot"}
 """Similar words that are not misspellings."""
 NEAR = 0.79
@@ -16,18 +16,18 @@ NEAR = 0.79
 
 
 def check_names(drawing: Drawing) -> None:
-    """`DesignError` for a name that nearly matches one with a meaning, a likely misspelling."""
+    """Raise `DesignError` for a name that nearly matches a reserved one and is probably misspelt."""
     named = [(stroke.name, "a bare wall") for stroke in drawing.strokes]
     named += [(name, "a point without meaning") for name, _ in drawing.points]
     for name, otherwise in named:
         meant = _meant(name)
         if meant is not None:
-            remedy = f"did you mean {meant}? if not, choose a name that is less like it"
+            remedy = f"did you mean {meant}? If not, choose a less similar name"
             raise DesignError("body outline", value=name, limit=f"would be {otherwise}", remedy=remedy)
 
 
 def _meant(name: str) -> str | None:
-    """The intended name of a misspelling; None if its first word is known, or unlike all known words."""
+    """The intended name of a misspelling; None if its first word is reserved, or unlike all reserved words."""
     word = Face.part_of(name)
     if word in WORDS or word in ORDINARY:
         return None

@@ -1,8 +1,8 @@
 """Strokes chained into closed outlines.
 
-Ends within ``join_mm`` of each other form one corner, and the curves are made to meet there: a line, an arc
-and a free form are deformed by that little, other curves stay unchanged and attract the others. Open ends,
-branches and duplicates are errors with their location. Receivers, mirrors and black faces may be separate, in the air.
+Ends within ``join_mm`` of each other form one corner, and the curves are made to meet there: lines, arcs and free-form
+curves are deformed slightly, other curves stay unchanged and determine the corner. Open ends, branches and duplicates
+raise errors with their location. Receivers, mirrors and black faces may be separate objects in the air.
 """
 
 import cmath
@@ -22,12 +22,12 @@ from solen.geometry.walls import DARK
 from solen.plane import Point, minus
 
 SUPPLE = (Segment, Arc, Bezier, Spline)
-"""Curves that are deformed to meet others."""
+"""Kinds of curves that are deformed to meet others."""
 QUARTERS = (0.25, 0.5, 0.75)
 
 
 class Joints:
-    """Ends of strokes that meet."""
+    """The ends of strokes, grouped by corner."""
 
     def __init__(self, strokes: Sequence[Stroke], join_mm: float) -> None:
         self.strokes = [stroke for stroke in strokes if not _is_crumb(stroke.curve, join_mm)]
@@ -39,7 +39,7 @@ class Joints:
             self.members.setdefault(int(label), []).append(end)
 
     def chains(self) -> list[list[int]]:
-        """Strokes by number in connected groups."""
+        """Connected groups of strokes, by number."""
         left, rows = set(range(len(self.strokes))), []
         while left:
             group, waiting = set[int](), [min(left)]
@@ -54,7 +54,7 @@ class Joints:
         return rows
 
     def point(self, label: int) -> Point:
-        """Position of a corner: at the end of a curve that cannot be changed, else halfway between the ends."""
+        """Position of a corner: the end of a curve that cannot be changed, otherwise halfway between the ends."""
         members = self.members[label]
         stiff = [end for end in members if not isinstance(self.strokes[end // 2].curve, SUPPLE)]
         x, z = self.ends[stiff[:1] or members].mean(axis=0)
@@ -67,17 +67,15 @@ class Joints:
 
 
 def closed_outlines(strokes: Sequence[Stroke], join_mm: float) -> tuple[list[list[Face]], list[Face]]:
-    """Closed outlines, each in order along it, and the separate faces.
+    """Closed outlines, each with its faces in order, and the separate faces.
 
     Raises
     ------
     DesignError
-        If an outline is open or branches, or a stroke is drawn twice, with the place.
+        If an outline is open or branches, or a stroke is drawn twice; the message states the place.
     """
     if not strokes:
-        raise DesignError(
-            "body outline", value="no strokes", limit="the drawing shows nothing", remedy="check its layers"
-        )
+        raise DesignError("body outline", value="no strokes", limit="the drawing is empty", remedy="check its layers")
     joints = Joints(strokes, join_mm)
     _check_twice(joints)
     outlines: list[list[Face]] = []
@@ -91,7 +89,7 @@ def closed_outlines(strokes: Sequence[Stroke], join_mm: float) -> tuple[list[lis
         else:
             raise _fault(joints, faulty)
     if not outlines:
-        raise DesignError("body outline", value="no closed outline", limit="a body needs one")
+        raise DesignError("body outline", value="no closed outline", limit="a body requires a closed outline")
     return outlines, alone
 
 
@@ -116,7 +114,7 @@ def _corners(joints: Joints, chain: list[int]) -> list[int]:
 
 
 def _check_twice(joints: Joints) -> None:
-    """`DesignError` if two strokes coincide."""
+    """Raise `DesignError` if two strokes coincide."""
     seen: dict[tuple[int, ...], list[int]] = {}
     for i in range(len(joints.strokes)):
         key = tuple(sorted(int(label) for label in joints.label[2 * i : 2 * i + 2]))
@@ -157,7 +155,7 @@ def _walked(joints: Joints, chain: list[int]) -> list[Face]:
 
 
 def _fault(joints: Joints, faulty: list[int]) -> DesignError:
-    """Error of a chain that does not close: first about a free end, else about a branch."""
+    """Error for a chain that does not close: reports a free end if there is one, otherwise a branch."""
     single = [label for label in faulty if len(joints.members[label]) == 1]
     if not single:
         members = joints.members[faulty[0]]
@@ -165,8 +163,8 @@ def _fault(joints: Joints, faulty: list[int]) -> DesignError:
         return DesignError(
             "body outline",
             value=f"{len(members)} curves meet at {place_text(joints.point(faulty[0]))}",
-            limit=f"an outline continues with a single curve; here are {names}",
-            remedy="delete extra curves, or draw notes on a layer whose name begins with _",
+            limit=f"an outline continues with a single curve, but here are {names}",
+            remedy="delete the extra curves, or draw notes on a layer whose name begins with _",
         )
     end = joints.members[single[0]][0]
     at = joints.ends[end]
@@ -179,7 +177,7 @@ def _fault(joints: Joints, faulty: list[int]) -> DesignError:
         value=f"open at the end of {joints.strokes[end // 2].name}",
         limit=f"a gap of {apart[other]:.4g} mm from {place_text((float(at[0]), float(at[1])))} to the end of "
         f"{joints.strokes[other // 2].name}",
-        remedy="close it, or raise body.join_mm",
+        remedy="close it, or increase body.join_mm",
     )
 
 
@@ -215,7 +213,7 @@ def _arc(arc: Arc, first: Point, last: Point) -> Arc:
 
 
 def _shifted(points: tuple[Point, ...], first: Point, last: Point) -> tuple[Point, ...]:
-    """Control points with both ends and their handles shifted."""
+    """Control points after shifting both ends together with their handles."""
     start, end = minus(first, points[0]), minus(last, points[-1])
     before = (points[1][0] + start[0], points[1][1] + start[1])
     behind = (points[-2][0] + end[0], points[-2][1] + end[1])

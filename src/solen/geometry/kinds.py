@@ -1,11 +1,12 @@
-"""Kinds of bodies, by the name that a design gives them in ``body.kind``.
+"""Kinds of bodies, selected by ``body.kind`` of a design.
 
-A new kind is a function that builds a body from a design, or one that draws it from numbers, `drawn_kind`. Another
-package adds it by an entry point of ``solen.body_kinds``, a script by name::
+A new kind is a function that builds a body from a design, or (with `drawn_kind`) a function that draws it from numbers.
+Another package adds it as an entry point of ``solen.body_kinds``, a script with `register`::
 
     register("cross", BodyKind(cross_body, unused_keys={"body": ("file", "units", "join_mm")}))
 
-Everything that depends on the kind comes from this registry: building of the body, and whether solen computes its lens.
+Everything that depends on the kind is defined by this registry: how the body is built, and whether solen computes its
+lens.
 """
 
 from collections.abc import Callable, Mapping
@@ -30,12 +31,12 @@ class BodyKind:
     Attributes
     ----------
     build
-        Checked body of a design with its lens in the motion's state at an angle in degrees; `DesignError` if it
-        cannot be built. The lens is None if drawn.
+        Function that returns the checked body of a design with its lens in the motion's state at an angle in degrees;
+        raises `DesignError` if it cannot be built. The lens is None if it is drawn.
     unused_keys
         Keys of the design that do not apply to this kind, by table.
     lens_is_drawn
-        Whether the lenses are parts of the body, as in a drawing or a network, so that none stands before all of it.
+        Whether the lenses are parts of the body, as in a drawing or a network, rather than one computed lens before it.
     parameters
         Names and defaults of the parameters in ``[body.parameters]``.
     """
@@ -46,11 +47,11 @@ class BodyKind:
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def numbers(self, design: Design) -> dict[str, float]:
-        """Parameters of a design's body, stated or by default; `DesignError` for a name that the kind lacks."""
+        """Parameters of a design's body, stated or default; raises `DesignError` for an unknown name."""
         stated = design.body.parameters.values if design.body.parameters else {}
         for name in stated:
             if name not in self.parameters:
-                remedy = f"the keys here are {', '.join(self.parameters) or 'none'}"
+                remedy = f"the parameters of this kind are {', '.join(self.parameters) or 'none'}"
                 raise DesignError(f"body.parameters.{name}", limit="unknown key", remedy=remedy)
         return dict(self.parameters) | stated
 
@@ -58,8 +59,8 @@ class BodyKind:
 def drawn_kind(draw: Callable[[Mapping[str, float]], Drawing], parameters: Mapping[str, float]) -> BodyKind:
     """Kind of body drawn by a function from its parameters, in mm, including the lens.
 
-    The drawing has closed strokes, one emitter and optionally a pivot; names of strokes define the faces, as in a
-    file: ``wall``, ``lens``, ``receiver-right``, ``receiver-left``.
+    The drawing consists of closed strokes, one emitter and optionally a pivot; names of strokes define the faces, as in
+    a file: ``wall``, ``lens``, ``receiver-right``, ``receiver-left``.
     """
 
     def build(design: Design, _lens: Lens | None, angle_deg: float) -> Body:
@@ -73,7 +74,7 @@ def drawn_kind(draw: Callable[[Mapping[str, float]], Drawing], parameters: Mappi
 
 def _y(design: Design, lens: Lens | None, angle_deg: float) -> Body:
     if lens is None:
-        raise AssertionError("a Y needs a lens, at least a flat face")
+        raise AssertionError("a Y requires a lens, at least a flat face")
     return y_body(design, lens, angle_deg)
 
 
@@ -99,7 +100,7 @@ def register(name: str, kind: BodyKind) -> None:
 
 
 def body_of(design: Design, lens: Lens | None, angle_deg: float = 0.0) -> Body:
-    """Checked body of a design in the motion's state at ``angle_deg``, by its kind; errors as of its builder."""
+    """Checked body of a design in the motion's state at ``angle_deg``, built by its kind, which may raise errors."""
     kind = BODY_KINDS[design.body.kind]
     kind.numbers(design)  # refuses a parameter that the kind does not have
     return kind.build(design, lens, angle_deg)

@@ -10,12 +10,12 @@ from solen.geometry.body import Face
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 ACCURACY = 1e-13
-"""Tolerated change when halving a panel, relative to the curve's bounding box."""
+"""Tolerated change on halving a panel, relative to the curve's bounding box."""
 MOST_ROUNDS = 30
 
 
 def area_mm2(outlines: Sequence[Sequence[Face]]) -> float:
-    """Area in mm² enclosed by outlines, to about 1e-12; clockwise outlines (holes) count as negative."""
+    """Area in mm² enclosed by outlines, accurate to about 1e-12; clockwise outlines (holes) count as negative."""
     return sum(_enclosed(outline) for outline in outlines)
 
 
@@ -25,13 +25,13 @@ def perimeter_mm(outlines: Sequence[Sequence[Face]]) -> float:
 
 
 def _enclosed(outline: Sequence[Face]) -> float:
-    """Area of one outline, relative to its first point, so that no digits are lost far from the origin."""
+    """Area of one outline, relative to its first point to avoid cancellation far from the origin."""
     origin = np.asarray(outline[0].curve.start)
     return sum(_swept(face.curve, origin) for face in outline)
 
 
 def _swept(curve: Curve, origin: FloatArray) -> float:
-    """Area that the line from the origin to a point of the curve sweeps as the point goes along it."""
+    """Area swept by the line from the origin to a point that moves along the curve."""
     if isinstance(curve, Segment):
         return _cross(np.array([curve.a]) - origin, np.array([curve.b]) - origin).item() / 2
     ends = np.linspace(0.0, 1.0, (len(curve.controls) if isinstance(curve, CubicChain) else 1) + 1)

@@ -1,7 +1,7 @@
-"""Whether two bodies are mirror images about the axis x = 0.
+"""Test whether two bodies are mirror images about the axis x = 0.
 
-A sensor whose body at every angle is the mirror image of that at the opposite angle gives mirrored readings: it need
-be traced on one side only, and its results are exactly symmetric.
+If a sensor's body at every angle is the mirror image of that at the opposite angle, its readings are mirrored as well:
+only one side needs to be traced, and the results are exactly symmetric.
 """
 
 import re
@@ -18,7 +18,7 @@ OTHER = {"right": "left", "left": "right"}
 
 
 def are_mirrored(one: Body, other: Body) -> bool:
-    """Whether one body is the mirror image of another, with faces, walls and emitter; right for left in their names."""
+    """Whether one body mirrors another, with faces, walls and emitter; right and left swap in the names."""
     there = {face.name: face for face in (*other.all_faces, *other.apart)}
     faces = (*one.all_faces, *one.apart)
     return (

@@ -1,9 +1,9 @@
-"""Notches that a load closes: two walls that cross again beyond their common corner are joined where they do.
+"""Notches closed by a load: two walls that cross again beyond their common corner are joined at the crossing.
 
-A body that is squeezed closes a sharp notch from its corner on. What its walls exert on each other there is not
-solved: they come to lie in each other, by micrometres. Up to `DEEPEST_MM` the outline is joined at the crossing, as of
-soft walls in full contact; beyond it, or where walls meet away from their corner and enclose air, it stays crossed and
-is refused.
+A body that is squeezed closes a sharp notch from its corner. The contact forces between its walls are not solved; the
+walls overlap by micrometres instead. Up to an overlap of `DEEPEST_MM` the outline is joined at the crossing, as for
+soft walls in full contact. Beyond it, or if walls meet away from their corner and enclose air, the outline stays
+crossed and is rejected.
 """
 
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     import shapely
 
 DEEPEST_MM = 0.02
-"""How far walls may lie in each other where the notch between them has closed."""
+"""Maximum overlap of the walls of a closed notch."""
 SHORTEST_MM = 1e-6
-"""A crossing that is nearer to the corner is the corner."""
+"""A crossing closer to the corner than this counts as the corner."""
 FLAT_MM = 1e-6
 MOST_STEPS = 20
 
@@ -36,11 +36,11 @@ class Closed:
     faces
         Names of its two walls, in the order of the outline.
     at_mm
-        Where it begins now.
+        Position at which the notch begins after closing.
     length_mm
         Length of the closed part of the first wall, from the corner.
     overlap_mm
-        How far the walls would lie in each other.
+        Depth by which the walls would overlap.
     """
 
     faces: tuple[str, str]
@@ -50,7 +50,7 @@ class Closed:
 
 
 def closed(names: tuple[str, str], before: Curve, after: Curve) -> tuple[Spline, Spline, Closed] | None:
-    """What is left of two walls that lead into a corner and out of it, cut where they cross; None where they do not."""
+    """Remaining parts of two walls into and out of a corner, cut at their crossing; None if they do not cross."""
     import shapely
 
     if not (isinstance(before, Spline) and isinstance(after, Spline)):
@@ -71,21 +71,21 @@ def closed(names: tuple[str, str], before: Curve, after: Curve) -> tuple[Spline,
 
 
 def _crossing(first: "shapely.LineString", second: "shapely.LineString") -> tuple[float, float] | None:
-    """Lengths from the common corner at which two lines cross again; None where they do not, or more than once."""
+    """Lengths from the common corner at which two lines cross again; None if they do not, or more than once."""
     shared = first.intersection(second)
     places = [p for p in getattr(shared, "geoms", [shared]) if first.project(p) > SHORTEST_MM]
     return (first.project(places[0]), second.project(places[0])) if len(places) == 1 else None
 
 
 def _start(line: "shapely.LineString", length_mm: float) -> FloatArray:
-    """Points (N, 2) of a line's first part."""
+    """Points (N, 2) on the first part of a line."""
     from shapely.ops import substring
 
     return np.asarray(substring(line, 0.0, length_mm).coords)
 
 
 def _refined(before: Spline, after: Spline, first_mm: float, second_mm: float) -> tuple[float, float]:
-    """Parameters at which two curves cross, near lengths along them: Newton's method."""
+    """Parameters at which two curves cross, near given lengths along them, by Newton's method."""
     at = np.array([Measure(before).u_at(first_mm), Measure(after).u_at(second_mm)])
     for _ in range(MOST_STEPS):
         off = np.subtract(before.point_at(at[0]), after.point_at(at[1]))

@@ -1,8 +1,8 @@
-"""A drawn body: closed outlines read from a file, its emitter and receivers by name, in any state of motion.
+"""A drawn body: closed outlines from a file, with emitter and receivers by name, in any state of motion.
 
-Faces have the names of their layers or elements, numbered if names repeat (``wall.2``). A name that
-begins with ``receiver`` detects, with ``mirror`` reflects, with ``black`` absorbs; any other is a bare wall. Outlines
-inside others are holes, or bodies in holes. The axis that bends is x = 0.
+Faces have the names of their layers or elements, numbered if names repeat (``wall.2``). A face whose name begins with
+``receiver`` detects, with ``mirror`` reflects, with ``black`` absorbs; any other is a bare wall. Outlines inside others
+are holes, or bodies in holes. The axis of a bend is x = 0.
 """
 
 import math
@@ -23,14 +23,14 @@ from solen.spec import Design
 
 JOIN_MM = 1e-3
 PIVOTS = ("pivot", "stem-base")
-"""Names of a drawn pivot of the motion; default: the drawing's origin."""
+"""Names of a drawn pivot of the motion; the drawing's origin is the default pivot."""
 FLAT_MM = 1e-4
 PARTS = {"lens": "lens", "receivers": "receiver", "mirrors": "mirror"}
-"""First words of the faces of the parts that a motion may name."""
+"""First words of the faces that belong to the parts named by a motion."""
 
 
 def outline_body(design: Design, angle_deg: float = 0.0) -> Body:
-    """Body of a drawn design in the motion's state at ``angle_deg``, checked.
+    """Checked body of a drawn design in the motion's state at ``angle_deg``.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def outline_body(design: Design, angle_deg: float = 0.0) -> Body:
 
 
 def drawn_body(design: Design, drawing: Drawing, angle_deg: float = 0.0) -> Body:
-    """Body of an outline, as `outline_body` makes it, from a drawing in memory."""
+    """Body of an outline, as returned by `outline_body`, from a drawing in memory."""
     check_numbers("angle_deg", angle_deg)
     rest = _rest(design, drawing)
     moved = _bent(design, rest, angle_deg) if design.motion.kind == "bend" else _turned(design, rest, angle_deg)
@@ -53,12 +53,12 @@ def drawn_body(design: Design, drawing: Drawing, angle_deg: float = 0.0) -> Body
 
 
 def _rest(design: Design, drawing: Drawing) -> Body:
-    """Body as drawn, before its emitter."""
+    """Body as drawn, with its emitter at rest."""
     return drawn_rest(design, drawing, lambda faces: _emitter(design, drawing, faces))
 
 
 def drawn_rest(design: Design, drawing: Drawing, emitter_before: Callable[[tuple[Face, ...]], Pose]) -> Body:
-    """Body as drawn, its walls divided, before the emitter that a function of its faces gives."""
+    """Body as drawn, with divided walls; a function of its faces returns the emitter."""
     check_names(drawing)
     found, alone = closed_outlines(drawing.strokes, JOIN_MM if design.body.join_mm is None else design.body.join_mm)
     ordered = [_from_lens(outline) for outline in _oriented(found)]
@@ -74,7 +74,7 @@ def drawn_rest(design: Design, drawing: Drawing, emitter_before: Callable[[tuple
 
 
 def _oriented(outlines: list[list[Face]]) -> list[list[Face]]:
-    """Outlines with the material on their left, the largest first, by the parity of surrounding outlines."""
+    """Outlines with the material on their left, the largest first; the parity of surrounding outlines decides."""
     import shapely
 
     rings = [polyline(tuple(outline), FLAT_MM) for outline in outlines]
@@ -88,13 +88,13 @@ def _oriented(outlines: list[list[Face]]) -> list[list[Face]]:
 
 
 def _from_lens(outline: list[Face]) -> list[Face]:
-    """The outline starting at its first face of the lens, if it has one."""
+    """The outline rotated to start at its first face of the lens, if it has one."""
     starts = [i for i, face in enumerate(outline) if face.part == "lens" and outline[i - 1].part != "lens"]
     return outline[starts[0] :] + outline[: starts[0]] if starts else outline
 
 
 def _names(names: list[str]) -> Iterator[str]:
-    """Names in order, numbered if repeated."""
+    """Names in order, numbered if they repeat."""
     several, seen = Counter(names), Counter[str]()
     for name in names:
         seen[name] += 1
@@ -114,19 +114,21 @@ def _nearest_mm(at: Point, direction: Point, faces: Iterable[Face]) -> float:
 
 
 def _emitter(design: Design, drawing: Drawing, faces: tuple[Face, ...]) -> Pose:
-    """The emitter of the drawing, or that of the design; decentred by its offset."""
+    """The emitter of the drawing, or that of the design, decentred by its offset."""
     stated = design.emitter
     if stated.point_mm is not None:
         pose = Pose(stated.point_mm, 0.0)
     elif len(drawing.lamps) == 1:
         pose = lamp_pose(drawing.lamps[0], faces)
     else:
-        limit = "the drawing must show one emitter: a point, or a line as wide as the chip, on a layer called emitter"
+        limit = (
+            "the drawing must contain one emitter: a point, or a line as wide as the chip, on a layer called emitter"
+        )
         raise DesignError(
             "emitter",
             value=f"{len(drawing.lamps)} drawn",
             limit=limit,
-            remedy='give emitter.point_mm = [x, z], or set body.kind = "network" for several in turn',
+            remedy='state emitter.point_mm = [x, z], or set body.kind = "network" for several in turn',
         )
     if stated.axis_deg is not None:
         pose = replace(pose, axis_deg=stated.axis_deg)
@@ -134,7 +136,7 @@ def _emitter(design: Design, drawing: Drawing, faces: tuple[Face, ...]) -> Pose:
 
 
 def lamp_pose(lamp: Lamp, faces: tuple[Face, ...]) -> Pose:
-    """Pose of an emitter; a line points along its normal to the side of the nearer face."""
+    """Pose of an emitter; a line faces along its normal to the side of the nearer face."""
     if lamp.end is None:
         return Pose(lamp.point, lamp.axis_deg or 0.0, lamp.width_mm)
     middle = (0.5 * (lamp.point[0] + lamp.end[0]), 0.5 * (lamp.point[1] + lamp.end[1]))
@@ -146,7 +148,7 @@ def lamp_pose(lamp: Lamp, faces: tuple[Face, ...]) -> Pose:
     sees = {side: _nearest_mm(middle, side, faces) for side in (left, right)}
     ahead = min(sees, key=sees.__getitem__)
     if math.isinf(sees[ahead]):
-        limit = "points past the body on both sides"
+        limit = "faces past the body on both sides"
         raise DesignError("emitter", value=f"a line at {place_text(middle)}", limit=limit, remedy="turn or move it")
     return Pose(middle, math.degrees(math.atan2(-ahead[0], ahead[1])), math.hypot(*across))
 
@@ -163,7 +165,9 @@ def _turned(design: Design, rest: Body, angle_deg: float) -> Body:
     missing = words - {face.part for face in (*rest.all_faces, *rest.apart)}
     if missing:
         limit = f"the drawing has no face that begins with {min(missing)}"
-        raise DesignError("motion.moves", value=list(moves), limit=limit, remedy="leave it out, or name the layer so")
+        raise DesignError(
+            "motion.moves", value=list(moves), limit=limit, remedy="omit it, or name the layer accordingly"
+        )
 
     def moved(faces: tuple[Face, ...]) -> tuple[Face, ...]:
         return tuple(replace(f, curve=f.curve.moved(turn)) if f.part in words else f for f in faces)
@@ -178,12 +182,12 @@ def _turned(design: Design, rest: Body, angle_deg: float) -> Body:
 
 
 def undecentred(design: Design, emitter: Pose) -> Point:
-    """Position of the emitter without its decentre, which is an error of that position."""
+    """Position of the emitter without its decentre, which is an error of the position."""
     return along(emitter.point, right_of(heading(emitter.axis_deg)), -design.emitter.offset_mm)
 
 
 def _check_whole(body: Body, words: set[str]) -> None:
-    """`DesignError` if a turn would tear an outline: only whole outlines can turn."""
+    """Raise `DesignError` if a turn would tear an outline: only whole outlines can turn."""
     for outline in body.outlines:
         stays = next((face for face in outline if face.part not in words), None)
         turns = next((face for face in outline if face.part in words), None)
@@ -197,7 +201,7 @@ def _check_whole(body: Body, words: set[str]) -> None:
 
 
 def _bent(design: Design, rest: Body, angle_deg: float) -> Body:
-    """Body bent between two heights; objects beside it move along."""
+    """Body bent between two heights; separate objects move along."""
     low_mm, high_mm = design.motion.bend_mm or (0.0, 1.0)
     bend = bend_of(design.motion.centre_line, low_mm, high_mm, angle_deg)
 
@@ -213,7 +217,7 @@ def _bent(design: Design, rest: Body, angle_deg: float) -> Body:
 
 
 def _pieces(face: Face, bend: Bend) -> list[Face]:
-    """A bent face, in numbered pieces where the bent stretch begins or ends within it."""
+    """A bent face, divided into numbered pieces if the bent segment begins or ends within it."""
     curves = bent(face.curve, bend)
     if len(curves) == 1:
         return [replace(face, curve=curves[0])]

@@ -1,7 +1,7 @@
 """Sections of a body at a height, as in one layer of a printer.
 
-A body whose lens varies with height is a prism beyond the stem's base. Before it, a section is bounded by the lens's
-curve at that height and by the straight sides of the aperture; if that curve ends beyond the base, the stem
+A body whose lens varies with height is a prism beyond the stem's base. Before the base, a section is bounded by the
+lens's curve at that height and by the straight sides of the aperture; if that curve ends beyond the base, the stem
 begins there.
 """
 
@@ -14,12 +14,12 @@ from solen.plane import Point
 
 
 def section(body: Body, y_mm: float) -> Body:
-    """Upright body of the outline at a height y from the middle, at rest; of a prism, the body itself."""
+    """Upright body at rest with the outline at a height y from the middle; for a prism, the body itself."""
     return body if body.front is None else fronted(body, body.front.lens.section(y_mm))
 
 
 def fronted(body: Body, front: Curve) -> Body:
-    """Upright body, at rest, with another curve across its aperture for the lens, from left to right."""
+    """Upright body at rest, with the lens replaced by another curve across the aperture, from left to right."""
     if body.front is None:
         raise AssertionError("a prism has one outline")
     lens, (_, *rest) = body.front.lens, body.faces
@@ -39,11 +39,13 @@ def _side(name: str, start: Point, end: Point) -> list[Face]:
 
 
 def _begun(face: Face, depth_mm: float, *, ends: bool) -> Face:
-    """Side of the stem that begins at a depth, or ends there."""
+    """Side of the stem, trimmed to begin or end at a depth."""
     curve = face.curve
     if isinstance(curve, Parabola):
         share = (depth_mm - curve.start[1]) / (curve.end[1] - curve.start[1])
         if 0.0 < share < 1.0:
             return replace(face, curve=curve.part(0.0, share) if ends else curve.part(share, 1.0))
     limit = f"ends before the lens does at other heights, at z = {depth_mm:.3f} mm"
-    raise DesignError(face.name, limit=limit, remedy="thin the body, or move the wall's table away from the lens")
+    raise DesignError(
+        face.name, limit=limit, remedy="reduce the thickness of the body, or move the wall table away from the lens"
+    )

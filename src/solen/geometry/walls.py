@@ -1,4 +1,4 @@
-"""Faces divided at the limits of the design's wall tables, and receivers behind their gap."""
+"""Division of faces at the limits of the design's wall tables, and receivers behind their gap."""
 
 import re
 from collections.abc import Sequence
@@ -12,13 +12,13 @@ from solen.geometry.body import Face
 from solen.spec import Wall
 
 SHORTEST_MM = 1e-6
-"""Shortest piece to cut off, and shortest stretch."""
+"""Minimum length of a divided piece and of the range of a wall table."""
 DARK = ("receiver", "mirror", "black")
 """Parts whose faces are not walls."""
 
 
 def behind_gap(faces: tuple[Face, ...], gap_mm: float | None) -> tuple[tuple[Face, ...], tuple[Face, ...]]:
-    """Faces with a bare ``end`` for every receiver, and receivers ``gap_mm`` before them; None changes nothing.
+    """Faces with a bare ``end`` for every receiver, and receivers ``gap_mm`` in front of them; None changes nothing.
 
     A receiver's left side faces the end; it is as wide as the end.
     """
@@ -52,14 +52,14 @@ def _before(face: Face, gap_mm: float) -> Segment:
 def with_walls(
     outlines: Sequence[tuple[Face, ...]], walls: Sequence[Wall], elsewhere: Sequence[str] = ()
 ) -> tuple[tuple[Face, ...], ...]:
-    """Outlines divided at the ends of the stretches, each face with the number of the last wall table that covers it.
+    """Outlines divided at the limits of wall tables, each face with the number of the last table that covers it.
 
     A table may name a face that the body has ``elsewhere``: at other angles of its motion.
 
     Raises
     ------
     DesignError
-        If a table names no wall of the body, or begins beyond the end of all that it names.
+        If a table names no wall of the body, or begins beyond the end of all faces that it names.
     """
     faces = tuple(face for outline in outlines for face in outline)
     for number, wall in enumerate(walls):
@@ -69,12 +69,12 @@ def with_walls(
 
 
 def matches(face: Face, wall: Wall) -> bool:
-    """Whether a wall table names a face, with or without its number; it must be a wall."""
+    """Whether a wall table applies to a face, named with or without its number; the face must be a wall."""
     return face.part not in DARK and called(face, wall.face)
 
 
 def called(face: Face, pattern: str) -> bool:
-    """Whether a pattern names a face, with the number of several of one name or without."""
+    """Whether a pattern matches a face's name, with or without the number of the piece."""
     return any(fnmatchcase(name, pattern) for name in (face.name, re.sub(r"\.\d+$", "", face.name)))
 
 
@@ -82,23 +82,21 @@ def _check_named(faces: tuple[Face, ...], number: int, wall: Wall) -> None:
     named = [face for face in faces if matches(face, wall)]
     if not named:
         known = ", ".join(face.name for face in faces if face.part not in DARK)
-        raise DesignError(f"wall[{number}].face", value=wall.face, limit=f"names no wall; there are {known}")
+        raise DesignError(f"wall[{number}].face", value=wall.face, limit=f"names no wall; the walls are {known}")
     longest_mm = max(face.begins_mm + Measure(face.curve).length_mm for face in named)
     if wall.from_mm >= longest_mm - SHORTEST_MM:
         limit = f"must be below {longest_mm:.4g} mm, the length of {wall.face}"
         raise DesignError(f"wall[{number}].from_mm", value=wall.from_mm, limit=limit)
     if wall.to_mm is not None and wall.to_mm - wall.from_mm < SHORTEST_MM:
-        limit = f"must be at least {SHORTEST_MM:g} mm above from_mm = {wall.from_mm:g}: a shorter stretch is rounding"
-        raise DesignError(f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="make the stretch longer")
+        limit = f"must be at least {SHORTEST_MM:g} mm above from_mm = {wall.from_mm:g}: a shorter range is rounding"
+        raise DesignError(f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="make the range longer")
     if wall.to_mm is not None and wall.to_mm > longest_mm + SHORTEST_MM:
         limit = f"must be at most {longest_mm:.4g} mm, the length of {wall.face}"
-        raise DesignError(
-            f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="leave it out to reach the end"
-        )
+        raise DesignError(f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="omit it to reach the end")
 
 
 def _divided(face: Face, walls: Sequence[Wall]) -> list[Face]:
-    """Pieces of one face in the order in which it is walked; the face itself where nothing divides it."""
+    """Pieces of one face in the order of the outline; the face itself if nothing divides it."""
     covering = [(number, wall) for number, wall in enumerate(walls) if matches(face, wall)]
     if not covering:
         return [face]

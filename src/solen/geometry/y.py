@@ -5,19 +5,19 @@ fork's corners at ``arm_angle_deg`` to the axis; by default they continue the st
 an assumption: the paper's figure with the exact geometry is not public. The arms' inner edges run parallel to the outer
 ones at the arms' width and meet on the axis, in the crotch.
 
-How a turned lens joins the stem is a choice of the design, ``motion.join``; each keeps the outline closed and simple
-and changes continuously with the angle:
+How a turned lens joins the stem is chosen by ``motion.join`` of the design; each choice keeps the outline closed and
+simple and changes continuously with the angle:
 
-- ``bridge``: where the lens's edge has sunk below the stem's base, a straight bridge joins it to the stem's corner;
-  where it has risen into the stem, the stem's side begins at the edge's height and a short step joins the two. At 3°
-  about the centre of the base the step is 2.7 µm wide.
-- ``seam``: a straight seam joins each edge to its corner, also where it has risen.
-- ``smooth``: the stem's side bends. A cubic Bézier curve leaves the edge along the lens's own axis and runs into the
-  side, along it, half a lens's width above the edge; at rest it is the side itself.
+- ``bridge``: if the lens's edge has moved below the stem's base, a straight bridge joins it to the stem's corner; if it
+  has moved into the stem, the stem's side begins at the edge's height and a short step joins the two. At 3° about the
+  centre of the base the step is 2.7 µm wide.
+- ``seam``: a straight seam joins each edge to its corner, even if it has moved into the stem.
+- ``smooth``: the stem's side bends. A cubic Bézier curve leaves the edge along the lens's own axis and joins the
+  side tangentially, half a lens's width above the edge; at rest it is the side itself.
 
-A sensor without a lens has a flat face that belongs to the stem: it stands still while the emitter turns.
+A sensor without a lens has a flat face that belongs to the stem: it stays fixed while the emitter turns.
 
-A bend (see `solen.geometry.bend`) curves the stem between its base and its fork; there the lens meets the stem as at
+A bend (see `solen.geometry.bend`) curves the stem between its base and its fork; the lens then meets the stem as at
 rest, and no join is needed.
 """
 
@@ -36,15 +36,16 @@ from solen.spec import Body as BodyTable
 from solen.spec import Design, Join, Motion, Wall
 
 JOINS = ("join-right", "join-left")
-"""Faces that a lens has where it has turned."""
+"""Names of the join faces of a turned lens."""
 SHORTEST_MM, STEP_MM = 1e-8, 1e-6
-"""A step between lens and stem shorter than the first goes up along the stem by the second instead: that of an edge
-which has risen by less than some micrometres, as a measured lens's may have."""
+"""A step between lens and stem shorter than the first is replaced by one along the stem, as long as the second. Such a
+step is left by an edge that has moved up by less than some micrometres, as a measured lens's may have.
+"""
 
 
 @dataclass(frozen=True)
 class _Half:
-    """One side of the Y; ``side`` is +1 on the right, −1 on the left. Corners in scene coordinates."""
+    """One side of the Y; ``side`` is +1 on the right, −1 on the left. Corners are in scene coordinates."""
 
     side: int
     wall: Parabola
@@ -57,7 +58,7 @@ class _Half:
 class _Plan:
     """The part of a design that determines its Y: designs that differ elsewhere share cached bodies.
 
-    ``emitter`` is the emitter's place at rest.
+    ``emitter`` is the position of the emitter at rest.
     """
 
     lens: Lens
@@ -74,7 +75,7 @@ class _Plan:
 
 
 def y_body(design: Design, lens: Lens, angle_deg: float = 0.0) -> Body:
-    """Body of a design in the motion's state at ``angle_deg``, checked; `DesignError` if it cannot be.
+    """Checked body of a design in the motion's state at ``angle_deg``; raises `DesignError` if it cannot be built.
 
     The last 256 bodies are cached.
     """
@@ -117,7 +118,7 @@ def _turned(plan: _Plan, angle_deg: float) -> Body:
 
 
 def _bent(plan: _Plan, angle_deg: float) -> Body:
-    """Body with its stem bent between base and fork; lens and emitter are carried along, the arms stand still."""
+    """Body with its stem bent between base and fork; lens and emitter are carried along, and the arms stay fixed."""
     rest = _turned(plan, 0.0)
     base_mm = plan.lens.depth_mm
     bend = bend_of(plan.motion.centre_line, base_mm, base_mm + plan.body.stem_length_mm, angle_deg)
@@ -139,7 +140,7 @@ def _bent(plan: _Plan, angle_deg: float) -> Body:
 
 
 def arm_angle_deg(design: Design) -> float:
-    """The arms' angle to the axis: as given, or the slope of the stem's edge at the fork."""
+    """The arms' angle to the axis: as stated, otherwise the slope of the stem's edge at the fork."""
     return _arm_angle_deg(design.body)
 
 
@@ -150,7 +151,7 @@ def _arm_angle_deg(body: BodyTable) -> float:
 
 
 def _pivot(plan: _Plan) -> Point:
-    """Centre of the motion; the emitter's position counts without its decentre, which is an error of that position."""
+    """Centre of the motion; the emitter's position excludes its decentre, which is an error of the position."""
     pivot = plan.motion.pivot
     if pivot == "stem-base":
         return (0.0, plan.lens.depth_mm)
@@ -178,24 +179,24 @@ def _crotch(body: BodyTable, right: _Half) -> Point:
             "body.stem_curve_per_mm",
             value=body.stem_curve_per_mm,
             limit="must be above 0 if the arms continue the stem's edge, or they never separate",
-            remedy="raise it or give body.arm_angle_deg",
+            remedy="increase it or state body.arm_angle_deg",
         )
     x, z = right.inner_end
     if x <= 0.0:
         widest_mm = body.arm_width_mm + x / math.cos(math.radians(angle_deg))
-        parts = f"must be below {widest_mm:.3f} mm" if widest_mm > 0.0 else "no width would do"
+        parts = f"must be below {widest_mm:.3f} mm" if widest_mm > 0.0 else "no width is possible"
         raise DesignError(
             "body.arm_width_mm",
             value=body.arm_width_mm,
-            limit=f"{parts}: the arms do not part before their ends",
-            remedy="narrow the arms, lengthen them, open their angle or widen the stem",
+            limit=f"{parts}: the arms do not separate before their ends",
+            remedy="narrow the arms, lengthen them, increase their angle or widen the stem",
         )
     return (0.0, z - x / math.tan(math.radians(angle_deg)))
 
 
 @dataclass(frozen=True)
 class _Join:
-    """How the lens's edges meet the stem; ``axis`` is the lens's own."""
+    """Joint between the lens's edges and the stem; ``axis`` is the lens's own."""
 
     kind: Join
     axis: Point
@@ -227,7 +228,7 @@ class _Join:
 
 
 def _side(name: str, half: _Half, lens_edge: Point, crotch: Point, join: _Join) -> tuple[Face, ...]:
-    """Faces from the lens's edge to the crotch, walked upwards and back."""
+    """Faces from the lens's edge to the crotch, upwards along the stem and back along the arm."""
     apart_mm = math.dist(lens_edge, half.wall.start)
     wall = half.wall if apart_mm <= GAP_MM else join.wall(half.wall, lens_edge)
     gap_mm = min(apart_mm, math.dist(lens_edge, wall.start))
@@ -235,8 +236,8 @@ def _side(name: str, half: _Half, lens_edge: Point, crotch: Point, join: _Join) 
         raise DesignError(
             "motion",
             value=f"the lens's edge moves {gap_mm:.3g} mm away from the stem",
-            limit=f"at most the lens's half width, {abs(half.wall.vertex[0]):g} mm",
-            remedy="turn by less or about a nearer pivot",
+            limit=f"the limit is the lens's half width, {abs(half.wall.vertex[0]):g} mm",
+            remedy="turn by a smaller angle, or about a nearer pivot",
         )
     curves: list[tuple[str, Curve]] = [
         ("stem", wall),

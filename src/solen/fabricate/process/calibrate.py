@@ -225,8 +225,8 @@ def _of_scales(fit: PrinterCalibration) -> list[Caution]:
         return []
     return [
         look_at(
-            f"{', '.join(unstated)}: no uncertainty of the scale is stated; {100.0 * U_SCALE:g} % is assumed, which limits "
-            "shrinkage: measure with --u-um-per-px (--u-z-um for heights), from a stage micrometer"
+            f"{', '.join(unstated)}: no uncertainty of the scale is stated; {100.0 * U_SCALE:g} % is assumed, which "
+            "limits shrinkage: measure with --u-um-per-px (--u-z-um for heights), from a stage micrometer"
         )
     ]
 
@@ -268,8 +268,9 @@ def _of_fit(fit: PrinterCalibration) -> list[Caution]:
     if fit.scale > _DOUBT:
         warnings.append(
             look_at(
-                f"features are off by {fit.scale:.2g} times their stated uncertainty (rms {fit.rms_um:.2g} µm): either the "
-                "model does not describe them, or their uncertainty is larger; uncertainties were widened by this factor"
+                f"features are off by {fit.scale:.2g} times their stated uncertainty (rms {fit.rms_um:.2g} µm): "
+                "either the model does not describe them, or they are less certain than stated; uncertainties were "
+                "widened by this factor"
             )
         )
     if fit.disagree:

@@ -75,9 +75,7 @@ class Compensation:
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """Displacement of the drawn lens (N,) from the designed one, of other walls outwards, and the scale of the
-    drawing.
-    """
+    """Displacements of the drawn lens (N,) and, outwards, of other walls, and the scale of the drawing."""
 
     drawn_um: FloatArray
     wall_um: float = 0.0

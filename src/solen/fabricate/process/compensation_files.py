@@ -37,9 +37,7 @@ def compensation_files(
 
 
 def targets_of(target: Path, drawn: str) -> dict[str, Path]:
-    """Files of a compensated design by name: the design, its drawing (outline or drawn layers), and the predicted
-    print.
-    """
+    """Files of a compensated design by name: design, drawing (outline or drawn layers) and predicted print."""
     return {"compensated": target} | {
         f"compensated_{end}": target.with_name(f"{target.stem}-{end}.json") for end in (drawn, "printed")
     }

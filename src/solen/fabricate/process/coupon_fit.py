@@ -57,9 +57,7 @@ class Solution:
 
 
 class CouponFit:
-    """Least squares in the numbers that coupons separate best: the growth of a straight wall replaces the critical
-    dose.
-    """
+    """Least squares, with the growth of a straight wall replacing the critical dose for better separation."""
 
     def __init__(
         self, process: Process, used: tuple[tuple[int, MeasuredFeature], ...], scales: Scales, keys: tuple[str, ...]
@@ -87,9 +85,7 @@ class CouponFit:
         self._scales_whitened = np.linalg.inv(np.linalg.cholesky(scales.covariance))
 
     def solved(self) -> Solution:
-        """Solve by least squares; features that scatter more have less weight, and the weights of priors are
-        unchanged.
-        """
+        """Solve by least squares; features that scatter more have less weight, priors keep theirs."""
         count, scales = len(self.sought), len(self.scales.of)
         ends = (np.append(self.low, np.full(scales, -0.5)), np.append(self.high, np.full(scales, 0.5)))
         solution = least_squares(
@@ -139,9 +135,7 @@ class CouponFit:
         return np.concatenate([off / self._u, apart / self._u_pitch, before, self._scales_whitened @ errors])
 
     def jacobian(self, values: FloatArray) -> FloatArray:
-        """Derivatives of the residuals: finite differences for the numbers, exact for the scales, which only
-        multiply.
-        """
+        """Derivatives of the residuals: finite differences for the numbers, exact for the scales."""
         count, rows, pitches = len(self.sought), len(self.used), len(self._pitch)
         numbers, here = values[:count], self.residuals(values)
         result = np.zeros((len(here), len(values)))

@@ -52,8 +52,7 @@ def as_designed(body: Body) -> list[list[DrawnFace]]:
 def redrawn(
     body: Body, lens: FloatArray, wall_um: float, scale: float = 1.0, centre: Point = (0.0, 0.0)
 ) -> list[list[DrawnFace]]:
-    """Outlines with the given points of the lens, other walls moved outwards by ``wall_um``, and all scaled about a
-    centre.
+    """Outlines with the given lens points, other walls moved outwards by ``wall_um``, scaled about a centre.
 
     Raises
     ------

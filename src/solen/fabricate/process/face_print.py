@@ -246,9 +246,7 @@ class FacePrint:
 
     @cached_property
     def _alike(self) -> IntArray:
-        """For each layer (L,), number of the layer that prints the same; for an upright lens, the middle layer of its
-        slab.
-        """
+        """Number of a layer that prints the same as each (L,); for an upright lens, the middle of its slab."""
         if np.ptp(self.wanted, axis=0).max() > 0.0:
             return np.arange(self.layers)
         parts = slabs(self.settings, self.layers)
@@ -264,8 +262,7 @@ class FacePrint:
         return 1e3 * float(np.sqrt(np.mean((z - self.wanted)[:, : self._inner] ** 2)))
 
     def _blamed(self, face: PrintedFace) -> FloatArray:
-        """Deviations (L, M) along z, assigned to the layers whose light causes them rather than those in which they
-        appear.
+        """Deviations (L, M) along z, assigned to the layers whose light causes them.
 
         A wall moves with the edge of an image in proportion to that edge's light at the wall. Below an overhang, the
         wall is set by the overhanging layer's light, so moving its own edge has no effect.
@@ -286,9 +283,7 @@ class FacePrint:
         return np.asarray(moved / weights)
 
     def _smooth(self, off: FloatArray) -> FloatArray:
-        """Deviations (L, M) along z, smoothed to the width of the blur; at the edge, those of the neighbouring face
-        continue.
-        """
+        """Deviations (L, M) along z, smoothed to the width of the blur; the face beside the edge is continued."""
         steady = np.where(np.arange(PLACES) < self._inner, off, off[:, self._inner - 1 : self._inner])
         width = 1e-3 * self.settings.edge_um / float(self.places_mm[1])
         mirrored = np.concatenate([steady[:, :0:-1], steady], axis=1)

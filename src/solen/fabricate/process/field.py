@@ -152,8 +152,10 @@ def fine_dose(
 def _check_size(pixels: int, layers: int, settings: Settings) -> None:
     points = pixels * settings.pixel_light.fine**2
     if points > MOST_POINTS:
-        limit = (f"the part with {_FAR:g} widths of the halo requires {points:.2g} grid points; "
-f"the limit is {MOST_POINTS:.1g}")
+        limit = (
+            f"the part with {_FAR:g} widths of the halo requires {points:.2g} grid points; "
+            f"the limit is {MOST_POINTS:.1g}"
+        )
         remedy = "use larger pixels, a narrower halo or a smaller part"
         raise DataError("process.halo_um", value=settings.halo_um, limit=limit, remedy=remedy)
     if layers > MOST_LAYERS:

@@ -76,9 +76,7 @@ class MeasuredGreys(Measured, kw_only=True):
 
     @reported
     def edge_shift_px(self) -> float:
-        """Outward shift in pixels of an edge drawn with proportional greys, averaged over the edge's positions in a
-        pixel.
-        """
+        """Outward shift in pixels of an edge drawn with proportional greys, averaged over its positions."""
         greys = self.process.process.model_copy(update={"grey_drawn": "proportional"}).greys
         return greys.shift
 
@@ -109,8 +107,10 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     greys, which, counts = np.unique(shares[set_at], return_inverse=True, return_counts=True)
     blank = np.flatnonzero(~np.isfinite(depth) & (shares > greys.min(initial=1.0)))
     if len(blank):
-        limit = (f"is blank at a grey of {shares[blank[0]]:g}, although {greys[0]:g} cured a disc: "
-"this disc was not measured")
+        limit = (
+            f"is blank at a grey of {shares[blank[0]]:g}, although {greys[0]:g} cured a disc: "
+            "this disc was not measured"
+        )
         raise DataError(f"{thickness.name} in row {blank[0] + 1}", limit=limit, remedy="delete the row, or measure it")
     if not len(greys) or greys[-1] != 1.0:
         raise DataError("grey", limit="no disc of the full grey was cured, and all others are compared with it")
@@ -129,8 +129,10 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     u_log = np.hypot(u_mean * per_um, u_mean[-1] * per_um[-1])[:-1]
     u_light = np.append(light[:-1] * u_log, 0.0)
     if not log_light[0] < 0.0:
-        raise DataError("thickness", limit="all discs are as thick as those of the full grey: "
-"check whether a single picture was used")
+        raise DataError(
+            "thickness",
+            limit="all discs are as thick as those of the full grey: check whether a single picture was used",
+        )
     u_own = _u_of_exponent(log_light[:-1], u_mean * per_um)
     u_power = float(np.hypot(np.hypot(u_Dp / Dp, 0.01 * options.u_scale_percent), u_own))
     pairs = tuple((float(grey), float(share)) for grey, share in zip(greys, light, strict=True))
@@ -166,16 +168,15 @@ def _shares(recording: Recording) -> tuple[FloatArray, str]:
         values = values / FULL
     if not (np.isfinite(values).all() and values.min() >= 0.0 and values.max() <= 1.0):
         raise DataError(
-            grey.name, value=float(np.nanmax(values)), limit="must be fractions up to 1, % up to "
-"100 or values up to 255"
+            grey.name,
+            value=float(np.nanmax(values)),
+            limit="must be fractions up to 1, % up to 100 or values up to 255",
         )
     return np.round(values, 6), grey.name
 
 
 def _u_um(depth: FloatArray, which: NDArray[np.intp], stated: FloatArray | None, options: GreyOptions) -> FloatArray:
-    """Standard uncertainty of each disc's thickness: as stated in a column or option, or from the scatter of
-    repeats.
-    """
+    """Standard uncertainties of the thicknesses, from a column, an option or the scatter of repeats."""
     if stated is not None:
         if not (np.isfinite(stated).all() and (stated > 0.0).all()):
             raise DataError("u_thickness_um", limit="must be above 0 for every disc")
@@ -197,8 +198,7 @@ def _ascending(greys: FloatArray, mean: FloatArray, u: NDArray[np.floating]) -> 
     fitted = np.asarray(isotonic_regression(mean, weights=u**-2).x)
     worst = int(np.argmax(np.abs(fitted - mean) / u))
     if abs(fitted[worst] - mean[worst]) > APART * u[worst]:
-        limit = (f"is {mean[worst]:.4g} µm at a grey of {greys[worst]:g}, which is out of order "
-"with its neighbours")
+        limit = f"is {mean[worst]:.4g} µm at a grey of {greys[worst]:g}, which is out of order with its neighbours"
         raise DataError("thickness", limit=limit, remedy="check the order of the discs and their uncertainty")
     return fitted
 
@@ -216,15 +216,14 @@ def _warnings(process: Process, shares: FloatArray, set_at: NDArray[np.bool_], g
     if "Dp_um" in process.assumptions:
         warnings.append(
             look_at(
-                f"Dp is assumed to be {process.process.Dp_um:g} µm, and the light of all greys depends on it: measure it with "
-                "cure discs on the same printer"
+                f"Dp is assumed to be {process.process.Dp_um:g} µm, and the light of all greys depends on it: "
+                "measure it with cure discs on the same printer"
             )
         )
     dark = np.unique(shares[~set_at])
     if len(dark):
         warnings.append(
-            look_at(f"greys up to {dark.max():g} cure nothing; below {greys[0]:g} the light is "
-"interpolated to 0")
+            look_at(f"greys up to {dark.max():g} cure nothing; below {greys[0]:g} the light is interpolated to 0")
         )
     elif greys[0] > DARK:
         warnings.append(look_at(f"no grey below {greys[0]:g} was measured; there the light is interpolated to 0"))

@@ -105,8 +105,7 @@ def _edge_um(
 ) -> float:
     """Distance x from a straight edge's image at which Σ E Φ((b - x)/σ) = Ec, for light offset by b (``beside``)."""
     if float(dose.sum()) <= settings.Ec_mJ_per_cm2:
-        limit = (f"{dose.sum():.3g} mJ/cm2 arrive {where}, and the resin sets at {settings.Ec_mJ_per_cm2:g} "
-"mJ/cm2")
+        limit = f"{dose.sum():.3g} mJ/cm2 arrive {where}, and the resin sets at {settings.Ec_mJ_per_cm2:g} mJ/cm2"
         raise DataError("process.exposure_s", value=settings.exposure_s, limit=limit, remedy="expose for longer")
     reach = _WIDE * float(blur.max()) + float(np.abs(beside).max())
     excess = brentq(

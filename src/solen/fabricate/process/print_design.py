@@ -271,9 +271,7 @@ def _of_layers(prediction: PrintedDesign) -> list[Caution]:
 
 
 def _of_response(prediction: PrintedDesign) -> list[Caution]:
-    """Warn if an asymmetric response moves walls differently, because walls other than the lens use the mean of all
-    sides.
-    """
+    """Warn if an asymmetric response moves walls differently, as walls beside the lens use the mean."""
     least, most = uneven_um(prediction.settings)
     if prediction.walls is None or most - least < _TAPER_UM:
         return []

@@ -128,9 +128,7 @@ class PrintedLayers(Result):
 
     @property
     def _remaining(self) -> dict[str, tuple[FloatArray, FloatArray]]:
-        """Contrast of each lens divided by that of the printed cylinder, and its uncertainty; NaN if the latter
-        contrast is 0.
-        """
+        """Contrast of each lens divided by that of the printed cylinder, and its uncertainty; NaN at contrast 0."""
         base = next((one for one in self.responses if one.name == f"{CYLINDER}, {PRINTED}"), None)
         if base is None:
             return {}
@@ -247,8 +245,7 @@ def _check(options: PrintOptions, *, part: bool) -> None:
     """Raise `SpecError` if an option is not supported for such a lens."""
     why = "is not supported for a lens that varies with height"
     if options.orientation != "flat":
-        limit = ("a lens that varies with height is printed flat, with its layers parallel to the "
-"faces of the body")
+        limit = "a lens that varies with height is printed flat, with its layers parallel to the faces of the body"
         raise SpecError("--orientation", value=options.orientation, limit=limit, remedy="leave it out")
     if part:
         raise SpecError("--solid", limit=why, remedy="export the printed layers: lens.profile of a layered design")
@@ -262,9 +259,7 @@ def _check(options: PrintOptions, *, part: bool) -> None:
 
 
 def _check_halves(settings: Settings) -> None:
-    """Raise `SpecError` if a pixel's light moves opposite walls differently: one half of each layer is modelled for
-    both.
-    """
+    """Raise `SpecError` if a pixel's light moves opposite walls differently, as only one half is modelled."""
     least, most = uneven_um(settings)
     if most - least > ALIKE_UM:
         raise SpecError(
@@ -365,14 +360,13 @@ def _of_face(sensor: Sensor, model: FacePrint, made: PrintedFace | None, u_um: d
         note("the walls next to the lens are traced as designed"),
         look_at(
             f"the uncertainty of the process is up to {worst:.2g} µm for a layer's wall; the table "
-"of responses excludes it"
+            "of responses excludes it"
         ),
     ]
     layer_mm = sensor.design.lens.layer_mm
     printers_mm = 1e-3 * model.settings.layer_um
     if layer_mm is not None and not np.isclose(layer_mm, printers_mm):
-        warnings.append(look_at(f"lens.layer_mm = {layer_mm:g}, but the process prints layers of "
-f"{printers_mm:g} mm"))
+        warnings.append(look_at(f"lens.layer_mm = {layer_mm:g}, but the process prints layers of {printers_mm:g} mm"))
     last_mm = float(model.edges_mm[1] - model.edges_mm[0])
     if not np.isclose(last_mm, printers_mm):
         count = f"{sensor.design.body.thickness_mm:g} mm is {model.layers - 1} layers of {printers_mm:g} mm"

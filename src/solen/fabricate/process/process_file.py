@@ -99,8 +99,7 @@ class Process(Strict):
                     raise refused(table, f"must be one of {', '.join(allowed)}", value=key)
         unused = "response_scale" if self.process.response is None else "sigma_um"
         if unused in self.uncertainty:
-            limit = (f"names no number of this process, which states {'no' if unused != 'sigma_um' else 'a'} "
-"response")
+            limit = f"names no number of this process, which states {'no' if unused != 'sigma_um' else 'a'} response"
             raise refused(f"uncertainty.{unused}", limit, value=self.uncertainty[unused], remedy="leave it out")
         return self
 
@@ -124,9 +123,7 @@ class Process(Strict):
         return (*together, *alone), matrix
 
     def with_settings(self, **values: Any) -> "Process":
-        """Process with some values changed; their uncertainties and sources are removed, as they belong to the old
-        values.
-        """
+        """Process with some values changed, without the uncertainties and sources of the old values."""
         data = self.model_dump(exclude_unset=False)
         data["process"] |= values
         for key in values:

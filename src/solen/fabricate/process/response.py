@@ -68,19 +68,21 @@ class PixelResponse(Strict):
     )
     pitch_um: Annotated[Positive, Field(le=1e3)] = Field(description="Spacing of the samples in µm.")
     centre_um: tuple[Number, Number] | None = Field(
-        None, description="Position of the pixel's centre from the first sample, along x and y; "
-"default: the centroid."
+        None, description="Position of the pixel's centre from the first sample, along x and y; default: the centroid."
     )
 
     @model_validator(mode="after")
     def _is_one_pixel(self) -> Self:
         rows, columns = len(self.light), len(self.light[0]) if self.light else 0
         if min(rows, columns) < 5 or any(len(row) != columns for row in self.light):
-            raise refused("light", "must be at least 5 rows of at least 5 numbers, all of the same length", value=f"{rows} rows")
+            raise refused(
+                "light", "must be at least 5 rows of at least 5 numbers, all of the same length", value=f"{rows} rows"
+            )
         if rows * columns > MOST_SAMPLES:
             limit = f"at most {MOST_SAMPLES:,} samples"
-            raise refused("light", limit, value=f"{rows} x {columns}", remedy="crop it to the light, or average "
-"samples")
+            raise refused(
+                "light", limit, value=f"{rows} x {columns}", remedy="crop it to the light, or average samples"
+            )
         light = np.array(self.light)
         peak = float(light.max())
         if not peak > 0.0 or light.min() < -NOISE * peak:
@@ -88,8 +90,7 @@ class PixelResponse(Strict):
             raise refused("light", limit, value=float(light.min()), remedy="check the dark picture that was subtracted")
         rim = max(float(np.mean(side)) for side in (light[0], light[-1], light[:, 0], light[:, -1]))
         if rim > RIM * peak:
-            limit = (f"the mean of each side of its rim must be dark: within {100 * RIM:g} % of "
-"the brightest sample")
+            limit = f"the mean of each side of its rim must be dark: within {100 * RIM:g} % of the brightest sample"
             remedy = "subtract the background, or use a wider table"
             raise refused("light", limit, value=f"{100 * rim / peak:.2g} %", remedy=remedy)
         sides = (columns - 1) * self.pitch_um, (rows - 1) * self.pitch_um
@@ -100,9 +101,7 @@ class PixelResponse(Strict):
 
     @property
     def hot(self) -> tuple[int, int, float] | None:
-        """Row and column (from 1) of a sample far brighter than its neighbours, and the ratio; None if there is
-        none.
-        """
+        """Row and column (from 1) of a sample far brighter than its neighbours, and the ratio; otherwise None."""
         from scipy.ndimage import maximum_filter
 
         light = np.array(self.light)
@@ -139,7 +138,9 @@ class GaussianPixel:
         if needed > MOST_FINE:
             least = width * pixel_um / (math.pi * MOST_FINE)
             limit = f"must be at least {least:.2g} µm for pixels of {pixel_um:g} µm"
-            raise DataError("process.sigma_um", value=self.blur_um, limit=limit, remedy="no projector produces sharper pixels")
+            raise DataError(
+                "process.sigma_um", value=self.blur_um, limit=limit, remedy="no projector produces sharper pixels"
+            )
         return max(needed, LEAST_FINE)
 
     def plane(self, shape: tuple[int, int], step_um: tuple[float, float]) -> FloatArray:
@@ -186,9 +187,7 @@ class MeasuredPixel:
 
     @cached_property
     def blur_um(self) -> float:
-        """Standard deviation of the Gaussian that would blur the pixel's rectangle to the same width, mean of both
-        axes.
-        """
+        """Standard deviation of a Gaussian blur of the pixel's rectangle to the same width, mean of both axes."""
         return math.sqrt(max(self.width_um**2 - _own_um2(self.pixels_um), 0.0))
 
     @cached_property
@@ -205,9 +204,7 @@ class MeasuredPixel:
 
     @property
     def mixture(self) -> Mixture:
-        """The response's mean over directions about its centroid, as Gaussians fitted by least squares to its
-        spectrum.
-        """
+        """Mean over directions about the centroid, as Gaussians fitted by least squares to the spectrum."""
         return _weights(self.response), self.width_um * _WIDTHS
 
     @cached_property
@@ -247,9 +244,7 @@ class MeasuredPixel:
         return self.first_um[axis] + self.pitch_um * np.arange(count, dtype=float)
 
     def _on(self, count: int, step_um: float, axis: int) -> tuple[FloatArray, NDArray[np.intp]]:
-        """Splines (M, N) at the points of a periodic grid within their support, times the grid's step, and these points
-        (M,).
-        """
+        """Splines (M, N) at the points of a periodic grid in their support, times its step, and the points (M,)."""
         places = self._places(axis)
         low, high = places[0] - 2.0 * self.pitch_um, places[-1] + 2.0 * self.pitch_um
         points = np.arange(math.ceil(low / step_um), math.floor(high / step_um) + 1)
@@ -257,9 +252,7 @@ class MeasuredPixel:
         return basis, np.asarray(points % count, np.intp)
 
     def along(self, k: FloatArray, across: float, along: float) -> FloatArray:
-        """Spectrum (K,) about the centroid at wave numbers along a direction; the real part averages both
-        directions.
-        """
+        """Spectrum (K,) about the centroid at wave numbers along a direction, averaged over both signs."""
         (x, y), (cx, cy) = (self._places(0), self._places(1)), self.centroid_um
         turn = [np.exp(-1j * np.outer(k * way, place)) for way, place in ((across, x - cx), (along, y - cy))]
         smooth = [np.sinc(k * way * self.pitch_um / math.tau) ** 4 for way in (across, along)]
@@ -363,7 +356,9 @@ def _of_picture(path: Path) -> list[list[float]]:
         limit = "must be a single-channel grey picture, without colours or a palette"
         raise DataError(str(path), value=kind, limit=limit, remedy="save it in grey, in 8, 16 or 32 bits")
     if pages > 1:
-        raise DataError(str(path), value=f"{pages} pages", limit="must be one picture", remedy="save only the page with the pixel")
+        raise DataError(
+            str(path), value=f"{pages} pages", limit="must be one picture", remedy="save only the page with the pixel"
+        )
     if int(light.max()) in _FULL_SCALES and np.count_nonzero(light == light.max()) > 1:
         limit = f"is overexposed: {np.count_nonzero(light == light.max()):,} samples are {light.max():g}"
         raise DataError(str(path), limit=limit, remedy="expose less: values must be proportional to the light")

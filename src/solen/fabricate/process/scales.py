@@ -29,9 +29,7 @@ SHARED = 0.9
 
 @dataclass(frozen=True)
 class FittedScale:
-    """Scale of a picture's lengths or heights: measured over true, from the fit, and its relative uncertainty
-    before.
-    """
+    """Fitted scale of lengths or heights in a picture: measured over true, and its relative prior uncertainty."""
 
     file: str
     axis: Axis

@@ -52,12 +52,13 @@ class Settings(Strict):
     Ec_mJ_per_cm2: Positive = Field(5.0, description="Critical dose, at which the resin sets.")
     lamp: tuple[tuple[Positive, Positive], ...] = Field(
         (),
-        description="Lines of the lamp: fraction of light and relative absorption of each, from solen resin cure --penetration "
-        "(relative to the mean at the surface); without a table, one wavelength.",
+        description="Lines of the lamp: fraction of light and relative absorption of each, from solen resin "
+        "cure --penetration (relative to the mean at the surface); without a table, one wavelength.",
     )
     sigma_um: Annotated[Number, Field(gt=0, le=1000)] | None = Field(
-        15.0, description="Standard deviation of the projector's point-spread function at the "
-"window; none if there is a response."
+        15.0,
+        description="Standard deviation of the projector's point-spread function at the "
+        "window; none if there is a response.",
     )
     response: PixelResponse | None = Field(
         None, description="Measured light of one pixel at the window, in place of its rectangle and sigma_um."
@@ -75,27 +76,25 @@ class Settings(Strict):
     shrinkage_percent: Percent = Field(1.0, description="Linear shrinkage in the plane, about the lens's vertex.")
     shrinkage_z_percent: Percent = Field(1.0, description="Linear shrinkage along the direction of printing.")
     wash_um: Annotated[Number, Field(ge=-1000, le=1000)] = Field(
-        0.0, description="Displacement of a wall along its normal by washing: positive for swelling, "
-"negative for erosion."
+        0.0,
+        description="Displacement of a wall along its normal by washing: positive for swelling, negative for erosion.",
     )
     taper_deg: Annotated[Number, Field(ge=-30, le=30)] = Field(
-        0.0, description="Lean of the walls beyond that due to the dose; positive if they widen "
-"away from the platform."
+        0.0, description="Lean of the walls beyond that due to the dose; positive if they widen away from the platform."
     )
 
     grey: tuple[tuple[GreyShare, GreyShare], ...] = Field(
         (),
         description="Measured pairs of grey value and light, as fractions of the full values; "
-"none for proportional light.",
+        "none for proportional light.",
     )
     grey_drawn: Literal["corrected", "proportional"] = Field(
-        "corrected", description="How an edge is drawn: with the grey that gives its share of "
-"light, or with that share."
+        "corrected",
+        description="How an edge is drawn: with the grey that gives its share of light, or with that share.",
     )
     grey_power: Annotated[Number, Field(gt=0.05, le=10)] = Field(
         1.0,
-        description="Exponent on a grey pixel's light; 1 if the measured response (or proportionality) "
-"is right.",
+        description="Exponent on a grey pixel's light; 1 if the measured response (or proportionality) is right.",
     )
 
     @model_validator(mode="before")
@@ -145,8 +144,7 @@ class Settings(Strict):
         """Reject an exposure that cures nothing at all."""
         dose = seconds * self.irradiance_mW_per_cm2
         if dose <= self.Ec_mJ_per_cm2:
-            limit = (f"gives {dose:.3g} mJ/cm², but the resin sets at {self.Ec_mJ_per_cm2:g} mJ/cm²: "
-"nothing cures")
+            limit = f"gives {dose:.3g} mJ/cm², but the resin sets at {self.Ec_mJ_per_cm2:g} mJ/cm²: nothing cures"
             least = self.Ec_mJ_per_cm2 / self.irradiance_mW_per_cm2
             raise refused(key, limit, value=seconds, remedy=f"expose for more than {least:.3g} s")
 
@@ -240,9 +238,7 @@ class Settings(Strict):
 
     @property
     def least_feature_um(self) -> float:
-        """Half period of a wavy wall that keeps `KEPT` of its height; a blur of σ leaves exp(−2 (π σ / period)²) of
-        it.
-        """
+        """Half period at which a wavy wall keeps `KEPT` of its height; a blur σ leaves exp(−2 (π σ / period)²)."""
         return self.edge_um * math.pi / math.sqrt(-2.0 * math.log(KEPT))
 
 

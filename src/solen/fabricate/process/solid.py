@@ -34,9 +34,7 @@ _THIN_UM = 0.2
 
 @dataclass(frozen=True)
 class Slab:
-    """Layers ``first`` to ``last``, inclusive, whose walls have the same growth; ``edge_um`` is the growth at their
-    middle.
-    """
+    """Layers ``first`` to ``last``, inclusive, with walls of equal growth, which is ``edge_um`` at their middle."""
 
     first: int
     last: int

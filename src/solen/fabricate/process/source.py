@@ -85,8 +85,7 @@ def with_cure(process: Process, path: Path) -> Process:
     """
     curve = read_law(path)
     if process.keeps_growth:
-        limit = (f"the process {process.name} was calibrated with another Dp, and its critical dose "
-"describes its walls")
+        limit = f"the process {process.name} was calibrated with another Dp, and its critical dose describes its walls"
         remedy = "calibrate with a process that has this Dp and lamp"
         raise DataError("--cure", value=path.name, limit=limit, remedy=remedy)
     keys = ("Dp_um", "Ec_mJ_per_cm2")

@@ -97,9 +97,7 @@ class Stack:
 
 
 def _groups(terms: Terms) -> list[tuple[IntArray, float]]:
-    """Indices of terms with similar widths, and the width of each group: the sharp light, then scattered light by
-    depth.
-    """
+    """Indices of terms with similar widths, and the width of each group: sharp, then scattered light by depth."""
     half = len(terms.dose) // 2
     groups = [np.arange(half)]
     if terms.dose[half:].any():

@@ -121,7 +121,7 @@ def _refuse(target: Target, exits: FloatArray) -> None:
         "printed lens",
         value=f"no wall near x = {place[0]:.3g}, z = {place[1]:.3g} mm",
         limit=f"the print has no wall within {MOST_REACH_UM:g} µm of the target face: it receives "
-"too little light, or too much",
+        "too little light, or too much",
         remedy="check exposure_s, Ec_mJ_per_cm2, sigma_um and halo_um of the process",
     )
 

@@ -115,9 +115,7 @@ class SidePrint:
         return excess
 
     def _gathered(self, lit: NDArray[np.complex128], k: FloatArray, depth_um: float) -> NDArray[np.complex128]:
-        """Spectra of the dose of each layer at a depth from its window side, from its own light and that of later
-        layers.
-        """
+        """Spectra of the dose of each layer at a depth from its window side, including later layers."""
         s = self.settings
         spectra, blur_um = np.zeros_like(lit), s.blur_um
         for later in range(min(len(lit), math.ceil(s.deep_Dp_um * _DEPTHS / s.layer_um) + 1)):
@@ -159,9 +157,7 @@ class SidePrint:
         return exits_um(excess, self.target, STEP_UM) + s.wash_um
 
     def steps(self, offset_um: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Offsets without the ripple of the steps, and the ripple, (N,) each: a smooth curve with one knot per ten
-        layers.
-        """
+        """Offsets without the ripple of the steps (smooth, one knot per ten layers), and the ripple, (N,) each."""
         along = self.target.along_mm
         knots = np.arange(1, int(1e3 * along[-1] / (_LAYERS_PER_KNOT * self.settings.layer_um)))
         inner = along[-1] * knots / (len(knots) + 1)
@@ -177,8 +173,7 @@ def _pixel_um(settings: Settings, side: Side) -> float:
 def _check_fine(wanted: FloatArray, settings: Settings, pixel_um: float) -> None:
     size = np.ptp(wanted, axis=0)
     if size[0] < FEWEST_PIXELS * pixel_um:
-        limit = (f"the lens, {1e-3 * size[0]:.3g} mm along the pixels, must be at least {FEWEST_PIXELS} "
-"pixels wide")
+        limit = f"the lens, {1e-3 * size[0]:.3g} mm along the pixels, must be at least {FEWEST_PIXELS} pixels wide"
         raise DataError("process.pixel_um", value=pixel_um, limit=limit, remedy="use a printer with smaller pixels")
     if size[1] < 2.0 * settings.layer_um:
         limit = f"the lens, {1e-3 * size[1]:.3g} mm along the layers, must be at least two layers high"
@@ -191,8 +186,7 @@ def _check_work(layers: int, columns: float, settings: Settings) -> None:
     work = layers * later * columns * settings.pixel_light.fine * SUBLAYERS
     if work > MOST_WORK:
         limit = (
-            f"{layers:,} layers near the lens, each lit through {later:,.0f} later ones, would "
-"take minutes to compute"
+            f"{layers:,} layers near the lens, each lit through {later:,.0f} later ones, would take minutes to compute"
         )
         raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thicker")
 

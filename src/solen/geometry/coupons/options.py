@@ -1,7 +1,7 @@
-"""Parameters of the coupons, and interpretations where their source is silent or contradicts itself.
+"""Parameters of the coupons, and interpretations of their source where it is silent or contradicts itself.
 
 The source is the Methods section of the paper on 3D-printed soft optical sensors with a lens. Four of its statements
-cannot be printed as they stand; each is an option here, and the default is explained in the coupon's `Reading`.
+cannot be printed as written; each is an option here, and the coupon's `Reading` explains the default.
 """
 
 from typing import Annotated, Literal
@@ -15,32 +15,34 @@ Sizes = Annotated[tuple[Size, ...], Field(min_length=1)]
 
 
 class CouponOptions(Options):
-    """Parameters of all coupons; quotations are the paper's."""
+    """Parameters of all coupons; quotations are from the paper."""
 
     hole_reading: Literal["repeats", "even", "tenths"] = "repeats"
     """Eight holes "1.40–1.65 mm (steps of 0.1 mm)": repeats: steps of 0.05 mm, the first and the last size twice; even:
-    eight even steps over the span; tenths: steps of 0.1 mm from 1.40 mm on."""
+        eight even steps over the span; tenths: steps of 0.1 mm from 1.40 mm.
+    """
     step_reading: Literal["halving", "literal"] = "halving"
     """Group C "heights 0.2 mm - 0.5 mm (0.5 mm steps) … (0.25 steps)": halving: steps of 0.05 and 0.025 mm; literal:
-    the printed ones, of which the range holds one height and two."""
+        the printed steps, with which the range contains one and two heights.
+    """
     reference_reading: Literal["literal", "staircase"] = "literal"
     """Pillars of "1.000 mm, 1.025 mm, and 0.025 mm": literal, or a staircase with 1.050 mm as the third."""
     gap_reading: Literal["pairs", "row"] = "pairs"
     """Twelve gaps between cylinders of group B: as separate pairs, or in one row of thirteen."""
     spacing_mm: Size = 1.0
-    """Free distance of features that stand alone."""
+    """Free distance between separate features."""
     bevel_mm: Annotated[float, Field(ge=0, le=1e6)] = 0.6
-    """Legs of the bevelled corner that orients a slab; 0 leaves it out."""
+    """Legs of the bevelled corner that orients a slab; 0 omits the bevel."""
     marks: bool = True
-    """Three round marks on slabs with pillars, by which an image is oriented; --marks=false leaves them out."""
+    """Three round marks on slabs with pillars, which orient an image; --marks=false omits them."""
     layer_um: Size = 25.0
     """Layer thickness, for heights in layers and for the single layer."""
     pitch_um: Size | None = None
-    """Pixel of the printer; the centres of all features are then on pixel corners, so that all are drawn alike."""
+    """Pixel pitch of the printer; all features are then centred on pixel corners and drawn identically."""
     exposure_s: Size = 2.0
     """Exposure of a layer."""
     burn_in_layers: Annotated[int, Field(ge=0, le=1000)] = 6
-    """Number of first layers that are exposed for longer."""
+    """Number of first layers with a longer exposure (burn-in)."""
     burn_in_s: Size = 3.0
     """Exposure of the first layers."""
     irradiance_mW_per_cm2: Size = 13.0
@@ -48,13 +50,13 @@ class CouponOptions(Options):
     disc_exposures_s: Sizes = (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
     """Exposures of the cure discs, in the order of printing."""
     greys: Sizes = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 1.0)
-    """Greys of the discs of the grey steps, as shares of the full value."""
+    """Greys of the discs of the grey steps, as fractions of the full value."""
     grey_exposure_s: Size = 6.0
-    """Exposure of the grey steps; long enough for the darkest to set."""
+    """Exposure of the grey steps; long enough to cure the darkest disc."""
     ledges_um: Sizes = (5.0, 10.0, 20.0)
     """Step between layers of a bar of ledges, first inwards, then outwards."""
     ledge_layers: Annotated[int, Field(ge=4, le=400)] = 40
-    """Number of layers of a bar of ledges; an odd one is lowered by one."""
+    """Number of layers of a bar of ledges; an odd number is reduced by one."""
     film_mm: Size = 0.1
     """Thickness of the film under the single layer."""
     film_side_mm: Size = 20.0

@@ -10,11 +10,11 @@ CUBE_BEVEL_MM = 0.5
 BAR_MM, BAR_DEEP_MM = 3.0, 4.0
 """Width of the bars of ledges at their faces, and their depth."""
 APART_MM = 5.0
-"""Free distance of pieces that are taken off the plate one by one."""
+"""Free distance between pieces that are taken off the plate one by one."""
 
 
 def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Discs of 3 mm, each a single exposure on a drop of resin: cure depth against exposure (the working curve)."""
+    """Discs of 3 mm, each cured by one exposure on a drop of resin, for the working curve."""
     times = options.disc_exposures_s
     pitch, layer = DISC_MM + APART_MM, 1e-3 * options.layer_um
     names = distinct(f"t-{time:g}s" for time in times)
@@ -23,9 +23,9 @@ def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
         for i, (name, time) in enumerate(zip(names, times, strict=True))
     ]
     cautions = (
-        "a disc's thickness is what its exposure cures, not the height of the solid: project the circle, without the "
+        "a disc's thickness is its cure depth, not the height of the solid: project the circle, without the "
         "build platform, onto a drop on the floor of the vat, for each time in turn",
-        "at low energies the discs are too thin and soft to be measured with certainty: say so with the thickness",
+        "at low energies the discs are too thin and soft to be measured reliably: state this with the thickness",
     )
     printed = "progressively increasing exposure time"
     taken = f"{', '.join(f'{time:g}' for time in times)} s"
@@ -34,7 +34,7 @@ def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
 
 
 def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Discs of 3 mm in one picture, each of another grey: which light a grey pixel lets through."""
+    """Discs of 3 mm in one picture, each with a different grey: the light that a grey pixel transmits."""
     greys, pitch, layer = options.greys, DISC_MM + APART_MM, 1e-3 * options.layer_um
     names = distinct(f"g-{grey:g}" for grey in greys)
     time = options.grey_exposure_s
@@ -46,22 +46,22 @@ def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
         for i, (name, grey) in enumerate(zip(names, greys, strict=True))
     ]  # fmt: skip
     cautions = (
-        "a disc's thickness is what its exposure cures: project the picture once, without the build platform, onto a "
-        "drop on the floor of the vat; the first disc is the full one",
-        "the thicknesses belong beside their greys in a table for solen print grey; measure Dp on the same day, with "
+        "a disc's thickness is its cure depth: project the picture once, without the build platform, onto a "
+        "drop on the floor of the vat; the first disc has the full grey",
+        "enter the thicknesses next to their greys in a table for solen print grey; measure Dp on the same day, with "
         "the cure discs",
     )
     readings = (
-        Reading("greys", "none", "solen's own: the light of an edge's pixels determines the position of a wall"),
+        Reading("greys", "none", "added by solen: the light of an edge's pixels determines the position of a wall"),
     )
     return Coupon("grey-steps", "discs of several greys", tuple(discs), readings=readings, cautions=cautions)
 
 
 def ledges(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Bars with a waist: each layer stands back by a ledge up to the middle, and out again above, as a lens of layers.
+    """Bars with a waist: layers recede by a ledge up to the middle and protrude again above, like a lens.
 
-    The light of later layers sets resin beneath the ledges of the upper half. The first and the last layer are alike,
-    so that pictures of both faces show what exposure does, and one from the side shows the waist.
+    The light of later layers sets resin beneath the ledges of the upper half. The first and the last layer are
+    identical: pictures of both faces show the effect of the exposures, and one from the side shows the waist.
     """
     layer, half = 1e-3 * options.layer_um, options.ledge_layers // 2
     pitch = BAR_MM + APART_MM
@@ -75,26 +75,26 @@ def ledges(options: CouponOptions = CouponOptions()) -> Coupon:
             place = (x_mm, 0.0, width, BAR_DEEP_MM, low * layer, high * layer)
             features.append(Feature(f"ledge-{ledge_um:g}um-layer-{at + 1}", "ledge", *place, round=False))
     cautions = (
-        "take pictures of both faces and one from the side, along the bars: the upper half of the waist shows what the "
-        "light of later layers sets below a ledge, the lower half what it lacks; the first bar is upright",
-        "print it flat, in layers of the thickness that it was made for: --layer-um",
+        "take pictures of both faces and one from the side, along the bars: the upper half of the waist shows the "
+        "resin that later light sets below a ledge, the lower half the resin that is missing; the first bar is upright",
+        "print it flat, with the layer thickness that it was made for: --layer-um",
     )
     taken = f"{', '.join(f'{ledge:g}' for ledge in options.ledges_um)} µm a layer, over {2 * half} layers"
-    readings = (Reading("ledges", "none", f"solen's own, for lenses of layers: {taken}"),)
+    readings = (Reading("ledges", "none", f"added by solen, for layered lenses: {taken}"),)
     return Coupon("ledges", "bars with a waist of ledges", tuple(features), readings=readings, cautions=cautions)
 
 
 def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
-    """One layer on a film on a base of 0.5 mm: what a spectrophotometer measures the index of a layer with."""
+    """One layer on a film on a base of 0.5 mm, for measuring the index of a layer with a spectrophotometer."""
     side, layer = options.film_side_mm, 1e-3 * options.layer_um
     stages = (
         Stage("base", 0.0, "print the base and leave it on the build platform"),
         Stage(
             "layer",
             FILM_BASE_MM + options.film_mm,
-            f"cure a film of {options.film_mm:g} mm onto the base, then calibrate the printer's zero with it: the "
-            f"platform must stand {FILM_BASE_MM + options.film_mm:g} mm higher at the first layer than without base "
-            f"and film, {options.film_mm:g} mm higher than where the base alone would go on",
+            f"cure a film of {options.film_mm:g} mm onto the base, then calibrate the printer's zero with it: at the "
+            f"first layer, the platform must be {FILM_BASE_MM + options.film_mm:g} mm higher than without base and "
+            f"film, and {options.film_mm:g} mm higher than for continuing the base alone",
         ),
     )
     pieces = (
@@ -105,7 +105,7 @@ def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
     )
     cautions = (
         "the thickness of the layer is that of the gap, which the calibration sets: measure it, do not assume it",
-        "the baseline of the spectrum is the bare film: say so to solen resin index, --baseline substrate",
+        "the baseline of the spectrum is the bare film: state this to solen resin index with --baseline substrate",
     )
     readings = (
         Reading("size", "not stated", f"{side:g} x {side:g} mm, to cover the beam of a spectrophotometer"),
@@ -115,7 +115,7 @@ def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
 
 
 def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Cubes of 1 cm for compression; one upright edge is bevelled, so that the building direction stays known."""
+    """Cubes of 1 cm for compression tests; one upright edge is bevelled to mark the building direction."""
     side, count = options.cube_mm, options.cubes
     bevel = min(CUBE_BEVEL_MM, 0.25 * side)
     pitch = side + APART_MM
@@ -128,13 +128,15 @@ def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
     area = side * side - 0.5 * bevel * bevel
     readings = (
         Reading("number", "not stated", f"{count}"),
-        Reading("mark", "none", f"an upright edge bevelled by {bevel:g} mm; a cross-section of {area:.6g} mm² is left"),
+        Reading(
+            "mark", "none", f"an upright edge bevelled by {bevel:g} mm, which leaves a cross-section of {area:.6g} mm²"
+        ),
     )
     return Coupon("cubes", "cubes for compression", pieces, readings=readings)
 
 
 def guides(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Straight guides of several lengths, for the loss by cut-back; each is known by its length and carries no mark."""
+    """Straight guides for measuring the loss by cut-back, identified by their lengths instead of marks."""
     wide, high = options.guide_width_mm, options.guide_height_mm
     pitch = wide + APART_MM
     lengths = options.guide_lengths_mm
@@ -144,10 +146,11 @@ def guides(options: CouponOptions = CouponOptions()) -> Coupon:
         for i, (name, length) in enumerate(zip(names, lengths, strict=True))
     ]
     readings = (
-        Reading("guides", "none", "solen's own: a single layer cannot show the loss of a guide of centimetres"),
+        Reading("guides", "none", "added by solen: a single layer cannot show the loss of a guide of centimetres"),
     )
     cautions = (
-        "print the guides along the sensor's own direction, and another set across it: layers scatter differently",
-        "a mark would scatter, so guides have none; label them when taking them off the plate",
+        "print the guides along the sensor's own direction, and another set across it, because "
+        "layers scatter differently",
+        "guides have no mark, which would scatter; label them when taking them off the plate",
     )
     return Coupon("guides", "guides for the cut-back", tuple(pieces), readings=readings, cautions=cautions)

@@ -1,8 +1,8 @@
 """Coupons of raised features: pillars of many diameters (group A), gaps (group B), heights (group C), z reference.
 
-Cylinders stand on a slab of 0.8 mm. Rows run along x, features in the order of the source. Where marks are asked for
-three discs of 1 mm lie at the slab's left and right: two at the left ends, one at the right front, so that no turn and
-no mirror image maps them onto themselves.
+Cylinders stand on a slab of 0.8 mm. Rows are along x, with features in the order of the source. On request, three discs
+of 1 mm mark the slab: two at the left ends and one at the right front, an arrangement that no rotation or reflection
+maps onto itself.
 """
 
 from collections.abc import Iterable, Sequence
@@ -26,13 +26,13 @@ Row = list[Feature]
 
 
 def group_a(options: CouponOptions = CouponOptions(), diameters_mm: Sequence[float] = GROUP_A_MM) -> Coupon:
-    """Cylinders of 3 mm height and falling diameter: the smallest that stands."""
+    """Cylinders of 3 mm height and decreasing diameter, for the smallest that stands."""
     sizes = [(f"d-{size:g}", size, TALL_MM) for size in diameters_mm]
     row = _row(sizes, [options.spacing_mm] * (len(sizes) - 1), 0.0)
     readings = (
         Reading("arrangement", "arrays of raised cylindrical features", f"one row, {options.spacing_mm:g} mm apart"),
     )
-    return _on_slab("group-a", "pillars of falling diameter", [row], options, readings=readings)
+    return _on_slab("group-a", "pillars of decreasing diameter", [row], options, readings=readings)
 
 
 def group_b(
@@ -40,7 +40,7 @@ def group_b(
     gaps_mm: Sequence[float] = GROUP_B_MM,
     diameter_mm: float = GROUP_B_DIAMETER_MM,
 ) -> Coupon:
-    """Cylinders of one diameter at falling gaps: the smallest gap that stays open."""
+    """Cylinders of one diameter at decreasing gaps, for the smallest gap that stays open."""
     pairs = options.gap_reading == "pairs"
     rows, gaps = (_pairs if pairs else _chain)(gaps_mm, diameter_mm, options)
     taken = "separate pairs, so that a merged pair does not affect the others"
@@ -51,7 +51,7 @@ def group_b(
             taken if pairs else "one row of thirteen cylinders with the gaps between neighbours",
         ),
     )
-    return _on_slab("group-b", "pillars at falling gaps", rows, options, gaps=gaps, readings=readings)
+    return _on_slab("group-b", "pillars at decreasing gaps", rows, options, gaps=gaps, readings=readings)
 
 
 def group_c(
@@ -59,7 +59,7 @@ def group_c(
     rows_mm: Sequence[tuple[float, float, float]] | None = None,
     diameter_mm: float = GROUP_C_DIAMETER_MM,
 ) -> Coupon:
-    """Cylinders of rising height, a row for each step (lowest, highest, step): the smallest step that is reproduced."""
+    """Cylinders of increasing height, a row for each step (lowest, highest, step), for the smallest reproduced step."""
     literal = options.step_reading == "literal"
     chosen = rows_mm if rows_mm is not None else GROUP_C_LITERAL_MM if literal else GROUP_C_MM
     pitch = diameter_mm + options.spacing_mm
@@ -74,16 +74,17 @@ def group_c(
         Reading(
             "steps of the second and third row",
             "heights 0.2 mm - 0.5 mm (0.5 mm steps), heights 0.2 mm - 0.5 mm (0.25 steps)",
-            "0.5 and 0.25 mm as printed: the range holds one height and two"
+            "0.5 and 0.25 mm as written: the range contains one height and two"
             if literal
-            else "0.05 and 0.025 mm: each step half of the one before, as the range and the resolved 25 µm ask for",
+            else "0.05 and 0.025 mm: each step half of the previous one, consistent with the range "
+            "and the resolved 25 µm",
         ),
     )
-    return _on_slab("group-c", "pillars of rising height", rows, options, steps=tuple(steps), readings=readings)
+    return _on_slab("group-c", "pillars of increasing height", rows, options, steps=tuple(steps), readings=readings)
 
 
 def z_reference(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Three square pillars on a slab of 10 x 3.2 x 0.8 mm: offsets of one layer under the microscope."""
+    """Three square pillars on a slab of 10 x 3.2 x 0.8 mm, for measuring offsets of one layer with the microscope."""
     side, width, depth = 3.0, 10.0, 3.2
     pitch = side + (width - 3 * side) / 4
     heights = REFERENCE_MM[options.reference_reading]
@@ -99,25 +100,25 @@ def z_reference(options: CouponOptions = CouponOptions()) -> Coupon:
         steps += (Step("second-step", (second, third), heights[2] - heights[1]),)
     printed = "heights of 1.000 mm, 1.025 mm, and 0.025 mm"
     taken = {
-        "literal": "as printed: one step of 25 µm between pillars, and one of 25 µm between the third and the slab",
+        "literal": "as written: one step of 25 µm between pillars, and one of 25 µm between the third and the slab",
         "staircase": "the third is 1.050 mm: two steps of 25 µm between pillars",
     }
     readings = (Reading("third pillar", printed, taken[options.reference_reading]),)
     slab = Slab(width, depth, BASE_MM)
-    cautions = ("the pillars leave no room for a mark: they are in the order of their names along +x",)
+    cautions = ("the pillars leave no space for a mark: they are in the order of their names along +x",)
     return Coupon(
         "z-reference", "reference of height", pillars, slab, steps=steps, readings=readings, cautions=cautions
     )
 
 
 def heights_mm(low: float, high: float, step: float) -> list[float]:
-    """Heights from ``low`` to ``high`` at most, a step apart, without the rounding of sums."""
+    """Heights from ``low`` to at most ``high``, a step apart, without accumulated rounding."""
     count = int((high - low) / step + 1e-9) + 1
     return [round(low + number * step, 9) for number in range(count)]
 
 
 def snapped(value_mm: float, options: CouponOptions) -> float:
-    """A place on the corners of the printer's pixels, where their size is given."""
+    """Position rounded to the corners of the printer's pixels, if their size is given."""
     if options.pitch_um is None:
         return value_mm
     pitch_mm = 1e-3 * options.pitch_um
@@ -125,7 +126,7 @@ def snapped(value_mm: float, options: CouponOptions) -> float:
 
 
 def _row(sizes: Sequence[tuple[str, float, float]], gaps: Sequence[float], y_mm: float) -> Row:
-    """Cylinders (name, diameter, height) along x from 0 on, with the gaps between them."""
+    """Cylinders (name, diameter, height) along x from 0, with the gaps between them."""
     row, edge = [], 0.0
     for (name, diameter, height), gap in zip(sizes, [*gaps, 0.0], strict=True):
         x_mm = edge + 0.5 * diameter
@@ -135,7 +136,7 @@ def _row(sizes: Sequence[tuple[str, float, float]], gaps: Sequence[float], y_mm:
 
 
 def _pairs(gaps_mm: Sequence[float], diameter: float, options: CouponOptions) -> tuple[list[Row], tuple[Gap, ...]]:
-    """Pairs in rows of `PAIRS_A_ROW`; each pair's gap alone is critical."""
+    """Pairs in rows of `PAIRS_A_ROW`, in which only the pair's own gap is critical."""
     rows: list[Row] = []
     gaps = []
     for start in range(0, len(gaps_mm), PAIRS_A_ROW):
@@ -165,7 +166,7 @@ def _on_slab(
     steps: tuple[Step, ...] = (),
     readings: tuple[Reading, ...] = (),
 ) -> Coupon:
-    """A coupon of rows, its slab about them, with its marks; gaps are those that snapping leaves."""
+    """A coupon of rows on a slab, with its marks; the gaps are those after rounding to pixels."""
     features = [feature for row in rows for feature in row]
     left = min(one.x_mm - 0.5 * one.width_mm for one in features)
     right = max(one.x_mm + 0.5 * one.width_mm for one in features)
@@ -184,7 +185,7 @@ def _on_slab(
 
 
 def _placed(features: Row, middle: tuple[float, float], gaps: tuple[Gap, ...], options: CouponOptions) -> Row:
-    """Features relative to the middle and snapped to pixels; a feature at a stated gap moves with its neighbour."""
+    """Features relative to the middle and rounded to pixels; a feature at a stated gap moves with its neighbour."""
     leads = {gap.between[1]: gap.between[0] for gap in gaps}
     by: dict[str, float] = {}
     placed = []
@@ -200,7 +201,7 @@ def _mark_y(half_depth: float) -> float:
 
 
 def _marks(half_width: float, half_depth: float, top_mm: float, options: CouponOptions) -> list[Feature]:
-    """Three discs as tall as the tallest feature, so that they are in focus together."""
+    """Three discs as high as the highest feature, which keeps them in focus together."""
     x, y = half_width + options.spacing_mm + 0.5 * MARK_MM, _mark_y(half_depth)
     places = (("mark-1", -x, y), ("mark-2", -x, -y), ("mark-3", x, -y))
     return [
@@ -210,7 +211,7 @@ def _marks(half_width: float, half_depth: float, top_mm: float, options: CouponO
 
 
 def _own(options: CouponOptions) -> tuple[Reading, ...]:
-    """Additions of solen to the source's coupon."""
+    """Additions by solen to the source's coupon."""
     added = ["three round marks of 1 mm"] if options.marks else []
     added += [f"a corner bevelled by {options.bevel_mm:g} mm"] if options.bevel_mm else []
     return (Reading("marks", "none", f"{' and '.join(added)}, to orient an image"),) if added else ()

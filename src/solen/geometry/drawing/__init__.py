@@ -1,7 +1,7 @@
 """Drawings of outlines: DXF, SVG and JSON as named strokes in mm, x to the right and z up.
 
-Drawings are read as single strokes; `solen.geometry.join` chains them into closed outlines.
-The layer of a DXF file, the label, class or id of an SVG element, the name in a JSON file is the name of a face.
+Drawings are read as single strokes; `solen.geometry.join` chains them into closed outlines. The name of a face is the
+layer in a DXF file, the label, class or id of an SVG element, or the name in a JSON file.
 """
 
 from functools import lru_cache
@@ -19,7 +19,7 @@ READERS = {".dxf": read_dxf, ".svg": read_svg, ".json": read_json}
 
 
 def read_drawing(path: Path, units: str | None = None) -> Drawing:
-    """Drawing of a file; ``units`` overrides the unit stated in the file.
+    """Read the drawing of a file; ``units`` overrides the unit stated in the file.
 
     Raises
     ------
@@ -27,7 +27,11 @@ def read_drawing(path: Path, units: str | None = None) -> Drawing:
         If the file cannot be read, has unsupported content, or does not state its unit.
     """
     if path.suffix.lower() not in READERS:
-        raise DataError(str(path), limit=f"an outline ends in {', '.join(READERS)}", remedy="export it as one of these")
+        raise DataError(
+            str(path),
+            limit=f"the name of an outline must end in {', '.join(READERS)}",
+            remedy="export it in one of these formats",
+        )
     try:
         state = path.stat()
     except OSError:

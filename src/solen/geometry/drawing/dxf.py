@@ -1,9 +1,9 @@
 """Drawings of CAD programs: DXF, with faces named by layers and the unit in the header.
 
-Lines, arcs, circles, ellipses, polylines with bulges, splines and blocks are understood. A spline without weights up
-to degree 3 is taken exactly, as its Bézier pieces; an ellipse, a rational spline or one of a higher degree becomes a
-spline within `SHAPE_TOLERANCE_MM`. Texts, dimensions and hatches are left out, and so is what lies on layers that are
-switched off or frozen.
+Lines, arcs, circles, ellipses, polylines with bulges, splines and blocks are supported. A spline without weights, up to
+degree 3, is read exactly as its Bézier pieces; an ellipse, a rational spline or one of higher degree becomes a spline
+within `SHAPE_TOLERANCE_MM`. Texts, dimensions and hatches are ignored, and so are layers that are switched off or
+frozen.
 """
 
 import math
@@ -51,7 +51,7 @@ INSUNITS_MM = {
     15: 1e4,
     16: 1e5,
 }
-"""Millimetres in a unit of the header's $INSUNITS; 0 means unitless (Autodesk's DXF reference)."""
+"""Millimetres per unit of the header's $INSUNITS; 0 means unitless (Autodesk's DXF reference)."""
 NOTES = frozenset(
     {"TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LEADER", "MULTILEADER", "MLEADER", "HATCH", "ATTRIB", "ATTDEF"}
     | {"TOLERANCE", "VIEWPORT", "IMAGE", "WIPEOUT", "XLINE", "RAY", "ACAD_TABLE"}
@@ -59,11 +59,11 @@ NOTES = frozenset(
 UPRIGHT = 1e-9
 JUST_INSIDE = 1.0 - 1e-12
 MOST_BLOCKS = 16
-"""Largest nesting depth of blocks."""
+"""Maximum nesting depth of blocks."""
 
 
 def read_dxf(path: Path, units: str | None) -> Drawing:
-    """Drawing of a DXF file, text or binary; errors as in `read_drawing`."""
+    """Read the drawing of a DXF file, text or binary; errors are those of `read_drawing`."""
     need("ezdxf", what=str(path), doing="reading DXF", error=DataError)
     from ezdxf import recover
     from ezdxf.lldxf.const import DXFError
@@ -71,22 +71,22 @@ def read_dxf(path: Path, units: str | None) -> Drawing:
     try:
         document, _ = recover.readfile(path)
     except (OSError, DXFError) as bad:
-        raise DataError(str(path), limit=f"not a DXF file that can be read: {bad}") from None
+        raise DataError(str(path), limit=f"cannot be read as DXF: {bad}") from None
     return _Reader(document, _scale(path, document.header.get("$INSUNITS", 0), units)).drawing()
 
 
 def _scale(path: Path, insunits: int, units: str | None) -> float:
-    """Millimetres in a unit of the drawing."""
+    """Millimetres per unit of the drawing."""
     if units is not None:
         return UNITS_MM[units]
     if insunits not in INSUNITS_MM:
-        limit = "does not state its unit" if insunits == 0 else f"has a unit that is not understood ({insunits})"
+        limit = "does not state its unit" if insunits == 0 else f"has an unsupported unit ({insunits})"
         raise DataError(f"{path}: $INSUNITS", value=insunits, limit=limit, remedy=NO_UNITS_REMEDY)
     return INSUNITS_MM[insunits]
 
 
 class _Reader:
-    """Collects what the modelspace shows."""
+    """Collects the visible content of the modelspace."""
 
     def __init__(self, document: Any, scale: float) -> None:
         self._document, self._scale = document, scale
@@ -101,7 +101,7 @@ class _Reader:
         return Drawing(tuple(self._strokes), tuple(self._lamps), tuple(self._points))
 
     def _shown(self, entities: Iterable[Any], inherited: str, depth: int) -> Iterator[tuple[Any, str]]:
-        """Entities on visible layers with their layer's name; blocks and polylines are exploded."""
+        """Entities on visible layers with the layer's name; blocks and polylines are exploded."""
         for entity in entities:
             layer = inherited if entity.dxf.layer == "0" else entity.dxf.layer
             if entity.dxftype() in NOTES or not self._visible(layer) or is_aside(face_name(layer)):
@@ -136,7 +136,7 @@ class _Reader:
             )
 
     def _curve(self, entity: Any) -> Curve | None:
-        """Curve of an entity; None if it has no length."""
+        """Curve of an entity; None if its length is zero."""
         kind, dxf = entity.dxftype(), entity.dxf
         if kind == "LINE":
             a, b = self._at(dxf.start), self._at(dxf.end)
@@ -157,7 +157,7 @@ class _Reader:
         )
 
     def _arc(self, entity: Any) -> Arc:
-        """Arc; mirrored if its plane faces away from the viewer."""
+        """Arc, mirrored if its plane faces away from the viewer."""
         dxf, across = entity.dxf, entity.dxf.extrusion
         if abs(across.x) > UPRIGHT or abs(across.y) > UPRIGHT:
             limit = "is not drawn in the x-y plane"
@@ -171,14 +171,14 @@ class _Reader:
         return Arc(center, self._scale * dxf.radius, start, sweep)
 
     def _spline(self, tool: Any) -> Curve | None:
-        """Spline as its Bézier pieces if they are unweighted and at most cubic, else fitted between its knots."""
+        """Spline as its Bézier pieces if it is unweighted and at most cubic, otherwise fitted between its knots."""
         if tool.degree <= 3 and not tool.is_rational and tool.is_clamped:
             return beziers([[self._at(point) for point in piece] for piece in tool.bezier_decomposition()])
         knots = sorted({knot for knot in tool.knots() if tool.knots()[tool.degree] <= knot <= tool.knots()[tool.count]})
         return Spline.chained([self._span(tool, low, high) for low, high in pairwise(knots)])
 
     def _span(self, tool: Any, low: float, high: float) -> Spline:
-        """Spline between two neighbouring knots; at the later one the derivative is that of this side."""
+        """Spline between two neighbouring knots; at the later knot, the derivative is the limit from this side."""
 
         def derived(u: FloatArray, n: int) -> FloatArray:
             at = low + np.clip(u, 0.0, JUST_INSIDE) * (high - low)
@@ -191,6 +191,6 @@ class _Reader:
 
 
 def _what(entity: Any) -> str:
-    """Name of an entity in errors; parts of blocks and polylines have no handle."""
+    """Name of an entity in error messages; parts of blocks and polylines have no handle."""
     handle = f" {entity.dxf.handle}" if entity.dxf.handle else ""
     return f"{entity.dxftype()}{handle} on layer {entity.dxf.layer}"

@@ -9,14 +9,14 @@ from solen.plane import Point
 PIVOT = "pivot"
 EMITTER = "emitter"
 WALL = "wall"
-"""Name of a face without a name."""
+"""Name of an unnamed face."""
 UNITS_MM = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
-NO_UNITS_REMEDY = 'say which: body.units = "mm"'
+NO_UNITS_REMEDY = 'state it, for example body.units = "mm"'
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """One curve and the name of its face; ``what`` identifies it in an error."""
+    """One curve and the name of its face; ``what`` identifies it in error messages."""
 
     name: str
     curve: Curve
@@ -25,7 +25,7 @@ class Stroke:
 
 @dataclass(frozen=True)
 class Lamp:
-    """An emitter as drawn: a point that looks along ``axis_deg``, or a line from ``point`` to ``end``; by name."""
+    """An emitter as drawn, with its name: a point facing along ``axis_deg``, or a line from ``point`` to ``end``."""
 
     point: Point
     end: Point | None = None
@@ -44,21 +44,21 @@ class Drawing:
 
 
 def face_name(text: str) -> str:
-    """Name of a face from that of a layer or an element: lower case, without spaces round it."""
+    """Name of a face from that of a layer or an element: lower case, without surrounding spaces."""
     name = re.sub(r"\s+", "-", text.strip().lower())
     return WALL if name in ("", "0") else name
 
 
 def is_aside(name: str) -> bool:
-    """Whether strokes of that name are construction lines or notes and are left out."""
+    """Whether strokes with this name are construction lines or notes and are ignored."""
     return name.startswith(("_", "construction", "note", "dimension", "defpoints"))
 
 
 def is_named(name: str, what: str) -> bool:
-    """Whether a name is that of a thing, or of one of several: ``emitter``, ``emitter-2``, ``emitter-index-tip``."""
+    """Whether a name belongs to an object or to one of several: ``emitter``, ``emitter-2``, ``emitter-index-tip``."""
     return re.fullmatch(rf"{what}([-_ .]?[\w-]+)?", name) is not None
 
 
 def lamp_name(name: str) -> str:
-    """Name of an emitter from that of its layer or element: ``tip`` of ``emitter-tip``."""
+    """Name of an emitter from that of its layer or element: ``tip`` for ``emitter-tip``."""
     return name.removeprefix(EMITTER).lstrip("-_ .")

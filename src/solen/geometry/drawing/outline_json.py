@@ -1,8 +1,8 @@
 """Outlines as JSON: ``{"solen_outline": 1, "faces": [{"name": "lens", "curve": {"kind": "arc", …}}, …]}``, in mm.
 
-Curves are those of a scene's JSON. ``emitters`` are objects with a ``point``, and ``axis_deg`` and ``width_mm`` if need
-be, or with the ends of a line, ``point`` and ``end``, and of several a ``name``; ``points`` names points:
-``{"pivot": [0, 2]}``.
+Curves are encoded as in a scene's JSON. ``emitters`` are objects with a ``point`` and optionally ``axis_deg`` and
+``width_mm``, or with the ends of a line, ``point`` and ``end``; several emitters each have a ``name``. ``points`` names
+points: ``{"pivot": [0, 2]}``.
 """
 
 from pathlib import Path
@@ -18,13 +18,13 @@ SCHEMA = 1
 
 
 def read_json(path: Path, units: str | None) -> Drawing:
-    """Drawing of a JSON file, whose lengths are always mm; errors as in `read_drawing`."""
+    """Read the drawing of a JSON file, whose lengths are always in mm; errors are those of `read_drawing`."""
     where = str(path)
     if units not in (None, "mm"):
         raise DataError("body.units", value=units, limit="an outline in JSON is in mm", remedy="leave it out")
     data = parsed(read_text(path, DataError), where)
     if not isinstance(data, dict) or "solen_outline" not in data:
-        raise DataError(where, limit="not an outline of solen: it has no key solen_outline")
+        raise DataError(where, limit="not an outline of solen: the key solen_outline is missing")
     check_keys(data, {"solen_outline", "faces", "emitters", "points"}, {"faces"}, where)
     if data["solen_outline"] != SCHEMA:
         raise DataError(f"{where}: solen_outline", value=data["solen_outline"], limit=f"this solen reads {SCHEMA}")
@@ -48,5 +48,5 @@ def _stroke(data: dict[str, Any], where: str, number: int) -> Stroke:
     check_keys(data, {"name", "curve"}, {"name", "curve"}, where)
     name = value_of(str, data["name"], f"{where}: name")
     if not isinstance(data["curve"], dict):
-        raise DataError(f"{where}: curve", limit="must be an object with its kind")
+        raise DataError(f"{where}: curve", limit="must be an object with a kind")
     return Stroke(face_name(name), untagged(data["curve"], CURVES, f"{where}: curve"), f"face {number} ({name})")

@@ -10,7 +10,7 @@ from solen.geometry.drawing.transform import Affine
 from solen.plane import Point
 
 FARTHEST = 1e9
-"""Coordinates beyond which no drawing reaches."""
+"""Maximum absolute value of a coordinate."""
 NUMBER = re.compile(r"\s*,?\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 FLAG = re.compile(r"\s*,?\s*([01])")
 COMMAND = re.compile(r"\s*,?\s*([MmLlHhVvCcSsQqTtAaZz])")
@@ -19,21 +19,21 @@ COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7
 
 @dataclass(frozen=True)
 class Piece:
-    """A Bézier piece by its control points; or with a ``sweep`` part of an ellipse: its centre and two half axes."""
+    """A Bézier piece given by its control points, or part of an ellipse: centre, two half axes and ``sweep``."""
 
     points: tuple[Point, ...]
     start: float = 0.0
     sweep: float | None = None
 
     def moved(self, onto: Affine) -> "Piece":
-        """The piece after a map."""
+        """The piece transformed by an affine map."""
         if self.sweep is None:
             return Piece(tuple(onto.point(point) for point in self.points))
         center, u, v = self.points
         return Piece((onto.point(center), onto.vector(u), onto.vector(v)), self.start, self.sweep)
 
     def at(self, share: float) -> Point:
-        """Point of an ellipse's part."""
+        """Point of a part of an ellipse."""
         center, u, v = self.points
         angle = self.start + share * (self.sweep or 0.0)
         cos, sin = math.cos(angle), math.sin(angle)
@@ -41,7 +41,7 @@ class Piece:
 
 
 def path_pieces(data: str, where: str) -> Iterator[Piece]:
-    """Pieces of a path in order; `DataError` at what is not path data."""
+    """Pieces of a path in order; raises `DataError` if the text is not path data."""
     pen = _Pen()
     for command, numbers in _commands(data, where):
         piece = pen.draw(command, numbers)
@@ -50,7 +50,7 @@ def path_pieces(data: str, where: str) -> Iterator[Piece]:
 
 
 def _commands(data: str, where: str) -> Iterator[tuple[str, list[float]]]:
-    """Every command with its numbers, repeated ones spelt out: what follows an M are Ls."""
+    """Every command with its numbers, including implied commands: further pairs after an M are Ls."""
     place, command = 0, ""
     while data[place:].strip(" \t\r\n,"):
         match = COMMAND.match(data, place)
@@ -68,16 +68,16 @@ def _numbers(data: str, place: int, command: str, where: str) -> tuple[list[floa
     for i in range(COUNTS[command.upper()]):
         match = (FLAG if command in "Aa" and i in (3, 4) else NUMBER).match(data, place)
         if match is None:
-            raise DataError(where, value=data[place : place + 20], limit=f"{command} needs another number there")
+            raise DataError(where, value=data[place : place + 20], limit=f"{command} requires another number there")
         numbers.append(held(float(match[1]), where))
         place = match.end()
     return numbers, place
 
 
 def held(number: float, where: str) -> float:
-    """A number that a drawing can hold; `DataError` if it is not one, or too far out."""
+    """A coordinate of a drawing; raises `DataError` if it is not a finite number, or too large."""
     if not abs(number) <= FARTHEST:
-        raise DataError(where, value=number, limit=f"must be a finite number, at most {FARTHEST:g} either way")
+        raise DataError(where, value=number, limit=f"must be a finite number of at most ±{FARTHEST:g}")
     return number
 
 
@@ -91,7 +91,7 @@ class _Pen:
         self._quadratic: Point | None = None
 
     def draw(self, command: str, numbers: list[float]) -> Piece | None:
-        """Piece of a command, None if nothing is drawn."""
+        """Piece drawn by a command; None if nothing is drawn."""
         kind, before = command.upper(), self._at
         offset = before if command.islower() else (0.0, 0.0)
         cubic, quadratic = self._cubic, self._quadratic
@@ -130,7 +130,7 @@ def _mirrored(handle: Point, at: Point) -> Point:
 
 
 def _arc(a: Point, numbers: list[float], b: Point) -> Piece | None:
-    """Part of an ellipse between two points (SVG's specification, appendix B.2.4); radii too small grow to fit."""
+    """Part of an ellipse between two points (SVG, appendix B.2.4); radii that are too small are enlarged."""
     rx, ry, turn = abs(numbers[0]), abs(numbers[1]), math.radians(numbers[2])
     large, positive = numbers[3] != 0.0, numbers[4] != 0.0
     if rx == 0.0 or ry == 0.0 or a == b:

@@ -10,19 +10,19 @@ from solen.curve import Arc, Bezier, Curve, Segment, Spline, cut, fitted
 from solen.plane import Point, cross, dot, minus
 
 SHAPE_TOLERANCE_MM = 1e-8
-"""Tolerance of the spline that replaces an ellipse, or a spline that is rational or of a degree above 3."""
+"""Tolerance of the spline that replaces an ellipse, a rational spline or a spline of degree above 3."""
 ROUND = 1e-9
-"""Half axes this near in length and this square to each other, relative to their length, are those of a circle."""
+"""Half axes are those of a circle if they are equal and perpendicular within this fraction of their length."""
 STILL = 1e-9
-"""A handle this near to its end, relative to the piece, leaves no direction there."""
+"""A handle closer to its end than this fraction of the piece defines no direction there."""
 CUT_OFF = 1e-4
-"""Share of such a piece that becomes a straight bit; it deviates by the third power of it."""
+"""Fraction of a piece without direction that becomes a straight bit; the deviation is of third order in it."""
 
 Control = tuple[Point, Point, Point, Point]
 
 
 def ellipse(center: Point, u: Point, v: Point, start: float, sweep: float) -> Curve:
-    """Part of ``center + u cos a + v sin a`` for a from ``start`` on by ``sweep`` (radians): an arc if it is round."""
+    """Part of ``center + u cos a + v sin a`` for a from ``start`` by ``sweep`` (radians); an arc if it is round."""
     long = math.hypot(*u)
     if abs(long - math.hypot(*v)) <= ROUND * long and abs(dot(u, v)) <= ROUND * long * long:
         way = math.copysign(1.0, cross(u, v))
@@ -42,7 +42,7 @@ def ellipse(center: Point, u: Point, v: Point, start: float, sweep: float) -> Cu
 
 
 def beziers(pieces: Sequence[Sequence[Point]]) -> Curve | None:
-    """Curve of Bézier pieces of degree 1 to 3, each starting where the one before ends; None if it has no length."""
+    """Curve of connected Bézier pieces of degree 1 to 3; None if its length is zero."""
     cubics = [cubic for piece in pieces for cubic in _moving(_raised(piece))]
     if not cubics:
         return None
@@ -52,7 +52,7 @@ def beziers(pieces: Sequence[Sequence[Point]]) -> Curve | None:
 
 
 def _raised(piece: Sequence[Point]) -> Control:
-    """The same piece as a cubic."""
+    """The same Bézier piece as a cubic."""
     if len(piece) == 2:
         a, d = piece
         return (a, _between(a, d, 1 / 3), _between(a, d, 2 / 3), d)
@@ -68,7 +68,7 @@ def _between(a: Point, b: Point, share: float) -> Point:
 
 
 def _moving(cubic: Control) -> list[Control]:
-    """Pieces that move at both ends: where a handle lies on its end, that end becomes a short straight bit."""
+    """Pieces with a direction at both ends; an end that coincides with its handle becomes a short straight bit."""
     a, b, c, d = cubic
     size = max(math.dist(a, point) for point in (b, c, d))
     if size == 0.0:
@@ -87,7 +87,7 @@ def _moving(cubic: Control) -> list[Control]:
 
 
 def _straight(cubic: Control) -> bool:
-    """Whether all of a piece lies on its chord and goes along it."""
+    """Whether a piece is on its chord and monotonic along it."""
     a, b, c, d = cubic
     chord = minus(d, a)
     square = dot(chord, chord)

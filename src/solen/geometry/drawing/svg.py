@@ -1,10 +1,10 @@
-"""Drawings of vector graphics programs: SVG, whose elements' labels, classes or ids name the faces.
+"""Drawings of vector graphics programs: SVG, with faces named by the elements' labels, classes or ids.
 
-A name is looked for in an element's Inkscape label, its class and its id, unless the id is one that programs make up
-(``path12``), and then in those of the groups round it. Paths (all commands), lines, polylines, polygons, rectangles,
-circles and ellipses are understood, with groups, transforms and clones. Lines, circular arcs and Bézier pieces are
-taken exactly, Bézier pieces of a path that go on smoothly as one spline; an ellipse becomes a spline within
-`SHAPE_TOLERANCE_MM`. y, which points down there, becomes −z.
+A name is searched in an element's Inkscape label, its class and its id (unless a program generated the id, such as
+``path12``), and then in those of the enclosing groups. Paths (all commands), lines, polylines, polygons, rectangles,
+circles and ellipses are supported, with groups, transforms and clones. Lines, circular arcs and Bézier pieces are read
+exactly, and smoothly joined Bézier pieces of a path as one spline; an ellipse becomes a spline within
+`SHAPE_TOLERANCE_MM`. The y axis of SVG, which points down, becomes −z.
 """
 
 import math
@@ -44,20 +44,20 @@ UNSEEN = frozenset(
 GROUPS = frozenset({"g", "a", "use"})
 LENGTH_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "Q": 0.25}
 PIXEL_MM = 25.4 / 96
-"""A user unit of a drawing without a view box."""
+"""Length of a user unit in a drawing without a view box."""
 MOST_CLONES = 16
 SMOOTH = 1e-3
-"""Radians below which Bézier pieces of a path go on smoothly: what programs write as a smooth node is off by less."""
+"""Maximum angle in radians of a smooth joint between Bézier pieces; smooth nodes written by programs are within it."""
 
 
 def read_svg(path: Path, units: str | None) -> Drawing:
-    """Drawing of an SVG file; errors as in `read_drawing`."""
+    """Read the drawing of an SVG file; errors are those of `read_drawing`."""
     try:
         root = ET.fromstring(read_text(path, DataError))  # noqa: S314  expat bounds what entities grow to
     except ET.ParseError as bad:
         raise DataError(str(path), limit=f"not SVG: {bad}") from None
     if _tag(root) != "svg":
-        raise DataError(str(path), value=_tag(root), limit="must be an SVG file, whose root is svg")
+        raise DataError(str(path), value=_tag(root), limit="must be an SVG file with the root element svg")
     scale = _scale(path, root, units)
     return _Reader(root, str(path)).drawing(Affine(scale, 0.0, 0.0, -scale))
 
@@ -76,7 +76,7 @@ def _scale(path: Path, root: ET.Element, units: str | None) -> float:
                 raise DataError(f"{path}: viewBox", value=root.get("viewBox"), limit="must have a size above 0")
             scale.append(whole_mm / box[place] if len(box) == 4 else PIXEL_MM)
     if not scale:
-        limit = "does not state its unit: its width and height are not in mm, cm, in or pt"
+        limit = "does not state its unit: neither width nor height is in mm, cm, in or pt"
         raise DataError(f"{path}: width", value=root.get("width"), limit=limit, remedy=NO_UNITS_REMEDY)
     if abs(scale[0] - scale[-1]) > 1e-3 * scale[0]:
         limit = "distorts the drawing: width and height are scaled differently from the view box"
@@ -95,7 +95,7 @@ class _Reader:
         self._points: list[tuple[str, Point]] = []
 
     def drawing(self, onto: Affine) -> Drawing:
-        """All that is drawn, in the coordinates that user units are mapped to."""
+        """All visible content, in the coordinates to which user units are mapped."""
         self._children(self._root, onto, WALL, 0)
         return Drawing(tuple(self._strokes), tuple(self._lamps), tuple(self._points))
 
@@ -116,7 +116,7 @@ class _Reader:
             return
         what = f"{tag} {element.get('id', '')}".strip()
         if tag == "svg":
-            raise DataError(f"{self._where}: {what}", limit="a drawing inside the drawing is not understood")
+            raise DataError(f"{self._where}: {what}", limit="a nested svg element is not supported")
         self._take(name, what, _pieces(element, f"{self._where}: {what}"), onto, is_round=tag in ("circle", "ellipse"))
 
     def _clone(self, element: ET.Element, onto: Affine, name: str, depth: int) -> None:
@@ -146,7 +146,7 @@ class _Reader:
 
 
 def _curve(run: list[Piece]) -> Curve | None:
-    """Curve of Bézier pieces that go on smoothly, or of one piece of another kind; None if it has no length."""
+    """Curve of smoothly joined Bézier pieces, or of one piece of another kind; None if its length is zero."""
     piece = run[0]
     if piece.sweep is None:
         return beziers([piece.points for piece in run])
@@ -155,7 +155,7 @@ def _curve(run: list[Piece]) -> Curve | None:
 
 
 def _runs(pieces: list[Piece]) -> list[list[Piece]]:
-    """Pieces of a path in runs of which each is one curve: curved Bézier pieces as long as they go on smoothly."""
+    """Pieces of a path grouped into runs that each form one curve: curved Bézier pieces while they join smoothly."""
     runs: list[list[Piece]] = []
     for piece in pieces:
         if runs and _goes_on(runs[-1][-1], piece):
@@ -223,7 +223,7 @@ def _rectangle(data: Mapping[str, str]) -> Iterator[Piece]:
 
 
 def _name(element: ET.Element) -> str | None:
-    """Name given to an element itself."""
+    """Name that was given to an element."""
     classes = element.get("class", "").split()
     for text in (element.get(LABEL), classes[0] if classes else None, element.get("id")):
         if text and not MADE_UP.fullmatch(text.strip()):
@@ -237,12 +237,12 @@ def _hidden(element: ET.Element) -> bool:
 
 
 def _number(data: Mapping[str, str], key: str) -> float:
-    """Number of an attribute in user units, 0 where there is none."""
+    """Number of an attribute in user units, 0 if it is missing."""
     text = data.get(key, "0").strip().removesuffix("px")
     try:
         number = float(text)
     except ValueError:
-        raise DataError(f"drawing: {key}", value=text, limit="must be a number without unit") from None
+        raise DataError(f"drawing: {key}", value=text, limit="must be a number without a unit") from None
     return held(number, key)
 
 

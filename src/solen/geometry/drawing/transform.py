@@ -23,7 +23,7 @@ class Affine:
 
     @classmethod
     def of(cls, text: str, where: str) -> "Affine":
-        """Map of a transform attribute; `DataError` if it is none."""
+        """Map of a transform attribute; raises `DataError` if the text is not a transform."""
         affine, place = cls(), 0
         while place < len(text.rstrip()):
             call = CALL.match(text, place)
@@ -38,7 +38,7 @@ class Affine:
         return affine
 
     def after(self, first: "Affine") -> "Affine":
-        """Composition: ``first``, then this map."""
+        """Composition: ``first`` is applied, then this map."""
         return Affine(
             *self.vector((first.a, first.b)), *self.vector((first.c, first.d)), *self.point((first.e, first.f))
         )
@@ -54,7 +54,7 @@ class Affine:
 
 
 def _one(name: str, numbers: list[float]) -> Affine:
-    """Map of one call."""
+    """Map of one function in a transform attribute."""
     if name == "rotate":
         angle, *about = numbers
         turn = _turn(math.radians(angle))

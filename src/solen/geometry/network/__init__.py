@@ -1,4 +1,4 @@
-"""A body that is a network of guides: nodes, guides between them, and what stands on their ends and sides."""
+"""A body that is a network of guides: nodes, guides between them, and the parts on their ends and sides."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -18,17 +18,17 @@ __all__ = ["DrawnLens", "Plan", "at_rest", "drawn_lenses", "network_body", "netw
 
 
 def network_body(design: Design, angle_deg: float = 0.0, lenses: Mapping[str, Lens] | None = None) -> Body:
-    """Checked body of a network with its motions at their angles, before the emitter that lights.
+    """Checked body of a network with its motions at their angles and its active emitter.
 
-    It has ``lenses`` by name in place of those cut for the design, where they are stated.
+    ``lenses`` by name, if given, replace those computed for the design.
 
     Raises
     ------
     DesignError
-        If parts do not fit or cross, a motion would tear them, or an angle is asked of them all.
+        If parts do not fit or cross, a motion would tear them, or a single angle is given.
     """
     if angle_deg != 0.0:
-        limit = "a network has motions by name, and no single angle"
+        limit = "a network has several named motions instead of a single angle"
         raise DesignError("angle_deg", value=angle_deg, limit=limit, remedy="set network.motion[0].at_deg")
     design = lit(design)
     if design.outline_file is not None:
@@ -48,5 +48,5 @@ def network_body(design: Design, angle_deg: float = 0.0, lenses: Mapping[str, Le
 
 
 def network_lenses(design: Design) -> dict[str, Lens]:
-    """Lenses of a network by name that are cut for its design; none where it is drawn."""
+    """Lenses of a network by name that are computed for its design; empty if the network is drawn."""
     return {} if design.outline_file is not None else at_rest(design).lenses

@@ -1,6 +1,6 @@
-"""Corners of a network: where the walls of two guides meet, and the fillets in them.
+"""Corners of a network: the junctions between the walls of two guides, and their fillets.
 
-One wall arrives at a node, the next departs from it, both with the material on their left.
+One wall arrives at a node and the next departs from it, both with the material on their left.
 """
 
 import math
@@ -16,17 +16,18 @@ from solen.geometry.body import GAP_MM, place_text
 from solen.plane import Point, along, cross, dot, left_of, minus, right_of, unit
 
 PIECES = 64
-"""Pieces by which the first crossing of two curves is looked for."""
+"""Number of pieces into which two curves are divided for the first search for crossings."""
 NEWTON_STEPS = 30
 STRAIGHT = 1e-12
-"""Sine of the least angle between walls that have a corner."""
+"""Sine of the smallest angle between walls that form a corner."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """One side of a guide in the direction in which the outline is walked, and how much of it remains.
+    """One side of a guide in the direction of the outline, and the part of it that remains.
 
-    ``low`` and ``high`` are parameters of its curve, ``first`` and ``last`` the places there if a corner decides them.
+    ``low`` and ``high`` are parameters of its curve, ``first`` and ``last`` the points there if a corner determines
+    them.
     """
 
     guide: str
@@ -37,40 +38,46 @@ class Run:
     first: Point | None = None
     last: Point | None = None
     heading_deg: float | None = None
-    """of the guide, where it is straight, of constant width, and its direction was stated"""
+    """direction of the guide, if it is straight, of constant width, and its direction was stated"""
     back_mm: float = 0.0
-    """how far back beyond its guide's first section a straight wall may be extended to meet another such"""
+    """length by which a straight wall may be extended back beyond its guide's first section to meet another straight
+    wall
+    """
 
     @property
     def start(self) -> Point:
-        """Where what remains of it begins."""
+        """Start of the remaining part."""
         return self.first or self.curve.point_at(self.low)
 
     @property
     def end(self) -> Point:
-        """Where what remains of it ends."""
+        """End of the remaining part."""
         return self.last or self.curve.point_at(self.high)
 
     @property
     def rest(self) -> Curve:
-        """What remains of it."""
+        """The remaining part of the curve."""
         if not self.low < self.high:
             limit = f"is shorter than the corners at its ends, at {place_text(self.curve.middle_point)}"
-            raise DesignError(f"guide {self.guide}", limit=limit, remedy="lengthen or narrow it, or open the angles")
+            raise DesignError(
+                f"guide {self.guide}",
+                limit=limit,
+                remedy="lengthen or narrow the guide, or increase the angles between guides",
+            )
         if isinstance(self.curve, Segment):
             return Segment(self.start, self.end)
         return self.curve if (self.low, self.high) == (0.0, 1.0) else self.curve.part(self.low, self.high)
 
 
 def joined(arriving: Run, departing: Run, fillet_mm: float, node: str, at: Point) -> tuple[Run, Run, Curve | None]:
-    """Two walls cut where they meet, and the curve between them: a fillet, or a straight one where they do not meet.
+    """Two walls cut at their intersection, and the curve between them: a fillet, or a straight one if they do not meet.
 
-    A guide that ends wider than the next one begins has a shoulder there, along its last section.
+    If a guide ends wider than the next one begins, there is a shoulder along its last section.
 
     Raises
     ------
     DesignError
-        If the fillet is larger than the walls have room for.
+        If the fillet is too large for the walls.
     """
     if math.dist(arriving.end, departing.start) <= GAP_MM:
         return arriving, departing, None
@@ -83,9 +90,9 @@ def joined(arriving: Run, departing: Run, fillet_mm: float, node: str, at: Point
 
 
 def cut_at(run: Run, base: Point, ahead: Point, height_mm: float, *, at_end: bool) -> Run:
-    """A wall without what lies below a height over the section through a base; `DesignError` if nothing is left.
+    """A wall without the part below a height over the section through a base; `DesignError` if nothing remains.
 
-    With ``at_end`` the section is at its end, else at its start.
+    The section is at the wall's end if ``at_end`` is set, otherwise at its start.
     """
     from scipy.optimize import brentq
 
@@ -94,8 +101,8 @@ def cut_at(run: Run, base: Point, ahead: Point, height_mm: float, *, at_end: boo
 
     near, far = (run.high, run.low) if at_end else (run.low, run.high)
     if above(far) <= 0.0:
-        limit = f"is shorter than the {height_mm:.3g} mm by which a lens joins it, at {place_text(base)}"
-        raise DesignError(f"guide {run.guide}", limit=limit, remedy="turn by less or lengthen it")
+        limit = f"is shorter than the {height_mm:.3g} mm over which a lens joins it, at {place_text(base)}"
+        raise DesignError(f"guide {run.guide}", limit=limit, remedy="turn by a smaller angle, or lengthen it")
     u = float(brentq(above, near, far, xtol=1e-15)) if above(near) < 0.0 else near
     place = run.curve.point_at(u)
     return replace(run, high=u, last=place) if at_end else replace(run, low=u, first=place)
@@ -116,7 +123,7 @@ def _section(run: Run, start: Point, end: Point) -> Run | None:
 
 
 def _crossing(a: Run, b: Run) -> tuple[float, float, Point] | None:
-    """Parameters of the crossing nearest to where one wall ends and the next begins, and its place."""
+    """Parameters of the crossing nearest to the end of one wall and the start of the next, and its position."""
     if isinstance(a.curve, Segment) and isinstance(b.curve, Segment):
         return _crossing_of_lines(a, b, a.curve, b.curve)
     ends = np.linspace(0.0, 1.0, PIECES + 1)
@@ -141,7 +148,7 @@ def _crossing_of_lines(a: Run, b: Run, one: Segment, other: Segment) -> tuple[fl
 
 
 def _of_mirror_images(a: Run, b: Run, one: Segment, other: Segment) -> Point | None:
-    """Crossing of two lines that are mirror images about an upright one: exactly on it, so that symmetry is exact."""
+    """Crossing of two lines that are mirror images about an upright line, placed exactly on it to preserve symmetry."""
     if a.heading_deg is None or b.heading_deg is None or a.heading_deg != -b.heading_deg or one.a[1] != other.b[1]:
         return None
     middle = 0.5 * (one.a[0] + other.b[0])
@@ -149,7 +156,7 @@ def _of_mirror_images(a: Run, b: Run, one: Segment, other: Segment) -> Point | N
 
 
 def _near_crossings(a: FloatArray, b: FloatArray) -> list[tuple[float, float]]:
-    """Parameters near every crossing of two polylines (N, 2)."""
+    """Approximate parameters of every crossing of two polylines (N, 2)."""
     p, q = np.diff(a, axis=0)[:, None], np.diff(b, axis=0)[None]
     apart = b[None, :-1] - a[:-1, None]
     area = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
@@ -163,7 +170,7 @@ def _near_crossings(a: FloatArray, b: FloatArray) -> list[tuple[float, float]]:
 
 
 def _refined(a: Curve, b: Curve, u: float, v: float) -> tuple[float, float] | None:
-    """Crossing by Newton's method; None if it lies beyond an end."""
+    """Crossing refined by Newton's method; None if it is beyond an end."""
     for _ in range(NEWTON_STEPS):
         u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
         off = minus(b.point_at(v), a.point_at(u))
@@ -180,7 +187,7 @@ def _refined(a: Curve, b: Curve, u: float, v: float) -> tuple[float, float] | No
 
 
 def _filleted(arriving: Run, departing: Run, radius_mm: float, node: str) -> tuple[Run, Run, Curve]:
-    """A corner with a fillet: an arc that touches both walls, in the air on their right."""
+    """A corner with a fillet: an arc tangent to both walls, centred in the air on their right."""
     p, q = unit(arriving.curve.velocity_at(arriving.high)), unit(departing.curve.velocity_at(departing.low))
     turn = math.atan2(-cross(p, q), dot(p, q))
     if turn <= 0.0:
@@ -194,8 +201,8 @@ def _filleted(arriving: Run, departing: Run, radius_mm: float, node: str) -> tup
         raise DesignError(
             f"node {node}: fillet_mm",
             value=radius_mm,
-            limit=f"the walls of {arriving.guide} and {departing.guide} that meet at {where} have room for "
-            f"{room_mm:.3g} mm at most",
+            limit=f"at {where}, the walls of {arriving.guide} and {departing.guide} have room for a fillet of at most "
+            f"{room_mm:.3g} mm",
             remedy="make it smaller",
         )
     before, behind, center = touches
@@ -211,7 +218,7 @@ def _length_mm(run: Run) -> float:
 
 
 def _touches(a: Run, b: Run, radius_mm: float, reach_mm: float) -> tuple[Run, Run, Point] | None:
-    """Walls that end where the fillet begins, and its centre; None if they are too short."""
+    """Walls that end where the fillet begins, and the centre of the fillet; None if they are too short."""
     if isinstance(a.curve, Segment) and isinstance(b.curve, Segment):
         return _touches_of_lines(a, b, a.curve, b.curve, radius_mm, reach_mm)
     from scipy.optimize import root

@@ -1,7 +1,8 @@
-"""A network that is drawn: outlines whose emitters, lenses and receivers are those that the design lists by name.
+"""A drawn network: outlines whose emitters, lenses and receivers are listed by name in the design.
 
-The layers ``emitter-tip``, ``lens-tip`` and ``receiver-tip`` are parts of the lists ``[[network.emitters]]`` and so on
-called ``tip``. An emitter drawn as a point looks along the axis of its lens; without one along +z, as in any drawing.
+The layers ``emitter-tip``, ``lens-tip`` and ``receiver-tip`` are the parts called ``tip`` in the lists
+``[[network.emitters]]`` and so on. An emitter drawn as a point faces along the axis of its lens, or along +z if it has
+no lens, as in any drawing.
 """
 
 import math
@@ -24,7 +25,7 @@ FLAT_MM = 1e-4
 
 @dataclass(frozen=True)
 class DrawnLens:
-    """A lens as drawn: the middle of the line between its ends, its axis into the material, and its sizes."""
+    """A lens as drawn: the middle of the line between its ends, its axis into the material, and its dimensions."""
 
     base: Point
     axis: Point
@@ -34,17 +35,17 @@ class DrawnLens:
 
 
 def drawn_network(design: Design) -> Body:
-    """Body of a drawn network before the emitter that lights, its motions at their angles; not checked.
+    """Body of a drawn network with its active emitter and its motions at their angles; not checked.
 
     Raises
     ------
     DataError
         If the drawing cannot be read.
     DesignError
-        If outlines are open, or the parts drawn are not those listed, or an emitter looks past its lens.
+        If outlines are open, if the drawn parts differ from the listed ones, or if an emitter does not face its lens.
     """
     if design.outline_file is None:
-        raise AssertionError("a drawn network has a drawing")
+        raise AssertionError("a drawn network must have a drawing")
     drawing = read_drawing(design.outline_file, design.body.units)
     _check_lamps(design, drawing)
     rest = drawn_rest(design, drawing, lambda _: Pose((0.0, 0.0), 0.0))
@@ -60,17 +61,17 @@ def drawn_network(design: Design) -> Body:
 
 
 def drawn_lenses(design: Design, body: Body) -> dict[str, DrawnLens]:
-    """Lenses of a drawn network by name; `DesignError` where one is drawn in several places, or closed."""
+    """Lenses of a drawn network by name; raises `DesignError` if one is drawn in several places, or closed."""
     return {one.name: _lens(one.name, body.all_faces) for one in design.network.lenses}
 
 
 def _drawn(name: str) -> str:
-    """Name of a part as a drawing has it."""
+    """Name of a part in the form used in a drawing."""
     return face_name(name)
 
 
 def _check_lamps(design: Design, drawing: Drawing) -> None:
-    """`DesignError` unless the drawn emitters are those listed, or where a pivot is drawn."""
+    """Raise `DesignError` if the drawn emitters differ from the listed ones, or a pivot is drawn."""
     pivot = next((point for name, point in drawing.points if name in PIVOTS), None)
     if pivot is not None:
         limit = f"does not apply in a network, at {place_text(pivot)}"
@@ -79,33 +80,36 @@ def _check_lamps(design: Design, drawing: Drawing) -> None:
     for lamp in drawing.lamps:
         other = places.setdefault(lamp.name, lamp)
         if other is not lamp:
-            limit = f"drawn twice, at {place_text(other.point)} and at {place_text(lamp.point)}"
+            limit = f"is drawn twice, at {place_text(other.point)} and at {place_text(lamp.point)}"
             what = f"emitter-{lamp.name}" if lamp.name else "emitter"
-            raise DesignError("body outline", value=what, limit=limit, remedy="give each a name of its own")
+            raise DesignError("body outline", value=what, limit=limit, remedy="give each a different name")
     _check_listed("emitter", "emitters", [one.name for one in design.network.emitters], places)
 
 
 def _check_listed(part: str, key: str, listed: Sequence[str], drawn: Iterable[str]) -> None:
-    """`DesignError` where a part is drawn and not listed, listed and not drawn, or listed in two spellings."""
+    """Raise `DesignError` if drawn and listed parts differ, or a part is listed in two spellings."""
     there = dict.fromkeys(drawn)
     spelt: dict[str, str] = {}
     for number, name in enumerate(listed):
         what = f"network.{key}[{number}].name"
         if spelt.setdefault(_drawn(name), name) != name:
-            limit = f"is {spelt[_drawn(name)]} in a drawing, whose names are read in lower case"
+            limit = f"has the same name in a drawing as {spelt[_drawn(name)]}: names in drawings are read in lower case"
             raise DesignError(what, value=name, limit=limit, remedy="give it another name")
         if _drawn(name) not in there:
             shown = ", ".join(f"{part}-{one}" if one else part for one in there) or f"no {part}"
             remedy = f"name its layer or element {part}-{_drawn(name)}"
-            raise DesignError(what, value=name, limit=f"is not drawn; the drawing shows {shown}", remedy=remedy)
+            raise DesignError(what, value=name, limit=f"is not drawn; the drawing contains {shown}", remedy=remedy)
     for name in there:
         if name not in spelt:
-            what, limit = f"{part}-{name}" if name else part, f"is none of [[network.{key}]]: {', '.join(listed)}"
+            what, limit = (
+                f"{part}-{name}" if name else part,
+                (f"is not listed in [[network.{key}]]: {', '.join(listed)}"),
+            )
             raise DesignError("body outline", value=what, limit=limit, remedy="list it, or give it another name")
 
 
 def _named(design: Design, rest: Body) -> Body:
-    """Body whose lenses and receivers are called as the design calls them; `DesignError` where it does not."""
+    """Body with the design's names of lenses and receivers; raises `DesignError` if the two differ."""
     names: dict[tuple[str, str], str] = {}
     faces = (*rest.all_faces, *rest.apart)
     for part, key in (("lens", "lenses"), ("receiver", "receivers")):
@@ -127,18 +131,18 @@ def _named(design: Design, rest: Body) -> Body:
 
 
 def _lens(name: str, faces: Sequence[Face]) -> DrawnLens:
-    """Lens of the faces of a name, which follow one another."""
+    """Lens made of consecutive faces with one name."""
     own = [face.curve for face in faces if face.part == "lens" and face.whose == name]
     for before, after in pairwise(own):
         if math.dist(before.end, after.start) > GAP_MM:
             limit = f"is drawn in several places, at {place_text(before.end)} and at {place_text(after.start)}"
-            raise DesignError("body outline", value=f"lens-{name}", limit=limit, remedy="give each a name of its own")
+            raise DesignError("body outline", value=f"lens-{name}", limit=limit, remedy="give each a different name")
     if not own:
-        raise DesignError("body outline", value=f"lens-{name}", limit="stands apart: a lens is part of an outline")
+        raise DesignError("body outline", value=f"lens-{name}", limit="is separate: a lens must be part of an outline")
     start, end = own[0].start, own[-1].end
     width_mm = math.dist(start, end)
     if width_mm <= GAP_MM:
-        limit = f"is closed, at {place_text(start)}: a lens has two ends"
+        limit = f"is closed, at {place_text(start)}: a lens must have two ends"
         raise DesignError("body outline", value=f"lens-{name}", limit=limit)
     base, axis = (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])), left_of(unit(minus(end, start)))
     points = (point for curve in own for point in curve.flattened(FLAT_MM).tolist())
@@ -147,7 +151,7 @@ def _lens(name: str, faces: Sequence[Face]) -> DrawnLens:
 
 
 def _pose(design: Design, number: int, lamp: Lamp, body: Body, lens: DrawnLens | None) -> Pose:
-    """Pose of an emitter, decentred and turned by its motion."""
+    """Pose of an emitter, including its decentre and its motion."""
     placed = design.network.emitters[number]
     table = emitter_table(design, placed)
     pose = lamp_pose(lamp, body.all_faces)
@@ -169,15 +173,18 @@ def _pose(design: Design, number: int, lamp: Lamp, body: Body, lens: DrawnLens |
 
 
 def _check_ahead(what: str, placed: PlacedEmitter, pose: Pose, body: Body) -> Point:
-    """Where the axis of an emitter meets the body; `DesignError` if it does not, or not first at its lens."""
+    """Raise `DesignError` unless the axis of an emitter meets its lens before any other face of the body."""
     ahead = heading(pose.axis_deg)
     hits = [(t, face) for face in body.all_faces for t in face.curve.hits(pose.point, ahead)]
     where = f"from {place_text(pose.point)} towards {pose.axis_deg:.4g} deg"
     if not hits:
-        limit, remedy = f"looks past the body, {where}", "draw it as a line across its light, or state its lens"
+        limit, remedy = (
+            f"faces past the body, {where}",
+            ("draw the emitter as a line across its axis, or state its lens"),
+        )
         raise DesignError(f"{what}.name", value=placed.name, limit=limit, remedy=remedy)
     t, face = min(hits, key=lambda hit: hit[0])
     if placed.lens is not None and (face.part, face.whose) != ("lens", placed.lens):
-        limit = f"is not what the emitter looks at, {where}: that is {face.name}"
+        limit = f"is not the face in front of the emitter, {where}: that is {face.name}"
         raise DesignError(f"{what}.lens", value=placed.lens, limit=limit, remedy="move or turn the emitter")
     return along(pose.point, ahead, t)

@@ -1,8 +1,8 @@
-"""The outlines of a network: its walls walked round, with what stands on ends and sides.
+"""The outlines of a network: walks along its walls, with the parts on ends and sides.
 
-Round a node, the walk goes from the right side of a guide that arrives to that of the next guide counter-clockwise. So
-every side of every guide is walked once, the material on its left, and each closed walk is one outline: the outer one,
-and the holes of loops.
+At a node, the walk continues from the right side of an arriving guide to the next guide counter-clockwise. Every side
+of every guide is therefore walked once with the material on its left, and each closed walk is one outline: the outer
+one or the hole of a loop.
 """
 
 import math
@@ -18,26 +18,26 @@ from solen.plane import Point, Rigid, along, dot, left_of, minus, right_of, unit
 from solen.spec.network import NamedMotion, Network, Placed, PlacedEmitter, PlacedLens, PlacedReceiver
 
 Key = tuple[str, str]
-"""A side of a guide: its name, and right or left; the right one is walked from the first node to the second."""
+"""A side of a guide: its name, and right or left; the right side is walked from the first node to the second."""
 Part = PlacedLens | PlacedReceiver
 WIDER_MM = 1e-9
-"""How much wider than its guide rounding may make a lens."""
+"""Tolerance for rounding by which a lens may be wider than its guide."""
 
 
 @dataclass
 class Walk:
-    """Sides of guides as they are walked, what follows each, and the curve or the faces in between."""
+    """The sides of guides in walking order, the side that follows each, and the curve or faces between them."""
 
     plan: Plan
     runs: dict[Key, Run]
     following: dict[Key, Key] = field(default_factory=dict)
     between: dict[Key, list[Face]] = field(default_factory=dict)
     frames: dict[str, Rigid] = field(default_factory=dict)
-    """From a lens's own frame, by its name; from the same of an emitter without lens: its wall is z = 0."""
+    """Motion from the local frame of each lens or, for an emitter without a lens, of its wall (z = 0), by name."""
 
     @classmethod
     def of(cls, plan: Plan) -> "Walk":
-        """Round all nodes of a plan."""
+        """Walk around all nodes of a plan."""
         walk = cls(plan, {(way.guide.name, side): _run(way, side) for way in plan.ways.values() for side in SIDES})
         for number, node in enumerate(plan.network.nodes):
             ways = _in_order(plan, node.name)
@@ -59,7 +59,7 @@ class Walk:
         return walk
 
     def corner(self, arriving: Key, departing: Key, fillet_mm: float, node: str) -> None:
-        """Cut two walls where they meet."""
+        """Cut two walls at their intersection."""
         first, second, curve = joined(
             self.runs[arriving], self.runs[departing], fillet_mm, node, self.plan.places[node]
         )
@@ -69,7 +69,7 @@ class Walk:
             self.between[arriving] = [Face(f"{'fillet' if isinstance(curve, Arc) else 'join'}-{node}", curve)]
 
     def cap(self, way: Way, node: str, number: int) -> list[Face]:
-        """Faces across the end of a guide, from where the walk arrives to where it departs."""
+        """Faces across the end of a guide, from the arriving side to the departing one."""
         network = self.plan.network
         start, end = self.runs[_arriving(way, node)].end, self.runs[_departing(way, node)].start
         base, ahead = (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])), way.inwards(node)
@@ -86,7 +86,7 @@ class Walk:
         return [Face(name.replace("open-", "end-", 1), Segment(start, end))]
 
     def faces(self, key: Key) -> list[Face]:
-        """Faces of one side of a guide as it is walked, with what stands on it, and of what follows it."""
+        """Faces of one side of a guide with its parts, in walking direction, and those up to the next side."""
         name, side = key
         run, network = self.runs[key], self.plan.network
         rest, from_end = run.rest, side == "left"
@@ -116,7 +116,7 @@ class Walk:
         return pose.moved(Rigid.about(pivot, motion.at_deg))
 
     def _pivot(self, motion: NamedMotion, node: str | None, emitter: Point, base: Point) -> Point:
-        """Place that a lens or an emitter at a node turns about, as that node has moved."""
+        """Pivot of a lens or an emitter at a node, moved with that node."""
         if motion.pivot is None:
             return base
         if motion.pivot == "emitter":
@@ -126,7 +126,7 @@ class Walk:
     def _lens_between(
         self, placed: PlacedLens, start: Point, end: Point, base: Point, ahead: Point, beside: str
     ) -> list[Face]:
-        """A lens across an end or a side, with a straight face on either side of it where it does not reach."""
+        """A lens across an end or on a side, with straight faces on both sides of it if it is narrower."""
         lens = self.plan.lenses[placed.name]
         room_mm = math.dist(start, end)
         if 2.0 * lens.half_width_mm > room_mm + WIDER_MM:
@@ -164,12 +164,15 @@ class Walk:
     def _check_tear(
         self, placed: PlacedLens, motion: NamedMotion, turn: Rigid, edges: tuple[Point, Point], most_mm: float
     ) -> None:
-        """`DesignError` where an edge of a lens moves away by more than its half width."""
+        """Raise `DesignError` if an edge of a lens moves away by more than its half width."""
         place = max(edges, key=lambda edge: math.dist(turn.point(edge), edge))
         off_mm = math.dist(turn.point(place), place)
         if off_mm > most_mm:
-            limit = f"would tear lens {placed.name} from {place_text(place)} by {off_mm:.3g} mm, at most {most_mm:.3g}"
-            remedy = "turn by less or about a nearer pivot"
+            limit = (
+                f"would tear lens {placed.name} from {place_text(place)} by {off_mm:.3g} mm; "
+                f"the limit is {most_mm:.3g} mm"
+            )
+            remedy = "turn by a smaller angle, or about a nearer pivot"
             raise DesignError(f"network.motion {motion.name}", value=motion.at_deg, limit=limit, remedy=remedy)
 
     def _trimmed(
@@ -181,12 +184,12 @@ class Walk:
         base: Point,
         ahead: Point,
     ) -> tuple[Run, Run]:
-        """Walls of the guide that a turned lens ends, shortened to where the lens joins them: see `motion.join`."""
+        """Walls of the guide that ends in a turned lens, shortened to meet the lens according to `motion.join`."""
         (way,), node = self.plan.at(placed.node or ""), placed.node or ""
         room_mm, lens = math.dist(*corners), self.plan.lenses[placed.name]
         if room_mm > 2.0 * lens.half_width_mm + WIDER_MM:
             number = self.plan.network.motion.index(motion)
-            limit = f"needs a lens as wide as its guide, {room_mm:.4g} mm, at {place_text(base)}"
+            limit = f"requires a lens as wide as its guide, {room_mm:.4g} mm, at {place_text(base)}"
             raise DesignError(
                 f"network.motion[{number}].join", value=motion.join, limit=limit, remedy='set join = "seam"'
             )
@@ -200,7 +203,7 @@ class Walk:
         return self.runs[keys[0]], self.runs[keys[1]]
 
     def _divided(self, whole: Face, on_it: list[Part]) -> list[Face]:
-        """A side with receivers and lenses on it."""
+        """A side divided by the receivers and lenses on it."""
         measure = Measure(whole.curve)
         stretches = sorted(((*self._stretch(one), one) for one in on_it), key=lambda row: row[:2])
         faces: list[Face] = []
@@ -209,7 +212,7 @@ class Walk:
         for low, high, one in stretches:
             if not (done - WIDER_MM <= low and high <= last_mm + WIDER_MM):
                 place = place_text(whole.curve.middle_point)
-                limit = f"must lie from {done:.4g} to {last_mm:.4g} mm on {whole.name}, near {place}"
+                limit = f"must be between {done:.4g} and {last_mm:.4g} mm on {whole.name}, near {place}"
                 raise DesignError(one.name, value=f"from {low:.4g} to {high:.4g} mm", limit=limit)
             if low - done > WIDER_MM:
                 faces.append(_part(whole, measure, done, low))
@@ -230,23 +233,23 @@ class Walk:
         return faces[::-1] if whole.from_end else faces
 
     def _stretch(self, one: Part) -> tuple[float, float]:
-        """Lengths of a side that a part covers."""
+        """Range of lengths of a side that a part occupies."""
         if isinstance(one, PlacedReceiver):
             return one.from_mm or 0.0, one.to_mm or 0.0
         half_mm = self.plan.lenses[one.name].half_width_mm
         return (one.at_mm or 0.0) - half_mm, (one.at_mm or 0.0) + half_mm
 
     def _on_side(self, whole: Face, at_mm: float, depth_mm: float, one: Placed) -> tuple[Rigid, Point]:
-        """Frame of what stands at a place of a straight side, and the direction into the guide."""
+        """Frame of a part at a length along a straight side, and the direction into the guide."""
         if not isinstance(whole.curve, Segment):
             place = place_text(whole.curve.middle_point)
             limit = f"is not straight, near {place}"
-            remedy = "place the part at the end of a short guide of its own"
+            remedy = "place the part at the end of a separate short guide"
             raise DesignError(f"{one.name}.guide", value=whole.name, limit=limit, remedy=remedy)
         walked = unit(minus(whole.curve.b, whole.curve.a))
         length_mm = whole.begins_mm + whole.curve.length_mm
         if not whole.begins_mm <= at_mm <= length_mm:
-            limit = f"must lie from {whole.begins_mm:.4g} to {length_mm:.4g} mm on {whole.name}"
+            limit = f"must be between {whole.begins_mm:.4g} and {length_mm:.4g} mm on {whole.name}"
             raise DesignError(f"{one.name}.at_mm", value=at_mm, limit=limit)
         step = at_mm - whole.begins_mm
         base = along(whole.curve.b, walked, -step) if whole.from_end else along(whole.curve.a, walked, step)
@@ -254,25 +257,25 @@ class Walk:
         return _frame(base, ahead, depth_mm), ahead
 
     def _turn(self, name: str, kind: str) -> NamedMotion | None:
-        """Motion that turns a part, where it is not at rest."""
+        """Motion that turns a part; None if the part is at rest."""
         names = {one.name for one in getattr(self.plan.network, kind)}
         turns = [one for one in self.plan.network.motion if one.kind == "rotation" and one.part == name]
         return next((one for one in turns if name in names and one.at_deg != 0.0), None)
 
     def _check_alone(self, number: int, node: str, placed: list[Part]) -> None:
-        """`DesignError` where two parts stand on one end."""
+        """Raise `DesignError` if two parts are on one end."""
         if len(placed) > 1:
             names = " and ".join(one.name for one in placed)
             where = place_text(self.plan.places[node])
-            limit = f"{names} both stand there, at {where}"
-            raise DesignError(f"network.nodes[{number}]", value=node, limit=limit, remedy="give each an end of its own")
+            limit = f"{names} are both there, at {where}"
+            raise DesignError(f"network.nodes[{number}]", value=node, limit=limit, remedy="give each a separate end")
 
 
 SIDES = ("right", "left")
 
 
 def outlines(walk: Walk) -> list[tuple[Face, ...]]:
-    """Closed outlines; the one with the first lens or the first emitter's end first, from there."""
+    """Closed outlines; the one with the first lens or first emitter's end comes first and begins there."""
     left, found = dict.fromkeys(walk.runs), []
     while left:
         key, faces = next(iter(left)), []
@@ -293,13 +296,16 @@ def outlines(walk: Walk) -> list[tuple[Face, ...]]:
 
 
 def check_places(walk: Walk) -> None:
-    """`DesignError` where a part stands at a node at which several guides meet."""
+    """Raise `DesignError` if a part is at a node at which several guides meet."""
     network = walk.plan.network
     for kind in ("lenses", "emitters", "receivers"):
         for number, placed in enumerate(getattr(network, kind)):
             if placed.node is not None and len(walk.plan.at(placed.node)) != 1:
                 where = place_text(walk.plan.places[placed.node])
-                limit = f"{len(walk.plan.at(placed.node))} guides meet there, at {where}; a part stands where one ends"
+                limit = (
+                    f"{len(walk.plan.at(placed.node))} guides meet there, at {where}; a part "
+                    "must be where a single guide ends"
+                )
                 raise DesignError(f"network.{kind}[{number}].node", value=placed.node, limit=limit)
 
 
@@ -309,7 +315,7 @@ def _first_name(network: Network) -> str:
 
 
 def _from(faces: list[Face], name: str) -> list[Face]:
-    """Faces from that of a name on, if there is one."""
+    """Faces rotated to begin with the named one, if there is one."""
     start = next((number for number, face in enumerate(faces) if face.name == name), 0)
     return faces[start:] + faces[:start]
 
@@ -334,7 +340,7 @@ def _departing(way: Way, node: str) -> Key:
 
 
 def _in_order(plan: Plan, node: str) -> list[Way]:
-    """Guides at a node, counter-clockwise by the directions in which they leave; of two alike the right one first."""
+    """Guides at a node, counter-clockwise by their outward directions; of parallel ones, the right one first."""
     at = plan.places[node]
 
     def order(way: Way) -> tuple[float, float]:
@@ -346,7 +352,7 @@ def _in_order(plan: Plan, node: str) -> list[Way]:
 
 
 def _smooth(wall: Run, edge: Point, axis: Point, base: Point, ahead: Point) -> Bezier:
-    """Curve from the edge of a turned lens along its axis into the wall of its guide."""
+    """Curve from the edge of a turned lens, along the lens's axis, into the wall of its guide."""
     at_end = math.dist(wall.end, edge) < math.dist(wall.start, edge)
     place, u = (wall.end, wall.high) if at_end else (wall.start, wall.low)
     slope = wall.curve.velocity_at(u)
@@ -355,7 +361,7 @@ def _smooth(wall: Run, edge: Point, axis: Point, base: Point, ahead: Point) -> B
 
 
 def _frame(base: Point, ahead: Point, depth_mm: float) -> Rigid:
-    """From the frame of a lens, its vertex before a base, to the body's."""
+    """Motion from the frame of a lens, with its vertex before a base, to the body's frame."""
     x, z = ahead
     return Rigid(z, -x, along(base, ahead, -depth_mm))
 

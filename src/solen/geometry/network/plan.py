@@ -1,7 +1,7 @@
-"""Where the guides and parts of a network are: at rest, and with its motions at their angles.
+"""Positions of the guides and parts of a network, at rest and with its motions at their angles.
 
-A node without a place of its own lies where the guide that leads there ends. Motions go outwards from the node that is
-fixed: what lies beyond a guide that bends or turns is carried along.
+A node without a stated position is at the end of the guide that leads there. Motions propagate outwards from the fixed
+node: everything beyond a guide that bends or turns is carried along.
 """
 
 import math
@@ -23,12 +23,12 @@ from solen.spec.network import Guide, NamedMotion, Network, PlacedLens
 from solen.spec.placed import lens_table, lit
 
 MEETS_MM = 1e-9
-"""How far a guide may end from the place of its second node."""
+"""Maximum distance of a guide's end from its second node."""
 
 
 @dataclass(frozen=True)
 class Way:
-    """A guide with the line that it follows.
+    """A guide with its centre line.
 
     ``right`` and ``left`` are the distances of its walls to the right of that line.
     """
@@ -40,17 +40,17 @@ class Way:
 
     @cached_property
     def walls(self) -> dict[str, Curve]:
-        """Both walls from its first node to its second, by side."""
+        """Both walls from the guide's first node to its second, by side."""
         what = f"guide {self.guide.name}"
         return {side: self.spine.wall(getattr(self, side), what) for side in ("right", "left")}
 
     def middle(self, node: str) -> Point:
-        """Middle of its section at one of its nodes."""
+        """Middle of the guide's section at one of its nodes."""
         (a, b), (c, d) = (self.section(node, side) for side in ("right", "left"))
         return (0.5 * (a + c), 0.5 * (b + d))
 
     def section(self, node: str, side: str) -> Point:
-        """Corner of its section at one of its nodes."""
+        """Corners of the guide's section at one of its nodes."""
         wall = self.walls[side]
         return wall.start if node == self.guide.nodes[0] else wall.end
 
@@ -68,9 +68,9 @@ class Way:
 
 @dataclass(frozen=True)
 class Plan:
-    """Guides by name in their state, places of the nodes, and lenses by name.
+    """Guides in their current state by name, positions of the nodes, and lenses by name.
 
-    ``carried`` are the motions of the nodes from rest; none where all rest.
+    ``carried`` are the motions of the nodes from rest; empty if all nodes are at rest.
     """
 
     network: Network
@@ -79,7 +79,7 @@ class Plan:
     lenses: dict[str, Lens]
     carried: dict[str, Rigid] = field(default_factory=dict)
     distance_mm: float = 0.0
-    """before its lens of an emitter that states no other"""
+    """distance from its lens of an emitter that states none"""
 
     def at(self, node: str) -> list[Way]:
         """Guides at a node."""
@@ -92,7 +92,8 @@ def plan_of(design: Design) -> Plan:
     Raises
     ------
     DesignError
-        If a node is not connected, a guide has no place, a lens cannot be made, or a motion would tear a loop.
+        If a node is not connected, a guide's position is undefined, a lens cannot be made, or a motion would tear a
+        loop.
     """
     rest = replace(at_rest(design), network=design.network, distance_mm=design.shared_emitter.distance_mm)
     return _in_motion(rest, design.network.motion)
@@ -111,7 +112,7 @@ def at_rest(design: Design) -> Plan:
 
 @dataclass(frozen=True)
 class _Key:
-    """A design, the same as any other whose network, lenses and material are the same."""
+    """Cache key of a design, equal to that of any other design with the same network, lenses and material."""
 
     design: Design
     of: tuple[object, ...]
@@ -139,7 +140,7 @@ def _planned(key: _Key) -> Plan:
         ready = next((guide for guide in waiting if (way := _placed(guide, network, places, ways)) is not None), None)
         if ready is None:
             number = network.guides.index(waiting[0])
-            limit = "has no place: neither of its nodes has one, or it has no direction"
+            limit = "has no position: neither of its nodes has one, or its direction is missing"
             remedy = "state direction_deg and length_mm, or at_mm of its nodes"
             raise DesignError(f"network.guides[{number}]", value=waiting[0].name, limit=limit, remedy=remedy)
         waiting.remove(ready)
@@ -152,7 +153,7 @@ def _planned(key: _Key) -> Plan:
 
 
 def _check_connected(network: Network) -> None:
-    """`DesignError` for a node that no chain of guides joins to the first."""
+    """Raise `DesignError` for a node that is not connected to the first by a chain of guides."""
     reached = {network.nodes[0].name} if network.nodes else set[str]()
     for _ in network.guides:
         reached |= {node for guide in network.guides if reached & set(guide.nodes) for node in guide.nodes}
@@ -164,7 +165,7 @@ def _check_connected(network: Network) -> None:
 
 
 def _lens(design: Design, number: int, placed: PlacedLens) -> Lens:
-    """Lens of a network, made for the emitter before it; that of ``[emitter]`` where there is none."""
+    """Lens of a network, computed for its emitter, or for ``[emitter]`` if it has none."""
     network = design.network
     before = next((emitter.name for emitter in network.emitters if emitter.lens == placed.name), None)
     own = design if before is None else lit(design, before)
@@ -178,12 +179,12 @@ def _lens(design: Design, number: int, placed: PlacedLens) -> Lens:
 
 
 def _half_width_mm(network: Network, number: int, placed: PlacedLens) -> float | None:
-    """Half the width of the guide that a lens ends; None on a side."""
+    """Half the width of the guide that ends in a lens; None for a lens on a side."""
     if placed.node is None:
         return None
     guides = [guide for guide in network.guides if placed.node in guide.nodes]
     if len(guides) != 1:
-        limit = f"a lens ends one guide, and {len(guides)} meet there"
+        limit = f"a lens must be at the end of one guide, but {len(guides)} meet there"
         raise DesignError(f"network.lenses[{number}].node", value=placed.node, limit=limit)
     (guide,) = guides
     if guide.nodes[0] == placed.node or len(guide.widths) == 1:
@@ -194,7 +195,7 @@ def _half_width_mm(network: Network, number: int, placed: PlacedLens) -> float |
 
 
 def _origin(network: Network, lenses: dict[str, Lens], node: str) -> Point:
-    """Place of the first node: the origin, or so that the vertex of its lens lies there."""
+    """Position of the first node: the origin, or the position that puts the vertex of its lens at the origin."""
     lens = next((lenses[placed.name] for placed in network.lenses if placed.node == node), None)
     guide = next(guide for guide in network.guides if node in guide.nodes)
     if lens is None or guide.direction_deg is None or guide.nodes[0] != node:
@@ -204,7 +205,7 @@ def _origin(network: Network, lenses: dict[str, Lens], node: str) -> Point:
 
 
 def _placed(guide: Guide, network: Network, places: dict[str, Point], ways: dict[str, Way]) -> Way | None:
-    """A guide with its line; None while that is not known."""
+    """A guide with its line; None while that is unknown."""
     start, end = (places.get(node) for node in guide.nodes)
     half = tuple(0.5 * width for width in guide.widths)
     both = (half, tuple(-width for width in half))
@@ -227,11 +228,11 @@ def _placed(guide: Guide, network: Network, places: dict[str, Point], ways: dict
 
 
 def _flush(guide: Guide, network: Network, ways: dict[str, Way]) -> Way | None:
-    """A guide whose side continues a side of the one that leads to its first node."""
+    """A guide whose side continues that of the guide leading to its first node."""
     leading = [one for one in network.guides if one.nodes[1] == guide.nodes[0]]
     if len(leading) != 1:
         number = network.guides.index(guide)
-        limit = f"needs one guide that leads to {guide.nodes[0]}, and there are {len(leading)}"
+        limit = f"requires exactly one guide that leads to {guide.nodes[0]}, but there are {len(leading)}"
         raise DesignError(f"network.guides[{number}].flush", value=guide.flush, limit=limit)
     if leading[0].name not in ways or guide.length_mm is None or guide.flush is None:
         return None
@@ -247,7 +248,7 @@ def _flush(guide: Guide, network: Network, ways: dict[str, Way]) -> Way | None:
 
 
 def _settle(way: Way, places: dict[str, Point], number: int) -> None:
-    """Give the nodes of a guide their places; `DesignError` where one has another."""
+    """Assign positions to the nodes of a guide; raises `DesignError` if they contradict known positions."""
     if way.guide.flush is not None:
         found = {way.guide.nodes[1]: way.middle(way.guide.nodes[1])}
     else:
@@ -256,7 +257,7 @@ def _settle(way: Way, places: dict[str, Point], number: int) -> None:
         off_mm = math.dist(places.setdefault(node, place), place)
         if off_mm > MEETS_MM:
             limit = f"ends {off_mm:.3g} mm from {node}, which is at {place_text(places[node])}"
-            remedy = "leave out direction_deg and length_mm, or at_mm of the node"
+            remedy = "omit direction_deg and length_mm, or at_mm of the node"
             raise DesignError(f"network.guides[{number}]", value=way.guide.name, limit=limit, remedy=remedy)
 
 
@@ -278,7 +279,7 @@ def _in_motion(rest: Plan, motions: tuple[NamedMotion, ...]) -> Plan:
         if off_mm > MEETS_MM or abs(known.angle_deg - motion.angle_deg) > MEETS_MM:
             name = ", ".join(one.name for one in moving.values())
             limit = f"would tear {way.guide.name} from {other}, at {place_text(rest.places[other])}, by {off_mm:.3g} mm"
-            remedy = "what bends or turns must not be part of a loop"
+            remedy = "a guide that bends or turns must not be part of a loop"
             raise DesignError("network.motion", value=name, limit=limit, remedy=remedy)
     order = {name: ways[name] for name in rest.ways}
     places = {node: carried[node].point(place) for node, place in rest.places.items()}
@@ -286,7 +287,7 @@ def _in_motion(rest: Plan, motions: tuple[NamedMotion, ...]) -> Plan:
 
 
 def _outwards(plan: Plan, fixed: str) -> Iterator[tuple[Way, str]]:
-    """Guides, each after those nearer to the fixed node, with its nearer node."""
+    """Guides with their nearer nodes, ordered outwards from the fixed node."""
     reached, left = [fixed], list(plan.ways.values())
     for node in reached:
         for way in [way for way in left if node in way.guide.nodes]:
@@ -310,19 +311,20 @@ def _driven(way: Way, node: str, motion: NamedMotion | None) -> tuple[Way, Rigid
 
 
 def _check_tear(way: Way, near: Point, turn: Rigid, motion: NamedMotion) -> None:
-    """`DesignError` where a rotation takes a guide farther from its node than half its width there."""
+    """Raise `DesignError` if a rotation moves a guide away from its node by more than half its width there."""
     off_mm = math.dist(turn.point(near), near)
     half_mm = 0.5 * min(way.guide.widths[0], float(polynomial.polyval(way.spine.length_mm, way.guide.widths)))
     if off_mm > half_mm:
         limit = (
-            f"would tear {way.guide.name} from {place_text(near)} by {off_mm:.3g} mm, at most {half_mm:.3g} mm there"
+            f"would tear {way.guide.name} from {place_text(near)} by {off_mm:.3g} mm; the limit "
+            f"there is {half_mm:.3g} mm"
         )
-        remedy = "turn by less or about a nearer pivot"
+        remedy = "turn by a smaller angle, or about a nearer pivot"
         raise DesignError(f"network.motion {motion.name}", value=motion.at_deg, limit=limit, remedy=remedy)
 
 
 def _after(first: Rigid, then: Rigid) -> Rigid:
-    """One motion after another."""
+    """The motion ``first`` followed by another."""
     if then == Rigid():
         return first
     cos, sin = then.vector((first.cos, first.sin))

@@ -1,8 +1,8 @@
-"""The line that a guide follows: straight, an arc or a spline; and curves at a distance beside it.
+"""The centre line of a guide: straight, an arc or a spline; and curves at a distance from it.
 
-A wall at a distance that is a polynomial of the length is exact beside a straight line, a segment, a parabola or a
-Bézier curve, up to the third degree, and an arc beside an arc at a constant distance. Any other is a spline within
-`WALL_TOLERANCE_MM`.
+A wall whose distance is a polynomial of the length, up to the third degree, is exact next to a straight line: it is a
+segment, a parabola or a Bézier curve. At a constant distance from an arc it is an arc. Any other wall is a spline
+within `WALL_TOLERANCE_MM`.
 """
 
 import math
@@ -24,15 +24,15 @@ from solen.plane import Point, Rigid, along, heading, left_of, minus, right_of, 
 SAMPLES, PANELS = 257, 8
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 Offset = tuple[float, ...]
-"""Coefficients of the distance to the right of the line, in mm, by the length along it."""
+"""Coefficients of the distance to the right of the line, in mm, as a polynomial of the length along it."""
 
 
 @dataclass(frozen=True)
 class Spine:
-    """Line from ``start`` along a unit direction, turning evenly by ``turn_deg`` over its length; or a ``free`` one.
+    """Line from ``start`` along a unit direction, turning evenly by ``turn_deg`` over its length; or a ``free`` line.
 
-    A free one may be bent: each direction is turned by its share of ``bend_deg``, that of the length up to there.
-    ``heading_deg`` is its direction where that was stated as an angle.
+    A free line may be bent: each direction is then turned by the fraction of ``bend_deg`` that equals the fraction of
+    the length up to there. ``heading_deg`` is the initial direction if it was stated as an angle.
     """
 
     start: Point
@@ -45,12 +45,12 @@ class Spine:
 
     @classmethod
     def towards(cls, start: Point, heading_deg: float, length_mm: float, turn_deg: float) -> "Spine":
-        """Line of a heading and a length."""
+        """Line with a heading and a length."""
         return cls(start, heading(heading_deg), length_mm, turn_deg, heading_deg=heading_deg)
 
     @classmethod
     def between(cls, start: Point, end: Point, turn_deg: float, through: Sequence[Point]) -> "Spine":
-        """Line from place to place: straight, an arc, or a spline through points."""
+        """Line between two points: straight, an arc, or a spline through further points."""
         if through:
             free = Spline.through([start, *through, end])
             return cls(start, unit(free.velocity_at(0.0)), Measure(free).length_mm, free=free)
@@ -61,7 +61,7 @@ class Spine:
 
     @cached_property
     def end(self) -> Point:
-        """Its last point."""
+        """The last point of the line."""
         if self.free is not None:
             x, z = self.free.end if self.bend_deg == 0.0 else self._begins[-1]
             return (float(x), float(z))
@@ -72,7 +72,7 @@ class Spine:
 
     @cached_property
     def end_direction(self) -> Point:
-        """Its unit direction at its end."""
+        """Unit direction at the end of the line."""
         turn_deg, last = self.turn_deg, self.direction
         if self.free is not None:
             turn_deg, last = self.bend_deg, unit(self.free.velocity_at(1.0))
@@ -88,7 +88,7 @@ class Spine:
         return replace(self, start=start, direction=direction, free=free, heading_deg=None)
 
     def bent(self, angle_deg: float, *, from_end: bool) -> "tuple[Spine, Rigid]":
-        """The line with its far end turned evenly by an angle, and the motion of that end; the other stands still."""
+        """The line with its far end turned evenly by an angle, and the motion of that end; the other end is fixed."""
         if not from_end:
             bent = self._turning(angle_deg)
             return bent, carrying(self.end, bent.end, angle_deg)
@@ -98,13 +98,13 @@ class Spine:
         return bent, carrying(self.start, bent.start, angle_deg)
 
     def _turning(self, angle_deg: float) -> "Spine":
-        """The line turning by so much more, evenly along its length, its start and its length as they are."""
+        """The line turned by an additional angle, evenly along its length; its start and its length are unchanged."""
         if self.free is None:
             return replace(self, turn_deg=self.turn_deg + angle_deg)
         return replace(self, bend_deg=self.bend_deg + angle_deg)
 
     def wall(self, offset: Offset, what: str) -> Curve:
-        """Curve at a distance to the right of the line; `DesignError`, about ``what``, where it would fold over."""
+        """Curve at a distance to the right of the line; raises `DesignError`, about ``what``, if it would fold over."""
         offset = offset[: max((i + 1 for i, value in enumerate(offset) if value), default=1)]
         if self.free is not None:
             return self._beside_free(self.free, offset, what)
@@ -147,7 +147,7 @@ class Spine:
 
         def carry(piece: Curve, start: float, end: float) -> tuple[Function, Function, tuple[float, float]]:
             if not isinstance(piece, Spline):
-                raise AssertionError("a spline is made of splines")
+                raise AssertionError("a wall of a free line is made of splines")
             controls = np.array(piece.controls[0])
 
             first = round(start * many) * PANELS
@@ -185,14 +185,14 @@ class Spine:
 
     @cached_property
     def _begins(self) -> FloatArray:
-        """Places (N, 2) of a bent free line at the ends of panels, so many for each of its cubics."""
+        """Points (N, 2) of a bent free line at the ends of panels, several for each of its cubics."""
         assert self.free is not None  # noqa: S101  asked of a free line
         ends = np.linspace(0.0, 1.0, len(self.free.controls) * PANELS + 1)
         ways = np.cumsum(self._ways(ends[:-1], ends[1:]), axis=0)
         return np.asarray(np.array(self.free.start) + np.vstack([np.zeros((1, 2)), ways]))
 
     def _ways(self, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Ways (N, 2) of a bent free line between parameters within one panel, by Gauss."""
+        """Displacements (N, 2) along a bent free line between parameters within one panel, by Gaussian quadrature."""
         assert self.free is not None  # noqa: S101  asked of a free line
         half = 0.5 * (high - low)
         at = (low + half)[:, None] + half[:, None] * NODES
@@ -207,7 +207,7 @@ class Spine:
         return Measure(self.free)
 
     def _beside(self, offset: Offset) -> tuple[Function, Function]:
-        """Places and velocities of a wall beside a straight line or an arc, by the share of the length."""
+        """Points and velocities of a wall next to a straight line or an arc, by fraction of its length."""
         slope, per_mm = polynomial.polyder(offset), math.radians(self.turn_deg) / self.length_mm
 
         def place(u: FloatArray) -> FloatArray:
@@ -223,7 +223,7 @@ class Spine:
         return place, velocity
 
     def _ahead(self, s: FloatArray, share: float = 1.0) -> FloatArray:
-        """Unit directions (N, 2) at lengths, or turned by a share of the turn up to there."""
+        """Unit directions (N, 2) at lengths, turned by the fraction of the turn up to there."""
         angle = share * math.radians(self.turn_deg) / self.length_mm * s
         x, z = self.direction
         return np.column_stack([np.cos(angle) * x - np.sin(angle) * z, np.sin(angle) * x + np.cos(angle) * z])
@@ -234,8 +234,10 @@ class Spine:
 
     def _check_fold(self, beside: ArrayLike, per_mm: ArrayLike, what: str) -> None:
         if float(np.min(1.0 + np.multiply(per_mm, beside))) <= 0.0:
-            limit = "folds over: its centre line bends more tightly than it is wide"
-            raise DesignError(what, limit=limit, remedy="bend it by less, over a greater length, or narrow it")
+            limit = "folds over: the radius of its centre line is smaller than the distance of the wall"
+            raise DesignError(
+                what, limit=limit, remedy="bend it by a smaller angle or over a greater length, or narrow it"
+            )
 
 
 def _turned(vectors: FloatArray, angle: FloatArray) -> FloatArray:
@@ -245,7 +247,7 @@ def _turned(vectors: FloatArray, angle: FloatArray) -> FloatArray:
 
 
 def carrying(before: Point, after: Point, angle_deg: float) -> Rigid:
-    """Motion that turns by an angle and takes a point to another."""
+    """Motion that turns by an angle and moves a point to another."""
     if angle_deg == 0.0 and before == after:
         return Rigid()
     angle = math.radians(angle_deg)
