@@ -223,7 +223,7 @@ def test_bad_files_are_one_line(refused: Run, folder: Path) -> None:
     (folder / "cut.stl").write_bytes(data[:-20])
     (folder / "open.stl").write_bytes(data[:80] + (11).to_bytes(4, "little") + data[84:-50])
     (folder / "mesh.obj").write_text("v 0 0 0", encoding="utf-8")
-    assert "is cut off" in refused("print", "layers", "cut.stl", "--out", "out")
+    assert "is truncated" in refused("print", "layers", "cut.stl", "--out", "out")
     assert "open.stl = '3 open edges'; must be watertight" in refused("print", "layers", "open.stl", "--out", "out")
     assert "must be a design (.toml) or a mesh (.stl, .3mf)" in refused("print", "layers", "mesh.obj", "--out", "out")
     assert "no such file" in refused("print", "layers", "none.stl", "--out", "out")
@@ -237,7 +237,7 @@ def test_a_mesh_that_is_inside_out_is_turned_and_one_in_metres_is_reported(told:
     found = told("print", "layers", "inverted.stl", "--out", "out")
     assert found["volume_error"] == pytest.approx(0.0, abs=1e-6)
     assert any("inside out" in line for line in found["warnings"])
-    assert any("An STL has none and is read as mm" in line for line in found["warnings"])
+    assert any("an STL states no unit and is read as mm" in line for line in found["warnings"])
 
 
 def test_level_faces_between_layers_are_reported(told: Run) -> None:

@@ -159,7 +159,7 @@ def test_large_features_alone_do_not_tell_the_blur(true: Settings) -> None:
     found = calibrated(
         default_process(), coupon(measured(features, printed_mm(true, features), np.random.default_rng(2))), "holes"
     )
-    assert any("sigma_um" in text and "stays" in text for text in found.warnings)
+    assert any("sigma_um" in text and "remains" in text for text in found.warnings)
     assert any("cannot be separated" in text for text in found.warnings)
 
 
@@ -180,7 +180,7 @@ def test_features_that_should_not_be_there_are_named(true: Settings) -> None:
 
 
 def test_too_few_features_are_refused() -> None:
-    with pytest.raises(DataError, match="needs at least 3 pillars, holes or gaps"):
+    with pytest.raises(DataError, match="at least 3 pillars, holes or gaps"):
         calibrated(default_process(), coupon([MeasuredFeature("pillar", 1.0, 1.05, 0.01, resolved=True)]), "one")
 
 

@@ -183,7 +183,7 @@ def test_the_default_says_where_each_number_comes_from() -> None:
 BAD_PROCESSES = {
     "sigma_um = -3.0": r"process\.sigma_um = -3\.0; must be greater than 0",
     "sigma_um = nan": r"process\.sigma_um = nan; must be a finite number",
-    "exposure_s = 0.1": r"process\.exposure_s = 0\.1; gives 1\.3 mJ/cm², and the resin sets from 5 mJ/cm² on: nothing "
+    "exposure_s = 0.1": r"process\.exposure_s = 0\.1; gives 1\.3 mJ/cm², but the resin sets at 5 mJ/cm²: nothing "
     r"cures; expose for more than 0\.385 s",
     "burn_in_s = 0.1": r"process\.burn_in_s = 0\.1; gives 1\.3 mJ/cm²",
     "halo_um = 3.0": r"process\.halo_um = 3\.0; must be at least sigma_um, 15",
@@ -208,7 +208,7 @@ def test_layers_thicker_than_the_cure_depth_are_warned_of(sensor: Path, tmp_path
     found = print_of(sensor, options=PrintOptions(process=process), response=False)
     assert found.cure_depth_um < 100.0
     assert any(
-        text.startswith("do not use: the layers do not hold: 0.9 s (11.7 mJ/cm2) cure 85 µm") for text in found.warnings
+        text.startswith("do not use: the layers do not adhere: 0.9 s (11.7 mJ/cm2) cure 85 µm") for text in found.warnings
     )
 
 
@@ -219,9 +219,9 @@ def test_layers_thicker_than_the_cure_depth_are_warned_of(sensor: Path, tmp_path
         ({"at": "top"}, {}, SpecError, "must be middle, mean, or a height in mm from 0 to 4"),
         ({"at": "4.1"}, {}, SpecError, "from 0 to 4"),
         ({"at": "nan"}, {}, SpecError, "from 0 to 4"),
-        ({"orientation": "upright", "at": "mean"}, {}, SpecError, "--at = 'mean'; is for parts printed flat"),
-        ({"orientation": "on-edge"}, {"compensate": "d.toml"}, SpecError, "--compensate is for parts printed flat"),
-        ({"orientation": "on-edge"}, {"solid": "d.stl"}, SpecError, "--solid is for parts printed flat"),
+        ({"orientation": "upright", "at": "mean"}, {}, SpecError, "--at = 'mean'; applies to parts printed flat"),
+        ({"orientation": "on-edge"}, {"compensate": "d.toml"}, SpecError, "--compensate applies to parts printed flat"),
+        ({"orientation": "on-edge"}, {"solid": "d.stl"}, SpecError, "--solid applies to parts printed flat"),
         ({}, {"compensate": "d.json"}, OutputError, "a design ends in .toml"),
         ({}, {"solid": "d.step"}, OutputError, "a solid ends in .stl"),
         ({}, {"out": "lens.toml"}, OutputError, "a result ends in .json"),
@@ -259,7 +259,7 @@ def test_a_named_printer_gives_its_pixels(tmp_path: Path) -> None:
 def test_a_sensor_without_a_lens_has_none_to_print(sensor: Path, tmp_path: Path) -> None:
     coarse = sure(tmp_path, pixel_um=250.0, sigma_um=120.0, halo_um=200.0)
     out = tmp_path / "lens.json"
-    with pytest.raises(DataError, match="must have 20 pixels at least; take a printer of pixels below 200 µm"):
+    with pytest.raises(DataError, match="must be at least 20 pixels wide; use a printer with pixels below 200 µm"):
         predict(sensor, options=PrintOptions(process=coarse), response=False, out=out)
     assert not out.exists()
 
@@ -293,7 +293,7 @@ def test_a_calibration_is_written_as_a_process(tmp_path: Path) -> None:
     assert found.keeps_growth
     assert found.calibration is not None
     assert found.calibration.simulated
-    assert any("rest on simulated coupons" in text for text in found.warnings())
+    assert any("from simulated coupons" in text for text in found.warnings())
     assert "simulated" in (tmp_path / "c.svg").read_text(encoding="utf-8")
 
 
@@ -350,10 +350,10 @@ BAD_FEATURES: list[tuple[dict[str, Any], str]] = [
     ({"nominal_mm": None}, r"features\[0\]\.nominal_mm"),
     ({"measured_mm": "wide"}, r"features\[0\]\.measured_mm = 'wide'"),
     ({"measured_mm": 9000.0}, r"at most 100"),
-    ({"u_measured_mm": None}, r"features\[0\]\.u_measured_mm; missing: a measured size without its uncertainty"),
+    ({"u_measured_mm": None}, r"features\[0\]\.u_measured_mm; missing: a measured size must have an uncertainty"),
     ({"u_measured_mm": 0}, r"features\[0\]\.u_measured_mm = 0; must be greater than 0"),
     ({"resolved": "yes"}, r"features\[0\]\.resolved = 'yes'"),
-    ({"resolved": False}, r"coupons = '0 of 6 features'; needs at least 3"),
+    ({"resolved": False}, r"coupons = '0 of 6 features'; must have at least 3"),
 ]
 
 
@@ -365,7 +365,7 @@ def test_bad_features_are_refused(tmp_path: Path, changes: dict[str, Any], match
     assert not out.exists()
 
 
-@pytest.mark.parametrize(("factor", "said"), [(1e3, "look like µm"), (1e-3, "in mm")])
+@pytest.mark.parametrize(("factor", "said"), [(1e3, "in µm"), (1e-3, "in mm")])
 def test_sizes_in_another_unit_are_named_first(tmp_path: Path, factor: float, said: str) -> None:
     path = features_file(tmp_path / "a.json")
     data = json.loads(path.read_text(encoding="utf-8"))

@@ -217,7 +217,7 @@ def test_the_mean_over_the_thickness_is_less_than_the_middle(body: Body, lens: T
 
 def test_coarse_pixels_and_thin_parts_are_refused(body: Body, lens: Target) -> None:
     rings = rings_of(as_designed(body))
-    with pytest.raises(DataError, match=r"process\.pixel_um = 300\.0; the lens, 4 mm wide, must have 20 pixels"):
+    with pytest.raises(DataError, match=r"process\.pixel_um = 300\.0; the lens, 4 mm wide, must be at least 20 pixels"):
         FlatPrint.of(rings, lens, settings(pixel_um=300.0, sigma_um=100.0, halo_um=200.0), 4.0)
     with pytest.raises(DataError, match="a layer is 25 µm"):
         FlatPrint.of(rings, lens, settings(), 0.01)
@@ -229,7 +229,7 @@ def test_coarse_pixels_and_thin_parts_are_refused(body: Body, lens: Target) -> N
 
 def test_prints_that_would_take_too_much_are_refused(body: Body, lens: Target) -> None:
     rings = rings_of(as_designed(body))
-    with pytest.raises(DataError, match=r"process\.halo_um = 9000\.0; the part and 6 widths of the halo"):
+    with pytest.raises(DataError, match=r"process\.halo_um = 9000\.0; the part with 6 widths of the halo"):
         FlatPrint.of(rings, lens, settings(halo_um=9000.0), 4.0)
     with pytest.raises(DataError, match="the part would have 400,000 layers, at most 10,000"):
         FlatPrint.of(rings, lens, settings(layer_um=1.0), 400.0)

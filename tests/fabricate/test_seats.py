@@ -93,8 +93,8 @@ def test_what_is_cut_is_missing_from_the_mesh() -> None:
 @pytest.mark.parametrize(
     ("values", "told"),
     [
-        ({"fabricate__pockets": True, "body__arm_width_mm": 2.0}, "pocket-right; would take"),
-        ({"fabricate__pockets": True, "body__thickness_mm": 1.0}, "pocket-right; would take"),
+        ({"fabricate__pockets": True, "body__arm_width_mm": 2.0}, "pocket-right; would remove"),
+        ({"fabricate__pockets": True, "body__thickness_mm": 1.0}, "pocket-right; would remove"),
         ({"fabricate__pockets": True, "fabricate__pocket_depth_mm": 40.0}, "'pocket-right and pocket-left'; cut into"),
         (
             {"fabricate__pockets": True, "fabricate__slots": ["receivers"], "body__thickness_mm": 1.45},
@@ -105,7 +105,7 @@ def test_what_is_cut_is_missing_from_the_mesh() -> None:
             {"fabricate__slots": ["receivers"], "fabricate__slot_length_mm": 500.0},
             "'slot-right and slot-left'; cut into",
         ),
-        ({"fabricate__slots": ["receivers"], "fabricate__film_mm": 5.0}, "would take"),
+        ({"fabricate__slots": ["receivers"], "fabricate__film_mm": 5.0}, "would remove"),
         ({"fabricate__pockets": True, "fabricate__receiver_part": "VSMY1850"}, "is an emitter, not a receiver"),
         ({"fabricate__pockets": True, "fabricate__receiver_part": "TEMT7100"}, "did you mean TEMT7100X01?"),
         ({"fabricate__pockets": True, "fabricate__receiver_part": "none.toml"}, "no such file"),

@@ -67,7 +67,7 @@ def test_windows_lines_capitals_and_exponents(tmp_path: Path) -> None:
         (bytes(80) + struct.pack("<I", 0), "is empty"),
         (bytes(80) + struct.pack("<I", 3) + bytes(50), "announces 3 triangles"),
         (bytes(80) + struct.pack("<I", 4_000_000_000) + bytes(50), "announces 4000000000 triangles"),
-        (b"solid a\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n", "is cut off"),
+        (b"solid a\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n", "is truncated"),
         (b"solid a\nendsolid a\n", "is empty"),
         (b"solid a\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 x 0\nendsolid a\n", "not a number"),
         (b"solid a\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 nan 0\nendsolid a\n", "not finite"),

@@ -97,7 +97,7 @@ def test_the_film_layer_tells_the_offset_of_the_printer() -> None:
     coupon = layout("film-layer", CouponOptions(film_mm=0.125, layer_um=50.0))
     base, layer = coupon.stages
     assert (base.z_offset_mm, layer.z_offset_mm) == pytest.approx((0.0, 0.625))
-    assert "0.125 mm higher than where the base alone would go on" in layer.note
+    assert "0.125 mm higher than for continuing the base" in layer.note
     assert coupon.feature("layer").height_mm == pytest.approx(0.05)
     assert coupon.feature("base").height_mm == 0.5
 
@@ -158,7 +158,7 @@ def test_choices_that_cannot_be_are_refused(values: dict[str, object], part: str
         (lambda: holes(diameters_mm=(3.0,)), "does not fit on the slab"),
         (lambda: layout("group-x"), "must be one of group-a"),
         (lambda: layout("group-a", CouponOptions(bevel_mm=9.0)), "must be less than the slab"),
-        (lambda: Coupon("empty", "", ()), "needs one"),
+        (lambda: Coupon("empty", "", ()), "at least one"),
     ],
 )
 def test_coupons_that_cannot_be_are_refused(make: object, part: str) -> None:

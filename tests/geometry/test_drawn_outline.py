@@ -169,7 +169,7 @@ def test_units_of_the_header_count_and_the_design_overrules_them(tmp_path: Path)
     assert wrong.area_mm2() == pytest.approx(inches.area_mm2(), rel=1e-12)
     line = refused(cad(tmp_path / "silent.dxf", units=0))
     assert "does not state its unit" in line
-    assert line.endswith('say which: body.units = "mm"')
+    assert line.endswith('body.units = "mm"')
 
 
 def distance_mm(curve: Curve, points: list[Point]) -> float:
@@ -440,18 +440,18 @@ def test_json_holds_any_curve_and_is_taken_as_it_is(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("a.step", "", "an outline ends in .dxf, .svg, .json"),
-        ("a.dxf", "not a drawing", "not a DXF file"),
+        ("a.step", "", "must end in .dxf, .svg, .json"),
+        ("a.dxf", "not a drawing", "cannot be read as DXF"),
         ("a.svg", "<svg", "not SVG"),
         ("a.svg", "<html/>", "must be an SVG file"),
-        ("a.svg", '<svg width="1mm" height="1mm"><path d="M 0 0 L 1"/></svg>', "L needs another number"),
+        ("a.svg", '<svg width="1mm" height="1mm"><path d="M 0 0 L 1"/></svg>', "L requires another number"),
         ("a.svg", '<svg width="1mm"><g transform="turn(3)"><path d="M0 0L1 1"/></g></svg>', "transform = 'turn(3)'"),
         ("a.svg", '<svg width="1mm"></svg>', "no strokes"),
         ("a.svg", '<svg width="1mm"><circle class="emitter" cx="1"/></svg>', "has no size"),
         ("a.svg", '<svg width="1mm" viewBox="0 0 0 0"><path d="M0 0L1 1"/></svg>', "must have a size above 0"),
-        ("a.svg", '<svg width="1mm"><path d="M0 0L1e300 1"/></svg>', "at most 1e+09 either way"),
+        ("a.svg", '<svg width="1mm"><path d="M0 0L1e300 1"/></svg>', "at most ±1e+09"),
         ("a.json", "{", "not JSON"),
-        ("a.json", "{}", "no key solen_outline"),
+        ("a.json", "{}", "solen_outline is missing"),
         ("a.json", '{"solen_outline": 1, "faces": [{"name": "a"}]}', "faces[0]: curve; missing"),
         ("a.json", '{"solen_outline": 2, "faces": []}', "this solen reads 1"),
         ("a.json", '{"solen_outline": 1, "faces": [], "emitters": [{"pt": 1}]}', "emitters[0]: pt; unknown key"),

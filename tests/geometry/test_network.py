@@ -291,7 +291,7 @@ BAD = {
     "unknown": ({"network.receivers[0].node": "tip"}, r"^network\.receivers\[0\]\.node = 'tip'; names no node"),
     "occupied": (
         {"network.receivers[1].node": "tip-right"},
-        r"^network\.nodes\[2\] = 'tip-right'; right and left both.*x = ",
+        r"^network\.nodes\[2\] = 'tip-right'; right and left are both.*x = ",
     ),
     "crowded": (
         {"network.receivers[1].node": "fork"},

@@ -1,9 +1,9 @@
-"""From a body to files for making it: the solid with its seats, as meshes, as a STEP file, as drawings.
+"""Files for making a body: the solid with its seats, as meshes, as a STEP file and as drawings.
 
-`sensor_part` makes the `Part` of a design, exact and without any file: prisms of curves, less cuts. `mesh_of` makes
-triangles of it within a tolerance. Each format is a function from these to bytes: `as_stl`, `as_threemf` and `as_glb`
-of a mesh, `as_step` of a part, `as_dxf`, `as_svg` and `as_comsol` of a body; `FORMATS` lists them. Each file carries a
-`Label`.
+`sensor_part` makes the exact `Part` of a design without any file: prisms bounded by curves, minus cuts. `mesh_of`
+triangulates it within a tolerance. Each format is a function from one of these to bytes: `as_stl`, `as_threemf` and
+`as_glb` write a mesh, `as_step` a part, `as_dxf`, `as_svg` and `as_comsol` a body; `FORMATS` lists them. Each file
+contains a `Label`.
 """
 
 from solen.fabricate.bspline import Bspline, primitives

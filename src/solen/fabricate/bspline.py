@@ -1,13 +1,13 @@
 """Curves in the form of drawings and CAD programs: lines, arcs and B-splines.
 
-Lines and arcs are kept. A parabola is a B-spline of degree 2 and a chain of cubics one of degree 3, both
-exact. A chain is one B-spline as far as it is smooth, with knots spaced so that the
-derivative is continuous; at corners it is divided.
+Lines and arcs are kept as they are. A parabola becomes a B-spline of degree 2 and a chain of cubics one of degree 3,
+both exact. A smooth chain becomes one B-spline, with knots spaced so that the derivative is continuous; a chain with
+corners is divided there.
 
-Any other curve (the Cartesian oval, a conic) is interpolated by a cubic B-spline of continuous curvature within
-`FIT_TOLERANCE_MM`, through points of the curve and with its tangents at the ends, so that junctions keep their
-smoothness. Its parameter grows with length, turning and the curve's own parameter, a third each: CAD programs
-integrate over it with few nodes, which are needed at the sharp vertex of a lens.
+Any other curve (the Cartesian oval, a conic) is interpolated to within `FIT_TOLERANCE_MM` by a cubic B-spline of
+continuous curvature through points of the curve. It has the curve's tangents at the ends, which keeps junctions smooth.
+Its parameter grows in equal parts with arc length, turning angle and the curve's own parameter, because CAD programs
+integrate over it with few nodes, and these are needed at the sharp vertex of a lens.
 """
 
 import math
@@ -25,14 +25,16 @@ from solen.errors import DesignError
 from solen.plane import Point, cross, dot, minus
 
 FIT_TOLERANCE_MM = 1e-6
-"""How far a B-spline may be from the curve that it stands for: 1 nm."""
+"""Maximum distance between a B-spline and the curve that it approximates: 1 nm."""
 SMOOTH_RAD = 1e-9
-"""Two pieces that meet at a smaller angle go on smoothly: the joint is off by less than this times a handle."""
+"""Two pieces that meet at a smaller angle are treated as smooth: the error at the joint is below this times a
+handle.
+"""
 FEWEST_SPANS, MOST_SPANS = 8, 4096
 LOOKED_AT = 8
-"""Points in a span at which its distance from the curve is measured."""
+"""Number of points per span at which its distance from the curve is measured."""
 PANELS = 4096
-"""Into how many equal steps of its own parameter a curve is divided to find another."""
+"""Number of equal steps of a curve's own parameter from which the even parameter is computed."""
 
 Control = tuple[Point, Point, Point, Point]
 
@@ -41,8 +43,8 @@ Control = tuple[Point, Point, Point, Point]
 class Bspline:
     """A B-spline without weights, clamped at both ends.
 
-    ``points`` are its control points in mm; ``knots`` ascend from 0 to 1 and ``multiplicities`` says how often each
-    counts.
+    ``points`` are its control points in mm; ``knots`` ascend from 0 to 1 and ``multiplicities`` states how often each
+    is repeated.
     """
 
     degree: int
@@ -62,12 +64,12 @@ class Bspline:
 
     @property
     def knot_vector(self) -> FloatArray:
-        """Knots (points + degree + 1,), each as often as it counts."""
+        """Knot vector (points + degree + 1,), with each knot repeated by its multiplicity."""
         return np.repeat(self.knots, self.multiplicities)
 
 
 Primitive = Segment | Arc | Bspline
-"""A curve as a drawing or a CAD program holds it."""
+"""A curve as stored in a drawing or a CAD program."""
 
 
 def primitives(curve: Curve) -> tuple[Primitive, ...]:
@@ -76,7 +78,7 @@ def primitives(curve: Curve) -> tuple[Primitive, ...]:
     Raises
     ------
     DesignError
-        If no B-spline of `MOST_SPANS` spans comes near enough.
+        If no B-spline of `MOST_SPANS` spans approximates the curve within the tolerance.
     """
     if isinstance(curve, Segment | Arc):
         return (curve,)
@@ -91,7 +93,7 @@ def primitives(curve: Curve) -> tuple[Primitive, ...]:
 
 
 def cubics(curve: Curve) -> tuple[Control, ...]:
-    """Cubic Bézier pieces of a curve, the same as its primitives; errors as there."""
+    """Cubic Bézier pieces of the same curve as its primitives; raises the same errors."""
     if isinstance(curve, CubicChain):
         return curve.controls
     spline = _interpolated(curve)
@@ -104,7 +106,7 @@ def cubics(curve: Curve) -> tuple[Control, ...]:
 
 
 def quadratic(curve: Parabola) -> tuple[Point, Point, Point]:
-    """Control points of a parabola as one quadratic Bézier piece, which it is."""
+    """Control points of a parabola, which is exactly one quadratic Bézier piece."""
     (x, z), (per_u, rise) = curve.start, curve.velocities(np.zeros(1))[0].tolist()
     return curve.start, (x + 0.5 * per_u, z + 0.5 * rise), curve.end
 
@@ -114,12 +116,12 @@ def _points(rows: FloatArray) -> tuple[Point, ...]:
 
 
 def _with_ends(rows: FloatArray, curve: Curve) -> FloatArray:
-    """Rows of which the first and the last are the curve's ends to the last digit."""
+    """Rows whose first and last are replaced by the exact ends of the curve."""
     return np.vstack([[curve.start], rows[1:-1], [curve.end]])
 
 
 def _interpolated(curve: Curve) -> BSpline:
-    """Cubic spline of a curve over a parameter from 0 to 1, with as many spans as the tolerance takes."""
+    """Cubic spline of a curve over a parameter from 0 to 1, with as many spans as the tolerance requires."""
     parameter = _even_parameter(curve)
     ends = np.array([0.0, 1.0])
     tangents = curve.velocities(parameter(ends)) * parameter(ends, 1)[:, None]
@@ -134,12 +136,12 @@ def _interpolated(curve: Curve) -> BSpline:
         if off.max() <= FIT_TOLERANCE_MM:
             return spline
         spans += spans // 2
-    limit = f"no B-spline of {MOST_SPANS} spans comes within {FIT_TOLERANCE_MM:g} mm of it"
+    limit = f"no B-spline of up to {MOST_SPANS} spans approximates it within {FIT_TOLERANCE_MM:g} mm"
     raise DesignError(type(curve).__name__, limit=limit, remedy="divide the curve")
 
 
 def _even_parameter(curve: Curve) -> Callable[..., FloatArray]:
-    """A curve's parameter as a function of one, from 0 to 1, that increases with length, turning and the parameter."""
+    """Map an even parameter (growing with length, turning and own parameter) to the own parameter of a curve."""
     u = np.linspace(0.0, 1.0, 2 * PANELS + 1)
     per_u = curve.velocities(u)
     speed = np.hypot(*per_u.T)
@@ -154,7 +156,7 @@ def _even_parameter(curve: Curve) -> Callable[..., FloatArray]:
 
 
 def _runs(controls: tuple[Control, ...]) -> list[list[Control]]:
-    """Pieces in runs that are smooth; a corner begins a new one."""
+    """Group the pieces into smooth runs; each corner begins a new run."""
     runs = [[controls[0]]]
     for control in controls[1:]:
         before, after = minus(runs[-1][-1][3], runs[-1][-1][2]), minus(control[1], control[0])
@@ -166,9 +168,10 @@ def _runs(controls: tuple[Control, ...]) -> list[list[Control]]:
 
 
 def _smooth(run: list[Control]) -> Bspline:
-    """One B-spline of pieces that go on smoothly: a joint between two handles in the ratio of its spans needs no point.
+    """Join smooth pieces into one B-spline; no control point is needed at joints with matched spans.
 
-    At such a joint the derivative by the parameter is three times a handle over its span, the same on both sides.
+    At this joint, the derivative with respect to the parameter is three times a handle divided by its span, on both
+    sides.
     """
     points, knots = list(run[0][:3]), [0.0, 1.0]
     for before, after in pairwise(run):

@@ -1,9 +1,9 @@
-"""Text that COMSOL reads as interpolation curves, data format *sectionwise*: points, and which of them are joined.
+"""Text that COMSOL reads as interpolation curves, data format *sectionwise*: points and the lines between them.
 
-A section of coordinates is followed by one of elements, pairs of row numbers from 1 on, in the way in which COMSOL
-itself writes the lines of a plot (its manual, "Interpolation Curve" and "Sectionwise Data Format"). Every face has
-its own points, also where it meets the next, so that each becomes one curve and a corner stays one. The straight
-lines between the points leave the exact curve by 10 nm at most, and so does a spline through them.
+A section of coordinates is followed by a section of elements, which are pairs of row numbers from 1, just as COMSOL
+itself writes the lines of a plot (its manual, "Interpolation Curve" and "Sectionwise Data Format"). Every face has its
+own points, even at its junction with the next; each face therefore becomes one curve, and corners are kept. Both the
+straight lines between the points and a spline through them deviate from the exact curve by 10 nm at most.
 
 Lengths are in mm: set the geometry's length unit to mm. X is x, Y is z.
 """
@@ -12,11 +12,11 @@ from solen.fabricate.label import Label
 from solen.geometry import Body
 
 POINT_TOLERANCE_MM = 1e-5
-"""How far the lines between the points may leave a curve: 10 nm."""
+"""Maximum deviation of the lines between the points from a curve: 10 nm."""
 
 
 def as_comsol(body: Body, label: Label) -> bytes:
-    """Sectionwise text of the outlines of a body."""
+    """Sectionwise text of a body's outlines."""
     points: list[str] = []
     elements: list[str] = []
     named: list[str] = []

@@ -1,8 +1,8 @@
-"""DXF drawings of a body by ezdxf (the extra ``dxf``): LINE, ARC and SPLINE entities in mm, a layer for each face.
+"""DXF drawings of a body, by ezdxf (the extra ``dxf``): LINE, ARC and SPLINE entities in mm, a layer per face.
 
-The layers have the faces' names, so that `solen.geometry.drawing` reads the body back; the emitter is a point (a chip a
-line) on the layer ``emitter``, those of a network on layers ``emitter-NAME``, the pivot of the motion a point on the
-layer ``pivot``. Custom properties of the header state the label. X is x, Y is z.
+The layers have the names of the faces, from which `solen.geometry.drawing` reads the body back. The emitter is a point
+(or a line, for a chip) on the layer ``emitter``; the emitters of a network are on layers ``emitter-NAME``, and the
+pivot of the motion is a point on the layer ``pivot``. Custom properties of the header state the label. X is x, Y is z.
 """
 
 import io
@@ -24,16 +24,16 @@ VERSION = "R2010"
 MILLIMETRES = 4
 """The code of mm in $INSUNITS."""
 FORBIDDEN = re.compile(r'[<>/\\":;?*|=`]')
-"""Characters that the name of a layer cannot have."""
+"""Characters that are not allowed in the name of a layer."""
 
 
 def check_writer() -> None:
-    """`OutputError` if ezdxf is not installed."""
+    """Raise `OutputError` if ezdxf is not installed."""
     need("ezdxf", what="--dxf", doing="writing DXF")
 
 
 def as_dxf(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> bytes:
-    """DXF file of a body, with numbers of its parts and a table of them; `OutputError` if ezdxf is not installed."""
+    """Write a DXF file of a body, with its parts numbered and listed; `OutputError` if ezdxf is not installed."""
     check_writer()
     from ezdxf.filemanagement import new
 
@@ -54,7 +54,7 @@ def as_dxf(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> byte
 
 
 def layer_of(name: str) -> str:
-    """Name of a face as that of a layer."""
+    """Name of the layer for a face."""
     return FORBIDDEN.sub("-", name)
 
 
@@ -74,7 +74,7 @@ def _draw(space: Any, piece: Segment | Arc | Bspline, layer: str) -> None:
 
 
 def _mark(space: Any, body: Body) -> None:
-    """Emitters and pivot, each on its layer."""
+    """Draw the emitters and the pivot, each on its own layer."""
     for name, emitter in emitters(body):
         ends = emitter_line(emitter)
         if math.dist(*ends) > 0.0:
@@ -86,7 +86,7 @@ def _mark(space: Any, body: Body) -> None:
 
 
 def _number(space: Any, body: Body, parts: Sequence[NumberedPart]) -> None:
-    """Numbers beside parts on the layer ``note-numbers``, and their table on ``note-table``."""
+    """Draw numbers next to parts on the layer ``note-numbers``, and the table of parts on ``note-table``."""
     from ezdxf.enums import TextEntityAlignment
 
     right_mm, top_mm = body.outline(1e-2).max(axis=0).tolist()
@@ -98,19 +98,19 @@ def _number(space: Any, body: Body, parts: Sequence[NumberedPart]) -> None:
 
 
 def emitters(body: Body) -> list[tuple[str, Pose]]:
-    """Emitters by their names on a drawing: ``emitter``, of a network ``emitter-NAME``."""
+    """Emitters by their names in a drawing: ``emitter``, or ``emitter-NAME`` in a network."""
     return [(f"emitter-{name}", pose) for name, pose in body.lamps] or [("emitter", body.emitter)]
 
 
 def emitter_line(emitter: Pose) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Ends of an emitter as wide as its chip; the same point twice for a point."""
+    """Ends of a line as wide as the emitter's chip; for a point emitter, the same point twice."""
     across = right_of(heading(emitter.axis_deg))
     return along(emitter.point, across, -0.5 * emitter.width_mm), along(emitter.point, across, 0.5 * emitter.width_mm)
 
 
 @contextmanager
 def _no_dates() -> Iterator[None]:
-    """Have ezdxf leave out date and random names, so that the same design gives the same file."""
+    """Make ezdxf omit dates and random names, because the same design must give the same file."""
     import ezdxf
 
     options = ezdxf.options  # type: ignore[attr-defined]  # it is public, and not listed as exported

@@ -1,7 +1,7 @@
-"""Export of a design's body: the file formats, and the numbers of what is written.
+"""Export of a design's body: the file formats and the summary of an export.
 
-The idea: an `Export` holds everything that a format may need, with the mesh made on demand; `FORMATS` is the
-registry: a new format is a new line.
+The idea: an `Export` contains everything that a format may need; its mesh is made on demand. `FORMATS` is the registry:
+a new format is one more line.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,17 +39,17 @@ class Export:
 
     @cached_property
     def part(self) -> Part:
-        """The printed part: the body extruded by its thickness, with its seats."""
+        """The printed part: the body extruded to its thickness, with its seats."""
         return sensor_part(self.design, self.body)
 
     @property
     def outline(self) -> Body:
-        """The body with one outline for all heights, for drawings; `DesignError` if there is none."""
+        """The body with one outline for all heights, for drawings; raises `DesignError` if the outline varies."""
         return self.body.upright('export --step or a mesh, or draw its middle section: lens.shape = "cartesian-oval"')
 
     @cached_property
     def numbers(self) -> tuple[NumberedPart, ...]:
-        """Parts of a network with their numbers on drawings."""
+        """Parts of a network, with their numbers in drawings."""
         return numbered(self.design, self.body)
 
     @cached_property
@@ -67,13 +67,13 @@ class Export:
 
 @dataclass(frozen=True)
 class Format:
-    """A file format: the extension of its files, their writer, and the required packages."""
+    """A file format: the extension of its files, their writer and the required packages."""
 
     ending: str
     write: Callable[[Export], bytes]
     needs: Callable[[], None] = lambda: None
     flat: bool = False
-    """Whether it holds the outlines alone, without height."""
+    """Whether the format contains only outlines, without height."""
 
 
 def _of_mesh(kind: str) -> Format:
@@ -88,19 +88,19 @@ FORMATS: dict[str, Format] = {
     "svg": Format(".svg", lambda export: as_svg(export.outline, export.label, export.numbers), flat=True),
 }
 USUAL = ("stl", "3mf")
-"""Default formats, for printers' software."""
+"""Default formats, for slicing programs."""
 
 
 @dataclass(frozen=True)
 class SolidFiles:
-    """Contents of the files of a solid by their names; empty with the reason why a design has none."""
+    """Contents of a solid's files by name; empty, with the reason, if the design has no solid."""
 
     contents: dict[str, Content]
     refused: str = ""
 
 
 def solid_files(design: Design, stem: str) -> SolidFiles:
-    """The solid of a design in the usual formats of printers' programs, named by a stem."""
+    """Files of a design's solid in the default formats for slicing programs, with names that begin with a stem."""
     try:
         made = Export(design, Sensor.of(design).body())
         return SolidFiles({f"{stem}{FORMATS[kind].ending}": FORMATS[kind].write(made) for kind in USUAL})
@@ -110,7 +110,7 @@ def solid_files(design: Design, stem: str) -> SolidFiles:
 
 @dataclass(frozen=True)
 class Seat:
-    """A pocket or slot, and the volume that it removes."""
+    """A pocket or slot and the volume that it removes."""
 
     name: str
     volume_mm3: float
@@ -118,7 +118,7 @@ class Seat:
 
 @dataclass(frozen=True)
 class MeshSize:
-    """Triangles of a mesh, its extent and volume, and how far the volume may be from the exact solid's."""
+    """Triangles of a mesh, its extent and volume, and the maximum difference of its volume from the exact solid's."""
 
     tolerance_mm: float
     size_mm: tuple[float, float, float]
@@ -128,22 +128,22 @@ class MeshSize:
 
     @classmethod
     def of(cls, mesh: Mesh, part: Part) -> "MeshSize":
-        """Size of a part's mesh."""
+        """Measure a part's mesh."""
         bound = part.wall_mm2 * mesh.tolerance_mm
         return cls(mesh.tolerance_mm, mesh.size_mm, len(mesh.triangles), mesh.volume_mm3, bound)
 
 
 class ExportedSolid(Result):
-    """The numbers of an export.
+    """Summary of an export.
 
     Attributes
     ----------
     export
-        The solid exported; not in JSON.
+        The exported solid; omitted from JSON.
     name, sha256
         Name and checksum of the design.
     thickness_mm, area_mm2, volume_mm3
-        Thickness of the part, area (of the middle section) and volume within its exact curves.
+        Thickness of the part, its area (of the middle section) and its volume within the exact curves.
     pieces, faces
         Number of separate pieces, and names of the faces.
     seats
@@ -151,9 +151,9 @@ class ExportedSolid(Result):
     mesh
         Size of the mesh; None if no format needs one.
     layers
-        Layers for a printer; None if they are not asked for.
+        Layers for a printer; None if they were not requested.
     warnings
-        Properties of the design that the files do not hold.
+        Properties of the design that the files do not contain.
     """
 
     export: Export = field(metadata=HIDDEN)
@@ -171,7 +171,7 @@ class ExportedSolid(Result):
 
 
 def exported_solid(export: Export, formats: Sequence[str], layers: LayeredPrint | None = None) -> ExportedSolid:
-    """The numbers of an export in some formats, perhaps with layers."""
+    """Summarise an export in the given formats, optionally with layers for a printer."""
     part = export.part
     meshed = "mesh" in vars(export)
     return ExportedSolid(
@@ -191,7 +191,7 @@ def exported_solid(export: Export, formats: Sequence[str], layers: LayeredPrint 
 
 
 def _pieces(body: Body) -> int:
-    """Number of outlines that are not holes."""
+    """Number of outlines that do not bound holes."""
     return sum(area_mm2([outline]) > 0.0 for outline in body.outlines)
 
 
@@ -209,11 +209,14 @@ def _warnings(export: Export, formats: Sequence[str]) -> list[Caution]:
     if export.body.apart:
         names = ", ".join(face.name for face in export.body.apart)
         warnings.append(
-            note(f"{names} are separate objects in the air: they are in the DXF and SVG drawings but not in the solid")
+            note(
+                f"{names} are separate objects in the air: the DXF and SVG drawings contain them, "
+                "but the solid does not"
+            )
         )
     if export.part.cuts:
-        warnings.append(look_at("light is traced without pockets and slots"))
+        warnings.append(look_at("the ray trace ignores pockets and slots"))
         flat = [kind for kind in formats if FORMATS[kind].flat]
         if flat:
-            warnings.append(note(f"pockets and slots are in the solid alone, not in the drawings ({', '.join(flat)})"))
+            warnings.append(note(f"only the solid contains pockets and slots; the drawings ({', '.join(flat)}) do not"))
     return warnings

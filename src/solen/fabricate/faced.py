@@ -1,8 +1,9 @@
-"""Parts whose lens differs by height: a stack of layers, or a prism that a smooth face cuts.
+"""Parts whose lens varies with height: a stack of layers, or a prism cut by a smooth face.
 
-Heights y of a lens count from the middle of the body; the part stands on y = thickness / 2. A layered lens is a part of
-one prism for each layer. A smooth lens is a prism with a straight front, less what lies before the face: `Blank` is
-that prism, and `Hollow` the solid to be cut from it, as triangles or as a B-spline surface.
+Heights y of a lens count from the middle of the body; the part stands on y = thickness / 2. The part of a layered lens
+has one prism for each layer. The part of a smooth lens is a prism with a straight front (the blank), minus the space
+before the face. That space is a `Hollow`; it gives the blank, and the solid to be cut from it as triangles or as a
+B-spline surface.
 """
 
 import math
@@ -26,14 +27,14 @@ from solen.ranks import Caution, do_not_use, look_at, note
 from solen.spec import Design, with_values
 
 BEFORE_MM, BESIDE_MM = 0.2, 0.02
-"""How far the blank's front stands before the face, and the hollow beyond the body's sides and faces."""
+"""Distance of the blank's front from the face, and overhang of the hollow beyond the body's sides and faces."""
 FEWEST, MOST = 16, 2048
 GAUSS = 12
-"""Heights at which the area of a smooth lens's sections is taken for its volume."""
+"""Number of heights at which the sections of a smooth lens are integrated for its volume."""
 
 
 def cut_for(design: Design, layer_um: float) -> Design:
-    """A design whose layered lens has by default a profile for each of the printer's layers."""
+    """The design with, by default, one profile of its layered lens for each of the printer's layers."""
     lens = design.lens
     if lens.shape != "layered" or lens.layer_mm is not None or lens.profile is not None:
         return design
@@ -42,14 +43,16 @@ def cut_for(design: Design, layer_um: float) -> Design:
 
 
 def lies_flat(part: Part, rotation: FloatArray, layer_um: float) -> tuple[str | None, list[Caution]]:
-    """Required orientation, in words, of a part whose lens varies with height, and warnings; None for a prism."""
+    """Required orientation of a part whose lens varies with height, in words (None for a prism), and warnings."""
     if not isinstance(part, StackedPart | FacedPart):
         return None, []
-    words = "flat, the faces of the body parallel to the plate: each layer shows its own profile of the lens"
+    words = "flat, with the faces of the body parallel to the plate: each layer contains its own profile of the lens"
     warnings = []
     if rotation[2, 2] != 1.0:
-        limit = "the lens differs by height, and its layers must be parallel to the faces of the body"
-        warnings.append(do_not_use(f"{limit}: in this orientation they cut across it; print it flat"))
+        limit = "the lens varies with height, and its layers must be parallel to the faces of the body"
+        warnings.append(
+            do_not_use(f"{limit}: in this orientation the printed layers cut across them; print the part flat")
+        )
     if isinstance(part, StackedPart):
         own_um = 1e3 * part.prisms[0].height_mm
         say = note if math.isclose(own_um, layer_um, rel_tol=1e-6) else look_at
@@ -59,7 +62,7 @@ def lies_flat(part: Part, rotation: FloatArray, layer_um: float) -> tuple[str | 
 
 
 def stacked(body: Body, lens: LayeredLens, thickness_mm: float) -> tuple[Prism, ...]:
-    """A prism for each layer of a lens, from the build plate up."""
+    """Prisms for the layers of a lens, from the build plate up."""
     heights = 0.5 * thickness_mm - lens.edges_mm[::-1]
     layers = zip(pairwise(heights.tolist()), lens.middles_mm[::-1].tolist(), strict=True)
     return tuple(
@@ -70,7 +73,7 @@ def stacked(body: Body, lens: LayeredLens, thickness_mm: float) -> tuple[Prism, 
 
 @dataclass(frozen=True)
 class Hollow:
-    """The space before a smooth face, as far as a blank reaches."""
+    """The space between a smooth face and the front of the blank."""
 
     lens: LensInSpace
     body: Body
@@ -91,9 +94,9 @@ class Hollow:
 
     @cached_property
     def volume_mm3(self) -> float:
-        """Volume that the blank loses, by Gauss and Legendre's rule over the areas of exact sections."""
+        """Volume cut from the blank: Gauss-Legendre quadrature over the areas of exact sections."""
         places, weights = np.polynomial.legendre.leggauss(GAUSS)
-        half = 0.5 * self.lens.half_height_mm  # the face mirrors itself, so that half of the height is enough
+        half = 0.5 * self.lens.half_height_mm  # the face is symmetric, so half of the height is enough
         areas = [area_mm2(section(self.body, half * (1.0 + place)).outlines) for place in places.tolist()]
         return 4.0 * half * area_mm2(self.blank().outlines) - 2.0 * half * float(weights @ np.array(areas))
 
@@ -103,7 +106,7 @@ class Hollow:
         Raises
         ------
         SpecError
-            If that would take more than `MOST` places along a side.
+            If this would require more than `MOST` grid points along a side.
         """
         count = FEWEST
         while True:
@@ -113,16 +116,16 @@ class Hollow:
                 return self._closed(x, y, z)
             count *= 2
             if count > MOST:
-                limit = f"would take more than {MOST} places across the lens"
+                limit = f"would require more than {MOST} grid points across the lens"
                 raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit, remedy="make it larger")
 
     def fitted(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Cubic B-spline surface within `FIT_TOLERANCE_MM` of the face: control points (N, N, 3) and knots over x, y.
+        """Cubic B-spline surface within `FIT_TOLERANCE_MM` of the face: control points (N, N, 3), knots over x, y.
 
         Raises
         ------
         DesignError
-            If the face ends just beyond the aperture, or takes more than `MOST` control points along a side.
+            If the face ends just beyond the aperture, or requires more than `MOST` control points along a side.
         """
         count = FEWEST
         while count <= MOST:
@@ -136,30 +139,30 @@ class Hollow:
             if np.max(np.abs(shown - self._continued(*np.meshgrid(*between, indexing="ij")))) <= FIT_TOLERANCE_MM:
                 return self._placed(control, along.t, y_knots), along.t, y_knots
             count *= 2
-        limit = f"no B-spline surface of {MOST} by {MOST} points comes within {FIT_TOLERANCE_MM:g} mm of it"
+        limit = f"no B-spline surface of up to {MOST} by {MOST} points approximates it within {FIT_TOLERANCE_MM:g} mm"
         raise DesignError("lens", limit=limit, remedy="export a mesh")
 
     def _placed(self, control: FloatArray, x_knots: FloatArray, y_knots: FloatArray) -> FloatArray:
-        """Control points in the part's X, Y and Z: a spline of degree 3 is linear where they are means of knots."""
+        """Control points in the part's X, Y and Z; a cubic spline is linear if they are at the means of its knots."""
         x, y = (np.array([knots[i + 1 : i + 4].mean() for i in range(len(knots) - 4)]) for knots in (x_knots, y_knots))
         across, up = np.meshgrid(x, y, indexing="ij")
         return np.stack([across, control, self.lens.half_height_mm - up], axis=-1)
 
     def _depth(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """The face, extended level beyond its edges."""
+        """Depth of the face, continued level beyond its edges."""
         half, up = self._halves
         return self.lens.z_at(np.clip(x, -half, half), np.clip(y, -up, up))
 
     def _continued(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """The face as its formula goes on beyond its edges."""
+        """Depth of the face, continued beyond its edges according to its formula."""
         z = self.lens.z_at(x, y)
         if np.isnan(z).any():
-            limit = f"ends within {BESIDE_MM:g} mm of the aperture's edge: no surface can be cut there"
+            limit = f"ends within {BESIDE_MM:g} mm of the aperture's edge, which is too near to cut a surface there"
             raise DesignError("lens", limit=limit, remedy="narrow the lens, or export a mesh")
         return z
 
     def _off_mm(self, x: FloatArray, y: FloatArray, z: FloatArray) -> float:
-        """How far triangles between places leave the face, in the middle of their sides."""
+        """Maximum deviation of the triangles between grid points from the face, in the middle of their sides."""
         middle_x, middle_y = 0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1])
         sides = (
             (middle_x, y, 0.5 * (z[1:] + z[:-1])),
@@ -170,7 +173,7 @@ class Hollow:
         return max(float(one.max()) for one in off)
 
     def _closed(self, x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Triangles of the face and, behind it as seen from the body, of a level plane before the blank."""
+        """Closed triangles of the face and of a level plane before the blank."""
         across, up = np.meshgrid(x, self.lens.half_height_mm - y, indexing="ij")
         level = np.full_like(z, self.front_mm - BEFORE_MM)
         vertices = np.vstack([np.column_stack([across.ravel(), one.ravel(), up.ravel()]) for one in (z, level)])
@@ -187,18 +190,18 @@ class Hollow:
 
 
 def _reaching(places: FloatArray) -> FloatArray:
-    """Places, and one more beyond each end."""
+    """Grid points, with one more beyond each end."""
     return np.concatenate([[places[0] - BESIDE_MM], places, [places[-1] + BESIDE_MM]])
 
 
 @dataclass(frozen=True)
 class StackedPart(Part):
-    """A part of layers, each a prism and a solid of its own."""
+    """A part of layers, each of which is a prism and a separate solid."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FacedPart(Part):
-    """A part whose one prism, the blank, loses what lies before a smooth face."""
+    """A part with one prism, the blank, minus the space before a smooth face."""
 
     hollow: Hollow
 
@@ -209,7 +212,7 @@ class FacedPart(Part):
 
 
 def faced_part(name: str, body: Body, thickness_mm: float, cuts: tuple[Cut, ...]) -> Part:
-    """Part of a body whose lens differs by height, with cuts that do not reach the lens."""
+    """Part of a body whose lens varies with height, with cuts that do not reach the lens."""
     if body.front is None:
         raise AssertionError("a prism is not a faced part")
     lens = body.front.lens

@@ -1,12 +1,13 @@
-"""Grey pixels: the light that a grey value transmits, and the value to draw for a share of light.
+"""Grey pixels: the light that a grey value transmits, and the grey value to draw for a fraction of the full light.
 
-The idea: an edge is drawn by pixels that are covered in part, and their grey value was always taken for their light.
-A screen's pixels need not answer in proportion. Where the answer is measured, light over grey, a pixel is drawn by the
-grey that gives it its covered share of light; where it is not, its light is that of the grey it is drawn with. A power
-over all of it holds what is not known: an error of the penetration depth that the answer was measured with is exactly
-such a power, as the depth is in the exponent of Jacobs' law.
+The idea: an edge is drawn by partly covered pixels, and their grey value is usually taken as their light. The pixels of
+a screen need not respond in proportion. If the response (light over grey) is measured, a pixel is drawn with the grey
+that gives it its covered fraction of the light; otherwise, its light equals its grey value. An exponent on the measured
+light represents its uncertainty: an error of the penetration depth used in measuring the response is exactly such an
+exponent, as the depth is in the exponent of Jacobs' law.
 
-The interface: `Greys.light` and `Greys.pictured` by the share in 255ths, and `Greys.shift`, what an edge moves by.
+The interface: `Greys.light` and `Greys.pictured` over the covered share in 255ths, and `Greys.shift`, the shift of an
+edge.
 """
 
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from solen.arrays import FloatArray
 
 FULL = 255
-"""Grey value of a pixel that is covered wholly."""
+"""Grey value of a fully covered pixel."""
 _FINE = 4096
 
 
@@ -29,13 +30,13 @@ class Greys:
     Attributes
     ----------
     answer
-        Pairs of grey and light, both as shares of the full ones, ascending; proportional without any.
+        Pairs of grey and light, as fractions of the full values, ascending; if empty, light is proportional to grey.
     corrected
-        Whether pixels are drawn by the grey that gives their share of light.
+        Whether pixels are drawn with the grey that gives their share of light.
     power
-        Exponent of the light beyond the answer; 1 where that is right.
+        Exponent applied to the light of the response; 1 if the response is right.
     pixels_um
-        Sides of the process's pixels along X and Y.
+        Pixel pitch of the process along X and Y.
     """
 
     answer: tuple[tuple[float, float], ...] = ()
@@ -44,7 +45,7 @@ class Greys:
     pixels_um: tuple[float, float] | None = None
 
     def light_of(self, grey: FloatArray) -> FloatArray:
-        """Light of greys, both 0 to 1: a monotone curve through the pairs, 0 and 1."""
+        """Light of greys, both from 0 to 1: a monotone curve through the pairs and through 0 and 1."""
         if not self.answer:
             return np.asarray(grey, float) ** self.power
         from scipy.interpolate import PchipInterpolator
@@ -54,23 +55,23 @@ class Greys:
 
     @cached_property
     def pictured(self) -> NDArray[np.uint8]:
-        """Grey value to draw for each covered share in 255ths, (256,); dark stays dark, and full stays full."""
+        """Grey value to draw for each covered share in 255ths, (256,); 0 stays dark and 255 full."""
         shares = np.arange(FULL + 1) / FULL
         if not (self.answer and self.corrected):
             return np.arange(FULL + 1, dtype=np.uint8)
         fine = np.linspace(0.0, 1.0, _FINE)
         light = Greys(self.answer).light_of(fine)
-        last = np.append(np.diff(light) > 0.0, True)  # of a stretch without change the last grey
+        last = np.append(np.diff(light) > 0.0, True)  # the last grey of a range with constant light
         greys = np.interp(shares, light[last], fine[last])
         greys[0] = 0.0
         return np.asarray(np.rint(FULL * greys), np.uint8)
 
     @cached_property
     def light(self) -> FloatArray:
-        """Light of a pixel for each covered share in 255ths, (256,), as it is drawn."""
+        """Light of a pixel, as drawn, for each covered share in 255ths, (256,)."""
         return self.light_of(self.pictured / FULL)
 
     @property
     def shift(self) -> float:
-        """Outward shift of a straight edge in pixels, mean over its positions between them."""
+        """Outward shift of a straight edge in pixels, averaged over the edge's positions in a pixel."""
         return float(np.trapezoid(self.light, dx=1.0 / FULL)) - 0.5

@@ -1,4 +1,4 @@
-"""The metadata label of an exported file: its design, the version of solen that wrote it, and the design file."""
+"""The metadata label of an exported file: its design, the solen version that wrote it, and the design file."""
 
 import hashlib
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from solen.spec import Design, dumps
 
 WRITER = f"solen {__version__}"
 SHAPING = ("body.file", "fabricate.receiver_part")
-"""Keys of files that a design may name and that shape what is made of it."""
+"""Keys of files that a design may name and that affect the exported shape."""
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,8 @@ class Label:
 def label_of(design: Design, about: str) -> Label:
     """Label of a product of a design.
 
-    Its hash is that of its TOML with all defaults left out, so comments and the order of keys do not count, and of the
-    files that shape it: a drawn outline, a receiver's part file.
+    Its hash covers the design's TOML without defaults, so comments and the order of keys do not matter, and the files
+    that shape the product: a drawn outline and a receiver's part file.
     """
     digest = hashlib.sha256(dumps(design).encode())
     for key, path in design.files.items():
@@ -39,5 +39,5 @@ def label_of(design: Design, about: str) -> Label:
 
 
 def ascii_of(text: str, most: int) -> str:
-    """A text in ASCII, with ``?`` for other characters, truncated after ``most`` characters."""
+    """A text in ASCII, with ``?`` for other characters, truncated to ``most`` characters."""
     return text.encode("ascii", "replace").decode("ascii")[:most]

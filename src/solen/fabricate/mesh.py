@@ -1,8 +1,8 @@
-"""A part as triangles: closed, every edge shared by two of them, the corners in order as seen from outside.
+"""A part as triangles: closed, every edge shared by two of them, the corners counter-clockwise as seen from outside.
 
-Outlines are followed by points of the exact curves, joined by straight lines that leave them by no more than a stated
-tolerance; top and bottom are triangulated, and cuts made, by manifold3d. Points nearer to one another than the 32 bits
-of an STL can resolve are merged beforehand, so every format holds the same closed surface.
+Outlines are followed by points of the exact curves, joined by straight lines that deviate by no more than a stated
+tolerance; manifold3d triangulates top and bottom and makes the cuts. Points closer together than the 32 bits of an STL
+can resolve are merged beforehand, so every format contains the same closed surface.
 """
 
 from collections.abc import Iterator
@@ -25,17 +25,19 @@ if TYPE_CHECKING:
 FINEST_MM, COARSEST_MM = 1e-4, 1.0
 """Least and greatest tolerance of a mesh."""
 WELD_MM = 1e-5
-"""Points nearer than this become one; far from the origin, `WELD_ULPS` times the spacing of 32-bit numbers there."""
+"""Points closer than this are merged; far from the origin, points closer than `WELD_ULPS` spacings of 32-bit
+numbers.
+"""
 WELD_ULPS = 8.0
 AT_ONCE = 100_000
-"""Triangles checked at a time."""
+"""Number of triangles checked at a time."""
 
 
 @dataclass(frozen=True)
 class Mesh:
     """Triangles of a closed surface that deviates from the exact solid by at most ``tolerance_mm``.
 
-    ``vertices`` (N, 3) are in mm, ``triangles`` (M, 3) their numbers, counter-clockwise as seen from outside.
+    ``vertices`` (N, 3) are in mm; ``triangles`` (M, 3) are indices of vertices, counter-clockwise as seen from outside.
     """
 
     vertices: FloatArray
@@ -44,17 +46,17 @@ class Mesh:
 
     @cached_property
     def volume_mm3(self) -> float:
-        """Volume enclosed: the sum over triangles of the tetrahedra that they make with the middle of the mesh."""
+        """Enclosed volume: the sum of the tetrahedra between the triangles and the middle of the mesh."""
         return sum(float(volumes.sum()) for _, volumes in self.six_volumes()) / 6.0
 
     def six_volumes(self) -> Iterator[tuple[slice, FloatArray]]:
-        """Six times these tetrahedra's volumes, for some triangles at a time."""
+        """Six times the volumes of these tetrahedra, for a batch of triangles at a time."""
         middle = self.vertices.mean(axis=0)
         for some, (a, b, c) in self.corners():
             yield some, np.asarray(np.einsum("ij,ij->i", a - middle, np.cross(b - middle, c - middle)))
 
     def corners(self) -> Iterator[tuple[slice, FloatArray]]:
-        """Corners (3, m, 3) of a batch of triangles at a time, so that a large mesh is never spread out whole."""
+        """Corners (3, m, 3) of a batch of triangles at a time, which limits the memory for a large mesh."""
         for first in range(0, len(self.triangles), AT_ONCE):
             some = slice(first, first + AT_ONCE)
             yield some, self.vertices[self.triangles[some].T]
@@ -66,7 +68,7 @@ class Mesh:
         return (x, y, z)
 
     def open_edges(self) -> int:
-        """Number of edges that are not shared by exactly two triangles that agree on what is outside; 0 if closed."""
+        """Number of edges without exactly two triangles that agree on which side is outside; 0 if closed."""
         ways = self._ways()
         ways.sort()
         if np.all(ways[1:] != ways[:-1]):
@@ -81,7 +83,7 @@ class Mesh:
         return int(np.count_nonzero(~paired))
 
     def _ways(self, *, backwards: bool = False) -> IntArray:
-        """Every edge of every triangle as one number, by the way that the triangle goes along it."""
+        """Every directed edge of every triangle, encoded as one number."""
         count, sides = len(self.triangles), [(0, 1), (1, 2), (2, 0)]
         ways = np.empty(3 * count, np.int64)
         for number, (start, end) in enumerate(sides):
@@ -114,7 +116,7 @@ def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
 
 
 def closed_mesh(solid: Any, tolerance_mm: float, name: str) -> Mesh:
-    """Mesh of a solid of manifold3d; `DesignError` if it is empty or, in the 32 bits of an STL, not closed."""
+    """Mesh of a solid of manifold3d; `DesignError` if it is empty or not closed in the 32 bits of an STL."""
     surface = solid.to_mesh64()
     mesh = Mesh(np.array(surface.vert_properties[:, :3]), np.array(surface.tri_verts, dtype=np.int64), tolerance_mm)
     if not len(mesh.triangles) or mesh.open_edges():
@@ -134,14 +136,14 @@ def _joined(solids: "list[Manifold]") -> "Manifold":
 
 
 def _manifold(prism: Prism, tolerance_mm: float, weld_mm: float) -> "Manifold":
-    """Solid of a prism as manifold3d holds it."""
+    """Solid of a prism in manifold3d."""
     rings = [_welded(ring, weld_mm) for ring in prism.rings(tolerance_mm - weld_mm)]
     _check_apart(prism, rings, tolerance_mm)
     return _of_triangles(*_prism_surface(rings, prism.from_mm, prism.to_mm), prism.name)
 
 
 def _of_triangles(vertices: FloatArray, triangles: IntArray, name: str) -> "Manifold":
-    """Solid of closed triangles as manifold3d holds it."""
+    """Solid of closed triangles in manifold3d."""
     from manifold3d import Error, Manifold, Mesh64
 
     solid = Manifold(Mesh64(vertices, triangles.astype(np.uint64)))
@@ -151,7 +153,7 @@ def _of_triangles(vertices: FloatArray, triangles: IntArray, name: str) -> "Mani
 
 
 def _welded(ring: FloatArray, weld_mm: float) -> FloatArray:
-    """Corners (N, 2) of a closed polyline, less those that lie too near to the previous corner."""
+    """Corners (N, 2) of a closed polyline, without those too close to the previous corner."""
     corners = ring[:-1]
     kept = [0]
     for i in range(1, len(corners)):
@@ -163,7 +165,7 @@ def _welded(ring: FloatArray, weld_mm: float) -> FloatArray:
 
 
 def _check_apart(prism: Prism, rings: list[FloatArray], tolerance_mm: float) -> None:
-    """`SpecError` if polylines cross themselves or one another at this tolerance although the curves do not."""
+    """Raise `SpecError` if polylines cross themselves or one another at this tolerance although the curves do not."""
     import shapely
 
     solids = [shapely.Polygon(ring) for ring in rings if len(ring) > 2]
@@ -174,7 +176,7 @@ def _check_apart(prism: Prism, rings: list[FloatArray], tolerance_mm: float) -> 
 
 
 def _prism_surface(rings: list[FloatArray], from_mm: float, to_mm: float) -> tuple[FloatArray, IntArray]:
-    """Closed surface of a prism: the corners below and then above, two triangles for each side, the two ends."""
+    """Closed surface of a prism: lower corners, then upper ones; two triangles for each side, and two ends."""
     from manifold3d import triangulate
 
     corners = np.vstack(rings)

@@ -1,11 +1,11 @@
 """Meshes as files: STL, 3MF and GLB, each written whole from its specification.
 
-- STL (binary): 32-bit numbers, no unit of its own; the 80 bytes before the triangles state mm and the label.
+- STL (binary): 32-bit numbers; the format has no unit, and the 80 bytes before the triangles state mm and the label.
 - 3MF (3MF Consortium, core specification 1.3): a ZIP with the mesh in mm; its metadata states the label.
 - GLB (Khronos Group, glTF 2.0): glTF is in metres with Y up, so a node scales the mm and stands the part up;
   ``extras`` state the label.
 
-Nothing in them depends on when they are written.
+The files do not depend on the time of writing.
 """
 
 import io
@@ -41,7 +41,7 @@ MM_IN_M = 1e-3
 STANDING = (-float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5)))
 """Quaternion x, y, z, w that turns Z up into glTF's Y up."""
 FLOAT, UNSIGNED, VERTICES, INDICES = 5126, 5125, 34962, 34963
-"""Numbers that glTF gives to its types and buffers."""
+"""Codes of types and buffers in glTF."""
 
 
 def as_stl(mesh: Mesh, label: Label) -> bytes:
@@ -50,7 +50,7 @@ def as_stl(mesh: Mesh, label: Label) -> bytes:
 
 
 def stl_pieces(mesh: Mesh, label: Label) -> Iterator[bytes]:
-    """The same piece by piece, so that a large mesh is never held twice."""
+    """Binary STL of a mesh piece by piece, to avoid a second copy of a large mesh in memory."""
     head = f"{WRITER}; mm; {ascii_of(label.name, 30)}; sha256 {label.sha256[:16]}"
     yield head.encode()[:STL_HEADER].ljust(STL_HEADER) + struct.pack("<I", len(mesh.triangles))
     for _, corners in mesh.corners():
@@ -81,7 +81,7 @@ def as_threemf(mesh: Mesh, label: Label) -> bytes:
 
 
 def _model(mesh: Mesh, label: Label) -> Iterator[str]:
-    """The XML that holds a 3MF's mesh, some lines at a time; numbers to a hundredth of a nanometre."""
+    """The XML of the mesh in a 3MF, some lines at a time; numbers are rounded to a hundredth of a nanometre."""
     about = {"Title": label.name, "Application": WRITER, "Description": "; ".join(label.lines[2:])}
     yield "\n".join(
         (
@@ -103,7 +103,7 @@ def _model(mesh: Mesh, label: Label) -> Iterator[str]:
 
 
 def as_glb(mesh: Mesh, label: Label) -> bytes:
-    """Binary glTF of a mesh: its numbers are mm, the node that holds it makes metres of them."""
+    """Binary glTF of a mesh: its numbers are in mm, and its node scales them to metres."""
     places = mesh.vertices.astype("<f4")
     corners = mesh.triangles.astype("<u4")
     binary = places.tobytes() + corners.tobytes()
@@ -138,4 +138,4 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 MESH_WRITERS: dict[str, Callable[[Mesh, Label], bytes]] = {"stl": as_stl, "3mf": as_threemf, "glb": as_glb}
-"""Formats of meshes, by the ending of their files."""
+"""Formats of meshes by file extension."""

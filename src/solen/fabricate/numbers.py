@@ -1,4 +1,4 @@
-"""Numbers of a network's parts for its drawings, and the table that says which part each is.
+"""Numbers of a network's parts for its drawings, and the table that lists the parts.
 
 The interface: `numbered` parts of a design.
 """
@@ -16,14 +16,14 @@ from solen.plane import Point, along, heading
 from solen.spec import Design
 
 AWAY_MM = 1.1
-"""Distance of a number from the face or the emitter that it stands beside."""
+"""Distance of a number from its face or emitter."""
 TEXT_MM, LINE_MM, LETTER = 1.2, 1.9, 0.62
-"""Height of a text, distance of lines of the table, and width of a letter in heights."""
+"""Height of the text, line spacing of the table, and width of a letter in text heights."""
 
 
 @dataclass(frozen=True)
 class NumberedPart:
-    """A part of a network with its number on the drawing, and where that stands."""
+    """A part of a network with its number and the number's position in the drawing."""
 
     number: int
     kind: str
@@ -33,12 +33,12 @@ class NumberedPart:
 
     @property
     def row(self) -> str:
-        """Its row in the table."""
+        """Row of the part in the table."""
         return f"{self.number}  {self.kind} {self.name}: {self.size}"
 
 
 def numbered(design: Design, body: Body) -> tuple[NumberedPart, ...]:
-    """Parts of a network in the order of its lists; none of another kind of body."""
+    """Parts of a network in the order of its lists; empty for any other kind of body."""
     if design.body.kind != "network":
         return ()
     rows = (*_guides(design), *_lenses(design, body), *_emitters(body), *_receivers(design, body))
@@ -80,11 +80,11 @@ def _receivers(design: Design, body: Body) -> Iterator[_Row]:
 
 
 def _face(body: Body, name: str) -> Face:
-    """Face of a name, or the first of its pieces."""
+    """The face with a given name, or the first of its pieces."""
     return next(face for face in (*body.all_faces, *body.apart) if face.name.partition(".")[0] == name)
 
 
 def _beside(body: Body, name: str, *, inside: bool) -> Point:
-    """Place beside the middle of a face, in the material or before it."""
+    """Position next to the middle of a face, inside the material or in front of it."""
     curve = _face(body, name).curve
     return along(curve.middle_point, curve.normal_at(curve.middle_point), AWAY_MM if inside else -AWAY_MM)

@@ -1,10 +1,10 @@
 """A part in one piece: outlines of exact curves, extruded along the thickness and joined, minus cuts.
 
-A `Part` lies on the build plate: X and Y of its solid are x and z of the plane, Z is the height above the plate. A
-sensor's y counts from mid-thickness, away from a viewer who sees x to the right and z up, so that
-y = thickness / 2 − Z. `Prism` is the only building block; joined prisms touch and never overlap, and a
-`Cut` has the outline of the removed material, so volumes are those of the exact curves. Solids, meshes and drawings
-are made from these; nothing here depends on a file or a CAD kernel.
+A `Part` lies on the build plate: X and Y of its solid are x and z of the plane, and Z is the height above the plate. A
+sensor's y counts from mid-thickness, away from a viewer who sees x to the right and z up; therefore y = thickness / 2 −
+Z. `Prism` is the only building block. Joined prisms touch and never overlap, and a `Cut` has the outline of the removed
+material, so volumes are those of the exact curves. Solids, meshes and drawings are made from these; nothing here
+depends on a file or a CAD kernel.
 """
 
 from dataclasses import dataclass
@@ -22,16 +22,16 @@ from solen.geometry.measures import area_mm2, perimeter_mm
 FLAT_MM = 1e-5
 """Tolerance of outlines in containment checks."""
 SLIVER = 1e-4
-"""Share of an area, and of a mm² at least, that the checks may miss by following outlines so closely."""
+"""Overlap that the checks ignore, as a fraction of an area (or in mm² below 1 mm²), because they follow polylines."""
 
 
 TOUCH_MM2 = 1e-9
-"""Volume that two touching cuts may share by rounding."""
+"""Volume that two touching cuts may share because of rounding."""
 
 
 @dataclass(frozen=True)
 class Prism:
-    """Closed outlines, material on their left, extruded from ``from_mm`` to ``to_mm`` above the build plate."""
+    """Closed outlines, with material on their left, extruded from ``from_mm`` to ``to_mm`` above the build plate."""
 
     name: str
     outlines: tuple[tuple[Face, ...], ...]
@@ -41,7 +41,7 @@ class Prism:
     def __post_init__(self) -> None:
         if not (np.isfinite([self.from_mm, self.to_mm]).all() and self.from_mm < self.to_mm):
             heights = f"from {self.from_mm} to {self.to_mm} mm"
-            raise DesignError(f"{self.name} height", value=heights, limit="must be above 0", remedy="raise it")
+            raise DesignError(f"{self.name} height", value=heights, limit="must be above 0", remedy="increase it")
 
     @property
     def height_mm(self) -> float:

@@ -164,7 +164,7 @@ def _pieces(rings: Sequence[FloatArray], grid: Grid) -> Pieces:
     row, column = np.floor(middle[:, 1]).astype(np.int64), np.floor(middle[:, 0]).astype(np.int64)
     own = np.where(column < 0, 1.0, column + 1.0 - middle[:, 0])
     order = np.argsort(row, kind="stable")
-    climb = begin[:, 1] - end[:, 1]  # a side that goes down has the area on its left: to the right of the row
+    climb = begin[:, 1] - end[:, 1]  # a descending side has the area on its left, which is to its right in the row
     return Pieces(row[order], np.maximum(column, 0)[order], climb[order], own[order])
 
 

@@ -141,7 +141,7 @@ def _receivers(body: Body, what: str, key: str) -> list[tuple[str, Face]]:
     """Receiver faces in which seats are cut, each with the seat's name."""
     faces = [face for face in body.all_faces if face.part == "receiver"]
     if not faces:
-        raise DesignError(key, limit="no face of the body is a receiver", remedy="leave it out")
+        raise DesignError(key, limit="no face of the body is a receiver", remedy="omit it")
     for face in faces:
         if not isinstance(face.curve, Segment):
             limit = f"is curved at {place_text(face.curve.middle_point)}, but a seat requires a straight face"
@@ -170,7 +170,7 @@ def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Fac
     body.upright('remove the emitter from fabricate.slots, or set lens.shape = "cartesian-oval"')
     lens = [face for face in body.faces if face.part == "lens"]
     if design.body.lens_is_drawn or design.body.kind == "network" or not lens:
-        raise DesignError("fabricate.slots", value="emitter", limit="is only cut into a Y", remedy="leave it out")
+        raise DesignError("fabricate.slots", value="emitter", limit="is only cut into a Y", remedy="omit it")
     wide_mm = design.lens.half_width_mm
     if not half_mm < wide_mm:
         limit = f"must be below {2 * (wide_mm - design.fabricate.clearance_mm):g} mm, or nothing is left of the lens"

@@ -63,7 +63,10 @@ def _bytes(path: Path) -> bytes:
         size_mb = path.stat().st_size / 1e6
         if size_mb > LARGEST_MB:
             raise DataError(
-                str(path), value=f"{size_mb:.0f} MB", limit=f"must be at most {LARGEST_MB} MB", remedy="coarsen it"
+                str(path),
+                value=f"{size_mb:.0f} MB",
+                limit=f"must be at most {LARGEST_MB} MB",
+                remedy="reduce its triangles",
             )
         return path.read_bytes()
     except FileNotFoundError:

@@ -123,8 +123,10 @@ def _model(path: Path) -> Model:
             names = [name for name in archive.namelist() if name.lower().endswith(".model")]
             name = MODEL if MODEL in names else min(names)
             if archive.getinfo(name).file_size > LARGEST_MB * 1e6:
-                raise DataError(str(path), limit=f"contains a model of more than {LARGEST_MB} MB", remedy="coarsen it")
-            parser = expat.ParserCreate(namespace_separator=" ")  # expat bounds what entities grow to
+                raise DataError(
+                    str(path), limit=f"contains a model of more than {LARGEST_MB} MB", remedy="reduce its triangles"
+                )
+            parser = expat.ParserCreate(namespace_separator=" ")  # expat limits the expansion of entities
             parser.StartElementHandler = _guarded(model, path)
             with archive.open(name) as opened:
                 while piece := opened.read(PIECE):
@@ -165,7 +167,7 @@ def _gather(reference: dict[str, str], things: dict[str, Thing], outer: FloatArr
         triangles = np.frombuffer(thing.triangles, np.int64).reshape(-1, 3)
         if not np.isfinite(vertices).all():
             raise ValueError("a number that is not finite")
-        if np.linalg.det(moved[:3, :3]) < 0.0:  # a mirror turns the outside in
+        if np.linalg.det(moved[:3, :3]) < 0.0:  # a reflection turns the mesh inside out
             triangles = triangles[:, ::-1]
         if len(triangles) and not 0 <= triangles.min() <= triangles.max() < len(vertices):
             raise IndexError

@@ -102,5 +102,5 @@ def register(name: str, kind: BodyKind) -> None:
 def body_of(design: Design, lens: Lens | None, angle_deg: float = 0.0) -> Body:
     """Checked body of a design in the motion's state at ``angle_deg``, built by its kind, which may raise errors."""
     kind = BODY_KINDS[design.body.kind]
-    kind.numbers(design)  # refuses a parameter that the kind does not have
+    kind.numbers(design)  # rejects a parameter that the kind does not have
     return kind.build(design, lens, angle_deg)

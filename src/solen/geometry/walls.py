@@ -104,7 +104,7 @@ def _divided(face: Face, walls: Sequence[Wall]) -> list[Face]:
     begins, ends = face.begins_mm, face.begins_mm + measure.length_mm
     limits = {place for _, wall in covering for place in (wall.from_mm, wall.to_mm) if place is not None}
     cuts = [begins]
-    for place in sorted(limits):  # ends of two tables nearer than that are one
+    for place in sorted(limits):  # limits of two tables closer than that are merged
         if cuts[-1] + SHORTEST_MM < place < ends - SHORTEST_MM:
             cuts.append(place)
     cuts.append(ends)

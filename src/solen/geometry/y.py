@@ -211,10 +211,10 @@ class _Join:
                 "motion",
                 value=f"the lens's edge joins the stem {risen_mm:.3g} mm above its base",
                 limit=f"the stem is {whole.to_mm:g} mm long",
-                remedy="turn by less",
+                remedy="turn by a smaller angle",
             )
         wall = replace(whole, from_mm=risen_mm)
-        if GAP_MM < math.dist(edge, wall.start) < SHORTEST_MM:  # too short a step to stand between the two
+        if GAP_MM < math.dist(edge, wall.start) < SHORTEST_MM:  # the step is too short to be a face
             return replace(wall, from_mm=risen_mm + STEP_MM)
         return wall
 

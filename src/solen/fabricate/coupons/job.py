@@ -21,9 +21,9 @@ from solen.spec.objects import parsed
 JOB_KIND = "coupon-job"
 SCHEMA = 1
 WHOLE = 1e-6
-"""How far a number of layers may be from a whole one."""
-AXES = "x to the right and y up as seen from above, in mm from the middle; z from the build plate"
-ORIENTATION = "flat on the build plate as drawn, not turned and not mirrored; heights along the build direction"
+"""Tolerance within which a number of layers counts as whole."""
+AXES = "x to the right and y up, seen from above, in mm from the centre; z from the build plate"
+ORIENTATION = "flat on the build plate as drawn, neither turned nor mirrored; heights are along the build direction"
 
 
 def job_sha256(coupon: Coupon, options: CouponOptions) -> str:
@@ -87,12 +87,12 @@ def _stage(coupon: Coupon, options: CouponOptions, stage: Stage, files: dict[str
 
 
 def cautions(coupon: Coupon, options: CouponOptions) -> list[Caution]:
-    """Features that the printer's layers and pixels, as far as they are known, cannot resolve."""
+    """Warnings of features that the printer's layers and pixels, if known, cannot resolve."""
     return [*map(note, coupon.cautions), *_of_layers(coupon, options), *_of_pixels(coupon, options.pitch_um)]
 
 
 def _of_layers(coupon: Coupon, options: CouponOptions) -> list[Caution]:
-    """Heights that are not a whole number of layers, and steps below a layer."""
+    """Warn of heights that are not a whole number of layers, and of steps below a layer."""
     if coupon.name in ("cure-discs", "grey-steps"):
         return []
     layer_mm = 1e-3 * options.layer_um
@@ -104,18 +104,18 @@ def _of_layers(coupon: Coupon, options: CouponOptions) -> list[Caution]:
         warnings.append(
             look_at(
                 f"{len(broken)} of {len(heights)} heights ({shown} mm) are not a whole number of layers of "
-                f"{options.layer_um:g} µm: they come out rounded"
+                f"{options.layer_um:g} µm and will be rounded"
             )
         )
     thin = sorted({step.step_mm for step in coupon.steps if step.step_mm < layer_mm * (1.0 - WHOLE)})
     if thin:
         steps = _listed(1e3 * step for step in thin)
-        warnings.append(look_at(f"steps of {steps} µm are less than a layer of {options.layer_um:g} µm"))
+        warnings.append(look_at(f"steps of {steps} µm are below one layer of {options.layer_um:g} µm"))
     return warnings
 
 
 def _of_pixels(coupon: Coupon, pitch_um: float | None) -> list[Caution]:
-    """Sizes and gaps below a pixel."""
+    """Warn of sizes and gaps below a pixel."""
     if pitch_um is None:
         return []
     pitch_mm = 1e-3 * pitch_um
@@ -135,12 +135,12 @@ def _whole(layers: float) -> bool:
 
 
 def read_job(path: Path) -> tuple[Coupon, dict[str, Any]]:
-    """Coupon of a job file, and the whole job.
+    """Read a job file; return its coupon and the whole job.
 
     Raises
     ------
     DataError
-        If the file cannot be read, is not a job, or its layout is damaged.
+        If the file cannot be read or is not a job, or if its layout is damaged.
     """
     data = parsed(read_text(path, DataError), str(path))
     remedy = "write it again: solen print coupons"
@@ -153,7 +153,7 @@ def read_job(path: Path) -> tuple[Coupon, dict[str, Any]]:
 
 
 def coupon_options(job: dict[str, Any], path: Path) -> CouponOptions:
-    """Options of a job's coupon layout; `DataError` if they are damaged."""
+    """Options of a job's coupon layout; raises `DataError` if they are damaged."""
     choices = job.get("choices")
     if not isinstance(choices, dict):
         raise DataError(f"{path}: choices", limit="is missing", remedy="write the job again: solen print coupons")

@@ -19,16 +19,16 @@ from solen.recording import Provenance
 
 
 def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tuple[Printable, Slicing]:
-    """One run of a coupon's job, sliced as the job states: its layers and exposures are not options here.
+    """Slice one run of a coupon's job with the layers and exposures that the job states; they are not options here.
 
-    Pieces with their own exposure (cure discs, a single layer on film) are pictures of their own, without burn-in.
+    Pieces with their own exposure (cure discs, a single layer on film) become separate pictures, without burn-in.
 
     Raises
     ------
     DataError
-        Where the file is not a job.
+        If the file is not a job.
     SpecError
-        If the job has several runs and none of them is named, or an option contradicts it.
+        If the job has several runs and none is chosen, or if an option contradicts the job.
     """
     coupon, data = read_job(path)
     stage, options = _run(coupon, run), coupon_options(data, path)
@@ -45,7 +45,7 @@ def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tu
     for key in slicing.model_fields_set & set(stated):
         if getattr(slicing, key) != stated[key]:
             limit = f"the job states {stated[key]}"
-            remedy = "leave it out, or write the coupon again: solen print coupons"
+            remedy = "omit it, or write the coupon again: solen print coupons"
             raise SpecError(f"--{key.replace('_', '-')}", value=getattr(slicing, key), limit=limit, remedy=remedy)
     sliced = slicing.model_copy(update=stated)
     part = coupon_parts(coupon)[stage.name]
@@ -75,7 +75,5 @@ def _run(coupon: Coupon, name: str | None) -> Stage:
         return coupon.stages[0]
     if name not in names:
         runs = f"{coupon.name} is printed in the runs {', '.join(names)}" if len(names) > 1 else "the job has one run"
-        raise SpecError(
-            "--run", value=name, limit=runs, remedy="name one of them" if len(names) > 1 else "leave it out"
-        )
+        raise SpecError("--run", value=name, limit=runs, remedy="name one of them" if len(names) > 1 else "omit it")
     return coupon.stages[names.index(name)]

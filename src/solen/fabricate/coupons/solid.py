@@ -1,6 +1,6 @@
-"""Solids of coupons: a slab with its holes as one prism, and a prism for each column that stands on it.
+"""Solids of coupons: a slab with its holes is one prism, and each column on it is another.
 
-X and Y are those of the layout, Z the height above the plate. A part is made for each run of the printer.
+X and Y are those of the layout, and Z is the height above the plate. Each run of the printer has its own part.
 """
 
 from solen.curve import Arc, Segment
@@ -14,7 +14,7 @@ Outline = tuple[Face, ...]
 
 
 def coupon_parts(coupon: Coupon) -> dict[str, Part]:
-    """Parts of a coupon by the names of its stages; heights count from the first layer of the stage.
+    """Parts of a coupon, keyed by the names of its stages; heights count from the first layer of the stage.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def _circle(feature: Feature, *, inside_out: bool = False) -> Outline:
 
 
 def _rectangle(name: str, at: Point, width: float, depth: float, bevel: float) -> Outline:
-    """Rectangle about a point, counter-clockwise, its corner at right and back bevelled."""
+    """Rectangle about a point, counter-clockwise, with its right back corner bevelled."""
     x, y, right, back = *at, at[0] + 0.5 * width, at[1] + 0.5 * depth
     left, front = 2.0 * x - right, 2.0 * y - back
     corner = [(right, back)] if bevel == 0.0 else [(right, back - bevel), (right - bevel, back)]

@@ -1,6 +1,7 @@
-"""Coupons as files: solids, job and plan of each, and the numbers of what is written.
+"""Coupons as files: the solids, job and plan of each, and a summary of what is written.
 
-The interface: `coupon_set` summarises coupons, `written_coupons` makes their files by `CouponOutput` as well.
+The interface: `coupon_set` summarises coupons, and `written_coupons` also makes their files according to
+`CouponOutput`.
 """
 
 import math
@@ -29,21 +30,21 @@ Side = Annotated[float, Field(gt=0, lt=math.inf)]
 
 
 class CouponOutput(Options):
-    """How coupons are written."""
+    """Options for writing coupons."""
 
     printer: str | None = None
-    """Printer of the library, or its file: gives the plate and the pixel."""
+    """Printer of the library, or its file; gives the plate and the pixel size."""
     plate_mm: tuple[Side, Side] | None = None
     """Width and depth of the build plate, which each coupon must fit on."""
     step: bool = False
-    """Write exact solids for CAD programs, too (needs the extra cad)."""
+    """Also write exact solids for CAD programs (requires the extra cad)."""
     tolerance_mm: float = 1e-3
-    """How far a mesh may leave the exact walls, 1e-4 to 1."""
+    """Maximum deviation of a mesh from the exact walls, 1e-4 to 1."""
 
 
 @dataclass(frozen=True)
 class CouponPart:
-    """A part that is printed in one run, its volume by the exact curves, and its mesh."""
+    """A part that is printed in one run, with its volume within the exact curves and its mesh."""
 
     name: str
     volume_mm3: float
@@ -52,7 +53,7 @@ class CouponPart:
 
 @dataclass(frozen=True)
 class CouponSummary:
-    """A coupon in numbers: its size, its counts of features, gaps and steps, and assumptions about its source.
+    """Summary of a coupon: its size, its counts of features, gaps and steps, and assumptions about its source.
 
     ``parts`` are the written parts; ``warnings`` state what the printer cannot reproduce.
     """
@@ -86,7 +87,7 @@ class CouponSummary:
 
 
 class CouponSet(Result):
-    """Coupons with their options and layouts; JSON omits the layouts."""
+    """Coupons with their options and layouts; the layouts are omitted from JSON."""
 
     coupons: tuple[CouponSummary, ...]
     options: CouponOptions
@@ -94,7 +95,7 @@ class CouponSet(Result):
 
 
 def coupon_set(only: str | None = None, options: CouponOptions = CouponOptions()) -> CouponSet:
-    """Coupons by name, separated by commas, or all, without files."""
+    """Summarise coupons, named and separated by commas or ``all``, without writing files."""
     coupons = tuple(layouts(only, options))
     return CouponSet(tuple(CouponSummary.of(coupon, options) for coupon in coupons), options, coupons)
 
@@ -102,12 +103,12 @@ def coupon_set(only: str | None = None, options: CouponOptions = CouponOptions()
 def written_coupons(
     only: str | None = None, options: CouponOptions = CouponOptions(), output: CouponOutput = CouponOutput()
 ) -> tuple[CouponSet, dict[str, bytes]]:
-    """Coupons by name or all, and their files by name: STL, 3MF, job and plan.
+    """Make coupons, named or ``all``, and their files by name: STL, 3MF, job and plan.
 
     Raises
     ------
     SolenError
-        If a coupon cannot be made, does not fit on the plate, or an extra is missing.
+        If a coupon cannot be made or does not fit on the plate, or an extra is missing.
     """
     if output.step:
         check_kernel()
@@ -125,7 +126,7 @@ def written_coupons(
 
 
 def _written(coupon: Coupon, options: CouponOptions, output: CouponOutput, files: dict[str, bytes]) -> CouponSummary:
-    """Put the files of one coupon into ``files``."""
+    """Add the files of one coupon to ``files``."""
     label = Label(coupon.name, job_sha256(coupon, options), f"coupon: {coupon.title}")
     stages, parts = {}, []
     for stage, part in coupon_parts(coupon).items():
@@ -142,9 +143,9 @@ def _written(coupon: Coupon, options: CouponOptions, output: CouponOutput, files
 
 
 def _check_plate(coupon: Coupon, plate_mm: tuple[float, float]) -> None:
-    """`SpecError` if a coupon is larger than the build plate, also when it is turned by 90 degrees."""
+    """Raise `SpecError` if a coupon is larger than the build plate, even when turned by 90 degrees."""
     width, depth, _ = coupon.size_mm
     if max(width, depth) > max(plate_mm) or min(width, depth) > min(plate_mm):
         size = f"{width:g} x {depth:g} mm"
         limit = f"does not fit on a plate of {plate_mm[0]:g} x {plate_mm[1]:g} mm"
-        raise SpecError(f"coupon {coupon.name}", value=size, limit=limit, remedy="leave it out, or shorten its rows")
+        raise SpecError(f"coupon {coupon.name}", value=size, limit=limit, remedy="omit it, or shorten its rows")

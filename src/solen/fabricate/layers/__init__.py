@@ -1,14 +1,14 @@
-"""Layers of a print: sections of a solid at the middle of each layer, as pictures of covered pixels with exposures.
+"""Layers of a print: sections of a solid at the middle of each layer, as pictures of pixel coverage with exposures.
 
-The idea: a `Solid` is oriented for printing, its lowest point on the plate; it is a `Plan` of exact outlines if a part
-is printed flat, and `Slices` of a closed mesh otherwise. A `Job` puts copies of it on a printer's plate and yields
-`Layer` after `Layer` on demand, so that a job of thousands needs the memory of a few. The value
-of a pixel is its share covered by the solid **at the middle of the layer's height**; a last layer that the solid
-fills to less than half is left out, otherwise whole, so that the stack is on average as high as the solid.
+The idea: a `Solid` is oriented for printing, with its lowest point on the plate; it is a `Plan` of exact outlines if a
+part is printed flat, and `Slices` of a closed mesh otherwise. A `Job` puts copies of it on a printer's plate and yields
+each `Layer` on demand, so a job of thousands of layers needs memory for only a few. The value of a pixel is the share
+covered by the solid **at the middle of the layer's height**. The last layer is omitted if the solid fills less than
+half of it, and otherwise printed at its full thickness; on average, the stack is therefore as high as the solid.
 
-The interface: `printable_design` and `printable_mesh` in an `orientation`, sliced by `Slicing`; `Job.layers`;
-`write_archive` for a ZIP of PNGs with a job.json, `write_goo` for a .goo file; `layered_print` for the numbers,
-`as_sheet` for printers' software that takes the STL.
+The interface: `printable_design` and `printable_mesh` in an `orientation`, sliced according to `Slicing`; `Job.layers`;
+`write_archive` for a ZIP of PNGs with a job.json, `write_goo` for a .goo file; `layered_print` for the summary,
+`as_sheet` for slicing programs that read the STL.
 """
 
 from solen.fabricate.layers.archive import Stack, as_png, write_archive

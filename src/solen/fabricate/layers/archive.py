@@ -1,9 +1,9 @@
 """A ZIP of layers: a PNG for each, a manifest, and a job.json with their heights, exposures and source.
 
-Pictures go into the archive as they are made. They are compressed already, so the archive stores them; entries have no
-date. job.json is written last, as the areas are known then. Names and manifest are those by which UVtools
-(github.com/sn4k3/UVtools, its "generic zip") opens an archive: ``1.png`` to ``N.png`` and ``manifest.uvtools``, an XML
-of resolution, size of the display in mm, height and layer; it has no room for exposures.
+Pictures are added to the archive as they are made. They are already compressed, so the archive stores them; entries
+have no date. job.json is written last, because the areas are only known then. UVtools (github.com/sn4k3/UVtools, its
+"generic zip") opens an archive that has these names and this manifest: ``1.png`` to ``N.png`` and ``manifest.uvtools``,
+an XML of resolution, size of the display in mm, height and layer; it has no entry for exposures.
 """
 
 import io
@@ -28,19 +28,19 @@ JOB_NAME = "job.json"
 MANIFEST_NAME = "manifest.uvtools"
 RULE = (
     "grey value / 255 is the share of the pixel's square that the solid covers at the middle of the layer's height; "
-    "a last layer that is filled by less than half is left out"
+    "a last layer that is less than half filled is omitted"
 )
-CORRECTED = RULE.replace("is the share", "gives, by the measured light of greys, the share", 1)
-VIEW = "from above onto the plate, X to the right, Y upwards: the first row has the largest Y"
+CORRECTED = RULE.replace("is the share", "gives, according to the measured light of greys, the share", 1)
+VIEW = "seen from above the plate, X to the right, Y upwards: the first row has the largest Y"
 
 Watch = Callable[[Layer], object]
 
 
 @dataclass(frozen=True)
 class Stack:
-    """A stack of layers: volume in mm³, areas in mm² of the first layer and of the largest, and islands.
+    """A stack of layers: its volume in mm³, the areas in mm² of its first and its largest layer, and its islands.
 
-    ``islands`` are (number of the layer, pieces in it) that begin with nothing below them.
+    ``islands`` are pairs (number of the layer, number of pieces in it that begin with nothing below them).
     """
 
     layers: int
@@ -52,7 +52,7 @@ class Stack:
 
 @dataclass
 class StackCount:
-    """A stack counted layer by layer, as its pictures are made."""
+    """Volume, areas and islands of a stack, counted layer by layer as its pictures are made."""
 
     job: Job
     watch: Watch
@@ -60,7 +60,7 @@ class StackCount:
     islands: list[tuple[int, int]] = field(default_factory=list)
 
     def pictures(self, encode: Callable[[NDArray[np.uint8]], bytes]) -> Iterator[tuple[Layer, bytes]]:
-        """Layers with their pictures as bytes; one that shows the same as the last is encoded once."""
+        """Layers with their pictures as bytes; a picture equal to the previous one is not encoded again."""
         last, data = None, b""
         for layer in self.job.layers():
             if layer.image is not last:
@@ -72,13 +72,13 @@ class StackCount:
             self.watch(layer)
 
     def stack(self) -> Stack:
-        """The numbers of all of them."""
+        """Summary of all layers."""
         areas = self.areas_mm2
         return Stack(len(areas), sum(areas) * self.job.layer_mm, areas[0], max(areas), tuple(self.islands))
 
 
 def write_archive(target: Path, job: Job, part: Printable | None = None, watch: Watch = lambda _: None) -> Stack:
-    """Write a job's layers; job.json names ``part`` and its source, ``watch`` is called with each layer."""
+    """Write a job's layers; job.json names ``part`` and its source, and ``watch`` is called with each layer."""
     rows: list[dict[str, Any]] = []
     count = StackCount(job, watch)
     with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
@@ -96,7 +96,7 @@ def write_archive(target: Path, job: Job, part: Printable | None = None, watch: 
 
 
 def as_png(image: NDArray[np.uint8], pitches_mm: tuple[float, float]) -> bytes:
-    """PNG of grey values (rows, columns), the first row at the top, of pixels with these sides along X and Y."""
+    """PNG of grey values (rows, columns), the first row at the top, with the given sides of a pixel along X and Y."""
     from PIL import Image
 
     data = io.BytesIO()
@@ -105,7 +105,7 @@ def as_png(image: NDArray[np.uint8], pitches_mm: tuple[float, float]) -> bytes:
 
 
 def _manifest(job: Job) -> bytes:
-    """Manifest that tells UVtools the size of pixels and layers."""
+    """Manifest that states the sizes of pixels and layers for UVtools."""
     (rows, columns), (x, y, z) = job.printer.shape, job.printer.size_mm
     root = ET.Element("Manifest")
     about: dict[str, object] = {"CreatedBy": WRITER, "UpdatedBy": WRITER, "LayerHeight": job.layer_mm}

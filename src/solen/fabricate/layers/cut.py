@@ -1,9 +1,9 @@
-"""Horizontal sections of a closed mesh, and its shells, in little more memory than the mesh itself.
+"""Horizontal sections of a closed mesh and its shells, computed with little more memory than the mesh itself.
 
-The idea: a corner is above a plane or not; on the plane counts as above. Each triangle then crosses on no
-edge or on two, each crossing is shared by two triangles, and following them gives closed rings,
-whatever corners or level faces the plane hits. Seen from above, a triangle's crossing leads from its descending
-to its ascending edge with the solid on the left, so holes are clockwise.
+The idea: a corner is either above a plane or not; a corner on the plane counts as above. The plane then crosses no edge
+of a triangle or exactly two, and each crossing is shared by two triangles. Following the crossings therefore gives
+closed rings, even if the plane meets corners or level faces. Seen from above, a triangle's crossing leads from its
+descending to its ascending edge with the solid on the left, so holes are clockwise.
 
 The interface: `Cutter.rings` at a height; `Shells.of` a mesh.
 """
@@ -20,7 +20,7 @@ from solen.arrays import FloatArray, IntArray
 from solen.fabricate.mesh import Mesh
 
 MOST_SHELLS = 300
-"""Shells that are compared in pairs; more are assumed to overlap."""
+"""Maximum number of shells that are compared in pairs; more shells are assumed to overlap."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class Cutter:
         above = vertices[triangles, 2] >= z_mm
         following, next_above = np.roll(triangles, -1, axis=1), np.roll(above, -1, axis=1)
         down, up = above & ~next_above, ~above & next_above
-        starts = following[down] * count + triangles[down]  # of an edge the lower corner first
+        starts = following[down] * count + triangles[down]  # the lower corner of an edge comes first
         ends = triangles[up] * count + following[up]
         order = np.argsort(starts)
         onwards = order[np.searchsorted(starts[order], ends)]
@@ -72,7 +72,7 @@ def _cycles(onwards: NDArray[np.intp]) -> Iterator[list[int]]:
 
 @dataclass(frozen=True, eq=False)
 class Shells:
-    """Connected surfaces of a mesh: the number of each, volumes in mm³, and lowest and highest corners (n, 3)."""
+    """Connected surfaces of a mesh: their numbers, volumes in mm³, and lowest and highest corners (n, 3)."""
 
     volumes_mm3: FloatArray
     low: FloatArray
@@ -80,7 +80,7 @@ class Shells:
 
     @classmethod
     def of(cls, mesh: Mesh) -> "Shells":
-        """Shells of a mesh."""
+        """Find the shells of a mesh."""
         count, of_vertex = _connected(mesh)
         low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
         if count == 1:
@@ -96,7 +96,7 @@ class Shells:
 
     @property
     def may_overlap(self) -> bool:
-        """Whether boxes of two shells meet, none of which bounds a hollow."""
+        """Whether the bounding boxes of two shells overlap, neither of which bounds a hollow."""
         if len(self.volumes_mm3) < 2 or self.volumes_mm3.min() <= 0.0:
             return False
         if len(self.volumes_mm3) > MOST_SHELLS:

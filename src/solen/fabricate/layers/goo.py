@@ -1,13 +1,14 @@
 """A stack of layers as a ``.goo`` file of version 3.0, the open format of Elegoo's printers.
 
-The format (github.com/elegooofficial/GOO): big-endian; a header of 195,477 bytes with the printer, the exposures of the
-bottom layers and of all others, and the plate's movements; then for each layer 70 bytes of the same, and its
-grey values as runs with a checksum; an end mark. A printer follows only the header unless the header says that each
-layer's own numbers count ("advance mode"). Printers were reported to stop, or to begin too high, in that mode
-(github.com/sn4k3/UVtools, issues 997 and 1040), so burn-in is written as the header's bottom layers, and exposures of
-single pictures only for printers whose file states proof that they are observed.
+The format (github.com/elegooofficial/GOO): numbers are big-endian. A header of 195,477 bytes states the printer, the
+exposures of the bottom layers and of all others, and the plate's movements. Each layer follows with 70 bytes of the
+same data and its grey values as runs with a checksum. An end mark closes the file. A printer follows only the header
+unless the header says that each layer's own numbers count ("advance mode"). Printers were reported to stop, or to begin
+too high, in that mode (github.com/sn4k3/UVtools, issues 997 and 1040), so burn-in is written as the header's bottom
+layers, and exposures of single pictures are only written for printers whose file cites proof that the printer follows
+them.
 
-The file has no date: the same part gives the same bytes.
+The file contains no date, so the same part gives the same bytes.
 """
 
 import struct
@@ -34,12 +35,13 @@ MOST_PIXELS = 2**16 - 1
 
 
 def write_goo(target: Path, job: Job, part: Printable | None = None, watch: Watch = lambda _: None) -> Stack:
-    """Write a job's layers; the file names the resin of ``part``, ``watch`` is called with each layer.
+    """Write a job's layers; the file names the resin of ``part``, and ``watch`` is called with each layer.
 
     Raises
     ------
     SpecError
-        If it is not known how the printer moves its plate, or pictures have exposures that it is not proven to keep.
+        If the printer's plate movements are unknown, or pictures have exposures that the printer is not proven to
+        follow.
     """
     lift = checked_for_goo(job)
     count = StackCount(job, watch)
@@ -52,27 +54,27 @@ def write_goo(target: Path, job: Job, part: Printable | None = None, watch: Watc
 
 
 def checked_for_goo(job: Job) -> Lift:
-    """Lift of a job that a .goo file can hold; see `write_goo`."""
+    """Lift of a job that can be written as a .goo file; raises the errors of `write_goo`."""
     printer = job.printer
     if printer.lift is None:
-        limit = f"a .goo states how the plate moves, and the file of {printer.name} does not"
-        remedy = "take --format zip, or add a table [lift] to a file of your printer"
+        limit = f"a .goo file states the plate's movements, and the file of {printer.name} does not give them"
+        remedy = "use --format zip, or add a table [lift] to a file of your printer"
         raise SpecError("--format", value="goo", limit=limit, remedy=remedy)
     if len(job.solid.exposures_s) > 1 and printer.layer_exposures is None:
-        limit = f"{printer.name} is not proven to keep an exposure for each picture"
-        remedy = "take --format zip, or print one exposure after the other"
+        limit = f"{printer.name} is not proven to follow a separate exposure for each picture"
+        remedy = "use --format zip, or print one exposure after the other"
         raise SpecError("--format", value="goo", limit=limit, remedy=remedy)
     if max(printer.shape) > MOST_PIXELS:
-        raise SpecError("--format", value="goo", limit=f"holds at most {MOST_PIXELS} pixels along a side")
+        raise SpecError("--format", value="goo", limit=f"a .goo file has at most {MOST_PIXELS} pixels along a side")
     return printer.lift
 
 
 def encoded(image: NDArray[np.uint8]) -> bytes:
     """Grey values as runs.
 
-    The first byte of a run holds its kind in two bits (0 dark, 1 grey, 3 full), how many more bytes its length takes in
-    two, and the length's last four bits; a grey's value follows, then the length's other bits. A mark stands before all
-    runs and after them the complement of their sum.
+    The first byte of a run contains its kind in two bits (0 dark, 1 grey, 3 full), the number of further bytes of its
+    length in two, and the last four bits of the length; a grey's value follows, then the other bits of the length. A
+    mark precedes all runs, and the complement of their sum follows them.
     """
     flat = np.ascontiguousarray(image).ravel()
     starts = np.concatenate([[0], np.flatnonzero(flat[1:] != flat[:-1]) + 1])
@@ -84,7 +86,7 @@ def encoded(image: NDArray[np.uint8]) -> bytes:
     at = places[:-1]
     data[at] = np.where(partly, 1, np.where(grey == 0, 0, 3)) << 6 | more << 4 | lengths & 15
     data[at[partly] + 1] = grey[partly]
-    for number in range(3):  # of the length's bytes, the highest first
+    for number in range(3):  # bytes of the length, the highest first
         chosen = more > number
         shift = 4 + 8 * (more[chosen] - 1 - number)
         data[at[chosen] + 1 + partly[chosen] + number] = lengths[chosen] >> shift & 255
@@ -120,14 +122,14 @@ def _header(job: Job, lift: Lift, part: Printable | None) -> bytes:
     data += struct.pack(">fI", slicing.burn_in_s, job.burn_in_layers)
     back = lift.retract_mm_per_min
     data += struct.pack(">8f", bottom_height, bottom_speed, height, speed, bottom_height, back, height, back)
-    data += bytes(32)  # no second lift and way back
+    data += bytes(32)  # no second lift and retraction
     data += struct.pack(">2H?I", FULL_LIGHT, FULL_LIGHT, alone, round(job.seconds or job.exposures_s))
     data += struct.pack(">3f", job.volume_mm3, 0.0, 0.0) + bytes(8)
     return data + struct.pack(">IBH", HEADER_BYTES, 1, 0)
 
 
 def _preview(job: Job, side: int) -> bytes:
-    """One copy in its middle layer, seen from above, its greys as red, green and blue of 5, 6 and 5 bits."""
+    """Preview of one copy at its middle layer, seen from above, with greys as RGB of 5, 6 and 5 bits."""
     picture, (across_mm, down_mm) = job.copy_of_layer(job.count // 2)[::-1], job.printer.pitches_mm
     rows, columns = picture.shape
     places = (np.arange(side) + 0.5 - 0.5 * side) / side * max(rows * down_mm, columns * across_mm)
@@ -140,5 +142,5 @@ def _preview(job: Job, side: int) -> bytes:
 
 
 def _text(text: str, length: int) -> bytes:
-    """ASCII of a fixed length, ended by a zero."""
+    """ASCII text of a fixed length, terminated by a zero."""
     return text.encode("ascii", "replace")[: length - 1].ljust(length, b"\0")

@@ -1,9 +1,8 @@
 """A print job: copies of a solid on a printer's plate, layer by layer.
 
 The part's origin is on a corner of four pixels, or at a stated position in its pixel, and copies are whole pixels
-apart: a sensor, whose origin is the lens vertex, stays symmetric about its axis, drawings on a grid of pixels
-stay on it, and every copy has identical pixels. All copies are centred on
-the plate.
+apart. A sensor, whose origin is the lens vertex, therefore stays symmetric about its axis, drawings on a grid of pixels
+stay on it, and every copy has identical pixels. The group of copies is centred on the plate.
 """
 
 import math
@@ -29,19 +28,19 @@ Bytes = NDArray[np.uint8]
 PAPER_MW_PER_CM2 = 13.0
 """Irradiance at which the paper's working curve was measured."""
 MOST_NAMED = 3
-"""Printers that a refusal names, the smallest that serve first."""
+"""Maximum number of larger printers that an error message suggests, the smallest first."""
 GREY_STEPS = "all steps together"
 EXACT = 1e-6
-"""Share of a layer or of a pixel by which rounding may be off."""
+"""Tolerance for rounding, as a fraction of a layer or of a pixel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Layer:
     """One layer: number from 0, heights above the plate, exposure, dose at the window, and picture.
 
-    ``image`` (rows, columns) has the largest Y in its first row; layers that are the same share one array. ``feature``
-    is the piece that alone is exposed; empty for a layer of a stack. ``area_mm2`` is the sum of covered shares of all
-    copies. ``islands`` counts pieces of a copy that have nothing of the layer before below them.
+    ``image`` (rows, columns) has the largest Y in its first row; identical layers share one array. ``feature`` names
+    the piece if only one is exposed; it is empty for a layer of a stack. ``area_mm2`` is the sum of covered shares of
+    all copies. ``islands`` counts the pieces of a copy that have nothing of the previous layer below them.
     """
 
     index: int
@@ -62,9 +61,9 @@ class Job:
     Raises
     ------
     SpecError
-        If the printer cannot make layers of that thickness.
+        If the printer cannot make layers of the requested thickness.
     DesignError
-        If the solid has no layer, or it and its copies do not fit on the printer.
+        If the solid is too low for a single layer, or the copies do not fit on the printer.
     """
 
     solid: Solid
@@ -75,8 +74,8 @@ class Job:
 
     def __post_init__(self) -> None:
         if self.greys.answer and isinstance(self.solid, Exposures) and self.solid.greys:
-            limit = "applies to parts: grey steps show the greys themselves, to be measured"
-            raise SpecError("--process", limit=limit, remedy="leave it out")
+            limit = "applies to parts: the greys of grey steps are printed as they are, to be measured"
+            raise SpecError("--process", limit=limit, remedy="omit it")
         self._check_pictures()
         least, most = self.printer.layers_um
         if not least <= self.slicing.layer_um <= most:
@@ -95,7 +94,7 @@ class Job:
 
     @property
     def count(self) -> int:
-        """Number of layers, those whose middle lies in the solid; of pieces with own exposures, of pictures."""
+        """Number of layers whose middle is in the solid; for pieces with their own exposures, number of pictures."""
         if self.solid.exposures_s:
             return len(self.solid.exposures_s)
         return layer_count(self.solid.size_mm[2], self.layer_mm)
@@ -116,22 +115,22 @@ class Job:
 
     @property
     def burn_in_layers(self) -> int:
-        """Number of layers that the burn-in exposes."""
+        """Number of layers in the burn-in."""
         return 0 if self.solid.exposures_s else min(self.count, self.slicing.burn_in_layers)
 
     @property
     def exposures_s(self) -> float:
-        """All exposures together."""
+        """Total exposure time."""
         return sum(self.solid.exposures_s) or self.slicing.total_s(self.count)
 
     @property
     def volume_mm3(self) -> float:
-        """Volume of the solid's copies together."""
+        """Total volume of the solid's copies."""
         return self.slicing.copies * self.solid.volume_mm3
 
     @property
     def pause_s(self) -> float | None:
-        """Mean time from one exposure to the next; None if the printer's file states neither it nor the lift."""
+        """Mean time from one exposure to the next; None if the printer's file states neither the time nor the lift."""
         if self.printer.pause_s is not None:
             return self.printer.pause_s.usual
         if (lift := self.printer.lift) is None:
@@ -141,26 +140,26 @@ class Job:
 
     @property
     def seconds(self) -> float | None:
-        """Time of exposures and pauses together; None if the pause is not known."""
+        """Total time of exposures and pauses; None if the pause is unknown."""
         return None if self.pause_s is None else self.exposures_s + self.count * self.pause_s
 
     @property
     def irradiance_mW_per_cm2(self) -> float:
-        """Irradiance at the window: the one asked for, else the printer's, else the paper's."""
+        """Irradiance at the window: the requested one, otherwise the printer's, otherwise the paper's."""
         printer = self.printer.irradiance_mw_per_cm2
         usual = PAPER_MW_PER_CM2 if printer is None else printer.usual
         return self.slicing.irradiance_mW_per_cm2 or usual
 
     @property
     def tile(self) -> tuple[int, int]:
-        """Rows and columns of pixels that one copy is drawn in."""
+        """Rows and columns of pixels in the picture of one copy."""
         ends = zip(self.solid.size_mm, self.tile_from_mm, self.printer.pitches_mm, strict=False)
         columns, rows = (max(math.ceil((end - start) / pitch - EXACT), 1) for end, start, pitch in ends)
         return rows, columns
 
     @property
     def tile_from_mm(self) -> tuple[float, float]:
-        """X and Y, in the solid's own, at which the first pixel of a copy's tile begins: less than one before it."""
+        """X and Y, in the solid's coordinates, of the first pixel's edge in a copy's tile, just before the solid."""
         stated = zip(self.solid.origin_mm, self.printer.pitches_mm, self.slicing.phase_px, strict=True)
         shifts = [(origin / pitch - phase, pitch) for origin, pitch, phase in stated]
         left, low = ((shift - math.ceil(shift - EXACT)) * pitch for shift, pitch in shifts)
@@ -211,7 +210,7 @@ class Job:
             yield self._layer(index, image, self.slicing.copies * shares * self.printer.pixel_mm2, islands)
 
     def _pictures(self, pieces: Exposures) -> Iterator[Layer]:
-        """A picture for each piece, all at one height."""
+        """Yield a picture for each piece, all at one height."""
         names = (GREY_STEPS,) if pieces.greys else pieces.names
         for index, (name, seconds) in enumerate(zip(names, pieces.exposures_s, strict=True)):
             drawn = self._drawn(pieces.section(0.0)[1] if pieces.greys else pieces.rings[index])
@@ -241,7 +240,7 @@ class Job:
         return np.where(shares > FULL // 2, FULL, 0).astype(np.uint8) if self.slicing.no_anti_aliasing else shares
 
     def _placed(self, tile: Bytes) -> Bytes:
-        """The plate's picture: a tile for each copy, the largest Y first."""
+        """Picture of the plate with a tile for each copy, the largest Y first."""
         plate = np.zeros(self.printer.shape, np.uint8)
         rows, columns = tile.shape
         for row, column in self.corners:
@@ -265,14 +264,14 @@ class Job:
 
     @property
     def _most(self) -> tuple[int, int]:
-        """Rows and columns of copies that fit."""
+        """Maximum numbers of rows and columns of copies on the plate."""
         fits = zip(self.printer.shape, self.tile, self._gaps, strict=True)
         rows, columns = ((whole + gap) // (size + gap) for whole, size, gap in fits)
         return rows, columns
 
     @cached_property
     def _grid(self) -> tuple[int, int]:
-        """Rows and columns of the copies, as square as they fit."""
+        """Rows and columns of the copies, in a grid as nearly square as possible."""
         (rows, columns), (x, y) = self._most, self.printer.pitches_mm
         tall, wide = (size + gap for size, gap in zip(self.tile, self._gaps, strict=True))
         wanted = math.ceil(math.sqrt(self.slicing.copies * tall * y / (wide * x)))
@@ -280,12 +279,12 @@ class Job:
         return math.ceil(self.slicing.copies / chosen), chosen
 
     def _check_pictures(self) -> None:
-        """Reject options of pictures if there are none."""
+        """Reject options of pictures if no pictures are made."""
         slicing = self.slicing
         for key in ("format", "phase_px", "no_anti_aliasing"):
             if slicing.sheet_only and getattr(slicing, key) != type(slicing).model_fields[key].default:
-                limit = "is about pictures, and --sheet-only makes none"
-                raise SpecError(f"--{key.replace('_', '-')}", limit=limit, remedy="leave one of them out")
+                limit = "applies to pictures, and --sheet-only makes none"
+                raise SpecError(f"--{key.replace('_', '-')}", limit=limit, remedy="omit one of them")
 
     def _check_size(self) -> None:
         size, room = self.solid.size_mm, self.printer.size_mm
@@ -295,12 +294,14 @@ class Job:
         builds = f"{self.printer.name} builds {_times(room)} mm"
         if self.slicing.copies > 1 and rows * columns and self.height_mm <= room[2]:
             limit = f"{builds}, at most {rows * columns} of them {self.slicing.gap_mm:g} mm apart"
-            raise DesignError("--copies", value=self.slicing.copies, limit=limit, remedy="print fewer, or nearer")
+            raise DesignError(
+                "--copies", value=self.slicing.copies, limit=limit, remedy="print fewer copies, or reduce --gap-mm"
+            )
         raise DesignError("part", value=f"{_times(size)} mm", limit=builds, remedy=_remedy(size, room))
 
 
 def islands_over(tile: Bytes, below: Bytes) -> int:
-    """Number of connected pieces of a picture that no lit pixel of the one below touches."""
+    """Number of connected pieces of a picture that touch no lit pixel of the picture below."""
     lit, held = tile > 0, below > 0
     if not np.any(lit & ~held):
         return 0
@@ -327,4 +328,8 @@ def _remedy(size: tuple[float, float, float], room: tuple[float, float, float]) 
         return "print it in another --orientation"
     larger = [name for name in printers() if _fits(size, library_printer(name).size_mm)]
     larger.sort(key=lambda name: math.prod(library_printer(name).size_mm))
-    return f"choose a larger printer ({', '.join(larger[:MOST_NAMED])})" if larger else "make it smaller, or in pieces"
+    return (
+        f"choose a larger printer ({', '.join(larger[:MOST_NAMED])})"
+        if larger
+        else "make it smaller, or divide it into pieces"
+    )

@@ -14,15 +14,15 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result
 
 SMALLEST_MM, LARGEST_MM = 0.5, 1000.0
-"""A part beyond these was drawn in another unit."""
+"""A part outside these sizes was probably drawn in another unit."""
 NARROW = 0.1
-"""A part that stands on less than this share of its largest layer needs something to stand on."""
+"""A part whose first layer has less than this fraction of the largest layer's area needs a base or supports."""
 OTHER_VOLUME = 0.01
 """Relative difference of volume above which layers do not match the solid."""
 HEIGHT_UM = 1.0
-"""Difference of height between stack and part that is not worth a warning."""
+"""Difference of height between stack and part below which there is no warning."""
 APART_NM = 10.0
-"""How far a working curve's wavelength may be from the printer's."""
+"""Maximum difference between the wavelengths of a working curve and of the printer."""
 
 
 class LayeredPrint(Result):
@@ -31,25 +31,25 @@ class LayeredPrint(Result):
     Attributes
     ----------
     job
-        The printed solid; not in JSON.
+        The printed solid; omitted from JSON.
     name, printer
         Names of the part and of the printer.
     pitch_um, pitch_y_um, columns, rows
-        Sides of a pixel, and number of pixels, along X and Y.
+        Pixel pitch and number of pixels along X and Y.
     layer_um, layers, height_mm
-        Thickness and number of the layers, and their height.
+        Thickness and number of the layers, and the height of the stack.
     size_mm
         Extent of one part along X, Y and Z.
     copies, places_mm
-        Number of parts, and where their middles lie from the middle of the plate.
+        Number of parts, and the positions of their middles relative to the middle of the plate.
     solid_volume_mm3, stack_volume_mm3, volume_error
-        Volume of the parts, of their layers, and the relative difference; None without pictures.
+        Volume of the parts, volume of their layers, and the relative difference; None without pictures.
     islands
-        Layers in which something begins in the air, each with the number of such pieces.
+        Layers in which pieces begin in the air, each with the number of these pieces.
     settings
-        Settings to enter in the printer's program.
+        Settings to enter in the slicing program.
     sources, warnings
-        The file that was sliced, and what to mind.
+        The sliced file, and warnings before printing.
     """
 
     job: Job = field(metadata=HIDDEN)
@@ -121,37 +121,45 @@ def _of_printer(job: Job) -> list[Caution]:
     if job.printer.unconfirmed:
         *others, last = job.printer.unconfirmed
         numbers = f"{', '.join(others)} and {last}" if others else last
-        warnings.append(look_at(f"{numbers} of {job.printer.name} are estimates: check them before using the pictures"))
+        warnings.append(
+            look_at(f"{numbers} of {job.printer.name} are estimates: check them before printing the pictures")
+        )
     if job.slicing.irradiance_mW_per_cm2 is None and job.printer.irradiance_mw_per_cm2 is None:
-        warnings.append(look_at(f"doses are for {PAPER_MW_PER_CM2:g} mW/cm², the paper's printer; measure yours"))
+        warnings.append(
+            look_at(f"doses assume {PAPER_MW_PER_CM2:g} mW/cm², the irradiance of the paper's printer; measure yours")
+        )
     return warnings
 
 
 def _of_greys(job: Job) -> list[Caution]:
-    """Warning of greys that were measured with other pixels."""
+    """Warn if the greys were measured with other pixels."""
     here, there = tuple(1000.0 * side for side in job.printer.pitches_mm), job.greys.pixels_um
     if not job.greys.answer or there is None or all(map(math.isclose, here, there)):
         return []
     of, to = (" × ".join(dict.fromkeys(f"{side:.4g}" for side in sides)) for sides in (there, here))
     return [
         look_at(
-            f"the process has pixels of {of} µm, {job.printer.name} of {to} µm: its greys may give other light here"
+            f"the process was measured with pixels of {of} µm, {job.printer.name} has {to} µm: its greys may transmit "
+            "other light here"
         )
     ]
 
 
 def _of_process(job: Job) -> list[Caution]:
-    """Warnings of layers and exposures that are not those of the process."""
+    """Warn of layers and exposures that differ from the process."""
     if job.slicing.process is None or job.process is None or job.solid.exposures_s:
         return []
-    return [look_at(f"not printed as the process has it: {one}") for one in job.slicing.otherwise(job.process.process)]
+    return [look_at(f"not printed as in the process: {one}") for one in job.slicing.otherwise(job.process.process)]
 
 
 def _of_size(job: Job) -> list[Caution]:
     warnings, longest_mm = [], max(job.solid.size_mm)
     if not SMALLEST_MM <= longest_mm <= LARGEST_MM:
         warnings.append(
-            look_at(f"the part is {longest_mm:.3g} mm long: is that its unit? An STL has none and is read as mm")
+            look_at(
+                f"the part is {longest_mm:.3g} mm long: an STL states no unit and is read as "
+                "mm; check the unit of the part"
+            )
         )
     off_um = (job.height_mm - job.solid.size_mm[2]) * 1000.0
     if abs(off_um) > HEIGHT_UM:
@@ -163,21 +171,21 @@ def _of_size(job: Job) -> list[Caution]:
 
 
 def _of_burn_in(job: Job) -> list[Caution]:
-    """Warning of a part that ends within the burn-in, so that no layer has the normal exposure."""
+    """Warn if a part ends within the burn-in, because none of its layers has the normal exposure."""
     slicing = job.slicing
     if job.count != job.burn_in_layers or slicing.burn_in_s == slicing.exposure_s:
         return []
     part = "the part is one layer" if job.count == 1 else f"all {job.count} layers of the part are burn-in layers"
     return [
         look_at(
-            f"{part}: burn-in exposes it for {slicing.burn_in_s:g} s, not for {slicing.exposure_s:g} s; "
-            "--burn-in-layers 0 leaves burn-in out"
+            f"{part}: burn-in exposes it for {slicing.burn_in_s:g} s instead of {slicing.exposure_s:g} s; "
+            "omit the burn-in with --burn-in-layers 0"
         )
     ]
 
 
 def _of_level_faces(job: Job) -> list[Caution]:
-    """Warning of level faces between the heights of two layers, which are printed at one of them."""
+    """Warn of level faces between the boundaries of two layers, because they are printed at one of these heights."""
     faces = [height for height in job.solid.heights_mm if 0.0 < height < job.solid.size_mm[2] - 1e-4]
     moves_um = [abs(math.ceil(height / job.layer_mm - 0.5) * job.layer_mm - height) * 1000.0 for height in faces]
     between = [height for height, move_um in zip(faces, moves_um, strict=True) if move_um > HEIGHT_UM]
@@ -185,7 +193,7 @@ def _of_level_faces(job: Job) -> list[Caution]:
         return []
     first = f"the first at {between[0]:.4g} mm"
     return [
-        look_at(f"{len(between)} level faces lie within a layer ({first}) and move by up to {max(moves_um):.1f} µm")
+        look_at(f"{len(between)} level faces are within a layer ({first}) and shift by up to {max(moves_um):.1f} µm")
     ]
 
 
@@ -195,13 +203,13 @@ def _of_cure(settings: PrintSettings, resin: Resin | None, printer: Printer) -> 
     warnings = [] if resin is None else list(resin.cautions("cure"))
     if settings.cure_depth_um <= settings.layer_um:
         depth = f"{settings.cure_depth_um:.0f} µm, a layer is {settings.layer_um:g} µm"
-        warnings.append(do_not_use(f"one exposure cures {depth}: layers would not hold together"))
+        warnings.append(do_not_use(f"one exposure cures {depth}: layers would not adhere to one another"))
     light, cure = printer.wavelength_nm, None if resin is None else resin.cure
     if cure is None or light is None or cure.wavelength_nm is None:
         return warnings
     if abs(light.usual - cure.wavelength_nm) > APART_NM:
         apart = f"{cure.wavelength_nm:g} nm, the printer has {light.usual:g} nm"
-        warnings.append(do_not_use(f"the working curve was measured at {apart}: its depths do not hold"))
+        warnings.append(do_not_use(f"the working curve was measured at {apart}: its cure depths are not valid here"))
     return warnings
 
 
@@ -212,18 +220,20 @@ def _of_stack(job: Job, stack: Stack) -> list[Caution]:
         where = f"{pieces} at layer {index + 1}, {index * job.layer_mm:.4g} mm"
         total = sum(count for _, count in stack.islands)
         warnings.append(
-            look_at(f"{total} pieces begin in the air (first {where}): they need supports, which solen does not make")
+            look_at(
+                f"{total} pieces begin in the air (first {where}): they require supports, which solen does not make"
+            )
         )
     if stack.first_mm2 < NARROW * stack.largest_mm2:
         first, largest = (area / job.slicing.copies for area in (stack.first_mm2, stack.largest_mm2))
-        areas = f"{first:.3g} mm² where its largest layer has {largest:.3g} mm²"
+        areas = f"{first:.3g} mm², while its largest layer has {largest:.3g} mm²"
         warnings.append(look_at(f"the part rests on {areas}: add a base or supports, or turn it"))
     off = stack.volume_mm3 / job.volume_mm3 - 1.0
     if abs(off) > OTHER_VOLUME:
         warnings.append(
             do_not_use(
-                f"the layers hold {stack.volume_mm3:.4g} mm³ and the solid {job.volume_mm3:.4g} ({100.0 * off:+.1f} "
-                "%): the mesh crosses itself, or is finer than a layer or a pixel"
+                f"the layers have {stack.volume_mm3:.4g} mm³ and the solid {job.volume_mm3:.4g} mm³ "
+                f"({100.0 * off:+.1f} %): the mesh crosses itself, or has details below a layer or a pixel"
             )
         )
     return warnings

@@ -12,27 +12,30 @@ ORIENTATIONS: dict[Orientation, FloatArray] = {
     "upright": np.array([(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)]),
     "on-edge": np.array([(0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)]),
 }
-"""Flat: as it is. Upright: −Y away from the plate, a sensor on the ends of its arms, lens last. On edge: X away."""
+"""Flat: as it is. Upright: −Y points away from the plate, a sensor on the ends of its arms, lens last. On edge: X
+away.
+"""
 _IN_WORDS: dict[Orientation, str] = {
-    "flat": "flat: the part's own Z points away from the plate, layers lie across its thickness",
-    "upright": "upright: the part's own −Y points away from the plate; a sensor stands on its arms, the lens is last",
+    "flat": "flat: the part's own Z points away from the plate, and the layers divide its thickness",
+    "upright": "upright: the part's own −Y points away from the plate; a sensor stands on its "
+    "arms, and the lens is printed last",
     "on-edge": "on edge: the part's own X points away from the plate; a sensor lies on its left side",
 }
 
 
 def orientation(name: Orientation, rotate_deg: Degrees = (0.0, 0.0, 0.0)) -> FloatArray:
-    """Rotation matrix (3, 3) of a named orientation and, after it, of turns in degrees about the plate's X, Y and Z."""
+    """Rotation matrix (3, 3) of a named orientation followed by turns in degrees about the plate's X, Y and Z."""
     return turned(rotate_deg) @ ORIENTATIONS[name]
 
 
 def described(name: Orientation, rotate_deg: Degrees) -> str:
-    """An orientation in words, for the settings sheet."""
+    """Description of an orientation for the settings sheet."""
     turns = ", then turned about X, Y, Z by " + ", ".join(f"{angle:g}" for angle in rotate_deg) + "°"
     return _IN_WORDS[name] + (turns if any(rotate_deg) else "")
 
 
 def turned(rotate_deg: Degrees) -> FloatArray:
-    """Rotation matrix (3, 3) of turns about X, then Y, then Z, counter-clockwise as seen from the axis' far end."""
+    """Rotation matrix (3, 3) of turns about X, then Y, then Z, counter-clockwise when looking against the axis."""
     matrix = np.eye(3)
     for axis, angle in enumerate(rotate_deg):
         cos, sin = _cos_sin(angle)
@@ -44,7 +47,7 @@ def turned(rotate_deg: Degrees) -> FloatArray:
 
 
 def _cos_sin(angle_deg: float) -> tuple[float, float]:
-    """Cosine and sine, exact at right angles."""
+    """Cosine and sine of an angle in degrees, exact at multiples of a right angle."""
     quarter, rest = divmod(angle_deg, 90.0)
     if rest == 0.0:
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarter) % 4]

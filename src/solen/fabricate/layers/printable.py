@@ -32,7 +32,7 @@ from solen.spec.design import names_file
 MESH_READERS: dict[str, Callable[[Path], Mesh]] = {".stl": read_stl, ".3mf": read_threemf}
 
 UNNAMED = "not named"
-"""How the words for a resin begin where there is none."""
+"""Beginning of a resin's description if the resin has no name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,21 +42,21 @@ class Printable:
     Attributes
     ----------
     solid
-        The part as it lies on the plate.
+        The part as placed on the plate.
     placed
-        Its mesh, its lowest corner at the origin.
+        Its mesh, with the lowest corner at the origin.
     label
-        Its description in its files.
+        Its description in exported files.
     source
-        The file that it comes from.
+        The file that it was read from.
     material, stated_resin
-        The resin in words, and its content where it is named.
+        Description of the resin, and its content if it is named.
     warnings
-        About the file.
+        Warnings about the file.
     lies
-        How it must lie on the plate, in words; None if that is free.
+        Required orientation on the plate, in words; None if any will do.
     seats
-        Names of its pockets and slots; None where a file does not say.
+        Names of its pockets and slots; None if the file does not state them.
     """
 
     solid: Solid
@@ -75,13 +75,13 @@ class Printable:
         return "" if self.material.startswith(UNNAMED) else self.material
 
     def write_stl(self, path: Path) -> None:
-        """Write its mesh as STL."""
+        """Write the mesh as STL."""
         with path.open("wb") as file:
             file.writelines(stl_pieces(self.placed, self.label))
 
 
 def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -> Printable:
-    """A design's part; ``path`` is the design's file."""
+    """Prepare a design's part; ``path`` is the design's file."""
     rotation = orientation(slicing.orientation, slicing.rotate_deg)
     label = label_of(design, f"thickness {design.body.thickness_mm:g} mm, {slicing.orientation}")
     resin: Resin | None
@@ -99,12 +99,12 @@ def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -
 
 
 def printable_mesh(path: Path, slicing: Slicing) -> Printable:
-    """A closed mesh of a file.
+    """Prepare a closed mesh read from a file.
 
     Raises
     ------
     DataError
-        Where the file is not a mesh that solen reads, is damaged, or its surface is not closed.
+        If the file is not a mesh in a format that solen reads, is damaged, or its surface is not closed.
     """
     kind = path.suffix.lower()
     if kind not in MESH_READERS:
@@ -113,11 +113,11 @@ def printable_mesh(path: Path, slicing: Slicing) -> Printable:
     warnings: tuple[Caution, ...] = ()
     if mesh.volume_mm3 < 0.0 and not mesh.open_edges():
         mesh = Mesh(mesh.vertices, mesh.triangles[:, ::-1].copy(), mesh.tolerance_mm)
-        warnings = (note("the mesh was inside out; its triangles are turned"),)
+        warnings = (note("the mesh was inside out; the order of its triangles' corners was reversed"),)
     rotation = orientation(slicing.orientation, slicing.rotate_deg)
     solid = mesh_solid(mesh, rotation, str(path))
     if solid.overlap_mm3 > 0.0:
-        overlap = f"shells of the mesh overlap: {solid.overlap_mm3:.4g} mm³ that two of them fill count once"
+        overlap = f"shells of the mesh overlap: the shared {solid.overlap_mm3:.4g} mm³ are counted once"
         warnings = (*warnings, look_at(overlap))
     label = Label(path.stem, hashlib.sha256(path.read_bytes()).hexdigest(), slicing.orientation)
     material, resin = resin_named(slicing.resin)
@@ -126,13 +126,13 @@ def printable_mesh(path: Path, slicing: Slicing) -> Printable:
 
 
 def placed_mesh(mesh: Mesh, rotation: FloatArray) -> Mesh:
-    """A mesh turned by a matrix (3, 3), its lowest corner at the origin."""
+    """A mesh turned by a matrix (3, 3), with its lowest corner at the origin."""
     turned = mesh.vertices @ rotation.T
     return Mesh(turned - turned.min(axis=0), mesh.triangles, mesh.tolerance_mm)
 
 
 def resin_named(name: str | None, known: str = "") -> tuple[str, Resin | None]:
-    """Name and content of a resin of the library, or of a file; without one, what is ``known`` of it."""
+    """Name and content of a resin of the library or of a file; without a name, the ``known`` description."""
     if name is None:
         return f"{UNNAMED}{known}: give --resin", None
     resin = resin_of(name, Path(name) if names_file(name) else None)

@@ -1,7 +1,7 @@
-"""Settings for the program of a printer that takes the STL and slices it itself, as most do.
+"""Settings for slicing programs that take the STL and slice it themselves, as most do.
 
-What to type in, with units, and what to compare with what the program then shows: the number of layers, the height and
-the dose. As a result for programs, and as Markdown to print out and lay beside the printer.
+The sheet states the settings to enter, with units, and the values to compare with those that the program then shows:
+the number of layers, the height and the dose. It exists as a result for programs, and as Markdown to print out.
 """
 
 import math
@@ -40,19 +40,19 @@ class PrintSettings(Result):
     Attributes
     ----------
     solen_settings, writer
-        Version of this table, and the solen that wrote it.
+        Version of this table, and the solen version that wrote it.
     part, stl, stl_unit
-        Name of the part, and of the STL, already oriented for printing.
+        Name of the part, and of the STL, which is already oriented for printing.
     material, printer, orientation, lies
-        Descriptions; the required orientation, None if any will do.
+        Descriptions; ``lies`` is the required orientation, None if any will do.
     seats
-        Names of the pockets and slots in the solid; None where its file does not say.
+        Names of the pockets and slots in the solid; None if its file does not state them.
     wavelength_nm, pixel_um, pixel_y_um
-        Of the printer; sides of a pixel along X and Y.
+        Wavelength of the printer, and sides of its pixels along X and Y.
     size_mm, copies
         Extent of one part along X, Y and Z, and number of parts.
     layer_um, expected_layers, stack_height_mm
-        Thickness and number of the layers, and their height.
+        Thickness and number of the layers, and the height of the stack.
     burn_in_layers, burn_in_exposure_s, exposure_s
         Number and exposure of the first layers, and exposure of the others.
     pictures
@@ -60,19 +60,19 @@ class PrintSettings(Result):
     irradiance_mW_per_cm2, burn_in_dose_mJ_per_cm2, dose_mJ_per_cm2
         Irradiance and doses at the window.
     phase_px, anti_aliasing, process, greys
-        Of the pictures, None without: where the part's origin stands in its pixel, whether edges are grey, the process
-        file, and its pairs of grey and light by which edges are drawn.
+        Properties of the pictures, None without pictures: position of the part's origin in its pixel, whether edges are
+        grey, the process file, and its pairs of grey and light used for drawing edges.
     z_offset_um
         Thickness of objects between plate and window that are not printed: a film, an existing base.
     volume_ml
-        Resin in all parts.
+        Total volume of resin in the parts.
     exposures_s, pause_s, estimated_time_s
         Total exposure, pause between exposures, and duration of the print.
     cure, cure_depth_um, burn_in_cure_depth_um
-        Working curve in words, and its cure depths of single exposures; None without one.
+        Working curve in words, and its cure depths of single exposures; None without a working curve.
     layer_exposures_s, layer_doses_mJ_per_cm2, layer_received_mJ_per_cm2
-        For each layer in order of printing: exposure, dose at the window, and mean received dose
-        including light through later layers, by the working curve; None without one.
+        For each layer in order of printing: exposure, dose at the window, and mean received dose including light
+        through later layers, computed from the working curve; None without a working curve.
     """
 
     solen_settings: int
@@ -167,16 +167,16 @@ def print_settings(job: Job, part: Printable, stl: str) -> PrintSettings:
 
 
 def has_curve(process: Process | None) -> TypeGuard[Process]:
-    """Whether a process has a working curve of its own, which goes before the resin's."""
+    """Whether a process has its own working curve, which takes precedence over the resin's."""
     return process is not None and not {"Dp_um", "Ec_mJ_per_cm2"} & set(process.assumptions)
 
 
 def cure_law(job: Job, resin: Resin | None) -> tuple[CureLaw | None, str | None]:
-    """Law of a job's cure, and that in words: the process's where it is measured, else the resin's."""
+    """Cure law of a job and its description: the process's law if measured, otherwise the resin's."""
     process = job.process
     if has_curve(process):
         lines = len(process.process.lamp)
-        lamp = f", the lamp by {lines} lines" if lines else ""
+        lamp = f", the lamp's spectrum as {lines} lines" if lines else ""
         s = process.process
         return s.law, f"Dp {s.Dp_um:.4g} µm, Ec {s.Ec_mJ_per_cm2:.3g} mJ/cm²{lamp} ({process.source['Dp_um']})"
     if resin is None or resin.cure is None:
@@ -203,7 +203,7 @@ def _pictures(job: Job) -> tuple[Picture, ...]:
 
 
 def as_sheet(settings: PrintSettings, warnings: Sequence[str]) -> str:
-    """Settings as Markdown, with what to check in the program, and warnings."""
+    """Settings as Markdown, with the values to check in the slicing program and the warnings."""
     notes = ["Mind:", "", *(f"- {line}" for line in warnings), ""] if warnings else []
     lines = [f"# {settings.part}: settings for the print", "", *_table("Setting", "Value", _settings(settings)), ""]
     lines += ["What the program must then show:", "", *_table("Check", "Expected", _checks(settings)), ""]
@@ -214,7 +214,7 @@ def _settings(s: PrintSettings) -> list[tuple[str, str]]:
     light = "" if s.wavelength_nm is None else f", {s.wavelength_nm:g} nm"
     sides = " × ".join(dict.fromkeys(f"{side:.5g}" for side in (s.pixel_um, s.pixel_y_um)))
     return [
-        ("STL to load", f"`{s.stl}`, in **mm**; it is turned already: do not rotate it"),
+        ("STL to load", f"`{s.stl}`, in **mm**; it is already turned: do not rotate it"),
         ("Material", s.material),
         ("Printer", f"{s.printer}{light}, pixels of {sides} µm"),
         ("Orientation", s.orientation),
@@ -227,7 +227,7 @@ def _settings(s: PrintSettings) -> list[tuple[str, str]]:
         ("Light intensity", f"{s.irradiance_mW_per_cm2:g} mW/cm² at the window: measure yours"),
         ("Z offset", f"{s.z_offset_um:g} µm above the calibrated zero of the plate"),
         *_pictured(s),
-        ("Supports", "none; solen makes none"),
+        ("Supports", "none; solen does not make supports"),
         ("Anti-aliasing, scaling, shrinkage compensation", "off, unless you calibrated them yourself"),
     ]
 
@@ -237,9 +237,13 @@ def _pictured(s: PrintSettings) -> list[tuple[str, str]]:
     if s.phase_px is None:
         return []
     x, y = s.phase_px
-    edges = f"grey, by the {len(s.greys)} greys of `{s.process}`" if s.greys else "grey, by the covered share"
+    edges = (
+        f"grey, according to the {len(s.greys)} greys of `{s.process}`"
+        if s.greys
+        else "grey, according to the covered share"
+    )
     rows = [("solen's pictures: edges", edges if s.anti_aliasing else "no grey pixels")]
-    return [*rows, ("solen's pictures: origin", f"at {x:g}, {y:g} of its pixel")]
+    return [*rows, ("solen's pictures: origin", f"at {x:g}, {y:g} of the pixel")]
 
 
 def _exposures(s: PrintSettings) -> list[tuple[str, str]]:
@@ -272,7 +276,9 @@ def _checks(s: PrintSettings) -> list[tuple[str, str]]:
     if (received := s.layer_received_mJ_per_cm2) and not s.pictures:
         places = (received[0], received[len(received) // 2], received[-1])
         first, middle, last = (f"{dose:.3g}" for dose in places)
-        checks.append(("Dose that layers get with later ones", f"first {first}, middle {middle}, last {last} mJ/cm²"))
+        checks.append(
+            ("Mean dose of layers, including later exposures", f"first {first}, middle {middle}, last {last} mJ/cm²")
+        )
     return checks
 
 
@@ -282,7 +288,7 @@ def _table(left: str, right: str, rows: list[tuple[str, str]]) -> list[str]:
 
 
 def _time(seconds: float) -> str:
-    """Hours and minutes, or minutes and seconds."""
+    """Duration in hours and minutes, or in minutes and seconds."""
     whole = math.ceil(seconds)
     hours, minutes = divmod(round(whole / 60), 60)
     return f"{hours} h {minutes:02d} min" if whole >= 3600 else f"{whole // 60} min {whole % 60:02d} s"

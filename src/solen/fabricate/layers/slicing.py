@@ -1,4 +1,4 @@
-"""Options of a print in layers: orientation, copies, slicing and exposure of the part."""
+"""Options for printing in layers: orientation, copies, slicing and exposure of the part."""
 
 from pathlib import Path
 from typing import Annotated, Literal
@@ -23,17 +23,17 @@ class Slicing(Options):
     printer: str = "generic"
     """Printer of the library (solen print printers), or its file."""
     layer_um: Finite = 25.0
-    """Thickness of a layer."""
+    """Layer thickness."""
     orientation: Orientation = "flat"
-    """How the part lies; upright is a sensor on its arms, lens last."""
+    """Orientation of the part; upright: a sensor on its arms, lens last."""
     rotate_deg: Degrees = (0.0, 0.0, 0.0)
-    """Then rotate it about the plate's X, Y and Z by these degrees."""
+    """Angles of further rotations about the plate's X, Y and Z."""
     copies: Annotated[int, Field(ge=1, le=10_000)] = 1
     """Number of copies, in a grid on the plate."""
     gap_mm: Annotated[float, Field(ge=0, le=1000)] = 2.0
-    """Least distance between copies."""
+    """Minimum distance between copies."""
     burn_in_layers: Annotated[int, Field(ge=0, le=1000)] = 6
-    """Number of first layers that are exposed for longer."""
+    """Number of first layers with a longer exposure (burn-in)."""
     burn_in_s: Seconds = 3.0
     """Exposure of the first layers."""
     exposure_s: Seconds = 2.0
@@ -43,36 +43,36 @@ class Slicing(Options):
     z_offset_um: Annotated[float, Field(ge=-1e5, le=1e5)] = 0.0
     """Thickness of a film or base under the part, for the settings sheet."""
     mirror: Axis | None = None
-    """Flip the pictures along x or y; default: as the printer's file says, else none."""
+    """Flip the pictures along x or y; default: as stated in the printer's file, otherwise none."""
     phase_px: tuple[Phase, Phase] = (0.0, 0.0)
     """Position of the part's origin (a sensor's lens vertex) in its pixel along X and Y; 0 is on a corner."""
     no_anti_aliasing: bool = False
-    """Light pixels that are covered by half or more, and no others; without it, pixels at an edge are grey."""
+    """Light only pixels that are covered by half or more; without it, pixels at an edge are grey."""
     process: Path | None = None
-    """Process file: its measured greys draw edges, its layers and exposures are taken, its cure is on the sheet."""
+    """Process file: its measured greys draw edges, its layers and exposures apply, its cure is on the sheet."""
     cure: Path | None = None
-    """Working curve of the resin for the sheet, with its lamp's spectrum where fitted: solen resin cure --out."""
+    """Working curve of the resin for the sheet, with the lamp's spectrum if fitted: solen resin cure --out."""
     format: Literal["zip", "goo"] = "zip"
-    """File of the pictures: a ZIP of PNGs, which UVtools opens too, or a .goo of version 3."""
+    """Format of the pictures: a ZIP of PNGs, which UVtools also opens, or a .goo file of version 3."""
     resin: str | None = None
     """Resin of the library, or its file: its name and working curve for the settings sheet."""
     sheet_only: bool = False
-    """Write STL and settings, no pictures."""
+    """Write only STL and settings, no pictures."""
 
     def exposed_as(self, process: Settings) -> "Slicing":
-        """The same with layers and exposures of a process where no option states them."""
+        """The options with the layers and exposures of a process, unless options state them."""
         stated = {key: getattr(process, key) for key in EXPOSED if key not in self.model_fields_set}
         return self.model_copy(update=stated)
 
     def exposed(self, process: Settings) -> dict[str, float]:
-        """Layers and exposures that the options state otherwise than a process, by their keys."""
+        """Layers and exposures that the options state differently from a process, by key."""
         stated = {key: getattr(self, key) for key in EXPOSED}
         return {key: value for key, value in stated.items() if value not in (None, getattr(process, key))}
 
     def otherwise(self, process: Settings) -> list[str]:
-        """The same in words."""
+        """Description of the differences from a process."""
         return [
-            f"--{key.replace('_', '-')} {value:g}, and the process has {getattr(process, key):g}"
+            f"--{key.replace('_', '-')} {value:g}, while the process has {getattr(process, key):g}"
             for key, value in self.exposed(process).items()
         ]
 
@@ -81,6 +81,6 @@ class Slicing(Options):
         return self.burn_in_s if index < self.burn_in_layers else self.exposure_s
 
     def total_s(self, layers: int) -> float:
-        """Exposure of a number of layers together in s."""
+        """Total exposure of a number of layers in s."""
         burn_in = min(layers, self.burn_in_layers)
         return burn_in * self.burn_in_s + (layers - burn_in) * self.exposure_s

@@ -1,7 +1,8 @@
 """Solids to be sliced: exact outlines at heights, or a closed mesh, with the lowest corner at the origin.
 
-A part that is printed flat needs no mesh: between two of its heights it is one plan, so all layers there are the same.
-Anything else is a mesh, cut by `solen.fabricate.layers.cut`; shells that overlap are united by manifold3d before.
+A part that is printed flat needs no mesh: between two of its heights it has one plan, so all layers there are
+identical. Any other part is a mesh, cut by `solen.fabricate.layers.cut`; overlapping shells are first united by
+manifold3d.
 """
 
 from abc import ABC, abstractmethod
@@ -26,13 +27,13 @@ from solen.geometry.body import filled
 Rings = Sequence[FloatArray]
 
 PLAN_MM = 1e-4
-"""How closely the outlines of a plan are followed: a thousandth of the finest pixel or so."""
+"""Tolerance for following the outlines of a plan: about a thousandth of the finest pixel."""
 MESH_MM = 2e-4
-"""The same of a mesh."""
+"""Tolerance for following the surface of a mesh."""
 OVERLAP = 1e-6
-"""Share of a mesh's volume from which on shells overlap, and do not only touch."""
+"""Fraction of a mesh's volume above which shells overlap rather than touch."""
 LEVEL_MM = 1e-5
-"""Faces whose corners differ in height by less are level."""
+"""A face is level if the heights of its corners differ by less than this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +45,9 @@ class Solid(ABC):
     size_mm
         Extent along X, Y and Z.
     origin_mm
-        X and Y at which the part's own origin lies.
+        X and Y of the part's own origin.
     volume_mm3
-        Its volume.
+        Volume of the solid.
     heights_mm
         Heights of its level faces, ascending.
     """
@@ -58,12 +59,12 @@ class Solid(ABC):
 
     @property
     def exposures_s(self) -> tuple[float, ...]:
-        """Exposures of pictures that are shown one after the other at one height; empty for a stack of layers."""
+        """Exposures of pictures that are shown in sequence at one height; empty for a stack of layers."""
         return ()
 
     @abstractmethod
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
-        """Rings at a height, holes clockwise, and a number that equal sections share; None if that is not known."""
+        """Rings at a height, holes clockwise, and a number shared by equal sections, or None if unknown."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,14 +85,14 @@ class Plan(Solid):
 
 @dataclass(frozen=True, eq=False)
 class Sections(Solid):
-    """A part with a smooth lens that differs by height, lying flat: sections of the exact face, made on demand."""
+    """A part whose smooth lens varies with height, lying flat: sections of the exact face, made on demand."""
 
     part: FacedPart
     turn: FloatArray
 
     @classmethod
     def of(cls, part: FacedPart, turn: FloatArray) -> "Sections":
-        """Solid of a part that is turned about the plate's normal by a matrix (2, 2)."""
+        """Solid of a part turned about the plate's normal by a matrix (2, 2)."""
         hollow, (blank,) = part.hollow, part.prisms
         half, nearest = hollow.lens.half_width_mm, hollow.lens.nearest_mm
         behind = [ring[ring[:, 1] >= nearest] for ring in blank.rings(PLAN_MM)]
@@ -149,7 +150,7 @@ class Slices(Solid):
 
 
 def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) -> Solid:
-    """A part, turned by a matrix (3, 3): a `Plan` where its Z stays upright, else `Slices` of its mesh.
+    """Solid of a part turned by a matrix (3, 3): a `Plan` if its Z stays upright, otherwise `Slices` of its mesh.
 
     Raises
     ------
@@ -164,7 +165,7 @@ def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) ->
 
 
 def exposures_of(part: Part, seconds: Sequence[float], greys: Sequence[float] = ()) -> Exposures:
-    """The prisms of a part of one layer, each with its own exposure, or all at once and each with its own grey."""
+    """Prisms of a part of one layer, each with its own exposure, or all exposed together and each with its own grey."""
     rings = [[np.asarray(ring) for ring in prism.rings(PLAN_MM)] for prism in part.prisms]
     points = np.vstack([ring for one in rings for ring in one])
     corner, height = points.min(axis=0), max(prism.to_mm - prism.from_mm for prism in part.prisms)
@@ -178,7 +179,7 @@ def exposures_of(part: Part, seconds: Sequence[float], greys: Sequence[float] = 
 
 
 def mesh_solid(mesh: Mesh, rotation: FloatArray, name: str = "mesh") -> Slices:
-    """A mesh, turned by a matrix (3, 3).
+    """Solid of a mesh turned by a matrix (3, 3).
 
     Raises
     ------
@@ -199,7 +200,7 @@ def mesh_solid(mesh: Mesh, rotation: FloatArray, name: str = "mesh") -> Slices:
 
 
 def _united(mesh: Mesh, name: str) -> Mesh:
-    """A mesh with overlapping shells united; the mesh itself if none overlap."""
+    """Unite the overlapping shells of a mesh; return the mesh itself if none overlap."""
     from manifold3d import Error, Manifold, Mesh64, OpType
 
     solid = Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), mesh.triangles.astype(np.uint64)))
@@ -213,7 +214,7 @@ def _united(mesh: Mesh, name: str) -> Mesh:
 
 
 def _levels(vertices: FloatArray, triangles: NDArray[np.int64]) -> tuple[float, ...]:
-    """Heights of level triangles."""
+    """Heights of the level triangles."""
     z = vertices[triangles, 2]
     level = z[np.ptp(z, axis=1) < LEVEL_MM, 0]
     return tuple(np.unique((level / LEVEL_MM).round() * LEVEL_MM).tolist())
@@ -223,7 +224,7 @@ def _check_closed(mesh: Mesh, name: str) -> None:
     if not len(mesh.triangles):
         raise DataError(name, value="no triangle", limit="is empty")
     if count := mesh.open_edges():
-        limit = "must be watertight: each edge belongs to two triangles that agree on what is outside"
+        limit = "must be watertight: each edge belongs to two triangles that agree on which side is outside"
         raise DataError(name, value=f"{count} open edges", limit=limit, remedy="repair the mesh")
     if not mesh.volume_mm3 > 0.0:
         limit = "encloses no volume" if mesh.volume_mm3 == 0.0 else "is inside out"
@@ -231,7 +232,7 @@ def _check_closed(mesh: Mesh, name: str) -> None:
 
 
 def _plan(part: Part, turn: FloatArray) -> Plan:
-    """Plan of a part that is turned about the plate's normal by a matrix (2, 2)."""
+    """Plan of a part turned about the plate's normal by a matrix (2, 2)."""
     tools = [cut.tool for cut in part.cuts]
     heights = sorted({height for prism in (*part.prisms, *tools) for height in (prism.from_mm, prism.to_mm)})
     bottom, top = min(prism.from_mm for prism in part.prisms), max(prism.to_mm for prism in part.prisms)
@@ -262,7 +263,7 @@ def _across(prisms: Sequence[Prism], low: float, high: float) -> tuple[int, ...]
 
 
 def _rings(prisms: Sequence[Prism], tools: Sequence[Prism]) -> list[FloatArray]:
-    """Rings of prisms minus tools, with air wherever there is no prism."""
+    """Rings of prisms minus tools; no prism means air."""
     if not prisms:
         return []
     import shapely

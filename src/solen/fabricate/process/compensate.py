@@ -126,7 +126,7 @@ class Printing:
             gained = math.inf if best is None else self._inner_rms(best.printed.um) - self._inner_rms(deviation.um)
             best = made if best is None or gained > 0.0 else best
             rounds.append(best.printed.rms_um)
-            share *= 1.0 if gained > 0.0 else 0.5  # where a pixel answers too strongly, half as far
+            share *= 1.0 if gained > 0.0 else 0.5  # halve the step if a pixel responds too strongly
             if gained < SETTLED_UM and (gained > 0.0 or share < LEAST_SHARE):
                 break
             drawn = best.drawn_um - share * self._smooth(best.printed.um)

@@ -101,7 +101,7 @@ class FacePrint:
         lens = body.front.lens
         if 2.0 * lens.half_width_mm < FEWEST_PIXELS * 1e-3 * settings.pixel_um:
             limit = f"the lens must be at least {FEWEST_PIXELS} pixels wide"
-            raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy="take finer pixels")
+            raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy="use smaller pixels")
         return cls(body, lens, settings, phase)
 
     @property

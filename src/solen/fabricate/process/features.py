@@ -40,7 +40,7 @@ APART = 3.0
 """Ratio of measured to drawn sizes, or its inverse, above which the unit is questioned."""
 _WIDE = 6.5  # widths of a blur beyond which it adds nothing
 _NODES = 28
-_EXACT: Any = {"xatol": 1e-7, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0}  # of an edge, in µm
+_EXACT: Any = {"xatol": 1e-7, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0}  # tolerance of an edge, in µm
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,8 @@ DARK = 1e-12
 """Fraction of the maximum dose below which its logarithm is cut off."""
 MOST_POINTS = 20_000_000
 MOST_LAYERS = 10_000
-_FAR = 6.0  # widths of the halo that are kept free round the lens
-_DEEP = 3.0  # penetration depths at which the halo's width is taken for that
+_FAR = 6.0  # widths of the halo that are kept free around the lens
+_DEEP = 3.0  # depth, in penetration depths, at which the halo's width is evaluated for this
 _REACH_UM = 300.0
 
 

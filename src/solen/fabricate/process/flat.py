@@ -75,7 +75,7 @@ class FlatPrint:
         layers = round(thickness_mm * 1e3 / settings.layer_um)
         if layers < 1:
             limit = f"a layer is {settings.layer_um:g} µm"
-            raise DataError("body.thickness_mm", value=thickness_mm, limit=limit, remedy="raise it")
+            raise DataError("body.thickness_mm", value=thickness_mm, limit=limit, remedy="increase it")
         width_mm = float(np.ptp(target.points_mm[:, 0]))
         if width_mm < FEWEST_PIXELS * 1e-3 * settings.pixel_um:
             limit = f"the lens, {width_mm:.3g} mm wide, must be at least {FEWEST_PIXELS} pixels wide"

@@ -122,7 +122,9 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     mean, u_mean = np.bincount(which, depth[set_at] / u_disc**2) / weight, weight**-0.5
     Dp, u_Dp = process.process.Dp_um, process.uncertainty.get("Dp_um", 0.0)
     ascending = _ascending(greys, mean, u_mean)
-    log_left = np.log(process.process.left(ascending))  # E(grey) times what is left at its depth is Ec for all
+    log_left = np.log(
+        process.process.left(ascending)
+    )  # E(grey) times the fraction left at its depth is Ec for all discs
     log_light = np.minimum(log_left[-1] - log_left, 0.0)
     per_um = (log_left - np.log(process.process.left(ascending + _STEP_UM))) / _STEP_UM
     light = np.exp(log_light)

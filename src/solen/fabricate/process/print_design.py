@@ -197,7 +197,7 @@ class _Print:
         stands = self.phase_px or (0.0, 0.0)
         mesh, slabs = printed_solid(self.rings, self.process.process, self.thickness_mm, centre, design.name, stands)
         label = label_of(design, f"simulated: as printed by the model, {self.process.name}")
-        label = replace(label, name=f"simulated print of {label.name}")  # an STL has room for the name alone
+        label = replace(label, name=f"simulated print of {label.name}")  # an STL only stores the name
         designed_mm3 = area_mm2(body.outlines) * self.thickness_mm
         return PrintedPart(mesh, label, mesh.volume_mm3, designed_mm3, len(mesh.triangles), len(slabs))
 
@@ -206,12 +206,15 @@ def _check_flat(options: PrintOptions, *, compensate: bool, part: bool) -> None:
     """Raise `SpecError` if an option for flat parts is combined with another orientation."""
     if options.choose_phase and options.phase_px is not None:
         raise SpecError(
-            "--phase-px", value=options.phase_px, limit="cannot be combined with --choose-phase", remedy="leave one out"
+            "--phase-px",
+            value=options.phase_px,
+            limit="cannot be combined with --choose-phase",
+            remedy="omit one of them",
         )
     if options.orientation == "flat":
         return
     if options.at != "middle":
-        raise SpecError("--at", value=options.at, limit="applies to parts printed flat", remedy="leave it out")
+        raise SpecError("--at", value=options.at, limit="applies to parts printed flat", remedy="omit it")
     phase = options.choose_phase or options.phase_px is not None
     for asked, option in ((compensate, "--compensate"), (part, "--solid"), (phase, "--phase-px or --choose-phase")):
         if asked:

@@ -246,13 +246,13 @@ def _check(options: PrintOptions, *, part: bool) -> None:
     why = "is not supported for a lens that varies with height"
     if options.orientation != "flat":
         limit = "a lens that varies with height is printed flat, with its layers parallel to the faces of the body"
-        raise SpecError("--orientation", value=options.orientation, limit=limit, remedy="leave it out")
+        raise SpecError("--orientation", value=options.orientation, limit=limit, remedy="omit it")
     if part:
         raise SpecError("--solid", limit=why, remedy="export the printed layers: lens.profile of a layered design")
     if options.choose_phase:
         raise SpecError("--choose-phase", limit=why, remedy="state --phase-px")
     if options.at != "middle":
-        raise SpecError("--at", value=options.at, limit=f"{why}: all heights are predicted", remedy="leave it out")
+        raise SpecError("--at", value=options.at, limit=f"{why}: all heights are predicted", remedy="omit it")
     if options.phase_px is not None and options.phase_px[0] not in MIDDLE_PIXELS:
         limit = "must be 0 or 0.5 across the axis for a lens that varies with height: its halves must print identically"
         raise SpecError("--phase-px", value=options.phase_px, limit=limit)

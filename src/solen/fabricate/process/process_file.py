@@ -100,7 +100,7 @@ class Process(Strict):
         unused = "response_scale" if self.process.response is None else "sigma_um"
         if unused in self.uncertainty:
             limit = f"names no number of this process, which states {'no' if unused != 'sigma_um' else 'a'} response"
-            raise refused(f"uncertainty.{unused}", limit, value=self.uncertainty[unused], remedy="leave it out")
+            raise refused(f"uncertainty.{unused}", limit, value=self.uncertainty[unused], remedy="omit it")
         return self
 
     @property

@@ -47,11 +47,11 @@ HOT = 8.0
 """Ratio of a sample to its brightest neighbour above which it is probably a defect of the camera."""
 COARSEST = 4.0
 """Minimum number of samples along the side of a pixel."""
-_GREY = ("L", "F", "I", "I;16", "I;16B", "I;16L", "I;16N")  # kinds of pictures whose numbers are light
+_GREY = ("L", "F", "I", "I;16", "I;16B", "I;16L", "I;16N")  # picture modes whose values are light
 _FULL_SCALES = (255, 1023, 4095, 16383, 65535)
-_WIDTHS = np.geomspace(0.35, 2.5, 8)  # of the Gaussians of a mixture, over the response's own
+_WIDTHS = np.geomspace(0.35, 2.5, 8)  # widths of the Gaussians of a mixture, over the response's own
 _WAVES, _DIRECTIONS, _RIDGE = 120, 16, 1e-4
-_PAD = 12  # dark samples round a table, over which its spline settles
+_PAD = 12  # dark samples around a table, over which its spline decays
 _FAR = 6.0  # widths of a Gaussian
 _APART = 0.1, 20.0  # a response's width over that of its pixel
 
@@ -271,7 +271,9 @@ def measured_pixel(response: PixelResponse, scale: float, pixels_um: tuple[float
     """
     if COARSEST * response.pitch_um > min(pixels_um):
         limit = f"a pixel of {min(pixels_um):g} µm requires at least {COARSEST:g} samples"
-        raise DataError("process.response.pitch_um", value=response.pitch_um, limit=limit, remedy="measure it finer")
+        raise DataError(
+            "process.response.pitch_um", value=response.pitch_um, limit=limit, remedy="measure it with smaller samples"
+        )
     made = _scaled(response, scale, pixels_um)
     least, most = (share * max(pixels_um) for share in _APART)
     if not least <= made.width_um <= most:
@@ -352,7 +354,7 @@ def _of_picture(path: Path) -> list[list[float]]:
             kind, pages, light = picture.mode, getattr(picture, "n_frames", 1), np.array(picture)
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as bad:
         raise DataError(str(path), limit=f"cannot be read as a picture: {bad}", remedy="check the file") from None
-    if kind not in _GREY:  # the numbers of a palette are no light
+    if kind not in _GREY:  # the values of a palette are not light
         limit = "must be a single-channel grey picture, without colours or a palette"
         raise DataError(str(path), value=kind, limit=limit, remedy="save it in grey, in 8, 16 or 32 bits")
     if pages > 1:

@@ -107,7 +107,7 @@ class Settings(Strict):
     def _states_one_blur(self) -> Self:
         if (self.sigma_um is None) == (self.response is None):
             limit = "cannot be combined with process.response, as both define the light of a pixel"
-            raise refused("sigma_um", limit, value=self.sigma_um, remedy="leave one out")
+            raise refused("sigma_um", limit, value=self.sigma_um, remedy="omit one of them")
         if self.response is None and self.response_scale != 1.0:
             raise refused("response_scale", "applies to a response, and none is stated", value=self.response_scale)
         return self

@@ -79,7 +79,7 @@ def outlines(
     height_um = _middle_um(settings, layer)
     if terms_at(settings, layers, height_um).total <= settings.Ec_mJ_per_cm2:
         raise DataError(
-            "process.exposure_s", value=settings.exposure_s, limit="nothing sets", remedy="expose for longer"
+            "process.exposure_s", value=settings.exposure_s, limit="no resin sets", remedy="expose for longer"
         )
     set_at = _critical(image, settings, height_um)
     beyond_mm = 1e-3 * float(beyond_dose_um(settings, height_um, layers * settings.layer_um))

@@ -153,7 +153,7 @@ def with_resin(process: Process, design: Design) -> Process:
     resin = None if design.material.resin is None else resin_of(design.material.resin, design.resin_file)
     keys = ("Dp_um", "Ec_mJ_per_cm2")
     if resin is None or resin.cure is None or process.calibration is not None or process.process.lamp:
-        return process  # the curve's Dp is no lamp's Dp at the surface
+        return process  # the curve's Dp differs from a lamp's Dp at the surface
     if set(keys) - set(process.assumptions):
         return process
     cure, calibration = resin.cure, None

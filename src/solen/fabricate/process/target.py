@@ -24,7 +24,7 @@ Field = Callable[[FloatArray], FloatArray]
 
 _DENSE = 4001
 _BISECTIONS = 30
-_AT_ONCE = 2_000_000  # places that are asked for at a time
+_AT_ONCE = 2_000_000  # points evaluated at a time
 FIRST_REACH_UM, MOST_REACH_UM = 200.0, 1600.0
 
 
@@ -104,7 +104,7 @@ def _exits(field: Field, target: Target, reach_um: float, step_um: float) -> Flo
         places = target.points_mm[part, None] + 1e-3 * t[:, None] * target.outward[part, None]
         is_set = field(places) > 0.0
         leaves = is_set[:, :-1] & ~is_set[:, 1:]
-        # what is set again far outside is another wall; what is not set far inside is behind the part
+        # resin that sets again far outside is another wall; unset resin far inside is behind the part
         near = np.argmax(leaves, axis=1)
         has = leaves.any(axis=1)
         low[part], high[part] = np.where(has, t[near], np.nan), np.where(has, t[near + 1], np.nan)

@@ -136,7 +136,7 @@ class SidePrint:
         layers = len(self.rows)
         pitch = _pixel_um(s, self.side)
         column = (at[..., 0] - self.corner_um - pitch / 2) / (pitch / fine)
-        # layers are laid end to end, so that no value between two of them is ever a mixture of both
+        # layers are separate blocks, so interpolation never mixes two of them
         rows = self._log_excess.reshape(layers * SUBLAYERS, -1)
         index = np.clip(own, 0, layers - 1) * SUBLAYERS + within
         excess = ndimage.map_coordinates(rows, [index, column], order=1, mode="nearest")

@@ -200,7 +200,7 @@ class Coupon(_Table):
 
     def __post_init__(self) -> None:
         if not self.features:
-            raise SpecError(f"coupon {self.name}", value="no features", limit="needs one")
+            raise SpecError(f"coupon {self.name}", value="no features", limit="requires at least one")
         if self.slab is not None:
             _check_sizes(f"{self.name} slab", self.slab.width_mm, self.slab.depth_mm, self.slab.thickness_mm)
             if not 0.0 <= self.slab.bevel_mm < min(self.slab.width_mm, self.slab.depth_mm):
@@ -214,7 +214,7 @@ class Coupon(_Table):
         for first, other in combinations(self.features, 2):
             if first.stage == other.stage and first.meets(other) and first.distance_mm(other) < TOUCH_MM:
                 value = f"{first.name} and {other.name}"
-                raise SpecError(f"coupon {self.name}", value=value, limit="overlap", remedy="space them farther")
+                raise SpecError(f"coupon {self.name}", value=value, limit="overlap", remedy="increase their distance")
 
     def _check(self, feature: Feature) -> None:
         what = f"{self.name} {feature.name}"

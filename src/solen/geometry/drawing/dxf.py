@@ -161,7 +161,7 @@ class _Reader:
         dxf, across = entity.dxf, entity.dxf.extrusion
         if abs(across.x) > UPRIGHT or abs(across.y) > UPRIGHT:
             limit = "is not drawn in the x-y plane"
-            raise DataError("drawing", value=_what(entity), limit=limit, remedy="turn it flat")
+            raise DataError("drawing", value=_what(entity), limit=limit, remedy="rotate it into this plane")
         center = self._at(entity.ocs().to_wcs(dxf.center))
         start, sweep = 0.0, 360.0
         if entity.dxftype() == "ARC":

@@ -21,7 +21,7 @@ def read_json(path: Path, units: str | None) -> Drawing:
     """Read the drawing of a JSON file, whose lengths are always in mm; errors are those of `read_drawing`."""
     where = str(path)
     if units not in (None, "mm"):
-        raise DataError("body.units", value=units, limit="an outline in JSON is in mm", remedy="leave it out")
+        raise DataError("body.units", value=units, limit="an outline in JSON is in mm", remedy="omit it")
     data = parsed(read_text(path, DataError), where)
     if not isinstance(data, dict) or "solen_outline" not in data:
         raise DataError(where, limit="not an outline of solen: the key solen_outline is missing")

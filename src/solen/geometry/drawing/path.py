@@ -143,7 +143,10 @@ def _arc(a: Point, numbers: list[float], b: Point) -> Piece | None:
         rx, ry, x, y = rx * math.sqrt(square), ry * math.sqrt(square), x / math.sqrt(square), y / math.sqrt(square)
         square = 1.0
     away = math.sqrt(max(0.0, 1.0 / square - 1.0)) * (-1.0 if large == positive else 1.0)
-    cx, cy = away * y, -away * x  # the centre where the ellipse is the unit circle, from the middle of the chord
+    cx, cy = (
+        away * y,
+        -away * x,
+    )  # centre relative to the middle of the chord, in coordinates in which the ellipse is the unit circle
     start, end = math.atan2(y - cy, x - cx), math.atan2(-y - cy, -x - cx)
     sweep = (end - start) % math.tau
     sweep = sweep if positive else sweep - math.tau

@@ -196,7 +196,7 @@ def _pieces(element: ET.Element, where: str) -> list[Piece]:
         return [Piece((center, (rx, 0.0), (0.0, ry)), 0.0, math.tau)] if rx > 0.0 and ry > 0.0 else []
     if tag == "rect":
         return list(_rectangle(data))
-    raise DataError(where, limit="is not understood", remedy="convert it to a path")
+    raise DataError(where, limit="is not supported", remedy="convert it to a path")
 
 
 def _between(corners: list[Point], *, closed: bool) -> list[Piece]:

@@ -28,12 +28,12 @@ class Affine:
         while place < len(text.rstrip()):
             call = CALL.match(text, place)
             if call is None:
-                raise DataError(f"{where}: transform", value=text, limit="is not understood")
+                raise DataError(f"{where}: transform", value=text, limit="is not supported")
             try:
                 numbers = [float(number) for number in re.split(r"[\s,]+", call[2].strip())]
                 affine = affine.after(_one(call[1], numbers))
             except ValueError:
-                raise DataError(f"{where}: transform", value=text, limit="is not understood") from None
+                raise DataError(f"{where}: transform", value=text, limit="is not supported") from None
             place = call.end()
         return affine
 

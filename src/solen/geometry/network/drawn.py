@@ -116,7 +116,7 @@ def _named(design: Design, rest: Body) -> Body:
         listed = [one.name for one in getattr(design.network, key)]
         drawn = [face.whose for face in faces if face.part == part]
         if part == "lens":
-            drawn = [name for name in drawn if name != part]  # one without a name is a wall
+            drawn = [name for name in drawn if name != part]  # a lens without a name is a wall
         _check_listed(part, key, listed, ["" if name == part else name for name in drawn])
         names |= {(part, _drawn(name)): name for name in listed}
 

@@ -50,9 +50,9 @@ class Walk:
                     walk.corner(arriving, departing, node.fillet_mm, node.name)
             on_it = [one for one in (*plan.network.lenses, *plan.network.receivers) if one.node == node.name]
             if node.end != "open" and (len(ways) > 1 or on_it):
-                there = f"{on_it[0].name} stands there" if on_it else f"{len(ways)} guides meet there"
+                there = f"{on_it[0].name} is there" if on_it else f"{len(ways)} guides meet there"
                 limit = f"does not apply: {there}, at {place_text(plan.places[node.name])}"
-                raise DesignError(f"network.nodes[{number}].end", value=node.end, limit=limit, remedy="leave it out")
+                raise DesignError(f"network.nodes[{number}].end", value=node.end, limit=limit, remedy="omit it")
             if len(ways) == 1 and node.fillet_mm:
                 limit = f"does not apply where one guide ends, at {place_text(plan.places[node.name])}"
                 raise DesignError(f"network.nodes[{number}].fillet_mm", value=node.fillet_mm, limit=limit)
