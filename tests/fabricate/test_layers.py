@@ -327,7 +327,7 @@ def test_a_part_fits_to_the_pixel() -> None:
 
 def test_a_part_that_no_printer_builds() -> None:
     box = mesh_solid(closed(trimesh.creation.box((900.0, 900.0, 3.0))), FLAT)
-    with pytest.raises(DesignError, match="make it smaller, or in pieces"):
+    with pytest.raises(DesignError, match="divide it into pieces"):
         job_of(box, printer())
 
 

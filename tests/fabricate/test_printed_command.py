@@ -208,7 +208,8 @@ def test_layers_thicker_than_the_cure_depth_are_warned_of(sensor: Path, tmp_path
     found = print_of(sensor, options=PrintOptions(process=process), response=False)
     assert found.cure_depth_um < 100.0
     assert any(
-        text.startswith("do not use: the layers do not adhere: 0.9 s (11.7 mJ/cm2) cure 85 µm") for text in found.warnings
+        text.startswith("do not use: the layers do not adhere: 0.9 s (11.7 mJ/cm2) cure 85 µm")
+        for text in found.warnings
     )
 
 

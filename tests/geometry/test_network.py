@@ -303,7 +303,7 @@ BAD = {
     ),
     "dark": (
         {"network.nodes[2].end": "mirror"},
-        r"^network\.nodes\[2\]\.end = 'mirror'; .*right stands there, at x = ",
+        r"^network\.nodes\[2\]\.end = 'mirror'; .*right is there, at x = ",
     ),
     "in space": (
         {"lens.shape": "line-focus", "trace.dimension": "extruded", "emitter.pattern": "lambertian"},
