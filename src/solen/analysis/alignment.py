@@ -35,17 +35,17 @@ from solen.recording.stimulus import ANGLE, Stimulus
 from solen.results import HIDDEN, Result
 
 _CELLS = 512
-_PIECES, _BEAR = 32, 2.5  # of a mean curve, at most; cells with samples of each direction for one
-_NOISES, _STEPS = 25.0, 5.0  # a speed is measured over a time in which the angle moves by so many of its noise or steps
-_ALIKE, _FINER = 0.02, 12  # of a step: how far a level may be from a multiple of it; the finest seen may hold so many
-_PARTS = 8  # of the range, each of which asks for a lag of its own
+_PIECES, _BEAR = 32, 2.5  # largest number of pieces of a mean curve, and cells with samples of each direction per piece
+_NOISES, _STEPS = 25.0, 5.0  # movement over which a speed is measured, in units of noise and of steps
+_ALIKE, _FINER = 0.02, 12  # tolerance of levels, in steps; most steps in the smallest difference of levels
+_PARTS = 8  # number of parts of the range for which separate lags are fitted
 _ROUNDS = 12
-_SLOW = 0.15  # of the usual speed: what is slower is not on the move
+_SLOW = 0.15  # smallest speed of a motion, relative to the usual speed
 _LEAST_CORRELATION = 0.3
-_RIVAL = 0.97  # share of the highest correlation from which on another shift could be meant as well
-_AGREE_S = 1.0  # clocks that differ by less were set by one another
+_RIVAL = 0.97  # ratio to the highest correlation above which another shift is also possible
+_AGREE_S = 1.0  # clocks that differ by less were synchronised
 _MOST = 1 << 20
-_INNER = 0.05  # share of the range at each end where a curve's slope is not known well
+_INNER = 0.05  # fraction of the range at each end in which the slope of a curve is uncertain
 
 
 class Alignment(Result):
@@ -156,7 +156,8 @@ def _coarse(
     peaks = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
     others = [int(n) for n in peaks if height[n] > _RIVAL * height[best] and abs(n - best) > 2]
     nearest = min([best, *others], key=lambda n: abs(float(lags[n])))
-    if abs(float(lags[nearest])) < _AGREE_S:  # a motion repeats: clocks that nearly agree are not whole cycles apart
+    # clocks that nearly agree do not differ by whole cycles of a periodic motion
+    if abs(float(lags[nearest])) < _AGREE_S:
         best, others = nearest, [best, *others]
     rivals = [float(lags[n]) for n in others if n != best]
     return float(lags[best]), tuple(sorted(rivals, key=lambda lag: abs(lag - float(lags[best])))[:1])

@@ -14,7 +14,7 @@ from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 
 _RUN = 3
 """Number of successive samples at one extreme value during a motion that count as clipped."""
-_TIMES = 2  # how much longer than the longest run of any other value
+_TIMES = 2  # smallest ratio to the longest run of any other value
 
 
 def clipped(volts: FloatArray, moving: BoolArray, rails: tuple[float, float] | None = None) -> BoolArray:

@@ -19,9 +19,9 @@ from solen.arrays import BoolArray, FloatArray, stretches
 from solen.plane import off_a_line
 from solen.recording.stimulus import NEAR_ZERO_DEG
 
-_END = 0.1  # share of the range at each end whose mean is the swing's level
+_END = 0.1  # fraction of the range at each end over which the levels of the swing are averaged
 _LEAST_POINTS = 3
-_ROUNDING = 1e-9  # of full scale: what is smaller is not noise
+_ROUNDING = 1e-9  # smallest noise, as a fraction of full scale; smaller values are rounding errors
 
 
 class Estimate(NamedTuple):
@@ -146,7 +146,8 @@ def receiver_response(
     """
     volts, angle = np.where(passes.clipped, np.nan, passes.volts)[..., 0], passes.angle_deg
     whole, rising, falling = (mean_curve(passes, direction) for direction in (None, 0, 1))
-    scale, cycles = _reach(whole.mean_V), volts.mean(axis=1)  # NaN where one way lacks the angle: it would bias
+    # NaN if one direction lacks the angle, which would bias the mean
+    scale, cycles = _reach(whole.mean_V), volts.mean(axis=1)
     percent = 100.0 / scale if scale > 0.0 else math.nan
     middle = line_slopes(angle, cycles, np.abs(angle) <= near_zero + 1e-9)
     slope = line_slopes(angle, cycles, np.isfinite(whole.mean_V))

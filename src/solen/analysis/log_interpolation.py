@@ -16,8 +16,8 @@ import numpy as np
 from solen.analysis.motion import Motion, Ramp
 from solen.arrays import BoolArray, FloatArray, IndexArray
 
-_NEAR = 4  # entries that a line is laid through
-_NOISES, _STEPS = 4.0, 1.0  # how far from a line an entry on it may lie
+_NEAR = 4  # entries to which a line is fitted
+_NOISES, _STEPS = 4.0, 1.0  # largest distance of an entry from its line, in units of noise and of steps
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,12 +26,12 @@ from solen.results import HIDDEN, Result
 
 _TENTH = 0.1
 """Fraction of the range that an excursion must exceed, and over which a ramp differs from a hold."""
-_SLOWEST = 0.1  # speed, relative to the fastest, that is still a ramp
-_MOST = 4_000_000  # points of the even grid that edges are found on
+_SLOWEST = 0.1  # smallest speed of a ramp, relative to the fastest
+_MOST = 4_000_000  # largest number of points of the uniform grid for detecting edges
 _SIGMAS = 4.0
-_PEAKS = 5.0  # of the noise: what it adds to the largest difference of a recording's angles, after a median of five
-_HIDING = 150.0  # noise beyond this part of the range hides an edge
-_COARSEST = 1.0 / 8.0  # of the range: an encoder whose steps are larger shows set points
+_PEAKS = 5.0  # contribution of noise to the range of the angles after a median of five, in standard deviations
+_HIDING = 150.0  # noise larger than this part (1/150) of the range hides an edge
+_COARSEST = 1.0 / 8.0  # largest step of an encoder, as a fraction of the range; larger steps are set points
 
 
 @dataclass(frozen=True)
@@ -256,7 +256,8 @@ def _ramps(angle_deg: FloatArray, runs: list[tuple[int, int, int]], half: int, t
         middle = (start + stop) // 2
         before = _level(angle_deg, runs[number - 1][1] if number else 0, start, half)
         after = _level(angle_deg, stop, runs[number + 1][0] if number + 1 < len(runs) else size, half)
-        low = max(cuts[number] - (half if before is None else 0), 0)  # an edge may be found a little beside a turn
+        # an edge may be detected slightly away from a reversal
+        low = max(cuts[number] - (half if before is None else 0), 0)
         high = min(cuts[number + 1] + (half if after is None else 0), size)
         first = _leaves(angle_deg, low, middle, before, tolerance, direction)
         last = _enters(angle_deg, middle, high, after, tolerance, direction)

@@ -23,12 +23,12 @@ from solen.ranks import Caution, look_at, note
 from solen.recording.column_roles import left_right
 
 _MOST = 1 << 20
-_ALIKE = 0.5  # correlation with itself one cycle later, at least
-_WHOLE = 0.7  # likeness of a cycle to the protocol, relative to the best
+_ALIKE = 0.5  # smallest autocorrelation after one cycle
+_WHOLE = 0.7  # smallest correlation of a cycle with the protocol, relative to the best
 _CELLS = 40
 _MEDIAN_OF_SQUARES = 0.4549  # of a normal variable of variance 1
-_ELSEWHERE = 0.1  # share of a signal's variance that an angle may leave open
-_SLACK = 0.05  # share of a cycle that the protocol may be longer
+_ELSEWHERE = 0.1  # largest fraction of a signal's variance that an angle may not explain
+_SLACK = 0.05  # fraction by which the protocol may be longer than a cycle
 
 
 @dataclass(frozen=True)

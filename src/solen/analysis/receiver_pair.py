@@ -20,7 +20,7 @@ from solen.recording.stimulus import NEAR_ZERO_DEG
 from solen.results import Result
 
 _NOTHING_V = 1e-9  # a change below this is rounding
-_ASIDE = 0.05  # share of the range that a motion must go to a side
+_ASIDE = 0.05  # smallest fraction of the range on a side that counts as reaching it
 
 
 class Crosstalk(Result):
@@ -177,7 +177,7 @@ def sign_warnings(
         f"from the lowest to the highest angle {names[0]} changes by {left.value:+.3g} {unit} and {names[1]} by "
         f"{right.value:+.3g} {unit}"
     )
-    if left.value > 0.0 > right.value and unit == "V":  # of lux, brighter is more
+    if left.value > 0.0 > right.value and unit == "V":  # in lux, brighter is a higher value
         reverse = (
             f"{changes}: the reverse of the convention (at negative angles the right receiver is brighter, and "
             "brighter is a lower voltage). Either the angle has the opposite sign, the receivers are swapped, or the "

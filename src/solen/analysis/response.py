@@ -21,10 +21,10 @@ from solen.results import Result
 
 DIRECTIONS = ("rising", "falling")
 _STEPS_DEG = (1.0, 2.0, 5.0)
-_CELLS = 60  # of a whole range, about
-_MOST = 20_000  # points of a grid
-_NEAR = 5.0  # times the usual distance of samples that a cell may be from them
-_OUT = 0.25  # share of a step that a point may lie beyond the last sample
+_CELLS = 60  # approximate number in a whole range
+_MOST = 20_000  # largest number of points of a grid
+_NEAR = 5.0  # largest distance of a cell from samples, in units of their usual distance
+_OUT = 0.25  # fraction of a step by which a point may be beyond the last sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ def grid_deg(low: float, high: float, step: float, sign: str = "°") -> FloatArr
     if last - first > _MOST:
         limit = f"of {step:.3g}{sign} leaves more than {_MOST:,} points {between}"
         raise DataError("grid of angles", limit=limit, remedy="choose a larger --step-deg")
-    return np.round(np.arange(first, last + 1) * step, 9) + 0.0  # never -0
+    return np.round(np.arange(first, last + 1) * step, 9) + 0.0  # avoids -0
 
 
 def passes(

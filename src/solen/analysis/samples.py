@@ -34,9 +34,9 @@ from solen.units import factor
 
 _BRACKETED = re.compile(
     r"[(\[]\s*([^()\[\]\d]+?)\s*[)\]]\s*$"
-)  # a word in brackets at the end, where a unit is written
-_SLOW_S = 1.0  # from this step on, a time without a unit may count samples or ms
-_HIGH_V = 100.0  # above what any receiver here shows
+)  # a word in brackets at the end, which is usually a unit
+_SLOW_S = 1.0  # with at least this step, a time without a unit may count samples or ms
+_HIGH_V = 100.0  # larger than the voltage of any receiver
 
 
 def ambient_by_side(recording: Recording) -> dict[str, float]:

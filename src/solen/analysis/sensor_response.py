@@ -279,7 +279,7 @@ def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -
         raise DataError(signals.source or signals.label, limit=limit, remedy="use --drop 0, or record more cycles")
     moving = np.zeros(signals.time_s.size, dtype=bool)
     for ramp in motion.ramps:
-        moving[ramp.start + 1 : ramp.stop - 1] = True  # its ends belong to holds, which repeat a value
+        moving[ramp.start + 1 : ramp.stop - 1] = True  # the ends belong to holds, in which a value repeats
     marked = np.zeros(signals.volts.shape, dtype=bool)
     if not signals.ambient_subtracted:
         marked |= np.column_stack([clipped(column, moving, options.rails) for column in signals.volts.T])

@@ -17,7 +17,7 @@ from solen.ranks import Caution, look_at
 
 LONGEST_GAP = 5.0
 """Length of a step, in units of the usual step, from which it is a gap."""
-_FEW_STEPS, _SHARE = 10.0, 0.01  # how far back, and how many of the samples, is disorder and not another clock
+_FEW_STEPS, _SHARE = 10.0, 0.01  # limits (in steps, and as a fraction of the samples) of disorder without a reset clock
 _LEAST = 16
 
 

@@ -21,11 +21,11 @@ from solen.analysis.response import Passes
 from solen.arrays import BoolArray, FloatArray
 from solen.results import Result
 
-_APART = 1.2  # ratio of two speeds from which on they are two
-_MEANT = 1.5  # ratio from which on a second speed was meant, where the cycles of the first are alike
+_APART = 1.2  # ratio above which two speeds are distinct
+_MEANT = 1.5  # ratio above which a second speed is intended, if the cycles of the first are alike
 _ALIKE = 1.1  # largest ratio of speeds that are alike
-_PARTS = 6  # of the range, each with a lag of its own
-_LEAST_CYCLES = 3  # a line over the speed has a scatter from three on
+_PARTS = 6  # number of parts of the range with separate lags
+_LEAST_CYCLES = 3  # smallest number for which the scatter about a line is defined
 
 Source = Literal["recording", "log", "angle", "force", "depth"]
 

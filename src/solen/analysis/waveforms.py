@@ -26,8 +26,8 @@ from solen.errors import SpecError
 from solen.ranks import Caution, look_at, note
 from solen.recording import Recording
 
-_WIDEST = 0.05  # share of a recording that a moving mean may span
-_FOLLOWS = 0.5  # of the scatter of either phase: what the difference of both must have to be a sensor's
+_WIDEST = 0.05  # largest fraction of a recording that a moving mean may span
+_FOLLOWS = 0.5  # smallest scatter of the difference, relative to that of either phase, for a sensor
 
 
 def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSource = "optional") -> dict[str, Waveforms]:

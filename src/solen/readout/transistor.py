@@ -164,7 +164,7 @@ def load_line(
         log_b = np.log(b)
     omega = wrightomega(log_b + b - a)
     y = np.asarray(a - b + omega)
-    if (saturated := b >= a).any():  # the same number; far from the knee the other way to it loses digits
+    if (saturated := b >= a).any():  # the same value; the formula above loses digits far from the knee
         y[saturated] = log_b[saturated] - np.log(omega[saturated])
     given = -np.expm1(-y)
     stiffness = 1.0 + b * (1.0 - given)

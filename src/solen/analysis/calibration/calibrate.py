@@ -26,8 +26,8 @@ from solen.recording.stimulus import ANGLE, FORCE, Stimulus
 from solen.results import HIDDEN, Result, plain
 
 POOL = "pooled"
-_FEW = 0.9  # of the readings of a cycle left out within their 95 % bands
-_MANY = 0.01  # ambiguous
+_FEW = 0.9  # smallest fraction within the 95 % bands without a warning
+_MANY = 0.01  # largest fraction of ambiguous readings without a warning
 
 
 class CalibrationOptions(ConditionOptions):

@@ -28,15 +28,15 @@ from solen.errors import DataError
 LEVELS = (0.68, 0.95)
 OUTSIDE = 1e-3
 """Probability below which a reading counts as outside the curve."""
-_DROP = 8.0  # of the log-likelihood, below its largest, that still counts
-_POINTS = 64  # of a stretch's own grid
+_DROP = 8.0  # largest difference from the maximum log-likelihood that is not negligible
+_POINTS = 64  # number of points of the grid of an interval
 _AT_ONCE = 512
 _MOST_PIECES = 4000
-_FLAT = 0.1  # of a standard deviation that the curve may lie beside its straight pieces
-_COUNTS = 0.01  # probability of a stretch that is reported
-_TINY = 1e-6  # of a piece
-_SHORT = 1e-9  # standard deviations: a piece is given at least this length
-_DEEPEST = 200.0  # below the best log-likelihood that there is, readings are on no piece and all are looked at
+_FLAT = 0.1  # tolerance of the straight pieces, in standard deviations
+_COUNTS = 0.01  # smallest probability of an interval that is reported
+_TINY = 1e-6  # tolerance, as a fraction of a piece
+_SHORT = 1e-9  # smallest length of a piece, in standard deviations
+_DEEPEST = 200.0  # this far below the maximum log-likelihood, readings are on no piece and all pieces are used
 _SURE = 1.0 - LEVELS[1]
 
 
@@ -116,7 +116,7 @@ class _Metric:
     square: FloatArray  # (2 k,)
     constant: FloatArray  # (k,), minus half the logarithm of the determinant
     size: int
-    tops: FloatArray  # log-likelihoods, ascending, and the largest squared distance that may still count beside each
+    tops: FloatArray  # log-likelihoods, ascending, and for each the largest squared distance that is not negligible
     reach: FloatArray
 
 
@@ -312,7 +312,7 @@ class Decoder:
         allowed = self._allowed(top[row], piece, metric.constant, metric.size)
         half = np.sqrt(np.maximum(allowed - (distance - square * over * over), 0.0) / square)
         low, high = piece + np.clip(along - half, 0.0, 1.0), piece + np.clip(along + half, 0.0, 1.0)
-        key = row * (self.pieces + 2) + piece  # pieces of one stretch have neighbouring keys, of either direction
+        key = row * (self.pieces + 2) + piece  # pieces of one interval have neighbouring keys, for both directions
         order = np.argsort(key, kind="stable")
         begins = np.flatnonzero(np.diff(key[order], prepend=-2) > 1)
         lows, highs = np.minimum.reduceat(low[order], begins), np.maximum.reduceat(high[order], begins)
@@ -333,7 +333,7 @@ class Decoder:
         row, low, high = stretches
         grid = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, _POINTS)
         density = self._density(volts, row, grid, marks, metric)
-        mass = (density.sum(axis=1) - 0.5 * (density[:, 0] + density[:, -1])) * (high - low)  # rule of the trapezium
+        mass = (density.sum(axis=1) - 0.5 * (density[:, 0] + density[:, -1])) * (high - low)  # trapezoidal rule
         share = mass / np.bincount(row, mass, len(volts))[row]
         lowest, upmost = _bands(density, grid)
         median = _median(density, grid)

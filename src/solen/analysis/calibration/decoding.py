@@ -45,8 +45,8 @@ COLUMNS = (
 SIDES = ("direction", "probability")
 """Columns that apply to angles only, because a force or depth has no sides."""
 FLAGS = ("outside", "ambiguous", "clipped", "at_end")
-_MILLI = 100.0  # times the calibration's largest voltage, from which on a reading is not in volts
-_TOLD = 0.5  # per cent of the readings from which on a flag is warned of
+_MILLI = 100.0  # ratio to the largest calibrated voltage above which a reading is not in volts
+_TOLD = 0.5  # smallest percentage of the readings with a flag that causes a warning
 _MEANING = {
     "outside": "are outside the calibrated curve, so their {plural} are meaningless",
     "ambiguous": "are consistent with several {plural}",

@@ -21,11 +21,11 @@ from solen.analysis.calibration.training import Samples, Training, mean_curves
 from solen.arrays import FloatArray, rows_of
 from solen.errors import DataError
 
-_WIDTHS = (0.05, 0.1, 0.2, 1.0)  # of the range, to each side, over which products are averaged
+_WIDTHS = (0.05, 0.1, 0.2, 1.0)  # fraction of the range, on each side, over which products are averaged
 _LEAST_SAMPLES = 30.0
-_MOST_CYCLES = 60  # whose samples are held against the others
-_HELD = 4.0  # times the usual number of samples that an angle counts for, however long it is held
-_FLOOR = 1e-9  # of the squared range: no reading is better known
+_MOST_CYCLES = 60  # largest number of cycles that are compared with the others
+_HELD = 4.0  # largest weight of an angle with a long hold, in units of the usual number of samples
+_FLOOR = 1e-9  # smallest variance, relative to the squared range
 _ENDLESS = 1e9
 _LEAST_FREEDOM = 2.0
 _LEAST_SHARE = 1e-6
@@ -160,7 +160,7 @@ def calibrated(training: Training) -> Calibration:
     total, count = _smooth(products, training.angle_deg)
     noise, rest_of_it = _parted(_smooth(steps, training.angle_deg)[0], total + floor)
     n = float(cycles)
-    repeat = rest_of_it * (n * n - 1.0) / (n * n)  # left out, a cycle lacks its share in the mean
+    repeat = rest_of_it * (n * n - 1.0) / (n * n)  # the mean of the other cycles does not contain the cycle left out
     return Calibration(
         angle_deg=training.angle_deg,
         curves_V=training.curves_V(),

@@ -41,7 +41,7 @@ class Tracker:
 
     def of(self, time_s: FloatArray, angle_deg: FloatArray, noise_deg: FloatArray) -> Headings:
         """Slopes at the next angles of the stream, (n,), whose times must not decrease."""
-        if len(time_s) and len(self._kept) and time_s[0] < self._kept[-1, 0]:  # a clock that was set back
+        if len(time_s) and len(self._kept) and time_s[0] < self._kept[-1, 0]:  # the clock was reset
             self._kept = self._kept[:0]
         rows = np.vstack([self._kept, np.column_stack([time_s, angle_deg, noise_deg])])
         fresh = len(rows) - len(time_s)

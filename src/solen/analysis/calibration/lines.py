@@ -55,7 +55,7 @@ def lines_of(text: Iterable[str], columns: Sequence[str] = (), *, remedy: str) -
     separator = next((sign for sign in _SEPARATORS if sign in head), ",")
     names = _cells(head, separator)
     if not all(map(is_number, names)):
-        again = {first.strip(), head.strip()}  # as a logger that begins anew writes it
+        again = {first.strip(), head.strip()}  # a logger that is restarted writes its header again
         rows = (row for row in rows if row.strip() not in again)
     elif not columns:
         limit = "begins with numbers instead of the names of its columns"

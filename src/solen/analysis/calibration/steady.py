@@ -22,10 +22,10 @@ from solen.recording.stimulus import FORCE
 
 OUT = 3.0
 """Extension of a calibrated range at each end, in standard uncertainties of the reading of that end."""
-_FINE = 5e-4  # of the range: noise that is left alone
-_PART = 5  # of a ramp, at most, that a line is laid through
+_FINE = 5e-4  # smallest noise that is averaged, as a fraction of the range
+_PART = 5  # a line is fitted to at most this part (1/5) of a ramp
 _DRIFTS = 4.0  # standard uncertainties
-_LATE = 3.5  # times the noise: where a ramp is first seen beside a level
+_LATE = 3.5  # distance from a level, in units of the noise, at which a ramp is detected
 
 
 def smoothed(sensor: SensorResponse) -> tuple[SensorResponse, float]:

@@ -17,8 +17,8 @@ from solen.arrays import BoolArray, FloatArray, IndexArray, rows_of, stretches
 from solen.errors import DataError
 from solen.recording.column_roles import left_right
 
-_NEAR = 0.25  # of a step, that a grid may miss at its ends
-_WIDE = 5.0  # times what a noisy end lies further out: a step, a quarter of which a way need not reach
+_NEAR = 0.25  # fraction of a step by which a grid may miss the ends
+_WIDE = 5.0  # step in units of the extension of a noisy end; a sweep need not reach the last quarter of a step
 _FEWEST = 7  # points
 LEAST_CYCLES = 2
 """Smallest number of cycles; a single cycle does not show how well cycles repeat."""
@@ -168,7 +168,7 @@ def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, 
     cycle = 0
     for run in sensor.runs:
         volts, clipped = run.signals.volts[:, list(sides)], run.clipped[:, list(sides)]
-        if run.signals.clipped is None:  # of readings made of several samples, a recorder's mark is not a voltage
+        if run.signals.clipped is None:  # if readings average several samples, the mark of a recorder is not a voltage
             rails = _wider(rails, volts, clipped)
         angle, ways = run.signals.angle_deg, _ways(run.motion, volts.shape[0])
         near = (angle >= ends[0]) & (angle <= ends[1]) & ~clipped.any(axis=1) & (ways >= 0)

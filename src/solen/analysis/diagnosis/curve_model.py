@@ -21,7 +21,7 @@ from solen.readout.transistor import load_line
 from solen.sensor.acceptance import SIDES
 
 OFFSET, SPREAD, ZERO, LOSS = "emitter.offset_mm", "chip spread_mm2", "angle.zero_deg", "loss_per_mm"
-_OHM = 1e3  # so that mA are V
+_OHM = 1e3  # converts mA to V
 LOSS_WORTH = 0.05
 """Loss along the path, as a fraction of the light, above which a warning is given."""
 _NODES = math.sqrt(3.0) * np.array([-0.794654472, -0.187592474, 0.187592474, 0.794654472])

@@ -193,7 +193,7 @@ def _moved(sensor: Sensor, key: str, by: float) -> Sensor:
     """The sensor with a parameter changed by ``by``."""
     if key == INDEX:
         values = {INDEX: sensor.material.index + by, LOSS: sensor.material.absorption_per_mm}
-        # its lens keeps the shape that it was designed with
+        # the lens keeps the shape for which it was designed
         return replace(Sensor.of(with_values(sensor.design, values)), cut=sensor.cut)
     value = value_at(sensor.design, key)
     if not isinstance(value, float):

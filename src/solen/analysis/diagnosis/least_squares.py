@@ -172,7 +172,7 @@ def fit(model: Model, cycles: Cycles, active: Sequence[int], start: FloatArray |
     values = _started(model, cycles, places, sd) if start is None else _solved(model, cycles, places, sd, start)[0]
     residual = cycles.mean_V - model.volts(values)
     again = np.sqrt(np.nanmean(residual**2, axis=0))
-    sd = np.maximum(sd, again)  # where the model misses, curves weigh by what it misses them by
+    sd = np.maximum(sd, again)  # the misfit limits the weight of the curves
     values = _solved(model, cycles, places, sd, values)[0]
     return _fitted(model, cycles, places, sd, values)
 
@@ -264,7 +264,7 @@ def _fitted(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, va
     scale = np.array([model.parameters[p].scale for p in places])
     known = np.array([1.0 / model.parameters[p].known ** 2 for p in places])
     inverse = _inverse(table.T @ table + np.diag(known), scale)
-    hat = inverse @ table.T  # of curves in their standard deviations
+    hat = inverse @ table.T  # for curves in units of their standard deviations
     left = ((cycles.mean_V - model.volts(values)) / sd)[valid]
     apart = ((cycles.volts - cycles.mean_V) / sd)[:, valid] if count > 1 else np.zeros((0, len(left)))
     waves = _waves(cycles) * (np.broadcast_to(cycles.swing_V, valid.shape)[valid] / width)[:, None]

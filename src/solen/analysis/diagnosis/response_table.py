@@ -162,7 +162,7 @@ def _edge(angles: FloatArray, rows: Sequence[Places], reach_mm: float) -> FloatA
     totals = (row.upto(grid) @ np.array([1.0, -1.0]) for row in rows)
     steepest = grid[1:-1][
         [int(np.argmin(np.diff(total, 2))) for total in totals]
-    ]  # to the right, it lights the left one
+    ]  # an emitter on the right illuminates the left receiver
     line = np.polyfit(angles, steepest, 1)
     off = np.abs(np.polyval(line, angles) - steepest).max()
     return line if off < MOST_OFF_MM else np.zeros(1)

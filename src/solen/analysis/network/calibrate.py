@@ -209,7 +209,7 @@ def _with_range(found: Determination, span: FloatArray) -> Determination:
     combinations = []
     for one in found.combinations:
         reach = float(np.sqrt(np.sum((np.array(list(one.shares.values())) * span) ** 2)))
-        least = WIDE / (2.0 * reach)  # a combination is determined from twice its uncertainty on
+        least = WIDE / (2.0 * reach)  # a combination is determined if it is at least twice its uncertainty
         combinations.append(replace(one, u_singular_per_deg=max(one.u_singular_per_deg, least)))
     kept = [one for one in combinations if one.is_determined]
     rows = np.array([[*one.shares.values()] for one in kept]).reshape(len(kept), len(span))

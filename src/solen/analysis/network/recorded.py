@@ -25,7 +25,7 @@ from solen.recording import Channel, Provenance, Recording, read_parts
 from solen.recording.column_roles import column_of, existing, is_companion
 from solen.units import factor
 
-_TURN = 1.5  # usual intervals of an emitter's readings, within which the next one belongs to the same turn
+_TURN = 1.5  # largest duration of a turn, in usual intervals of an emitter's readings
 
 
 @dataclass(frozen=True, eq=False)

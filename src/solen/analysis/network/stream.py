@@ -30,7 +30,7 @@ from solen.units import factor
 
 BANDS = ("low68", "high68", "low95", "high95")
 FLAGS = ("outside", "ambiguous", "at_end")
-_TOLD = 0.5  # per cent of the readings from which on a flag is warned of
+_TOLD = 0.5  # smallest percentage of the readings with a flag that causes a warning
 _MEANING = {
     "outside": "are outside the calibrated map, so their motions are meaningless",
     "ambiguous": "are consistent with several states",
