@@ -1,6 +1,7 @@
-"""Materials: from the name of a resin and a wavelength to an index with its uncertainty, and a loss.
+"""Optical data of materials: refractive index with its uncertainty, and loss, for a resin at a wavelength.
 
-`solen.material.dispersion` holds the kinds of index, `solen.material.resin` the files, the library and `optical`.
+`solen.material.dispersion` defines the forms of an index; `solen.material.resin` reads resin files and the library, and
+computes the optical data.
 """
 
 from solen.material.dispersion import KINDS, Cauchy, Constant, Dispersion, Sellmeier, Tabulated

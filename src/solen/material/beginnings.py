@@ -1,9 +1,13 @@
-"""Beginnings of warnings that a resin leaves out, shared by those who write them and by who reads result files."""
+"""First words of the warnings that a resin file does not repeat, shared by the code that writes and reads these
+warnings.
+"""
 
 K_MASKED = "k is masked"
 THICKNESS_NOT_IN_K = "the uncertainty of the thickness is not stated"
-LAUNCHED = "what was launched is not known"
+LAUNCHED = "the launched power is not known"
 NOT_KEPT = (K_MASKED, THICKNESS_NOT_IN_K, LAUNCHED)
-"""They are about what a resin does not keep: the extinction coefficient, the coupling loss."""
+"""First words of warnings about quantities that a resin does not store: the extinction coefficient and the coupling
+loss.
+"""
 BY_ORIENTATION = "the loss depends on the build orientation"
-"""Settled where an orientation is chosen."""
+"""First words of a warning that no longer applies once an orientation is chosen."""

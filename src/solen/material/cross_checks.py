@@ -1,11 +1,11 @@
 """Comparison of results for a resin that determine the same quantity in two ways.
 
-The idea: a layer's k and a cut-back are one loss, an index by R and T and one at a refractometer are one index, an
-absorbance and a working curve have one penetration depth. Where two differ by more than their uncertainties explain,
-one of them is wrong, and the resin that is made of one says so.
+A layer's k and a cut-back measure the same loss; R and T of a layer and a refractometer measure the same index; an
+absorbance and a working curve give the same penetration depth. If two results differ by more than their uncertainties
+explain, one of them is wrong, and the resin made from them carries a warning.
 
-The interface: `loss_apart`, `index_apart`, `penetration_apart`; each gives sentences, none where the two agree or where
-one of them says nothing there.
+The interface is `loss_apart`, `index_apart` and `penetration_apart`. Each returns warnings, or an empty list if the two
+results agree or cannot be compared.
 """
 
 import math
@@ -19,11 +19,11 @@ from solen.material.resin import Cure, Loss
 from solen.ranks import Caution, look_at
 
 SURE = 3.0
-"""Standard uncertainties from which on two results differ."""
+"""Number of standard uncertainties above which two results are reported as different."""
 NEAR_NM = 20.0
-"""How far from a wavelength k still counts as that there."""
+"""Largest distance between a wavelength and a measured k that is used for it."""
 WORTH = 0.2
-"""Relative difference of two penetration depths that their different meanings leave open."""
+"""Relative difference that is tolerated between two penetration depths because their definitions differ."""
 NM_PER_MM = 1e6
 _DB_PER_CM = 100.0 / math.log(10.0)  # of an absorption of 1 per mm
 
@@ -32,7 +32,7 @@ Row = tuple[float, float | None, float | None, float | None]
 
 
 def loss_apart(rows: Sequence[Row], loss: Loss) -> list[Caution]:
-    """Whether the loss that a layer's k makes is that of guides."""
+    """Compare the loss that a layer's k implies with the loss measured in guides."""
     if not rows or loss.u_absorption_per_mm is None:
         return []
     nm = loss.wavelength_nm
@@ -48,24 +48,29 @@ def loss_apart(rows: Sequence[Row], loss: Loss) -> list[Caution]:
             return []
         return [
             look_at(
-                f"{measured}, the layer's k {layer:.2g} ± {u_layer:.1g}: they disagree, and the cut-back is kept; what "
-                "a layer scatters, an error of its baseline and fringes look like k"
+                f"{measured}, but the layer's k {layer:.2g} ± {u_layer:.1g}: they disagree, and the cut-back is used; scattering "
+                "in the layer, a baseline error and fringes all look like k"
             )
         ]
     bounds = [4.0 * math.pi * row[3] / row[0] * NM_PER_MM * _DB_PER_CM for row in near if row[3] is not None]
     if not bounds or guide - SURE * u_guide <= min(bounds):
         return []
-    return [look_at(f"{measured}, above what the layer's spectra allow, {min(bounds):.2g} dB/cm: they disagree")]
+    return [
+        look_at(
+            f"{measured}, which is above the upper bound from the layer's spectra, {min(bounds):.2g} "
+            "dB/cm: they disagree"
+        )
+    ]
 
 
 def _levels(row: Row) -> tuple[float, float]:
-    """Loss in dB/cm and its standard uncertainty of a row whose k is known."""
+    """Return the loss in dB/cm and its standard uncertainty for a row with a known k."""
     per_k = 4.0 * math.pi / row[0] * NM_PER_MM * _DB_PER_CM
     return per_k * (row[1] or 0.0), per_k * (row[2] or 0.0)
 
 
 def index_apart(index: Dispersion, other: Dispersion, at_nm: Sequence[float]) -> list[Caution]:
-    """Whether two indices agree at wavelengths that both know; worst first."""
+    """Compare two indices at the wavelengths that both cover; a warning names the worst disagreement."""
     low, high = (end(one.range_nm[i] for one in (index, other)) for i, end in ((0, max), (1, min)))
     inside = [nm for nm in at_nm if low <= nm <= high]
     if not inside:
@@ -77,7 +82,7 @@ def index_apart(index: Dispersion, other: Dispersion, at_nm: Sequence[float]) ->
     i = int(np.nanargmax(off))
     return [
         look_at(
-            f"n({inside[i]:g} nm) is {_pm(n[i], u_n[i])} by the spectra and {_pm(m[i], u_m[i])} by the refractometer, "
+            f"n({inside[i]:g} nm) is {_pm(n[i], u_n[i])} from the spectra and {_pm(m[i], u_m[i])} from the refractometer, "
             f"{off[i]:.1f} standard uncertainties apart: one of them is wrong"
         )
     ]
@@ -88,14 +93,14 @@ def _pm(value: FloatArray, u: FloatArray) -> str:
 
 
 def penetration_apart(cure: Cure, Dp_um: float, u_Dp_um: float | None) -> list[Caution]:
-    """Whether a working curve and an absorbance have the same penetration depth."""
+    """Compare the penetration depths of a working curve and of an absorbance."""
     u_curve = math.sqrt(cure.covariance[0][0]) if cure.covariance else 0.0
     u = math.hypot(u_curve, u_Dp_um or 0.0)
     if abs(cure.Dp_um - Dp_um) <= max(SURE * u, WORTH * cure.Dp_um):
         return []
     return [
         look_at(
-            f"Dp is {cure.Dp_um:.3g} µm by the working curve and {Dp_um:.3g} µm by the absorbance: check the path of "
-            "the cell and the lamp's spectrum, and the irradiance; bleaching and oxygen make a smaller difference"
+            f"Dp is {cure.Dp_um:.3g} µm from the working curve and {Dp_um:.3g} µm from the absorbance: check the path "
+            "length of the cell, the lamp's spectrum and the irradiance; bleaching and oxygen cause smaller differences"
         )
     ]

@@ -1,12 +1,13 @@
 """Dispersion: the refractive index against wavelength, with its uncertainty.
 
-The idea: an index is a number, a table, or a formula with a few parameters. Where a covariance of the parameters is
-known, the index carries the standard uncertainty that follows by linear propagation, u² = J Σ Jᵀ, with J the exact
-derivatives by the parameters. Outside the range that the data were measured in nothing is guessed. An index also says
-how it was found, its `mode`, and what must be known of it: one as published, which no reflectance went into, has to.
+An index is a number, a table, or a formula with a few parameters. If a covariance of the parameters is known, the
+standard uncertainty of the index follows by linear propagation, u² = J Σ Jᵀ, where J contains the exact derivatives
+with respect to the parameters. Outside the measured range, an index is an error, not an extrapolation. An index also
+states its `mode`, that is, how it was determined, and its warnings; one computed as published, without a measured
+reflectance, must have a warning.
 
-The interface: `Dispersion.index` and `Dispersion.u_index` at a wavelength in nm; the leaves are `Constant`,
-`Tabulated`, `Cauchy` and `Sellmeier`, by their ``kind`` in `KINDS`, and `Unknown` for a resin without an index.
+The interface is `Dispersion.index` and `Dispersion.u_index` at a wavelength in nm; the subclasses are `Constant`,
+`Tabulated`, `Cauchy` and `Sellmeier`, listed by ``kind`` in `KINDS`, and `Unknown` for a resin without an index.
 """
 
 import math
@@ -28,15 +29,16 @@ from solen.units import um_from_nm
 Covariance = tuple[tuple[Number, ...], ...]
 
 MODES = ("measured", "absorptance", "lossless", "fringes", "joint", "as-published", "refractometer", "literature")
-"""How an index was found: from R and T, from T and absorptance, from T alone, from fringes, with the bare sheet, from T
-and absorbance taken for absorptance, at a refractometer or ellipsometer, in the literature."""
+"""How an index was determined: from R and T, from T and absorptance, from T alone, from fringes, jointly with the bare
+sheet, from T and an absorbance used as an absorptance, with a refractometer or ellipsometer, or from the literature.
+"""
 AS_PUBLISHED = "as-published"
 
 _ROUNDING = 1e-9  # asymmetry and negative eigenvalues forgiven, relative to the variances
 
 
 def refuse_covariance(covariance: Sequence[Sequence[float]] | None, parameters: int) -> None:
-    """Raise unless a covariance is square of that size, symmetric and without negative eigenvalue."""
+    """Raise unless a covariance is square with the given size, symmetric and without negative eigenvalue."""
     if covariance is None:
         return
     if len(covariance) != parameters or any(len(row) != parameters for row in covariance):
@@ -49,13 +51,17 @@ def refuse_covariance(covariance: Sequence[Sequence[float]] | None, parameters: 
     spread[spread == 0] = 1.0
     correlation = matrix / np.outer(spread, spread)  # parameters differ by orders of magnitude; judged on one scale
     if (gap := float(np.abs(correlation - correlation.T).max())) > _ROUNDING:
-        raise refused("covariance", "must be symmetric", value=f"rows and columns differ by {gap:.3g} of the spread")
+        raise refused(
+            "covariance",
+            "must be symmetric",
+            value=f"rows and columns differ by {gap:.3g}, relative to the standard deviations",
+        )
     if (lowest := float(np.linalg.eigvalsh(correlation).min())) < -_ROUNDING:
         raise refused("covariance", "must have no negative eigenvalue", value=lowest)
 
 
 def _propagated(covariance: Covariance | None, jacobian: Sequence[float]) -> float | None:
-    """Variance J Σ Jᵀ, or None without covariance."""
+    """Return the variance J Σ Jᵀ, or None without a covariance."""
     if covariance is None:
         return None
     row = np.array(jacobian)
@@ -70,9 +76,9 @@ class Dispersion(Strict, ABC):
     error: ClassVar[type[SolenError]] = DataError
 
     valid_nm: tuple[Positive, Positive] | None = Field(
-        None, description="Wavelengths from and to which the index holds, in nm."
+        None, description="Lowest and highest wavelength for which the index is valid, in nm."
     )
-    mode: str = Field("", description=f"How it was found: {', '.join(MODES)}.")
+    mode: str = Field("", description=f"How the index was determined: {', '.join(MODES)}.")
     warnings: tuple[Text, ...] = Field((), description="Warnings, one sentence each.")
 
     @model_validator(mode="after")
@@ -94,16 +100,16 @@ class Dispersion(Strict, ABC):
 
     @property
     def range_nm(self) -> tuple[float, float]:
-        """Wavelengths from and to which the index may be asked for, in nm."""
+        """Lowest and highest wavelength for which the index is known, in nm."""
         return self.valid_nm or self._data_range_nm()
 
     def index(self, wavelength_nm: float) -> float:
-        """Refractive index at a wavelength in nm.
+        """Return the refractive index at a wavelength in nm.
 
         Raises
         ------
         DataError
-            Outside `range_nm`, or where the formula gives less than 1 or nothing finite.
+            If the wavelength is outside `range_nm`, or the formula gives less than 1 or a value that is not finite.
         """
         self._refuse_outside(wavelength_nm)
         try:
@@ -120,24 +126,25 @@ class Dispersion(Strict, ABC):
         return index
 
     def u_index(self, wavelength_nm: float) -> float | None:
-        """Standard uncertainty of the index at a wavelength in nm, or None if none is known.
+        """Return the standard uncertainty of the index at a wavelength in nm, or None if none is known.
 
         Raises
         ------
         DataError
-            As `index` does.
+            In the same cases as `index`.
         """
         self.index(wavelength_nm)
         variance = self._variance(wavelength_nm)
         return None if variance is None else math.sqrt(variance)
 
     def along(self, wavelength_nm: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Index and its standard uncertainty at several wavelengths in nm; NaN where no uncertainty is known.
+        """Return the index and its standard uncertainty at several wavelengths in nm; NaN where no uncertainty is
+        known.
 
         Raises
         ------
         DataError
-            As `index` does.
+            In the same cases as `index`.
         """
         nm = np.atleast_1d(np.asarray(wavelength_nm, dtype=float)).tolist()
         u = [self.u_index(each) for each in nm]
@@ -146,30 +153,30 @@ class Dispersion(Strict, ABC):
     def _refuse_outside(self, wavelength_nm: float) -> None:
         low, high = self.range_nm
         if not (low <= wavelength_nm <= high and 0 < wavelength_nm < math.inf):
-            limit = f"known from {low:g} to {high:g} nm only" if high < math.inf else "wavelengths are above 0 nm"
-            remedy = "take a wavelength inside, or data that reach there"
+            limit = f"known only from {low:g} to {high:g} nm" if high < math.inf else "wavelengths must be above 0 nm"
+            remedy = "choose a wavelength inside this range, or data that extend to it"
             raise DataError(f"index at {wavelength_nm:g} nm", limit=limit, remedy=remedy)
 
     def _data_range_nm(self) -> tuple[float, float]:
-        """Range that the data themselves give; a formula gives none."""
+        """Range given by the data themselves; a formula has none."""
         return 0.0, math.inf
 
     @abstractmethod
     def _index(self, wavelength_nm: float) -> float:
-        """Index by the formula, unchecked."""
+        """Return the index from the formula, unchecked."""
 
     @abstractmethod
     def _variance(self, wavelength_nm: float) -> float | None:
-        """Variance of the index, or None if none is known."""
+        """Return the variance of the index, or None if none is known."""
 
 
 class Unknown(Dispersion):
-    """No index: for a resin of which only other properties are known."""
+    """No index, for a resin of which only other properties are known."""
 
     kind: Literal["unknown"] = "unknown"
 
     def _refuse_outside(self, wavelength_nm: float) -> None:
-        limit, remedy = "the resin has none", "add [index], as solen resin build --index does"
+        limit, remedy = "the resin has none", "add [index], for example with solen resin build --index"
         raise DataError(f"index at {wavelength_nm:g} nm", limit=limit, remedy=remedy)
 
     def _data_range_nm(self) -> tuple[float, float]:
@@ -183,10 +190,10 @@ class Unknown(Dispersion):
 
 
 class Constant(Dispersion):
-    """One number for all wavelengths (of `valid_nm`)."""
+    """One number for all wavelengths (within `valid_nm`)."""
 
     kind: Literal["number"] = "number"
-    n: Positive = Field(ge=1, lt=5, description="the refractive index, 1 to 5.")
+    n: Positive = Field(ge=1, lt=5, description="Refractive index, 1 to 5.")
     u_n: NotNegative | None = Field(None, description="Standard uncertainty of n.")
 
     def _index(self, wavelength_nm: float) -> float:  # noqa: ARG002
@@ -197,14 +204,14 @@ class Constant(Dispersion):
 
 
 class Tabulated(Dispersion):
-    """Measured indices at ascending wavelengths, linear in between: nothing is added to what was measured."""
+    """Measured indices at ascending wavelengths with linear interpolation, which adds nothing to the measurement."""
 
     kind: Literal["table"] = "table"
-    wavelength_nm: tuple[Positive, ...] = Field(min_length=2, description="ascending wavelengths in nm.")
-    n: tuple[Number, ...] = Field(min_length=2, description="the index at each wavelength.")
+    wavelength_nm: tuple[Positive, ...] = Field(min_length=2, description="Ascending wavelengths in nm.")
+    n: tuple[Number, ...] = Field(min_length=2, description="Index at each wavelength.")
     covariance: Covariance | None = Field(None, description="Covariance of the entries of n.")
     u_n: tuple[NotNegative, ...] | None = Field(
-        None, description="Standard uncertainty of each n, assumed fully correlated; instead of a covariance."
+        None, description="Standard uncertainty of each n, assumed fully correlated; an alternative to a covariance."
     )
 
     @model_validator(mode="after")
@@ -218,7 +225,7 @@ class Tabulated(Dispersion):
             raise refused("n", "must be at least 1", value=min(self.n))
         low, high = self._data_range_nm()
         if self.valid_nm is not None and not low <= self.valid_nm[0] < self.valid_nm[1] <= high:
-            raise refused("valid_nm", f"must lie within the table, {low:g} to {high:g}", value=list(self.valid_nm))
+            raise refused("valid_nm", f"must be within the table, {low:g} to {high:g}", value=list(self.valid_nm))
         refuse_covariance(self.covariance, len(self.n))
         if self.u_n is not None and self.covariance is not None:
             raise refused("u_n", "cannot be combined with covariance", remedy="keep one of the two")
@@ -230,7 +237,7 @@ class Tabulated(Dispersion):
         return self.wavelength_nm[0], self.wavelength_nm[-1]
 
     def _weights(self, wavelength_nm: float) -> tuple[float, ...]:
-        """Share of each entry in the interpolated index."""
+        """Return the weight of each entry in the interpolated index."""
         right = min(bisect_right(self.wavelength_nm, wavelength_nm), len(self.n) - 1)
         low, high = self.wavelength_nm[right - 1], self.wavelength_nm[right]
         share = (wavelength_nm - low) / (high - low)
@@ -247,7 +254,7 @@ class Tabulated(Dispersion):
 
 
 class Cauchy(Dispersion):
-    """Cauchy's formula n = A + B/λ² + C/λ⁴, λ in µm; for transparent matter far from absorption."""
+    """Cauchy's formula n = A + B/λ² + C/λ⁴, λ in µm, for transparent materials far from absorption."""
 
     kind: Literal["cauchy"] = "cauchy"
     A: Number = Field(description="constant term.")
@@ -270,12 +277,12 @@ class Cauchy(Dispersion):
 
 
 class Sellmeier(Dispersion):
-    """Sellmeier's formula n² = 1 + Σ B λ²/(λ² − C), λ in µm; any number of terms."""
+    """Sellmeier's formula n² = 1 + Σ B λ²/(λ² − C), λ in µm, with any number of terms."""
 
     kind: Literal["sellmeier"] = "sellmeier"
-    B: tuple[Number, ...] = Field(min_length=1, description="strength of each term.")
+    B: tuple[Number, ...] = Field(min_length=1, description="Strength of each term.")
     C_um2: tuple[NotNegative, ...] = Field(
-        min_length=1, description="square of each term's resonance wavelength in µm²."
+        min_length=1, description="Square of each term's resonance wavelength in µm²."
     )
     covariance: Covariance | None = Field(None, description="Covariance of (B..., C_um2...).")
 

@@ -1,4 +1,4 @@
-"""Which evaluations of a resin a recording is for: those whose columns it has."""
+"""Selection of the evaluations that the columns of a recording of a resin allow."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ from solen.recording.optical import kind_of
 
 
 def evaluations(recording: Recording) -> tuple[str, ...]:
-    """Names of the evaluations that a recording suits, as ``cure``, the likeliest first.
+    """Return the names of the evaluations that a recording suits, such as ``cure``, the most probable first.
 
     Raises
     ------
@@ -22,14 +22,16 @@ def evaluations(recording: Recording) -> tuple[str, ...]:
     found = tuple(name for name, suits in _SUITS.items() if suits(recording))
     if not found:
         columns = ", ".join((*recording.names, *recording.texts)[:12])
-        limit = f"is for no evaluation of a resin: its columns are {columns}"
-        remedy = "name columns as wavelength_nm and T, thickness_um and dose_mJ_per_cm2, length_mm and power_uW, or "
+        limit = f"suits no evaluation of a resin: its columns are {columns}"
+        remedy = (
+            "use columns such as wavelength_nm and T, thickness_um and dose_mJ_per_cm2, length_mm and power_uW, or "
+        )
         raise DataError(recording.provenance.name, limit=limit, remedy=f"{remedy}force_N and travel_mm")
     return found
 
 
 def _kinds(recording: Recording) -> set[str | None]:
-    """Kinds of the spectra: T, R, A, or None for another."""
+    """Return the kinds of the spectra: T, R, A, or None for another kind."""
     axes = {one.name for one in recording.channels if one.quantity == "wavelength"}
     return {kind_of(one) for one in recording.channels if one.axis in axes and one.name not in axes}
 

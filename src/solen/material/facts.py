@@ -1,6 +1,7 @@
 """The content of a resin, as a typed result: its tables, its index at some wavelengths, its warnings.
 
-The interface: `facts_of` a resin gives `ResinFacts`; `listed` gives the library, `ResinList`.
+The interface is `facts_of`, which returns the `ResinFacts` of a resin, and `listed`, which returns the library as a
+`ResinList`.
 """
 
 import contextlib
@@ -15,11 +16,11 @@ from solen.results import HIDDEN, Result, reported
 from solen.spec.strict import Options, Wavelength, error_context
 
 LISTED_NM = (589.3, 860.0)
-"""Wavelengths that resins are listed at: sodium's yellow, where refractometers measure, and the paper's emitter."""
+"""Wavelengths at which resins are listed: sodium yellow, used by refractometers, and the emitter of the paper."""
 
 
 class ShowOptions(Options):
-    """Options of showing a resin."""
+    """Options for showing a resin."""
 
     at_nm: tuple[Wavelength, ...] = ()
     """A wavelength in nm; repeatable."""
@@ -27,7 +28,7 @@ class ShowOptions(Options):
 
 @dataclass(frozen=True)
 class IndexAt:
-    """Index and its standard uncertainty at a wavelength; None if not known."""
+    """Index and its standard uncertainty at a wavelength; each is None if not known."""
 
     wavelength_nm: float
     n: float | None
@@ -35,12 +36,12 @@ class IndexAt:
 
 
 class ResinFacts(Result):
-    """Everything that a resin states.
+    """Everything that a resin file states.
 
     Attributes
     ----------
     resin
-        Its name in the library, or its file.
+        Name in the library, or file.
     at
         Index at some wavelengths.
     contents
@@ -53,37 +54,37 @@ class ResinFacts(Result):
 
     @reported
     def name(self) -> str:
-        """The resin's name."""
+        """Name of the resin."""
         return self.contents.name
 
     @reported
     def source(self) -> str:
-        """Where the numbers come from."""
+        """Origin of the numbers."""
         return self.contents.source
 
     @reported
     def notes(self) -> str:
-        """Anything worth knowing."""
+        """Notes on the resin."""
         return self.contents.notes
 
     @reported
     def index(self) -> Dispersion | None:
-        """Formula or table of the index; None without one."""
+        """Formula or table of the index; None if the index is not known."""
         return self.contents.index if self.contents.has("index") else None
 
     @reported
     def loss(self) -> Loss | None:
-        """Loss; None without one."""
+        """Loss; None if it is not known."""
         return self.contents.loss if self.contents.has("loss") else None
 
     @reported
     def cure(self) -> Cure | None:
-        """Working curve; None without one."""
+        """Working curve; None if it is not known."""
         return self.contents.cure
 
     @reported
     def stiffness(self) -> Stiffness | None:
-        """Modulus and hyperelastic model; None without one."""
+        """Modulus and hyperelastic model; None if they are not known."""
         return self.contents.stiffness
 
     @reported
@@ -98,7 +99,7 @@ class ResinFacts(Result):
 
     @reported
     def simulated(self) -> bool:
-        """Whether any of these was computed rather than measured."""
+        """Whether any table was computed from simulated measurements."""
         return any(source.simulated for source in self.sources)
 
     @reported
@@ -114,7 +115,7 @@ class ResinList(Result):
 
 
 def facts_of(resin: Resin, name: str, at_nm: Sequence[float] = ()) -> ResinFacts:
-    """Content of a resin, with its index at wavelengths, by default at `LISTED_NM`.
+    """Return the content of a resin, with its index at wavelengths, by default at `LISTED_NM`.
 
     Raises
     ------
@@ -128,12 +129,12 @@ def facts_of(resin: Resin, name: str, at_nm: Sequence[float] = ()) -> ResinFacts
 
 
 def listed() -> ResinList:
-    """The library's resins with their index."""
+    """Return the library's resins with their indices."""
     return ResinList(tuple(facts_of(library_resin(name), name) for name in library()))
 
 
 def _at(resin: Resin, wavelength_nm: float) -> IndexAt:
-    """Index at a wavelength; None outside the known range."""
+    """Return the index at a wavelength; None outside the known range."""
     with contextlib.suppress(SolenError):
         return IndexAt(wavelength_nm, resin.index.index(wavelength_nm), resin.index.u_index(wavelength_nm))
     return IndexAt(wavelength_nm, None, None)

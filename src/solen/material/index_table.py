@@ -1,4 +1,4 @@
-"""The table of an index over wavelength that a resin keeps: its rows, and sentences on what is missing in it."""
+"""The table of an index over wavelength in a resin file: its rows, and warnings about missing values."""
 
 import math
 from itertools import pairwise
@@ -6,16 +6,18 @@ from itertools import pairwise
 from solen.ranks import Caution, look_at
 
 MOST_ROWS = 64
-"""Wavelengths that a table of a resin has at most."""
+"""Largest number of wavelengths in a table of a resin."""
 WIDE_NM, WIDE_STEPS = 20.0, 5.0
-"""A gap between known wavelengths causes a warning if wider than this, and than this multiple of the usual step."""
+"""A gap between known wavelengths causes a warning if it exceeds both this width and this multiple of the median
+step.
+"""
 
 
 def thinned(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, float, float | None]]:
-    """Means of the wavelength, the index and its uncertainty over equal parts of the range; one row each.
+    """Return means of wavelength, index and uncertainty over equal parts of the range; one row each.
 
-    Noise averages out; an uncertainty does not, as what a whole spectrum shares would be lost. The first and the last
-    wavelength stay. A part without an uncertainty has none.
+    Noise averages out; an uncertainty does not, because errors shared by a whole spectrum would be lost. The first and
+    the last wavelength are kept. A part has no uncertainty if any of its rows has none.
     """
     if len(rows) <= MOST_ROWS:
         return _unique(rows)
@@ -34,7 +36,7 @@ def _mean(rows: list[tuple[float, float, float | None]]) -> tuple[float, float, 
 
 
 def _unique(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, float, float | None]]:
-    """Rows of ascending wavelengths, those of equal wavelength merged."""
+    """Return rows of ascending wavelengths, with rows of equal wavelength merged."""
     together: dict[float, list[tuple[float, float, float | None]]] = {}
     for row in rows:
         together.setdefault(row[0], []).append(row)
@@ -42,19 +44,19 @@ def _unique(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, 
 
 
 def without_u(wavelengths_nm: list[float], of: int) -> tuple[Caution, ...]:
-    """A sentence where some of the wavelengths have no uncertainty, so that the table keeps none."""
+    """Return a warning if some of the wavelengths have no uncertainty, so that the table has none."""
     if len(wavelengths_nm) in {0, of}:
         return ()
     return (
         look_at(
             f"{len(wavelengths_nm)} of {of} indices state no uncertainty, the first at {wavelengths_nm[0]:g} nm: the "
-            "resin's index keeps none"
+            "resin's index is stored without uncertainty"
         ),
     )
 
 
 def gaps(wavelengths_nm: list[float]) -> tuple[Caution, ...]:
-    """Sentences on wide ranges in which no index is known."""
+    """Return warnings about wide ranges in which no index is known."""
     steps = sorted(high - low for low, high in pairwise(wavelengths_nm))
     wide = max(WIDE_NM, WIDE_STEPS * steps[len(steps) // 2])
     return tuple(

@@ -1,8 +1,9 @@
 """Cure: how deep light hardens a resin, and what dose the parts of a print receive.
 
-`curve` fits the working curve, `discs` finds the columns of a table for it and says what it means for a print, `layers`
-adds up the doses in a print, `penetration` computes the penetration depth from an absorbance, `stated` turns statements
-of the kind "200 µm at 39 mJ/cm²" into bounds, `exposures` compares the optics of layers by their exposure.
+`curve` fits the working curve; `discs` selects the columns of a table for it and derives the consequences for a print;
+`layers` adds up the doses in a print; `penetration` computes the penetration depth from an absorbance; `stated` turns
+statements of the kind "200 µm at 39 mJ/cm²" into bounds; `exposures` compares the optics of layers with different
+exposures.
 """
 
 from solen.material.cure.curve import WorkingCurve, working_curve

@@ -1,6 +1,6 @@
-"""Limits of a working curve, as warnings with numbers.
+"""Limitations of a working curve, as warnings with numbers.
 
-The interface: `cautions` of a `WorkingCurve`.
+The interface is `cautions` of a `WorkingCurve`.
 """
 
 import math
@@ -17,7 +17,7 @@ _SHOWN = 4
 
 
 def cautions(curve: WorkingCurve) -> list[Caution]:
-    """Limits of a working curve, as warnings."""
+    """Return the limitations of a working curve as warnings."""
     return [*_of_discs(curve), *_of_shape(curve), *_of_intervals(curve), *_of_threshold(curve)]
 
 
@@ -33,7 +33,7 @@ def _of_discs(curve: WorkingCurve) -> list[Caution]:
         more = f" and {len(alike) - _SHOWN} more" if len(alike) > _SHOWN else ""
         t = [abs(left.t) for left in alike if left.t is not None]
         off = f" by {min(t):.1f} standard errors or more; --keep-all keeps it" if t else ""
-        warnings.append(look_at(f"left out, {reason}{off}: {', '.join(where)}{more}"))
+        warnings.append(look_at(f"omitted, {reason}{off}: {', '.join(where)}{more}"))
     return warnings
 
 
@@ -52,34 +52,34 @@ def _of_shape(curve: WorkingCurve) -> list[Caution]:
             return []
         return [
             look_at(
-                "no dose was repeated: whether the points lie on a line, and how discs scatter, is judged from the "
-                "line alone; cure three discs at each dose"
+                "no dose was repeated: the scatter of discs, and whether the points lie on a line, can be judged only from the "
+                "deviations from the line; cure three discs at each dose"
             )
         ]
     if lack.p >= SIGNIFICANCE:
         return []
     return [
         look_at(
-            f"the doses' means deviate from the line by more than their discs scatter (F = {lack.F:.1f}, by chance "
+            f"the mean thicknesses deviate from the line by more than the scatter of their discs (F = {lack.F:.1f}, by chance "
             f"{chance(lack.p)}): {_bend(curve)}; each dose counts as one point for the intervals"
         )
     ]
 
 
 def _bend(curve: WorkingCurve) -> str:
-    """Which way doses' means bend, in the logarithm of dose."""
+    """Describe the curvature of the mean thickness against the logarithm of dose."""
     means = means_of(curve.used)
     x = np.log([disc.dose_mJ_per_cm2 for disc in means])
     y = np.array([disc.thickness_um for disc in means])
     if len(x) < 4:
-        return "one line does not describe them"
+        return "one line does not fit them"
     fit = fitted(np.column_stack([np.ones(len(x)), x, (x - x.mean()) ** 2]), y)
     low, high = fit.interval((0.0, 0.0, 1.0))
     if low > 0.0:
-        return "they bend upwards, as in light of several wavelengths or in a resin that bleaches"
+        return "they curve upwards, as for light of several wavelengths or a resin that bleaches"
     if high < 0.0:
-        return "they bend downwards, as where oxygen uses up the first of a dose or thick discs stop growing"
-    return "without a clear bend: something changed from dose to dose"
+        return "they curve downwards, as when oxygen consumes the first part of a dose or thick discs stop growing"
+    return "they show no clear curvature: something changed from dose to dose"
 
 
 def _of_intervals(curve: WorkingCurve) -> list[Caution]:
@@ -87,13 +87,15 @@ def _of_intervals(curve: WorkingCurve) -> list[Caution]:
     if curve.fit.error_df < _FEW_DF:
         warnings.append(
             look_at(
-                f"{curve.fit.error_df} more points than numbers sought: intervals are "
+                f"the fit has {curve.fit.error_df} degrees of freedom: intervals are "
                 f"{t_quantile(0.95, curve.fit.error_df):.1f} standard uncertainties or more to each side"
             )
         )
     if curve.interval95_Dp_um[0] <= 0.0 or curve.interval95_Ec_mJ_per_cm2 is None:
         warnings.append(
-            do_not_use("the slope is so uncertain that the critical dose has no interval: take doses further apart")
+            do_not_use(
+                "the slope is so uncertain that the critical dose has no interval: use doses that are further apart"
+            )
         )
     return warnings
 
@@ -105,7 +107,7 @@ def _of_threshold(curve: WorkingCurve) -> list[Caution]:
         warnings.append(
             look_at(
                 f"the critical dose is an extrapolation: the lowest dose, {lowest:.3g} mJ/cm², is "
-                f"{lowest / curve.Ec_mJ_per_cm2:.1f} times it; add discs at lower doses"
+                f"{lowest / curve.Ec_mJ_per_cm2:.1f} times as high; add discs at lower doses"
             )
         )
     set_below = [disc for disc in curve.used if disc.dose_mJ_per_cm2 <= curve.Ec_mJ_per_cm2]

@@ -1,18 +1,20 @@
-"""The working curve: thickness of cured discs against dose, Dc = Dp ln(E/Ec), and how well it is known.
+"""The working curve, thickness of cured discs against dose, Dc = Dp ln(E/Ec), with its uncertainty.
 
-The idea (Jacobs, Rapid Prototyping & Manufacturing, 1992, chapter 4): light falls off exponentially with depth and
-resin sets where the dose exceeds a threshold, so thickness is a straight line in the logarithm of dose, a + b ln E with
-Dp = b and ln Ec = −a/b. Discs scatter, thick ones often more and thin soft ones badly: with ``scatter="auto"`` the
-scatter is taken as growing with a power 0, ½ or 1 of thickness, whichever is likeliest, and the intervals come from the
-residuals, so that they hold where that guess is wrong (decision 0028). Ec is where the line crosses zero: its interval
-is Fieller's, which is not symmetric. Outliers are set aside by a stated rule and listed;
-doses are left out whole, never disc by disc, where their mean thickness is below a stated limit.
+Light decays exponentially with depth, and resin sets where the dose exceeds a threshold (Jacobs, Rapid Prototyping &
+Manufacturing, 1992, chapter 4). Thickness is therefore a straight line in the logarithm of dose, a + b ln E, with Dp =
+b and ln Ec = −a/b. Thick discs often scatter more than thin ones, and thin soft ones scatter badly: with
+``scatter="auto"`` the scatter is assumed to grow with a power 0, ½ or 1 of thickness, whichever has the maximum
+likelihood, and the intervals follow from the residuals, which makes them valid even if that choice is wrong (decision
+0028). Ec is where the line crosses zero; its interval is Fieller's, which is not symmetric. Outliers are set aside by a
+stated rule and listed. Doses whose mean thickness is below a stated limit are omitted as whole doses, never disc by
+disc.
 
-The model knows one wavelength, a resin that does not bleach, and a dose that counts the same however fast it comes; no
-oxygen that uses up the first of it, and no diffusion. Where these matter the points bend, and the test of fit says so.
+The model assumes one wavelength, a resin that does not bleach, and a dose that acts the same at any rate; it includes
+neither oxygen inhibition nor diffusion. Where these matter, the points deviate from a line, which the test of fit
+reports.
 
-The interface: `working_curve` gives a `WorkingCurve`; its methods answer at a dose or for a depth, with intervals;
-`cautions` says in sentences what does not follow.
+The interface is `working_curve`, which returns a `WorkingCurve`; its methods return values and intervals at a dose or
+for a depth. `cautions` states the limitations in sentences.
 """
 
 import math
@@ -30,21 +32,21 @@ from solen.results import HIDDEN, Result, reported
 
 Scatter = Literal["auto", "proportional", "constant"]
 EXPONENTS = {"auto": (0.0, 0.5, 1.0), "proportional": (1.0,), "constant": (0.0,)}
-"""Powers of thickness that scatter may grow with."""
+"""Powers of thickness with which scatter may grow."""
 THINNEST = 0.05
-"""Share of the thickest disc below which scatter is that of a disc of this thickness."""
+"""Fraction of the thickest disc's thickness below which scatter is that of a disc of this thickness."""
 MOST_OUTLIERS = 0.2
-"""Share of the discs, at least one disc, that may be set aside."""
+"""Fraction of the discs that may be set aside; one disc always may be."""
 DOSES_MJ_PER_CM2, THICKEST_UM = (1e-6, 1e9), 1e6
 """Limits of doses and thicknesses."""
 SIGNIFICANCE = 0.05
-"""Chance below which the doses' means are off the line."""
+"""Probability below which the means at each dose are reported as off the line."""
 _ROUNDS, _SETTLED = 30, 1e-9
 
 
 @dataclass(frozen=True)
 class Disc:
-    """A cured disc: its dose, its thickness, and its place in the table, from 1 on."""
+    """A cured disc: its dose, its thickness, and its row in the table, counted from 1."""
 
     dose_mJ_per_cm2: float
     thickness_um: float
@@ -53,7 +55,7 @@ class Disc:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A disc that the curve does without, and why; ``t`` is its deletion residual where that is the reason."""
+    """A disc that is omitted from the fit, with the reason; ``t`` is the deletion residual of an outlier, else None."""
 
     disc: Disc
     reason: str
@@ -62,7 +64,7 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """Doses' means about the line against discs about their mean: ratio of variances, and how likely by chance."""
+    """Test of the line: variance of the means at each dose over that of discs about their mean, and its p-value."""
 
     F: float
     df: tuple[int, int]
@@ -75,17 +77,18 @@ class WorkingCurve(Result, kw_only=True):
     Attributes
     ----------
     fit
-        Of thickness in µm against (1, ln E), E in mJ/cm².
+        Fit of thickness in µm against (1, ln E), E in mJ/cm².
     scatter_exponent
-        Power of thickness that the scatter of discs grows with.
+        Power of thickness with which the scatter of discs grows.
     sd_thickness_um, mean_thickness_um
-        Standard deviation of discs of the mean thickness, and that.
+        Standard deviation of discs with the mean thickness, and the mean thickness.
     used, left_out
-        Discs that the line is for, and the others.
+        Discs included in the fit, and omitted discs.
     lack_of_fit
-        None if fewer than three doses, or no replicates, are left.
+        None if fewer than three doses, or no replicates, remain.
     by_dose
-        Whether the doses' means were fitted in place of discs, because these scatter less than their means do.
+        Whether the means at each dose were fitted instead of the discs, because the means scatter more than the discs
+        explain.
     """
 
     fit: LinearFit = field(metadata=HIDDEN)
@@ -104,12 +107,12 @@ class WorkingCurve(Result, kw_only=True):
 
     @reported
     def u_Dp_um(self) -> float:
-        """Its standard uncertainty."""
+        """Standard uncertainty of the penetration depth."""
         return self.fit.u((0.0, 1.0))
 
     @reported
     def interval95_Dp_um(self) -> tuple[float, float]:
-        """Its 95 % interval."""
+        """95 % interval of the penetration depth."""
         return self.fit.interval((0.0, 1.0))
 
     @property
@@ -119,17 +122,17 @@ class WorkingCurve(Result, kw_only=True):
 
     @reported
     def Ec_mJ_per_cm2(self) -> float:
-        """Critical dose, at which the first resin sets."""
+        """Critical dose, the lowest dose at which resin sets."""
         return math.exp(self.ln_Ec)
 
     @reported
     def u_ln_Ec(self) -> float:
-        """Standard uncertainty of its logarithm, to first order."""
+        """Standard uncertainty of the logarithm of the critical dose, to first order."""
         return math.sqrt(self.covariance_ln[1, 1])
 
     @reported
     def interval95_Ec_mJ_per_cm2(self) -> tuple[float, float] | None:
-        """Its 95 % interval; None if the slope is too uncertain to have one."""
+        """95 % interval of the critical dose; None if the slope is too uncertain to have one."""
         return self.dose_interval95(0.0)
 
     @reported
@@ -147,26 +150,28 @@ class WorkingCurve(Result, kw_only=True):
 
     @reported
     def discs(self) -> int:
-        """Number of discs that the line is for."""
+        """Number of fitted discs."""
         return len(self.used)
 
     @reported
     def doses(self) -> int:
-        """Number of their doses."""
+        """Number of different doses of the fitted discs."""
         return len({disc.dose_mJ_per_cm2 for disc in self.used})
 
     @reported
     def dose_range_mJ_per_cm2(self) -> tuple[float, float]:
-        """Lowest and highest of them."""
+        """Lowest and highest dose of the fitted discs."""
         doses = [disc.dose_mJ_per_cm2 for disc in self.used]
         return min(doses), max(doses)
 
     def depth_um(self, dose: ArrayLike) -> FloatArray:
-        """Cure depth at a dose in mJ/cm²; negative below the critical dose, where nothing sets."""
+        """Return the cure depth at a dose in mJ/cm²; negative below the critical dose, where nothing sets."""
         return np.asarray(self.fit.parameters[0] + self.fit.parameters[1] * np.log(np.asarray(dose, float)))
 
     def half_width_um(self, dose: ArrayLike, *, of_one_disc: bool = False) -> FloatArray:
-        """Half width of the 95 % interval of the cure depth at a dose: of the curve, or of one more disc."""
+        """Return the half width of the 95 % interval of the cure depth at a dose, for the curve or for one further
+        disc.
+        """
         doses = np.atleast_1d(np.asarray(dose, float))
         halves = []
         for ln_dose, depth in zip(np.log(doses).tolist(), self.depth_um(doses).tolist(), strict=True):
@@ -176,20 +181,20 @@ class WorkingCurve(Result, kw_only=True):
         return np.reshape(halves, np.shape(dose))
 
     def disc_sigma_um(self, depth_um: float) -> float:
-        """Standard deviation of discs of a thickness."""
+        """Return the standard deviation of discs of a given thickness."""
         thick = max(depth_um, THINNEST * max(disc.thickness_um for disc in self.used))
         return float(self.sd_thickness_um * (thick / self.mean_thickness_um) ** self.scatter_exponent)
 
     def dose_mJ_per_cm2(self, depth_um: float) -> float:
-        """Dose that cures to a depth; infinite where it overflows."""
+        """Return the dose that cures to a depth; infinite if it overflows."""
         ln_dose = (depth_um - self.fit.parameters[0]) / self.fit.parameters[1]
         return math.exp(ln_dose) if ln_dose < _LARGEST_LN else math.inf
 
     def dose_interval95(self, depth_um: float) -> tuple[float, float] | None:
-        """95 % interval of the dose that cures to a depth; None if the slope is too uncertain to have one.
+        """Return the 95 % interval of the dose that cures to a depth; None if the slope is too uncertain to have one.
 
-        All doses at which the curve may be that deep (Fieller, Journal of the Royal Statistical Society B 16, 175,
-        1954).
+        The interval contains all doses at which the curve may reach that depth (Fieller, Journal of the Royal
+        Statistical Society B 16, 175, 1954).
         """
         (a, b), covariance = self.fit.parameters, self.fit.covariance
         at = (depth_um - a) / b
@@ -222,23 +227,23 @@ def working_curve(
     Parameters
     ----------
     dose
-        In mJ/cm², shape (n,), one entry a disc.
+        Dose of each disc in mJ/cm², shape (n,).
     thickness_um
-        Shape (n,); NaN where none was measured, 0 where nothing set: both are left out and listed.
+        Thickness of each disc, shape (n,); NaN if not measured, 0 if nothing set: both are omitted and listed.
     scatter
-        How discs scatter: as a share of their thickness, by the same everywhere, or to be found.
+        How discs scatter: proportional to thickness, constant, or to be estimated.
     min_thickness_um
-        Doses whose discs are thinner on average are left out.
+        Doses whose discs have a lower mean thickness are omitted.
     keep_all
         Keep outliers.
     rows
-        Name of each disc's position; by default they count from 1.
+        Row number of each disc, used in messages; by default they count from 1.
 
     Raises
     ------
     DataError
-        For a dose that is not above 0, a negative thickness, or one beyond any print; where fewer than two
-        doses or three discs are left; where thickness does not grow with dose.
+        If a dose is not above 0, a thickness is negative, or one is too large for any print; if fewer than two doses or
+        three discs remain; or if thickness does not grow with dose.
     """
     discs = _discs(dose, thickness_um, rows)
     out = _unusable(discs) + _too_thin(discs, min_thickness_um)
@@ -258,8 +263,8 @@ def working_curve(
         raise DataError(
             "working curve: slope",
             value=f"{b:.3g} µm per factor e of dose from {min(doses):.3g} to {max(doses):.3g} mJ/cm²",
-            limit="thickness must grow with dose, or Ec is out of reach",
-            remedy="check which column is which, or take doses further apart",
+            limit="thickness must grow with dose, and Ec must be within reach",
+            remedy="check which column is which, or use doses that are further apart",
         )
     at = float(np.mean([disc.thickness_um for disc in used]))
     return WorkingCurve(
@@ -299,13 +304,13 @@ def _unusable(discs: tuple[Disc, ...]) -> list[LeftOut]:
 
 
 def _too_thin(discs: tuple[Disc, ...], least_um: float | None) -> list[LeftOut]:
-    """Discs of the doses whose discs are on average thinner than a limit."""
+    """Return the discs of doses whose mean thickness is below a limit."""
     if least_um is None:
         return []
     whole = [disc for disc in discs if disc.thickness_um > 0.0]
     thin = {mean.dose_mJ_per_cm2: mean.thickness_um for mean in means_of(tuple(whole)) if mean.thickness_um < least_um}
     return [
-        LeftOut(disc, f"its dose's discs are {thin[disc.dose_mJ_per_cm2]:.3g} µm thick, below {least_um:g} µm")
+        LeftOut(disc, f"the mean thickness at its dose is {thin[disc.dose_mJ_per_cm2]:.3g} µm, below {least_um:g} µm")
         for disc in whole
         if disc.dose_mJ_per_cm2 in thin
     ]
@@ -320,13 +325,13 @@ def _refuse_too_few(used: tuple[Disc, ...], out: list[LeftOut]) -> None:
     doses = {disc.dose_mJ_per_cm2 for disc in used}
     if len(doses) >= 2 and len(used) >= 3:
         return
-    discs = f"{len(used)} discs at {len(doses)} doses" + (f" ({len(out)} left out)" if out else "")
+    discs = f"{len(used)} discs at {len(doses)} doses" + (f" ({len(out)} omitted)" if out else "")
     remedy = "cure discs at five doses or more, three of each"
-    raise DataError("working curve: points", value=discs, limit="needs 3 discs at 2 doses at least", remedy=remedy)
+    raise DataError("working curve: points", value=discs, limit="needs at least 3 discs at 2 doses", remedy=remedy)
 
 
 def means_of(discs: tuple[Disc, ...]) -> tuple[Disc, ...]:
-    """One disc for each dose, as thick as those there are on average."""
+    """Return one disc per dose, with the mean thickness at that dose."""
     doses = [disc.dose_mJ_per_cm2 for disc in discs]
     rows: dict[float, int] = {}
     for disc in discs:
@@ -336,12 +341,12 @@ def means_of(discs: tuple[Disc, ...]) -> tuple[Disc, ...]:
 
 
 def _columns(discs: tuple[Disc, ...]) -> tuple[FloatArray, FloatArray]:
-    """Logarithms of dose, and thicknesses."""
+    """Return the logarithms of dose, and the thicknesses."""
     return np.log([disc.dose_mJ_per_cm2 for disc in discs]), np.array([disc.thickness_um for disc in discs])
 
 
 def _weights(x: FloatArray, y: FloatArray, exponent: float) -> FloatArray:
-    """Weights by the fitted thickness: those by the measured one favour discs that came out thin."""
+    """Return weights from the fitted thickness; weights from the measured one would favour discs that came out thin."""
     weights = np.ones(len(y))
     while_settling = 1 if exponent == 0.0 else _ROUNDS
     before = 0.0
@@ -357,7 +362,7 @@ def _weights(x: FloatArray, y: FloatArray, exponent: float) -> FloatArray:
 
 
 def _likeliest(x: FloatArray, y: FloatArray, scatter: Scatter) -> tuple[LinearFit, float]:
-    """Likeliest fit, and its exponent of scatter."""
+    """Return the maximum-likelihood fit and its exponent of scatter."""
     design = np.column_stack([np.ones(len(x)), x])
     tried = {e: fitted(design, y, weights=_weights(x, y, e)) for e in EXPONENTS[scatter]}
     best = min(tried, key=lambda exponent: tried[exponent].criterion)
@@ -365,7 +370,9 @@ def _likeliest(x: FloatArray, y: FloatArray, scatter: Scatter) -> tuple[LinearFi
 
 
 def _fit(discs: tuple[Disc, ...], scatter: Scatter) -> tuple[LinearFit, float]:
-    """Likeliest fit with its intervals from the residuals where scatter is a guess, and its exponent of scatter."""
+    """Return the maximum-likelihood fit and its exponent of scatter, with intervals from the residuals if scatter is a
+    guess.
+    """
     x, y = _columns(discs)
     fit, exponent = _likeliest(x, y, scatter)
     if scatter != "auto" or fit.sigma == 0.0:
@@ -375,7 +382,7 @@ def _fit(discs: tuple[Disc, ...], scatter: Scatter) -> tuple[LinearFit, float]:
 
 
 def _outliers(used: tuple[Disc, ...], scatter: Scatter) -> list[LeftOut]:
-    """Outliers. Where most discs of a dose deviate together, the line is at fault, and they stay."""
+    """Return the outliers. If most discs of a dose deviate together, the line is at fault and the discs are kept."""
     most = min(max(1, int(MOST_OUTLIERS * len(used))), len(used) - 4)
     if most < 1:
         return []
@@ -393,7 +400,7 @@ def _outliers(used: tuple[Disc, ...], scatter: Scatter) -> list[LeftOut]:
 
 
 def _lack_of_fit(used: tuple[Disc, ...], exponent: float, fit: LinearFit) -> LackOfFit | None:
-    """Whether doses' means are further off the line than their discs' scatter explains."""
+    """Test whether the means at each dose deviate from the line by more than the scatter of the discs explains."""
     x, y = _columns(used)
     weights = _weights(x, y, exponent)
     of = ranks(x.tolist())

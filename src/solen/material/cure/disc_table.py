@@ -1,4 +1,4 @@
-"""Table of cured discs: thickness and dose of each, from the columns of a recording."""
+"""Table of cured discs: thickness and dose of each disc, from the columns of a recording."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,9 @@ _ROUNDED_DOSE = 0.05  # how far a stated dose may be from time times irradiance
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Discs of a table: dose in mJ/cm², thickness in µm, first row of each, names of the columns used, and warnings."""
+    """Discs of a table: dose in mJ/cm², thickness in µm, first row of each disc, names of the columns used, and
+    warnings.
+    """
 
     dose: FloatArray
     thickness_um: FloatArray
@@ -31,7 +33,7 @@ class Table:
 
 
 def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
-    """Discs of a table. Rows of one dose and one disc are readings of it, and averaged."""
+    """Return the discs of a table. Rows with the same dose and disc are repeated readings and are averaged."""
     thickness = recording.need(*THICKNESSES)
     thickness_um = thickness.to("um")
     dose, used = _doses(recording, irradiance_mW_per_cm2)
@@ -46,13 +48,15 @@ def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
     means = group_means(keys, thickness_um)
     warnings = []
     if len(means) < len(keys):
-        warnings = [note(f"{len(keys)} rows are readings of {len(means)} discs: readings of one disc are averaged")]
+        warnings = [
+            note(f"{len(keys)} rows are readings of {len(means)} discs: the readings of each disc are averaged")
+        ]
     doses = np.array([value for value, _ in means])
     return Table(doses, np.array(list(means.values())), [keys.index(key) + 1 for key in means], used, warnings)
 
 
 def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> tuple[FloatArray, list[str]]:
-    """Doses in mJ/cm², as stated or from times, and the columns that they are from."""
+    """Return doses in mJ/cm², as stated or computed from times, and the columns that they come from."""
     dose, time = _with_unit(recording, DOSES, DOSE), _with_unit(recording, TIMES, "s")
     rate = _with_unit(recording, ("irradiance", "intensity"), "mW/cm2")
     if dose is not None:
@@ -65,12 +69,12 @@ def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> tuple[F
         return time.to("s") * rate.to("mW/cm2"), [time.name, rate.name]
     if irradiance_mW_per_cm2 is not None:
         return time.to("s") * irradiance_mW_per_cm2, [time.name]
-    limit = "states exposure times, and the curve is of dose"
+    limit = "states exposure times, but the curve needs doses"
     raise DataError(recording.provenance.file, value=time.name, limit=limit, remedy="add --irradiance-mW-per-cm2")
 
 
 def _agreeing(recording: Recording, dose: Channel, time: Channel, rate: Channel) -> list[str]:
-    """Names of time and irradiance, whose product must equal the stated doses; `DataError` if not."""
+    """Return the names of time and irradiance; `DataError` if their product does not equal the stated doses."""
     product, stated = time.to("s") * rate.to("mW/cm2"), dose.to(DOSE)
     off = np.abs(product - stated) > _ROUNDED_DOSE * stated
     if off.any():
@@ -83,7 +87,7 @@ def _agreeing(recording: Recording, dose: Channel, time: Channel, rate: Channel)
 
 
 def _with_unit(recording: Recording, names: tuple[str, ...], unit: str) -> Channel | None:
-    """First channel of these names that converts to a unit."""
+    """Return the first channel with one of these names that converts to a unit."""
     for name in names:
         channel = recording.find(name)
         if channel is not None and channel.unit and factor(channel.unit, unit) is not None:

@@ -1,7 +1,7 @@
 """The working curve of a table of discs, and its consequences for a print.
 
-The interface: `curve_of_discs` of a recording and `CureOptions` returns a `MeasuredCurve`; `curves_of_discs` takes
-several recordings and compares the others with the first.
+The interface is `curve_of_discs`, which returns a `MeasuredCurve` of a recording with `CureOptions`, and
+`curves_of_discs`, which compares further recordings with the first.
 """
 
 import dataclasses
@@ -25,56 +25,60 @@ from solen.results import reported
 from solen.spec.strict import Finite, Wavelength, refused
 
 MOST_LAYERS = 100_000
-"""More than any printer prints: a metre of layers of 10 µm."""
+"""Largest number of layers: more than any printer prints, 1 m in layers of 10 µm."""
 _APART = 0.2  # of a penetration depth by discs from that by absorbance
 USUAL_DP_UM = (1.0, 1e4)
-"""Far beyond both ends of printable resins' penetration depths: outside, a unit is wrong."""
+"""Range far wider than the penetration depths of printable resins; outside it, a unit is wrong."""
 
 
 class CureOptions(RowOptions):
-    """How discs are evaluated, and how a part is printed."""
+    """Options for evaluating discs and for the exposure of a part."""
 
     irradiance_mW_per_cm2: Finite | None = Field(None, gt=0.0)
     """Irradiance at the window; converts exposure times to doses."""
     layer_um: Finite | None = Field(None, gt=0.0)
-    """Thickness of a printed layer: gives the exposure that it needs, and with --exposure-s what that does."""
+    """Thickness of a printed layer; adds the exposure that it needs and, with --exposure-s, the effect of that
+    exposure.
+    """
     exposure_s: Finite | None = Field(None, gt=0.0)
-    """Exposure of a layer."""
+    """Exposure time of a layer."""
     overcure: Finite = Field(2.0, gt=0.0)
-    """Cure depth to find the exposure for, in thicknesses of a layer."""
+    """Target cure depth for the needed exposure, in layer thicknesses."""
     layers: int | None = Field(None, gt=0, le=MOST_LAYERS)
-    """Number of layers of the part; default: enough for it to have an inside."""
+    """Number of layers of the part; default: enough for its interior to reach a constant dose."""
     burn_in_layers: int = Field(0, ge=0)
     """Number of first layers that are exposed for --burn-in-s."""
     burn_in_s: Finite | None = Field(None, gt=0.0)
-    """Exposure of these."""
+    """Exposure time of the burn-in layers."""
     min_thickness_um: Finite | None = Field(None, ge=0.0)
-    """Leave out doses whose discs are thinner on average."""
+    """Omit doses whose discs have a lower mean thickness."""
     scatter: Scatter = "auto"
-    """How discs scatter: as a share of their thickness, by the same everywhere, or estimated."""
+    """How discs scatter: proportional to their thickness, constant, or estimated."""
     keep_all: bool = False
     """Keep outliers."""
     wavelength_nm: Wavelength | None = None
-    """Wavelength of the lamp, stated in the result; default: what the table states for all rows."""
+    """Wavelength of the lamp, stated in the result; default: the one that the table states for all rows."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if self.exposure_s is not None and self.layer_um is None:
-            raise refused("exposure_s", "needs the layer it cures", remedy="add --layer-um")
+            raise refused("exposure_s", "needs the thickness of the layer", remedy="add --layer-um")
         if self.exposure_s is not None and self.irradiance_mW_per_cm2 is None:
-            raise refused("exposure_s", "is not a dose without --irradiance-mW-per-cm2", remedy="add it")
+            raise refused(
+                "exposure_s", "cannot be converted to a dose without --irradiance-mW-per-cm2", remedy="add it"
+            )
         if (self.layers is not None or self.burn_in_layers) and self.exposure_s is None:
             name = "layers" if self.layers is not None else "burn_in_layers"
             raise refused(name, "needs --exposure-s", remedy="add it")
         if (self.burn_in_layers > 0) != (self.burn_in_s is not None):
-            raise refused("burn_in_layers", "goes with --burn-in-s, both above 0", value=self.burn_in_layers)
+            raise refused("burn_in_layers", "requires --burn-in-s, with both above 0", value=self.burn_in_layers)
         if self.layers is not None and self.burn_in_layers > self.layers:
             raise refused("burn_in_layers", f"must be at most --layers, {self.layers}", value=self.burn_in_layers)
         return self
 
     @property
     def dose_mJ_per_cm2(self) -> float | None:
-        """Dose of a layer's exposure."""
+        """Dose of one exposure of a layer."""
         if self.exposure_s is None or self.irradiance_mW_per_cm2 is None:
             return None
         return self.exposure_s * self.irradiance_mW_per_cm2
@@ -82,16 +86,16 @@ class CureOptions(RowOptions):
 
 @dataclass(frozen=True)
 class LayerNeed:
-    """Exposure that cures a layer, several times over.
+    """Exposure that cures a layer to a multiple of its thickness.
 
     Attributes
     ----------
     layer_um, overcure
-        Thickness of the layer, and cure depth in such thicknesses.
+        Thickness of the layer, and cure depth in layer thicknesses.
     needed_mJ_per_cm2, interval95_needed_mJ_per_cm2
-        Dose; None if it is beyond every number, or has no interval.
+        Dose, and its 95 % interval; None if it overflows, or has no interval.
     needed_s, interval95_needed_s
-        Exposure; None without an irradiance.
+        Exposure time, and its 95 % interval; None without an irradiance.
     """
 
     layer_um: float
@@ -111,11 +115,11 @@ class LayerExposure:
     exposure_s, dose_mJ_per_cm2
         Exposure time and dose of the layer, at the window.
     cure_depth_um, interval95_cure_depth_um, cure_depth_layers
-        How deep it cures, also in thicknesses of a layer.
+        Cure depth, its 95 % interval, and the cure depth in layer thicknesses.
     dose_below_mJ_per_cm2, dose_below_over_Ec
-        Dose below the layer, also in critical doses.
+        Dose below the layer, and that dose in units of the critical dose.
     print_through_um, print_through_many_layers_um
-        How far resin sets beyond one layer, and beyond many, that are exposed above a gap.
+        How far resin sets beyond one layer, and beyond many layers, exposed above a gap.
     """
 
     exposure_s: float
@@ -131,14 +135,14 @@ class LayerExposure:
 
 @dataclass(frozen=True)
 class InLampExposure:
-    """Effect of the exposure of a layer in the lamp's light, beside that by Jacobs' law.
+    """Effect of the exposure of a layer according to the law with the lamp's spectrum, for comparison with Jacobs' law.
 
     Attributes
     ----------
     cure_depth_um, print_through_many_layers_um, interior_mean_mJ_per_cm2
-        Values by the law with the spectrum, of the quantities in `LayerExposure` and `StackDose`.
+        Values according to the law with the spectrum, of the quantities in `LayerExposure` and `StackDose`.
     interior_over_jacobs
-        The last over what Jacobs' law gives.
+        Ratio of the interior mean dose to its value from Jacobs' law.
     """
 
     cure_depth_um: float
@@ -148,7 +152,7 @@ class InLampExposure:
 
 
 class CurveBeside(WorkingCurve, Measured, kw_only=True):
-    """Working curve of another table, beside the first.
+    """Working curve of another table, for comparison with the first.
 
     Attributes
     ----------
@@ -160,18 +164,18 @@ class CurveBeside(WorkingCurve, Measured, kw_only=True):
 
 
 class MeasuredCurve(WorkingCurve, Measured, kw_only=True):
-    """Working curve of a table of discs, and what it means for a print.
+    """Working curve of a table of discs, and its consequences for a print.
 
     Attributes
     ----------
     irradiance_mW_per_cm2, wavelength_nm
         Irradiance and wavelength of the lamp, as stated.
     layer, exposure, stack
-        Exposure that a layer needs, what its exposure does, and the dose inside a part; None if not asked for.
+        Exposure that a layer needs, effect of the chosen exposure, and the dose inside a part; None if not requested.
     beside
-        Working curves of further tables, as of other resins.
+        Working curves of further tables, for example of other resins.
     in_lamp, in_lamp_exposure
-        The law with the lamp's spectrum, and what the exposure of a layer does by it; None if not asked for.
+        The law with the lamp's spectrum, and the effect of a layer's exposure according to it; None if not requested.
     """
 
     irradiance_mW_per_cm2: float | None
@@ -185,24 +189,24 @@ class MeasuredCurve(WorkingCurve, Measured, kw_only=True):
 
     @reported
     def u_interior_mean_mJ_per_cm2(self) -> float | None:
-        """Standard uncertainty of the mean dose inside the part, from that of the penetration depth."""
+        """Standard uncertainty of the mean dose inside the part, propagated from the penetration depth."""
         return None if self.stack is None else self.stack.interior_mean_mJ_per_cm2 * self.u_Dp_um / self.Dp_um
 
 
 def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -> MeasuredCurve:
-    """Penetration depth and critical dose with their intervals; for a given layer, also the consequences.
+    """Return the penetration depth and critical dose with their intervals and, for a given layer, the consequences.
 
     Parameters
     ----------
     recording
         Table with a column of thicknesses, and one of doses or times.
     options
-        Its irradiance converts times to doses.
+        Evaluation options; the irradiance converts times to doses.
 
     Raises
     ------
     DataError
-        Without such columns, or if they determine no curve.
+        If the table has no such columns, or they determine no curve.
     """
     recording = below_each_other(chosen_rows(recording, options), THICKNESSES, (*DISCS, *REPLICATES))
     table = discs(recording, options.irradiance_mW_per_cm2)
@@ -236,7 +240,9 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
 
 
 def curves_of_discs(recordings: Sequence[Recording], options: CureOptions = CureOptions()) -> MeasuredCurve:
-    """Curve of the first recording as `curve_of_discs` gives it, with those of the others beside it."""
+    """Return the curve of the first recording, as `curve_of_discs` does, with the curves of the others for
+    comparison.
+    """
     first, *others = (curve_of_discs(recording, options) for recording in recordings)
     fields = [field.name for field in dataclasses.fields(CurveBeside) if field.name != "file"]
     beside = tuple(
@@ -248,7 +254,7 @@ def curves_of_discs(recordings: Sequence[Recording], options: CureOptions = Cure
 
 
 def with_lamp(curve: MeasuredCurve, fit: InLamp) -> MeasuredCurve:
-    """The curve with the law of the lamp's spectrum beside it, and what that changes."""
+    """Return the curve with the law for the lamp's spectrum, and the effect of that law on an exposure."""
     exposure = None
     if curve.exposure is not None and curve.layer is not None:
         dose, layer_um = curve.exposure.dose_mJ_per_cm2, curve.layer.layer_um
@@ -263,17 +269,17 @@ def with_lamp(curve: MeasuredCurve, fit: InLamp) -> MeasuredCurve:
     if fit.preferred == "spectrum":
         notes = [
             look_at(
-                f"the discs prefer the law with the lamp's spectrum ({fit.rms_um:.2g} µm rms, {fit.jacobs_rms_um:.2g} "
-                f"by Jacobs' law): Dp is {fit.Dp_um:.3g} µm at the surface and grows with depth; {curve.Dp_um:.3g} µm "
-                "holds for discs of these thicknesses alone"
+                f"the discs agree better with the law for the lamp's spectrum ({fit.rms_um:.2g} µm rms; Jacobs' law: "
+                f"{fit.jacobs_rms_um:.2g}): Dp is {fit.Dp_um:.3g} µm at the surface and grows with depth; "
+                f"{curve.Dp_um:.3g} µm is valid only for discs of these thicknesses"
             )
         ]
     off = fit.Dp_um / fit.liquid_Dp_um - 1.0
     if abs(off) > _APART and abs(off) * fit.liquid_Dp_um > 3.0 * fit.u_Dp_um:
         notes.append(
             look_at(
-                f"at the surface the discs give Dp {fit.Dp_um:.3g} µm and the liquid's absorbance "
-                f"{fit.liquid_Dp_um:.3g} µm"
+                f"at the surface, Dp is {fit.Dp_um:.3g} µm from the discs and {fit.liquid_Dp_um:.3g} µm from the liquid's "
+                "absorbance"
             )
         )
     return dataclasses.replace(curve, in_lamp=fit, in_lamp_exposure=exposure, warnings=(*curve.warnings, *notes))
@@ -316,7 +322,9 @@ def _exposure(curve: WorkingCurve, options: CureOptions) -> LayerExposure | None
 
 
 def _stack(Dp_um: float, options: CureOptions) -> StackDose | None:
-    """Dose inside a part of these layers; by default of enough of them to have an inside."""
+    """Return the dose inside a part of these layers; by default there are enough layers for a constant interior
+    dose.
+    """
     if options.layer_um is None or options.exposure_s is None or options.irradiance_mW_per_cm2 is None:
         return None
     settled = stack_dose(Dp_um, options.layer_um, [1.0]).layers_to_99_percent
@@ -326,11 +334,11 @@ def _stack(Dp_um: float, options: CureOptions) -> StackDose | None:
 
 
 def _unusual(curve: WorkingCurve) -> list[Caution]:
-    """Warning of a probable wrong unit."""
+    """Warn of a unit that is probably wrong."""
     low, high = USUAL_DP_UM
     if low <= curve.Dp_um <= high:
         return []
-    for factor_, what in ((1e3, "mm under a header in µm"), (1e-3, "µm under a header in mm")):
+    for factor_, what in ((1e3, "mm under a header that states µm"), (1e-3, "µm under a header that states mm")):
         if low <= factor_ * curve.Dp_um <= high:
             return [
                 do_not_use(
@@ -340,21 +348,21 @@ def _unusual(curve: WorkingCurve) -> list[Caution]:
             ]
     return [
         do_not_use(
-            f"Dp = {curve.Dp_um:.3g} µm is that of no printable resin (tens to hundreds of µm): check the unit of the "
+            f"Dp = {curve.Dp_um:.3g} µm does not fit a printable resin (tens to hundreds of µm): check the unit of the "
             "thickness in the table's header"
         )
     ]
 
 
 def _outside(curve: WorkingCurve, layer_um: float | None, exposure: LayerExposure | None) -> list[Caution]:
-    """Warnings of a layer's exposure outside the doses of the discs, or that does not cure the layer for certain."""
+    """Warn if a layer's exposure is outside the doses of the discs, or may not cure the layer through."""
     if exposure is None or layer_um is None:
         return []
     warnings, dose, (lowest, highest) = [], exposure.dose_mJ_per_cm2, curve.dose_range_mJ_per_cm2
     if not lowest <= dose <= highest:
         warnings.append(
             look_at(
-                f"an exposure of {dose:.3g} mJ/cm² lies outside the discs' {lowest:.3g} to {highest:.3g} mJ/cm²: "
+                f"an exposure of {dose:.3g} mJ/cm² is outside the discs' range, {lowest:.3g} to {highest:.3g} mJ/cm²: "
                 "its cure depth is an extrapolation"
             )
         )
@@ -363,7 +371,7 @@ def _outside(curve: WorkingCurve, layer_um: float | None, exposure: LayerExposur
         warnings.append(
             look_at(
                 f"{exposure.exposure_s:g} s cure {exposure.cure_depth_um:.3g} ± {exposure.cure_depth_um - low:.2g} µm: "
-                f"a layer of {layer_um:g} µm may not reach the one before"
+                f"a layer of {layer_um:g} µm may not bond to the previous one"
             )
         )
     return warnings

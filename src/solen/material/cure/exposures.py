@@ -1,11 +1,11 @@
-"""A layer's optics against its exposure: transmittance, and index where it is known, at some wavelengths.
+"""Optical properties of layers against their exposure: transmittance, and index where known, at some wavelengths.
 
-The idea: layers cured for 2, 4 and 6 s are three points, and what three points can say is a trend with an interval, not
-a curve. Each sample counts once. A trend of the transmittance is one of the layer: a layer that was cured longer may
-also be thicker, rougher or yellower, and a trend alone does not say which.
+Layers cured for 2, 4 and 6 s give three points, which support a trend with an interval but not a curve. Each sample
+counts once. A trend of the transmittance belongs to the layers, not necessarily to the resin: a layer that was cured
+longer may also be thicker, rougher or yellower, and the trend alone does not distinguish these causes.
 
-The interface: `exposure_trends` of recordings with `ExposureOptions` gives `ExposureTrends`; `samples_of` a recording
-are its `Sample`s; `trend` of values against exposure gives a `Trend`.
+The interface is `exposure_trends`, which returns `ExposureTrends` of recordings with `ExposureOptions`; `samples_of`,
+which returns the `Sample`s of a recording; and `trend`, which returns a `Trend` of values against exposure.
 """
 
 import math
@@ -32,26 +32,26 @@ from solen.spec.strict import Above0, Wavelength
 from solen.units import factor
 
 WAVELENGTHS_NM = (450.0, 500.0, 860.0)
-"""Those of the paper's three designs."""
+"""Wavelengths of the three designs of the paper."""
 TIMES = ("exposure", "exposure time", "time", "t")
-"""Names of a column of exposures."""
+"""Accepted names of a column of exposures."""
 _SAMPLES = ("sample", "specimen", "name", "replicate")
 _TIME_IN_NAME = re.compile(r"(?<![a-zA-Z0-9.,])(\d+(?:[.,]\d+)?)\s*(ms|s|sec|sek|seconds|min)(?![a-zA-Z])")
 _SECONDS = {"ms": 1e-3, "min": 60.0}
 _FEW = 4
-_REMEDY = "have columns exposure_s, wavelength_nm and T, or an instrument's traces of %T with names as 2 s"
+_REMEDY = "name columns exposure_s, wavelength_nm and T, or use an instrument's %T traces with names like 2 s"
 _NEAR_NM = 10.0
 
 
 class ExposureOptions(RowOptions):
-    """How layers are compared by their exposure."""
+    """Options for comparing layers with different exposures."""
 
     wavelength_nm: tuple[Wavelength, ...] = ()
-    """A wavelength to look at; repeatable; default: 450, 500 and 860 nm, as far as the spectra reach."""
+    """A wavelength to evaluate; repeatable; default: 450, 500 and 860 nm, as far as the spectra reach."""
     irradiance_mW_per_cm2: Above0 | None = None
-    """Irradiance at the window; makes doses of the exposures."""
+    """Irradiance at the window; converts exposures to doses."""
     thickness_um: Above0 | None = None
-    """Thickness of the layers; the index needs it."""
+    """Thickness of the layers, needed for the index."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Sample:
     reflectance: FloatArray | None = None
 
     def interferes(self, thickness_um: float) -> bool:
-        """Whether its spectra show fringes, so that no index follows from single wavelengths."""
+        """Whether the spectra show fringes, so that single wavelengths determine no index."""
         spectra = {"T": self.transmittance} | ({} if self.reflectance is None else {"R": self.reflectance})
         return bool(fringes_of(self.wavelength_nm, spectra, Length(thickness_um)))
 
@@ -80,13 +80,14 @@ class Trend:
     Attributes
     ----------
     slope_per_s, u_slope_per_s, interval95_slope_per_s
-        Change per second of exposure; the last two are None if two samples leave nothing to judge it by.
+        Change per second of exposure, its standard uncertainty and 95 % interval; the last two are None with two
+        samples.
     p
-        How likely a slope this steep is by chance; None as above.
+        Probability of a slope this steep by chance; None with two samples.
     middle, middle_s
-        Value of the line at the mean exposure, and that.
+        Value of the line at the mean exposure, and the mean exposure.
     samples, exposures
-        How many of each.
+        Number of samples, and of different exposures.
     """
 
     slope_per_s: float
@@ -99,13 +100,14 @@ class Trend:
     exposures: int
 
     def value(self, exposure_s: ArrayLike) -> FloatArray:
-        """Value of the line at an exposure."""
+        """Return the value of the line at an exposure."""
         return self.middle + self.slope_per_s * (np.asarray(exposure_s, float) - self.middle_s)
 
 
 @dataclass(frozen=True, eq=False)
 class AtWavelength:
-    """Optics of all layers at one wavelength, and their trends; arrays of shape (samples,), NaN where not known.
+    """Optical properties of all layers at one wavelength, and their trends; arrays of shape (samples,), NaN if not
+    known.
 
     Attributes
     ----------
@@ -126,14 +128,14 @@ class AtWavelength:
 
 
 class ExposureTrends(Measured, kw_only=True):
-    """Optics of layers against their exposure.
+    """Optical properties of layers against their exposure.
 
     Attributes
     ----------
     samples
         Names of the layers, by ascending exposure.
     exposure_s, dose_mJ_per_cm2
-        Exposure of each, and its dose; None without an irradiance.
+        Exposure and dose of each layer; the dose is None without an irradiance.
     wavelengths
         Values and trends at each wavelength.
     """
@@ -146,13 +148,13 @@ class ExposureTrends(Measured, kw_only=True):
 
 
 def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = ExposureOptions()) -> ExposureTrends:
-    """Transmittance of layers at some wavelengths against their exposure, and their index where R was measured.
+    """Return the transmittance of layers against exposure at some wavelengths, and their index if R was measured.
 
     Parameters
     ----------
     recordings
         Spectra whose traces, or else files, are named by their exposure (``2 s``), or tables with columns exposure_s,
-        wavelength_nm and T, and R where it was measured.
+        wavelength_nm and T, and optionally R.
     options
         Wavelengths, irradiance, thickness.
 
@@ -166,7 +168,7 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
     layers = sorted((one for each in recordings for one in samples_of(each)), key=lambda one: one.exposure_s)
     seconds = np.array([layer.exposure_s for layer in layers])
     if (kinds := len(set(seconds.tolist()))) < 2:
-        raise DataError("exposures", value=kinds, limit="a trend needs two at least")
+        raise DataError("exposures", value=kinds, limit="a trend needs at least two exposures")
     at = [_at(nm, layers, seconds, options.thickness_um) for nm in _wavelengths(layers, options.wavelength_nm)]
     irradiance = options.irradiance_mW_per_cm2
     notes = [note for each in recordings if _time(each) is None for note in each.warnings]
@@ -182,7 +184,9 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
 
 
 def trend(exposure_s: ArrayLike, values: ArrayLike) -> Trend | None:
-    """Trend of values against exposures, shape (n,); NaN is left out. None if fewer than two exposures are left."""
+    """Return the trend of values against exposures, shape (n,), ignoring NaN; None if fewer than two exposures
+    remain.
+    """
     x, y = np.asarray(exposure_s, float), np.asarray(values, float)
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
@@ -199,7 +203,7 @@ def trend(exposure_s: ArrayLike, values: ArrayLike) -> Trend | None:
 
 
 def samples_of(recording: Recording) -> list[Sample]:
-    """Layers of a recording, each with its exposure."""
+    """Return the layers of a recording, each with its exposure."""
     time = _time(recording)
     traces = [(kind_of(spectrum.channel), spectrum) for spectrum in spectra(recording)]
     traces = [(kind, one) for kind, one in traces if kind in {"T", "R"}]
@@ -215,13 +219,15 @@ def samples_of(recording: Recording) -> list[Sample]:
 
 
 def _time(recording: Recording) -> Channel | None:
-    """Column of exposures of a table with a row for each exposure and wavelength; None of any other file."""
+    """Return the column of exposures of a table with a row for each exposure and wavelength; None for any other
+    file.
+    """
     times = [recording.find(name) for name in TIMES]
     return next((channel for channel in times if channel and factor(channel.unit or "1", "s")), None)
 
 
 def _unused(recording: Recording, options: ExposureOptions) -> list[Caution]:
-    """Refuse conditions without effect: on traces side by side by their labels, on a long table by every column."""
+    """Reject conditions without effect: labels of separate traces, or any further column of a long table."""
     time, every = _time(recording), spectra(recording)
     if time is None:
         return refuse_unused(recording, options, (), labels_only=True)
@@ -234,16 +240,16 @@ def _unused(recording: Recording, options: ExposureOptions) -> list[Caution]:
 
 
 def _exposure_in_name(recording: Recording, name: str) -> float:
-    """Exposure that the name of a trace, or else of its file, states."""
+    """Return the exposure stated in the name of a trace or, failing that, of its file."""
     for text in (name, Path(recording.provenance.file).stem.replace("_", " ")):
         if match := _TIME_IN_NAME.search(text):
             return float(match[1].replace(",", ".")) * _SECONDS.get(match[2], 1.0)
-    limit = "does not state its exposure, as 2 s would"
-    raise DataError(f"{recording.provenance.file}: trace {name}", limit=limit, remedy="put it into the name")
+    limit = "must state its exposure, for example 2 s"
+    raise DataError(f"{recording.provenance.file}: trace {name}", limit=limit, remedy="add it to the name")
 
 
 def _paired(seconds: float, transmittances: list[Spectrum], reflectances: list[Spectrum]) -> list[Sample]:
-    """Samples of one exposure: each trace of T, with a trace of R where there are as many."""
+    """Return samples of one exposure: each trace of T, paired with a trace of R if there are equally many."""
     paired = len(reflectances) == len(transmittances)
     samples = []
     for number, transmittance in enumerate(transmittances):
@@ -256,7 +262,7 @@ def _paired(seconds: float, transmittances: list[Spectrum], reflectances: list[S
 
 
 def _long(recording: Recording, by_kind: dict[str | None, Spectrum], seconds: FloatArray) -> list[Sample]:
-    """Samples of a table with a row for each exposure and wavelength."""
+    """Return samples of a table with a row for each exposure and wavelength."""
     if "T" not in by_kind:
         raise DataError(recording.provenance.file, limit="holds no transmittance", remedy="name its column T")
     labels = [texts for name in _SAMPLES if (texts := recording.label(name)) is not None]
@@ -282,7 +288,7 @@ def _ascending(nm: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def _wavelengths(layers: Sequence[Sample], wanted: Sequence[float]) -> list[float]:
-    """Wavelengths common to all samples; `DataError` for a requested one that is not."""
+    """Return the wavelengths common to all samples; `DataError` if a requested one is not among them."""
     for nm in wanted:
         far = [layer.name for layer in layers if not _reaches(layer, nm)]
         if far:
@@ -296,13 +302,13 @@ def _wavelengths(layers: Sequence[Sample], wanted: Sequence[float]) -> list[floa
 
 
 def _reaches(sample: Sample, nm: float) -> bool:
-    """Whether a wavelength lies within a sample's, and near one of them."""
+    """Whether a wavelength is within a sample's range and near one of its points."""
     own = sample.wavelength_nm
     return own.size > 0 and own[0] <= nm <= own[-1] and float(np.min(np.abs(own - nm))) <= _NEAR_NM
 
 
 def _at(nm: float, layers: Sequence[Sample], seconds: FloatArray, thickness_um: float | None) -> AtWavelength:
-    """Values of all samples at a wavelength, and their trends."""
+    """Return the values of all samples at a wavelength, and their trends."""
     t, r = (
         np.array([math.nan if values is None else float(np.interp(nm, own, values)) for own, values in pairs])
         for pairs in (
@@ -328,7 +334,7 @@ def _warnings(
         warnings.append(
             look_at(
                 f"{len(layers)} samples are few for a trend (degrees of freedom: {max(len(layers) - 2, 0)}), so its "
-                "interval is wide; measure several layers of each exposure"
+                "interval is wide; measure several layers at each exposure"
             )
         )
     if kinds == 2:
@@ -338,16 +344,18 @@ def _warnings(
         warnings.append(look_at(f"no trend of T with exposure is resolved at {', '.join(unclear)}"))
     warnings.append(
         note(
-            "a layer that was exposed longer may be thicker too, unless a gap held it: measure each layer's thickness "
-            "before the resin is blamed"
+            "a layer that was exposed longer may also be thicker, unless a gap fixed its thickness: measure the thickness of "
+            "each layer before attributing the trend to the resin"
         )
     )
     if all(layer.reflectance is None for layer in layers):
-        warnings.append(note("no reflectance: transmittance alone does not determine the change of the index"))
+        warnings.append(note("R was not measured: transmittance alone does not determine the change of the index"))
     elif thickness_um is None:
         warnings.append(note("the index needs --thickness-um"))
     elif fringed := [one.name for one in layers if one.reflectance is not None and one.interferes(thickness_um)]:
-        warnings.append(look_at(f"no index of {', '.join(fringed)}: fringes are detected; solen resin index fits them"))
+        warnings.append(
+            look_at(f"no index for {', '.join(fringed)}: fringes were detected; solen resin index fits them")
+        )
     return warnings
 
 

@@ -1,10 +1,10 @@
-"""The law by which light cures a resin, as a working curve's file or a process states it: depth and doses in a part.
+"""Cure law of a working curve's file or of a print process: cure depth, and the doses in a part.
 
-The idea: a dose E at the surface leaves E Σ w e^(-d r/Dp) at a depth d, w and r being the shares and relative
-absorptions of the lamp's lines (one line: Jacobs' law), and resin sets down to where that is Ec. A layer of a part
-receives its own dose and what all later layers let through.
+A dose E at the surface leaves E Σ w e^(-d r/Dp) at a depth d, where w and r are the fraction of power and the relative
+absorption of each of the lamp's lines (with one line, this is Jacobs' law). Resin sets down to the depth where this
+equals Ec. A layer of a part receives its own dose and the light that all later layers transmit.
 
-The interface: `CureLaw`; `read_law` of a file that `solen resin cure --out` wrote.
+The interface is `CureLaw`, and `read_law` for a file written by `solen resin cure --out`.
 """
 
 import math
@@ -26,22 +26,22 @@ from solen.spec.strict import NotNegative, Positive, Strict, error_context
 
 @dataclass(frozen=True)
 class CureLaw:
-    """Penetration depth (with a lamp, at the surface), critical dose, and the lamp's lines."""
+    """Penetration depth (at the surface if the lamp has several lines), critical dose, and the lamp's lines."""
 
     Dp_um: float
     Ec_mJ_per_cm2: float
     lines: Lines = ONE_LINE
 
     def depth_um(self, dose: float) -> float:
-        """How deep a dose in mJ/cm² sets resin; 0 below the critical dose."""
+        """Return the depth to which a dose in mJ/cm² sets resin; 0 below the critical dose."""
         return max(self.Dp_um * float(depth(self.lines, math.log(dose / self.Ec_mJ_per_cm2))), 0.0)
 
     def left(self, depth_um: ArrayLike) -> FloatArray:
-        """Share of the light that is left at depths."""
+        """Return the fraction of the light that remains at depths."""
         return left(self.lines, np.asarray(depth_um, float) / self.Dp_um)
 
     def received(self, doses: FloatArray, layer_um: float) -> FloatArray:
-        """Mean dose (N,) in layers, of which each is exposed with its own dose and after that through later ones."""
+        """Return the mean dose (N,) of layers, each exposed with its own dose and then through the later ones."""
         total = np.zeros(len(doses))
         for share, absorption in self.lines:
             thick = absorption * layer_um / self.Dp_um
@@ -53,7 +53,7 @@ class CureLaw:
 
 
 class _InLamp(Strict):
-    """Law with a lamp's lines, as far as it is needed."""
+    """Values of the law with a lamp's lines that are read from a file."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
@@ -67,7 +67,7 @@ class _InLamp(Strict):
 
 
 class CureFile(Strict):
-    """The needed part of a working curve's file; the law with the lamp in addition to Jacobs'."""
+    """Values read from a working curve's file; the law with the lamp in addition to Jacobs' law."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
     error: ClassVar[type[SolenError]] = DataError
@@ -80,7 +80,7 @@ class CureFile(Strict):
 
     @property
     def values(self) -> dict[str, Any]:
-        """Numbers of a process by its keys: those of the lamp's law, unless the discs prefer Jacobs'."""
+        """Return the parameters of a process by key: those of the lamp's law, unless the discs prefer Jacobs' law."""
         if self.in_lamp is not None and self.in_lamp.preferred != "Jacobs":
             law = self.in_lamp
             return {"Dp_um": law.Dp_um, "Ec_mJ_per_cm2": law.Ec_mJ_per_cm2, "lamp": law.lamp_lines}
@@ -88,14 +88,14 @@ class CureFile(Strict):
 
     @property
     def uncertainties(self) -> dict[str, float]:
-        """Standard uncertainties of the lamp's law; of Jacobs' there is the covariance."""
+        """Return the standard uncertainties of the lamp's law; Jacobs' law has a covariance instead."""
         if not self.values["lamp"] or self.in_lamp is None:
             return {}
         return {"Dp_um": self.in_lamp.u_Dp_um, "Ec_mJ_per_cm2": self.in_lamp.u_Ec_mJ_per_cm2}
 
 
 def read_law(path: Path) -> CureFile:
-    """Working curve of a file; `DataError` if it is not one."""
+    """Read the working curve of a file; `DataError` if the file is not one."""
     data = parsed(read_text(path, DataError), str(path), remedy="write it with solen resin cure --out")
     if not isinstance(data, dict) or data.get("kind") != "cure":
         limit = "is not a working curve"

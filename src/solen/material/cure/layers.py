@@ -1,18 +1,17 @@
-"""A print in layers by a working curve: depth, exposure, print-through, and the dose at a point.
+"""A print in layers according to a working curve: depth, exposure, print-through, and the dose at a point.
 
-The idea: a layer is exposed from the window side, and light that it does not absorb enters the layers
-printed before it. With dose E per exposure, layer thickness h and penetration depth Dp, a point at s above the window
-side of a layer receives E e^(-s/Dp) from its own exposure and a factor q = e^(-h/Dp) less from each later one: in total
-E e^(-s/Dp) / (1 - q) deep inside, of which E / (e^(h/Dp) - 1) came later. Its mean over the layer is E Dp/h, where a
-single layer, on which the index is measured, has E (Dp/h) (1 - q). The last layers of a part receive less than those
-inside, and each layer has a gradient.
+A layer is exposed from the window side, and light that it does not absorb enters the layers printed before it. With
+dose E per exposure, layer thickness h and penetration depth Dp, a point at s above the window side of a layer receives
+E e^(-s/Dp) from its own exposure, and from each later exposure less than from the one before by a factor q = e^(-h/Dp): in total E
+e^(-s/Dp) / (1 - q) deep inside, where later exposures contribute E / (e^(h/Dp) - 1) at the window side. The mean over
+the layer is E Dp/h, but only (E Dp/h) (1 - q) in a single layer, on which the index is measured. The last layers of a
+part receive less than those inside, and the dose has a gradient within each layer.
 
-This counts light only: doses are summed regardless of rate and number of steps, cured resin is
-assumed to absorb like the liquid, later exposures to light the same place, and neither platform nor window
-to reflect light.
+Only light is counted: doses are summed regardless of rate and number of steps, cured resin is assumed to absorb like
+the liquid, later exposures to light the same place, and neither platform nor window to reflect light.
 
-The interface: `cure_depth_um`, `dose_below` and `stack_print_through_um` are formulas; `stack_dose`
-gives a `StackDose`.
+The interface is `cure_depth_um`, `dose_below` and `stack_print_through_um`, which are formulas, and `stack_dose`, which
+returns a `StackDose`.
 """
 
 import math
@@ -29,19 +28,20 @@ _NEARLY = 0.99
 
 
 def cure_depth_um(dose: ArrayLike, Dp_um: float, Ec_mJ_per_cm2: float) -> FloatArray:
-    """Depth to which a dose in mJ/cm² cures, Dp ln(E/Ec); negative where nothing sets."""
+    """Return the depth to which a dose in mJ/cm² cures, Dp ln(E/Ec); negative where nothing sets."""
     return np.asarray(Dp_um * np.log(np.asarray(dose, float) / Ec_mJ_per_cm2))
 
 
 def dose_below(dose: ArrayLike, depth_um: ArrayLike, Dp_um: float) -> FloatArray:
-    """Dose at a depth, E e^(-d/Dp)."""
+    """Return the dose at a depth, E e^(-d/Dp)."""
     return np.asarray(np.asarray(dose, float) * np.exp(-np.asarray(depth_um, float) / Dp_um))
 
 
 def stack_print_through_um(dose: float, layer_um: float, Dp_um: float, Ec_mJ_per_cm2: float) -> float:
-    """How far resin sets beyond the first of many layers that are exposed above a gap; negative where none does.
+    """Return how far resin sets beyond the first of many layers that are exposed above a gap; negative if none does.
 
-    Doses add up there too: Dp ln(E / (Ec (1 - q))) - h, by Dp ln(1/(1 - q)) more than below a single exposure.
+    Doses add up there too: the result is Dp ln(E / (Ec (1 - q))) - h, which is Dp ln(1/(1 - q)) more than below a
+    single exposure.
     """
     return float(cure_depth_um(dose / -math.expm1(-layer_um / Dp_um), Dp_um, Ec_mJ_per_cm2)) - layer_um
 
@@ -55,9 +55,9 @@ class StackDose:
     layer_um, Dp_um
         Thickness of a layer, and penetration depth.
     exposures_mJ_per_cm2
-        Dose at the window of each layer, the first printed first, shape (n,).
+        Dose at the window for each layer, in the order of printing, shape (n,).
     window_side_mJ_per_cm2
-        Dose on the window side of each layer after the last exposure, shape (n,): the highest in it.
+        Dose on the window side of each layer after the last exposure, shape (n,); this is the highest in the layer.
     """
 
     layer_um: float
@@ -77,28 +77,28 @@ class StackDose:
 
     @reported
     def interior_mean_mJ_per_cm2(self) -> float:
-        """Mean dose of a layer far inside, E Dp/h, of the last layer's exposure E."""
+        """Mean dose of a layer far inside, E Dp/h, if every layer has the last layer's exposure E."""
         return float(self.exposures_mJ_per_cm2[-1]) * self.Dp_um / self.layer_um
 
     @reported
     def interior_range_mJ_per_cm2(self) -> tuple[float, float]:
-        """Lowest and highest dose far inside: the two sides of a layer."""
+        """Lowest and highest dose far inside, at the two sides of a layer."""
         highest = float(self.exposures_mJ_per_cm2[-1]) / -math.expm1(-self.layer_um / self.Dp_um)
         return highest * self.q, highest
 
     @reported
     def single_layer_mean_mJ_per_cm2(self) -> float:
-        """Mean dose of one layer on its own, of the last layer's exposure: what a single layer is measured at."""
+        """Mean dose of a single layer with the last layer's exposure, as when the index of one layer is measured."""
         return float(self.exposures_mJ_per_cm2[-1]) * self._mean_of_window_side
 
     @reported
     def interior_over_single_layer(self) -> float:
-        """Dose far inside in units of that of one layer on its own, 1/(1 - q)."""
+        """Ratio of the dose far inside to that of a single layer, 1/(1 - q)."""
         return self.interior_mean_mJ_per_cm2 / self.single_layer_mean_mJ_per_cm2
 
     @reported
     def layers_to_99_percent(self) -> int:
-        """Number of later layers that bring a layer to 99 % of the dose deep inside."""
+        """Number of later layers after which a layer has 99 % of the dose deep inside."""
         return math.ceil(round(-math.log(1.0 - _NEARLY) * self.Dp_um / self.layer_um, 9)) - 1
 
     @property
@@ -106,9 +106,9 @@ class StackDose:
         return -math.expm1(-self.layer_um / self.Dp_um) * self.Dp_um / self.layer_um
 
     def at(self, height_um: ArrayLike) -> FloatArray:
-        """Dose at heights above the part's first side, 0 to n times the layer's thickness.
+        """Return the dose at heights above the part's first side, from 0 to n times the layer's thickness.
 
-        Between two layers it is that of the later one's far side.
+        Between two layers, the result is the dose on the far side of the later one.
         """
         height = np.asarray(height_um, float)
         number = np.clip((height / self.layer_um).astype(int), 0, len(self.exposures_mJ_per_cm2) - 1)
@@ -117,14 +117,14 @@ class StackDose:
 
 
 def stack_dose(Dp_um: float, layer_um: float, exposures: ArrayLike) -> StackDose:
-    """Dose inside a part, layer by layer.
+    """Return the dose inside a part, layer by layer.
 
     Parameters
     ----------
     Dp_um, layer_um
         Penetration depth, and thickness of a layer.
     exposures
-        Dose in mJ/cm² at the window of each layer, the first printed first, shape (n,).
+        Dose in mJ/cm² at the window for each layer, in the order of printing, shape (n,).
 
     Raises
     ------

@@ -1,12 +1,13 @@
-"""The law of cure for a lamp with a spectrum, compared with Jacobs'.
+"""The cure law for a lamp with a spectrum, compared with Jacobs' law.
 
-The idea: at depth z the fraction e^(-z r/Dp) of each line of the lamp remains. Dp is the penetration depth at the
-surface, and r the absorption of that line relative to all light there. Resin sets where the remaining sum
-is Ec: E Σ w e^(-C r/Dp) = Ec, which is Jacobs' C = Dp ln(E/Ec) if all r are 1 (Caplins et al., Influence of
+At depth z, the fraction e^(-z r/Dp) of each line of the lamp remains. Dp is the penetration depth at the surface, and r
+is the absorption of the line relative to that of all light there. Resin sets down to the depth C where the remaining
+sum equals Ec: E Σ w e^(-C r/Dp) = Ec, which is Jacobs' C = Dp ln(E/Ec) if all r are 1 (Caplins et al., Influence of
 spectral bandwidth on the working curve in vat photopolymerization, Additive Manufacturing, 2024). Both laws have two
 parameters, so their likelihoods can be compared directly.
 
-The interface: `lamp_lines` of an `Attenuation`, `left` at a depth, `depth` of a dose; `in_lamp` fits discs.
+The interface is `lamp_lines` of an `Attenuation`, `left` at a depth, `depth` of a dose, and `in_lamp`, which fits
+discs.
 """
 
 import math
@@ -25,18 +26,18 @@ from solen.material.cure.penetration import Attenuation
 from solen.results import HIDDEN, Result, reported
 
 Lines = tuple[tuple[float, float], ...]
-"""Of each line of a lamp its share of the light at the surface, and its absorption over the mean there."""
+"""For each line of a lamp, its fraction of the light at the surface, and its absorption over the mean there."""
 ONE_LINE: Lines = ((1.0, 1.0),)
 MOST_LINES = 48
 SURE = 2.0
-"""Logarithm of the likelihoods' ratio from which on the discs prefer a law: 7 to 1."""
+"""Logarithm of the likelihood ratio above which the discs prefer a law: 7 to 1."""
 _LEAST_DISCS = 5
 _POWERS = (0.0, 0.5, 1.0)  # of thickness that the scatter of discs goes with
 _STEPS = 60
 
 
 def lamp_lines(decay: Attenuation) -> Lines:
-    """Lines of a lamp in a resin, those of similar absorption merged: at most `MOST_LINES`."""
+    """Return the lines of a lamp in a resin; lines of similar absorption are merged, down to at most `MOST_LINES`."""
     log = np.log(decay.per_um)
     edges = np.linspace(log.min(), log.max() + 1e-9, MOST_LINES + 1)
     bins = np.clip(np.digitize(log, edges) - 1, 0, MOST_LINES - 1)
@@ -49,15 +50,17 @@ def lamp_lines(decay: Attenuation) -> Lines:
 
 
 def left(lines: Lines, depth: ArrayLike) -> FloatArray:
-    """Share of the light that is left at depths in units of the penetration depth at the surface."""
+    """Return the fraction of the light that remains at depths in units of the penetration depth at the surface."""
     share, absorption = np.array(lines).T
     return np.asarray(np.exp(-np.asarray(depth, float)[..., None] * absorption) @ share)
 
 
 def depth(lines: Lines, ln_excess: ArrayLike) -> FloatArray:
-    """Cure depth, in units of the penetration depth at the surface, of logarithms of dose over critical dose.
+    """Return the cure depth, in units of the penetration depth at the surface, for logarithms of dose over critical
+    dose.
 
-    Newton's iteration on the logarithm of what is left, which is convex: it does not leave the side it comes to first.
+    Newton's iteration acts on the logarithm of the remaining light, which is convex, so the iterates approach the root
+    from one side.
     """
     share, absorption = np.array(lines).T
     wanted = np.asarray(ln_excess, float)
@@ -78,15 +81,15 @@ class InLamp(Result, kw_only=True):
     Attributes
     ----------
     lamp
-        Where the spectrum is from.
+        Origin of the spectrum.
     Dp_um, u_Dp_um, Ec_mJ_per_cm2, u_Ec_mJ_per_cm2
-        Penetration depth at the surface, critical dose, and their standard uncertainties by the discs' scatter.
+        Penetration depth at the surface, critical dose, and their standard uncertainties from the discs' scatter.
     liquid_Dp_um
-        The former as the liquid's absorbance has it.
+        Penetration depth at the surface from the liquid's absorbance.
     rms_um, jacobs_rms_um
-        Of the discs about this law, and about Jacobs'.
+        Root-mean-square residuals of the discs from this law, and from Jacobs' law.
     ln_likelihood_ratio
-        Of this law over Jacobs', with the scatter unknown.
+        Logarithm of the likelihood ratio of this law to Jacobs' law, with unknown scatter.
     """
 
     lamp: str
@@ -102,27 +105,29 @@ class InLamp(Result, kw_only=True):
 
     @reported
     def preferred(self) -> Literal["spectrum", "Jacobs"] | None:
-        """The law that the discs prefer; None if they do not discriminate."""
+        """The law that the discs prefer; None if they do not distinguish the two."""
         if abs(self.ln_likelihood_ratio) < SURE:
             return None
         return "spectrum" if self.ln_likelihood_ratio > 0.0 else "Jacobs"
 
     @reported
     def lamp_lines(self) -> tuple[tuple[float, float], ...]:
-        """Lines of the lamp: share of the light, and absorption over the mean at the surface; a process takes them."""
+        """Lines of the lamp, as used by a process: fraction of the light, and absorption over the mean at the
+        surface.
+        """
         return self.lines
 
     def depth_um(self, dose: ArrayLike) -> FloatArray:
-        """Cure depth of doses in mJ/cm²."""
+        """Return the cure depth for doses in mJ/cm²."""
         return self.Dp_um * depth(self.lines, np.log(np.asarray(dose, float) / self.Ec_mJ_per_cm2))
 
     def interior_mean_mJ_per_cm2(self, dose: float, layer_um: float) -> float:
-        """Mean dose far inside a part, of the dose of a layer: E Dp Σ (w/r) / h."""
+        """Return the mean dose far inside a part, given the dose of a layer: E Dp Σ (w/r) / h."""
         share, absorption = np.array(self.lines).T
         return float(dose * self.Dp_um / layer_um * (share / absorption).sum())
 
     def print_through_um(self, dose: float, layer_um: float) -> float:
-        """How far resin sets beyond the first of many layers above a gap; negative where none does."""
+        """Return how far resin sets beyond the first of many layers above a gap; negative if none does."""
         share, absorption = np.array(self.lines).T
         piled = share / -np.expm1(-absorption * layer_um / self.Dp_um)
         total = float(piled.sum())
@@ -131,19 +136,19 @@ class InLamp(Result, kw_only=True):
 
 
 def in_lamp(curve: WorkingCurve, lines: Lines, liquid_Dp_um: float, lamp: str) -> InLamp:
-    """Fit of the law with a spectrum to the discs that a working curve was fitted to.
+    """Fit the law with a spectrum to the discs that a working curve was fitted to.
 
-    Each law takes the scatter, even or growing with thickness, that it explains the discs best with.
+    For each law, the scatter, constant or growing with thickness, is the one with which it explains the discs best.
 
     Raises
     ------
     DataError
-        With too few discs.
+        If there are too few discs.
     """
     doses = np.array([disc.dose_mJ_per_cm2 for disc in curve.used])
     um = np.array([disc.thickness_um for disc in curve.used])
     if len(um) < _LEAST_DISCS:
-        limit = f"two laws need at least {_LEAST_DISCS} discs to be distinguished"
+        limit = f"at least {_LEAST_DISCS} discs are needed to distinguish two laws"
         raise DataError("--penetration", value=f"{len(um)} discs", limit=limit, remedy="cure more discs")
     start = (math.log(curve.Dp_um), math.log(curve.Ec_mJ_per_cm2))
     ours, jacobs = (_best(doses, um, law, start) for law in (lines, ONE_LINE))
@@ -173,7 +178,7 @@ class _Fit:
 
 
 def _best(doses: FloatArray, um: FloatArray, lines: Lines, start: tuple[float, float]) -> _Fit:
-    """The most likely fit of a law, over how discs scatter."""
+    """Return the maximum-likelihood fit of a law, over the models of the discs' scatter."""
     even = _residuals(doses, um, lines)
     expected = um + even(np.asarray(least_squares(even, start, xtol=1e-12, ftol=1e-12).x))
     expected = np.maximum(expected, 0.05 * um.max()) / um.max()
@@ -189,7 +194,7 @@ def _residuals(doses: FloatArray, um: FloatArray, lines: Lines) -> Callable[[Flo
 
 
 def _fit(doses: FloatArray, um: FloatArray, sd: FloatArray, lines: Lines, start: tuple[float, float]) -> _Fit:
-    """Fit to discs whose scatter is proportional to ``sd``."""
+    """Fit discs whose scatter is proportional to ``sd``."""
     away = _residuals(doses, um, lines)
 
     def weighted(values: FloatArray) -> FloatArray:

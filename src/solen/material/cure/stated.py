@@ -1,11 +1,11 @@
 """Bounds on a resin's working curve from published statements without data points.
 
-The idea: "39 mJ/cm² cures more than 200 µm" is an inequality, Dp ln(39/Ec) > 200 µm, so for each penetration depth the
-critical dose is below 39 e^(-200/Dp). Several statements leave a region of (Dp, Ec), not a value: what lies in it is
-consistent with them, no more. `PAPER` holds those of the paper that solen is built around (Cafiso et al., Methods:
-13 mW/cm²; its main text for the depths); Dp and Ec themselves are not given there.
+"39 mJ/cm² cures more than 200 µm" is an inequality, Dp ln(39/Ec) > 200 µm, so for each penetration depth the critical
+dose is below 39 e^(-200/Dp). Several statements leave a region of (Dp, Ec), not a value; any point in it is consistent
+with them, no more. `PAPER` contains the statements of the paper that solen is built around (Cafiso et al., Methods: 13
+mW/cm²; main text: depths); Dp and Ec themselves are not given there.
 
-The interface: `largest_Ec` for a set of `Statement`; `binding` says which of them is the limit.
+The interface is `largest_Ec` for a set of `Statement`s, and `binding`, which returns the limiting statement.
 """
 
 import math
@@ -17,18 +17,18 @@ from solen.errors import DataError
 
 @dataclass(frozen=True)
 class Statement:
-    """A dose in mJ/cm² that cures at least to a depth, and the words that say so."""
+    """A dose in mJ/cm² that cures at least to a depth, with the words of the source."""
 
     dose_mJ_per_cm2: float
     depth_um: float
     words: str
 
     def largest_Ec(self, Dp_um: float) -> float:
-        """Critical dose in mJ/cm² below which a penetration depth is consistent with it."""
+        """Return the critical dose in mJ/cm² below which a penetration depth is consistent with the statement."""
         return self.dose_mJ_per_cm2 * math.exp(-self.depth_um / Dp_um)
 
     def holds(self, Dp_um: float, Ec_mJ_per_cm2: float) -> bool:
-        """Whether a working curve is consistent with it."""
+        """Whether a working curve is consistent with the statement."""
         return Dp_um * math.log(self.dose_mJ_per_cm2 / Ec_mJ_per_cm2) >= self.depth_um
 
 
@@ -37,16 +37,16 @@ PAPER = (
     Statement(26.0, 25.0, "prints in layers of 25 µm with 2 s at 13 mW/cm², 26 mJ/cm²"),
     Statement(91.0, 100.0, "prints in layers up to 100 µm with less than 7 s, 91 mJ/cm²"),
 )
-"""Depths of the paper: each is at least reached, so it is a bound."""
+"""Cure depths stated by the paper; each is at least reached, so it is a bound."""
 
 
 def binding(Dp_um: float, statements: Sequence[Statement] = PAPER) -> Statement:
-    """Statement that allows the least critical dose at a penetration depth."""
+    """Return the statement that allows the lowest critical dose at a penetration depth."""
     if not 0.0 < Dp_um < math.inf:
         raise DataError("penetration depth", value=Dp_um, limit="must be above 0 µm")
     return min(statements, key=lambda statement: statement.largest_Ec(Dp_um))
 
 
 def largest_Ec(Dp_um: float, statements: Sequence[Statement] = PAPER) -> float:
-    """Largest critical dose in mJ/cm² that is consistent with all statements at a penetration depth."""
+    """Return the largest critical dose in mJ/cm² that is consistent with all statements at a penetration depth."""
     return binding(Dp_um, statements).largest_Ec(Dp_um)

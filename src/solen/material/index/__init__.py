@@ -1,14 +1,14 @@
-"""The index of a printed layer: from what a spectrophotometer or a refractometer measured to n and k with uncertainty.
+"""The index of a printed layer: n and k with uncertainty from spectrophotometer or refractometer measurements.
 
-The idea: an index is never read off a curve that carries no information about it. Each way to an index is a route with
-a name, states what it assumes, and masks with a reason what it cannot determine. Wavelengths are in nm, thicknesses in
-µm, reflectance and transmittance are fractions; arrays of any shapes that broadcast.
+An index is never read off a curve that carries no information about it. Each method of determining an index is a route
+with a name; it states its assumptions, and masks with a reason what it cannot determine. Wavelengths are in nm,
+thicknesses in µm; reflectance and transmittance are fractions; arrays may have any shapes that broadcast.
 
-The interface: `index_of_layer` goes from a recording to a `LayerIndex`. Behind it, `solen.material.index.stack` is the
-forward model, `solen.material.index.inversion` its exact inverse for a layer in air and
-`solen.material.index.substrate` that on a substrate; `solen.material.index.reading` holds what was measured and what is
-known of its errors, `solen.material.index.routes` the ways to an `IndexSpectrum`, and `solen.material.index.masks` the
-reasons why a value is masked.
+The interface is `index_of_layer`, which converts a recording to a `LayerIndex`. It uses the forward model in
+`solen.material.index.stack`; its exact inverse, in `solen.material.index.inversion` for a layer in air and in
+`solen.material.index.substrate` for one on a substrate; the readings with their errors in
+`solen.material.index.reading`; the routes to an `IndexSpectrum` in `solen.material.index.routes`; and the reasons for
+masking a value in `solen.material.index.masks`.
 """
 
 from solen.material.index.inversion import invert, invert_many, slopes

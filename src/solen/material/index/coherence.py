@@ -1,17 +1,18 @@
-"""Readings of a spectrophotometer on a layer whose two faces interfere, wholly or in part: the forward model.
+"""Forward model of spectrophotometer readings on a layer whose two faces interfere, fully or partially.
 
-The idea: with φ = 4πnh/λ, real Fresnel amplitudes (k ≪ n) and g the product of the two inner ones and of what one pass
-leaves, a plane layer transmits (1 − F₁)(1 − F₂)τ/(1 − 2g cos φ + g²), and the rest of the light is reflected or
+With φ = 4πnh/λ, real Fresnel amplitudes (k ≪ n) and g the product of the two inner amplitudes and the transmittance of
+one pass, a plane layer transmits (1 − F₁)(1 − F₂)τ/(1 − 2g cos φ + g²), and the remaining light is reflected or
 absorbed. The fraction is a Fourier series,
 
     1/(1 − 2g cos φ + g²) = (1 + 2 Σ gᵐ cos mφ)/(1 − g²),
 
-so that a slit, a thickness that varies, a wedge or a rough face only multiply each harmonic by what they leave of it.
-With nothing left it is the sum of powers of `solen.material.index.stack`, with everything left the coherent film: one
-formula from one to the other.
+so a slit, a varying thickness, a wedge or a rough face only multiplies each harmonic by a factor. If all factors are 0,
+the result is the sum of powers of `solen.material.index.stack`; if all are 1, it is the coherent film; one formula
+covers the whole range.
 
-The interface: `Blur` says what takes contrast away, `layer` is a layer as a piece to be `joined`, `stacked` the layer
-on its sheet as the instrument reads it. All is analytic in its arguments, so that a complex step gives derivatives.
+The interface is `Blur`, which contains the causes of lost contrast; `layer`, which returns a layer as a piece to be
+`joined`; and `stacked`, which returns the instrument's readings of a layer on its sheet. All functions are analytic in
+their arguments, so the complex-step method gives their derivatives.
 """
 
 from collections.abc import Iterator
@@ -25,7 +26,7 @@ from solen.material.index.stack import Powers, Readings, Setup, incoherent, inte
 from solen.units import NM_PER_UM
 
 HARMONICS = 4
-"""Harmonics of the series that are kept; of n = 1.6 in air the next is 5e-7 of the light."""
+"""Number of harmonics in the series; for n = 1.6 in air, the next one is 5e-7 of the light."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +38,11 @@ class Blur:
     slit_nm
         Full width at half maximum of the monochromator's triangular slit function.
     rough
-        Relative standard deviation of a normally distributed thickness within the beam, as of a rough face.
+        Relative standard deviation of a normally distributed thickness within the beam, for example of a rough face.
     wedge
-        The same of an evenly distributed one, as of a wedge.
+        Relative standard deviation of an evenly distributed thickness, for example of a wedge.
     other
-        Contrast lost otherwise, relative: to a slit function that is no triangle, or a face that is not plane.
+        Further relative loss of contrast, for example from a slit function that is not triangular or a face not plane.
     """
 
     slit_nm: Any
@@ -50,7 +51,7 @@ class Blur:
     other: Any = 0.0
 
     def left(self, phase: Any, phase_per_nm: Any) -> Iterator[Any]:
-        """Remaining shares of the harmonics 1, 2, ... for a phase φ and its change per nm."""
+        """Yield the remaining fractions of the harmonics 1, 2, ... for a phase φ and its change per nm."""
         slits, wedges = _sincs(phase_per_nm * self.slit_nm / 2.0), _sincs(np.sqrt(3.0) * phase * self.wedge)
         share = step = np.exp(-((phase * self.rough) ** 2) / 2.0)
         twice = step**2
@@ -61,7 +62,7 @@ class Blur:
 
 
 def _sincs(x: Any) -> Iterator[Any]:
-    """The series sin(mx)/(mx) for m = 1, 2, ..., from one sine and one cosine."""
+    """Yield the series sin(mx)/(mx) for m = 1, 2, ..., from one sine and one cosine."""
     x = np.where(x == 0.0, 1e-20, x)
     twice, before, sine = 2.0 * np.cos(x), 0.0, np.sin(x)
     for harmonic in count(1):
@@ -70,14 +71,14 @@ def _sincs(x: Any) -> Iterator[Any]:
 
 
 def layer(n: Any, slope_per_nm: Any, k: Any, thickness_um: Any, wavelength_nm: Any, behind: Any, blur: Blur) -> Powers:
-    """A layer between air and a medium of index ``behind`` as a piece of a stack, its faces included.
+    """Return a layer between air and a medium of index ``behind`` as a piece of a stack, including its faces.
 
     Parameters
     ----------
     n, slope_per_nm, k
-        Index, its derivative by the wavelength, and extinction.
+        Index, its derivative with respect to wavelength, and extinction coefficient.
     thickness_um, wavelength_nm
-        Of the layer, and of the light in air.
+        Thickness of the layer, and wavelength in air.
     """
     tau = internal_transmittance(k, thickness_um, wavelength_nm)
     front, back = (n - 1.0) / (n + 1.0), (n - behind) / (n + behind)
@@ -101,7 +102,7 @@ def layer(n: Any, slope_per_nm: Any, k: Any, thickness_um: Any, wavelength_nm: A
 
 
 def stacked(piece: Powers, sheet: tuple[Any, Any, Any] | None, wavelength_nm: Any, setup: Setup | None) -> Readings:
-    """Readings of a layer, free or on a sheet of index, extinction and thickness."""
+    """Return the readings of a layer, free or on a sheet given by its index, extinction and thickness."""
     if sheet is None or setup is None:
         return Readings(piece.through, piece.front)
     n, k, thickness_um = sheet

@@ -1,11 +1,13 @@
-"""How the index of a layer runs along the wavelengths while its fringes are fitted: Cauchy, Sellmeier, or free.
+"""Form of the index of a layer against wavelength while its fringes are fitted: Cauchy, Sellmeier, or free.
 
-The idea: with u from −1 to 1 along 1/λ², n in the middle, its rise and its bend are Cauchy's three terms. One pole of
-Sellmeier's formula has the same middle and rise and no other number: n² = 1 + (n₀² − 1)/(1 − q u) with
-q = 2 n₀ rise/(n₀² − 1). Free, n is Cauchy's with a smooth curve added whose knots are a few fringes apart; what three
-terms can be is taken out of it. One wavelength of a fringe does not determine n, so that is as free as it can be.
+With u from −1 to 1 along 1/λ², the index n in the middle, its rise and its bend are Cauchy's three terms. One pole of
+Sellmeier's formula has the same middle and rise and no other parameter: n² = 1 + (n₀² − 1)/(1 − q u) with q = 2 n₀
+rise/(n₀² − 1). A free n is Cauchy's formula plus a smooth curve whose knots are a few fringes apart and from which the
+part representable by the three terms is removed. One wavelength of a fringe does not determine n, so this is the
+largest freedom that the data allow.
 
-The interface: `Course` gives n and its slope, `free_knots` how many knots some fringes allow.
+The interface is `Course`, which returns n and its slope, and `free_knots`, which returns the number of knots that a
+number of fringes allows.
 """
 
 from dataclasses import dataclass
@@ -18,12 +20,14 @@ from solen.arrays import FloatArray
 
 Kind = Literal["cauchy", "sellmeier", "free"]
 LEAST_FRINGES = 20
-"""Fringes from which on n can be free."""
+"""Smallest number of fringes with which n can be free."""
 _PER_KNOT, _MOST_KNOTS, _TERMS = 4, 18, 3
 
 
 def free_knots(fringes: float) -> int:
-    """Number of knots of a free index that the given fringes determine; 0 if too few."""
+    """Return the number of knots of a free index that the given number of fringes determines; 0 if there are too
+    few.
+    """
     return 0 if fringes < LEAST_FRINGES else int(min(fringes // _PER_KNOT, _MOST_KNOTS))
 
 
@@ -34,11 +38,11 @@ class Course:
     Attributes
     ----------
     kind
-        Which.
+        ``cauchy``, ``sellmeier`` or ``free``.
     u, u_per_nm
-        From −1 to 1 along 1/λ², and its derivative by the wavelength, shape (n,).
+        Coordinate from −1 to 1 along 1/λ², and its derivative with respect to wavelength, shape (n,).
     waves, slopes
-        Curves that are added to a free index and their derivatives by u, shape (n, curves), of root mean square 1.
+        Curves added to a free index, of root mean square 1, and their derivatives by u, shape (n, curves).
     """
 
     kind: Kind
@@ -49,7 +53,7 @@ class Course:
 
     @classmethod
     def of(cls, kind: Kind, u: FloatArray, u_per_nm: FloatArray, knots: int = 0) -> "Course":
-        """Form along some wavelengths, free with so many knots."""
+        """Return a form along some wavelengths; a free one has the given number of knots."""
         if kind != "free":
             return cls(kind, u, u_per_nm, np.zeros((u.size, 0)), np.zeros((u.size, 0)))
         spline = CubicSpline(np.linspace(-1.0, 1.0, knots), np.eye(knots), bc_type="natural")
@@ -63,11 +67,11 @@ class Course:
 
     @property
     def curves(self) -> int:
-        """How many curves are added."""
+        """Number of added curves."""
         return int(self.waves.shape[1])
 
     def index(self, n: Any, rise: Any, bend: Any, added: Any) -> tuple[Any, Any]:
-        """Index and its derivative by the wavelength."""
+        """Return the index and its derivative with respect to wavelength."""
         u = self.u
         if self.kind == "sellmeier":
             q = 2.0 * n * rise / (n**2 - 1.0)

@@ -1,6 +1,6 @@
-"""A layer in air and its inverse at fifty digits, one wavelength at a time: the formulas as printed.
+"""A layer in air and its inverse, computed with fifty digits, one wavelength at a time, from the formulas as printed.
 
-Nothing here is arranged for speed or against rounding; with fifty digits it need not be. `forward` of
+The code is arranged neither for speed nor against rounding, which fifty digits make unnecessary. `forward` of
 `solen.material.index.stack` and `solen.material.index.inversion` are tested against it.
 """
 
@@ -13,7 +13,7 @@ Number = Decimal | float
 
 
 def layer(n: Number, k: Number, thickness_um: Number, wavelength_nm: Number) -> tuple[Decimal, Decimal]:
-    """R and T of a layer of n and k, summed over all passes."""
+    """Return R and T of a layer with n and k, summed over all passes."""
     with localcontext(prec=DIGITS):
         n, k, h, wavelength = Decimal(n), Decimal(k), 1000 * Decimal(thickness_um), Decimal(wavelength_nm)
         face = ((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2)
@@ -25,9 +25,9 @@ def layer(n: Number, k: Number, thickness_um: Number, wavelength_nm: Number) -> 
 def index(
     reflectance: Number, transmittance: Number, thickness_um: Number, wavelength_nm: Number
 ) -> tuple[Decimal, Decimal]:
-    """Index and extinction of a layer of R and T: R_F, k, n as Nichelatti (2002) and the paper print them.
+    """Return R_F, k and n of a layer with R and T, from the formulas as Nichelatti (2002) and the paper print them.
 
-    `ArithmeticError` if a logarithm or a root has no value.
+    Raise `ArithmeticError` if a logarithm or a root has no value.
     """
     with localcontext(prec=DIGITS):
         r, t = Decimal(reflectance), Decimal(transmittance)

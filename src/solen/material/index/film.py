@@ -1,14 +1,14 @@
-"""A layer whose faces interfere: n(λ), k(λ) ≥ 0 and thickness from T, R or both; what blurs the fringes is fitted too.
+"""A layer whose faces interfere: n(λ), k(λ) ≥ 0 and thickness from T, R or both; blurring of the fringes is fitted too.
 
-The idea: what is not known beside the index is fitted with it, as a nuisance parameter with its prior
-(`solen.material.index.film_model`). Fringes then give n times thickness to a part in ten thousand, the level of R gives
-n, the micrometer separates the two, and the covariance holds what the data leave open. The residuals themselves show
-the scatter. n is free only where the fringes are many, and where three terms leave more than noise.
+Unknowns other than the index are fitted with it, as nuisance parameters with priors
+(`solen.material.index.film_model`). Fringes then determine n times thickness to one part in ten thousand, the level of
+R determines n, the micrometer separates the two, and the covariance contains what the data leave open. The scatter is
+estimated from the residuals. n is free only if there are many fringes, and three terms leave more than noise.
 
-Fringes have many nearly equal solutions, an order apart. Those beside the best are tried; what a second one would say
-is in the covariance by its weight.
+Fringes have many nearly equal solutions, one order apart. Solutions of neighbouring orders are tried; an alternative
+solution enters the covariance with its weight.
 
-The interface: `fit_film` of a `Measured` gives a `Film`.
+The interface is `fit_film`, which returns the `Film` of a `Measured`.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,26 +39,26 @@ class Film:
     Attributes
     ----------
     n, k
-        Index and extinction.
+        Index and extinction coefficient.
     parts_n, parts_k
-        Their uncertainty as independent errors common to all wavelengths, shape (parts, n): the covariance of two
-        wavelengths is the sum of their products.
+        Uncertainty as independent errors common to all wavelengths, shape (parts, n): the covariance of two wavelengths
+        is the sum of their products.
     thickness_um, u_thickness_um
         Mean thickness and its standard uncertainty.
     optical_um, u_optical_um
         n times thickness at the middle wavelength, and its standard uncertainty.
     spread
-        Standard deviation of the thickness within the beam, relative.
+        Relative standard deviation of the thickness within the beam.
     slit_nm
-        Slit width as it fits best.
+        Fitted slit width.
     visibility
-        Share of the contrast of a perfect film that is left, in the middle.
+        Contrast at the middle wavelength, as a fraction of that of a perfect film.
     residual
-        Root mean square of measured minus fitted, by reading.
+        Root mean square of measured minus fitted values, for each reading.
     amplitude
-        Root mean square of the fringes in it, by reading.
+        Root mean square of the fitted fringes, for each reading.
     fitted
-        Fitted spectra, by reading.
+        Fitted spectra, for each reading.
     course
         Form of n in the fit.
     """
@@ -81,12 +81,12 @@ class Film:
 
 
 def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Kind | None = None) -> Film:
-    """Layer whose fringes and levels match the readings.
+    """Fit a layer whose fringes and levels match the readings.
 
     Parameters
     ----------
     level
-        Index to start from.
+        Initial value of the index.
     phases
         Possible interpretations of the fringes, the best first.
     kind
@@ -115,7 +115,7 @@ def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Ki
 
 
 def _weighed(model: FilmModel, p: FloatArray) -> FloatArray:
-    """Solution with the weights that the scatter about it gives."""
+    """Return the solution with weights from the scatter of its residuals."""
     for _ in range(2):
         p, _ = model.solve(p)
         model.weigh(p)
@@ -125,12 +125,12 @@ def _weighed(model: FilmModel, p: FloatArray) -> FloatArray:
 def _freed(
     model: FilmModel, p: FloatArray, others: Sequence[tuple[FilmModel, FloatArray]], *, asked: bool
 ) -> tuple[FilmModel, FloatArray]:
-    """A free index if requested, or if three terms fit much worse; else unchanged."""
+    """Return a free index if requested, or if three terms fit much worse; otherwise the arguments unchanged."""
     if not free_knots(model.fringes):
         if not asked:
             return model, p
-        remedy = "take cauchy or sellmeier; a thicker layer or a wider range has more"
-        limit = f"has {model.fringes:.0f} fringes; {LEAST_FRINGES} determine a free index"
+        remedy = "use cauchy or sellmeier, or measure a thicker layer or a wider range, which has more fringes"
+        limit = f"has {model.fringes:.0f} fringes; a free index needs {LEAST_FRINGES}"
         raise DataError("film", limit=limit, remedy=remedy)
     if not asked and not model.misses(p):
         return model, p
@@ -138,8 +138,8 @@ def _freed(
     moved = _weighed(free, _best_order(free, moved))
     clean = not free.misses(moved, _CLEAN) and free.widening(moved) < _CLEAN
     if asked and not clean:
-        limit = "leaves what noise does not explain with a free index, too"
-        raise DataError("film", limit=limit, remedy="leave the choice out: n is then from the levels, and less certain")
+        limit = "leaves residuals beyond noise even with a free index"
+        raise DataError("film", limit=limit, remedy="omit the option: n is then from the levels, and less certain")
     gain = (free.likelihood(moved) - model.likelihood(p)) / free.widening(moved)
     points = model.um.size * len(model.blocks)
     better = gain - 0.5 * free.course.curves * float(np.log(points)) > _EVIDENCE  # Schwarz's criterion
@@ -147,7 +147,9 @@ def _freed(
 
 
 def _free_best(model: FilmModel, p: FloatArray) -> tuple[FilmModel, FloatArray]:
-    """A free index from a solution of three terms: the orders beside it are tried, with the phases followed in each."""
+    """Return a free index from a solution of three terms; neighbouring orders are tried, following the phases in
+    each.
+    """
     free, moved = model.freed(p)
     tried = [free.solve(_phased(free, free.ordered(_phased(free, moved), by)), 15) for by in _FREE_ORDERS]
     best = []
@@ -164,7 +166,7 @@ def _phased(model: FilmModel, p: FloatArray) -> FloatArray:
 
 
 def fit_levels(measured: Measured, level: float) -> Film:
-    """Layer by its levels alone, the sum of powers: fringes that are left count as scatter of neighbours."""
+    """Fit a layer by its levels alone, with the sum of powers; remaining fringes count as correlated scatter."""
     thickness_um = 25.0 if measured.thickness is None else measured.thickness.um
     model = FilmModel(measured, level, level * thickness_um, coherent=False)
     p = model.start(Phase(model.optical_um, 0.01, 0.0, 0.0, 0.0))
@@ -175,7 +177,9 @@ def fit_levels(measured: Measured, level: float) -> Film:
 
 
 def _best_order(model: FilmModel, p: FloatArray) -> FloatArray:
-    """Solution that no order beside it improves: fringes an order apart differ by hardly another dispersion."""
+    """Return the solution that no neighbouring order improves; solutions one order apart differ very little in
+    dispersion.
+    """
     p, cost = model.solve(p, 6)
     for _ in range(_MOST_ORDERS):
         beside = [model.solve(model.ordered(p, by), 4) for by in _ORDERS]
@@ -236,11 +240,10 @@ def _film(model: FilmModel, p: FloatArray, cost: float, rivals: Sequence[tuple[F
 
 
 def _parts(model: FilmModel, p: FloatArray, *, k_is_free: bool = False) -> FloatArray:
-    """Covariance of the parameters as rows, whose products it sums up; a parameter at its bound stays there.
+    """Return the covariance of the parameters as rows whose products it sums; a parameter at its bound is fixed.
 
-    For bounds of k itself its knots are free at 0, too.
-
-    Neighbours that err together, as a slit wider than the step makes them, widen it.
+    For bounds of k itself, its knots are free even at 0. Correlated residuals of neighbours, for example with a slit
+    wider than the step, widen the covariance.
     """
     low, high = model.bounds
     free: BoolArray = (p > low + 1e-9) & (p < high - 1e-9)
@@ -251,7 +254,9 @@ def _parts(model: FilmModel, p: FloatArray, *, k_is_free: bool = False) -> Float
     scale[scale == 0.0] = 1.0
     _, sizes, axes = np.linalg.svd(slopes / scale, full_matrices=False)
     if sizes[-1] < 1e-10 * sizes[0]:
-        raise DataError("film", limit="is not determined by these spectra", remedy="state the thickness and the slit")
+        raise DataError(
+            "film", limit="is not determined by these spectra", remedy="state the thickness and the bandwidth"
+        )
     rows = np.zeros((sizes.size, p.size))
     rows[:, free] = axes / sizes[:, None] / scale
     return np.asarray(rows * np.sqrt(model.widening(p)))

@@ -1,11 +1,11 @@
-"""The model of a layer whose faces interfere: its parameters with what is known of them, and the spectra they predict.
+"""The model of a layer whose faces interfere: its parameters with their priors, and the spectra that they predict.
 
-Parameters that are known before the fit have a prior: the thickness by a micrometer, the slit by the instrument, an
-error of a 100 % reading by the stated accuracy; the spread of the thickness within the beam has none. k is a line
-through knots, each at least 0. n is Cauchy's with three terms, or one pole of Sellmeier's, or free
-(`solen.material.index.course`).
+Parameters that are known before the fit have a prior: the thickness from a micrometer, the slit width from the
+instrument, and an error of a 100 % reading from the stated accuracy. The variation of the thickness within the beam has
+only a wide one. k is piecewise linear between knots, each at least 0. n is Cauchy's formula with three terms, one pole
+of Sellmeier's formula, or free (`solen.material.index.course`).
 
-The interface: `Measured` is what was read and what is known, `FilmModel` what it says of a layer.
+The interface is `Measured`, which contains the readings and prior knowledge, and `FilmModel`, which predicts readings.
 """
 
 from dataclasses import dataclass, field
@@ -23,9 +23,9 @@ from solen.material.index.stack import Setup, incoherent
 from solen.units import NM_PER_UM
 
 SLIT_SHARE = 0.1
-"""Standard uncertainty of a stated slit width, relative; its shape counts in it."""
+"""Relative standard uncertainty of a stated slit width, including that of the shape of the slit function."""
 U_THICKNESS = 0.1
-"""Standard uncertainty of a thickness whose own is not stated, relative."""
+"""Relative standard uncertainty assumed for a thickness without a stated one."""
 _MOST_SPREAD, _MOST_SLIT_NM = 0.1, 20.0
 _BEND = 0.01  # standard deviation of what the third term adds to n over half of the range, before anything is known
 _ADDED = 0.01  # the same of each curve of a free index
@@ -45,15 +45,15 @@ class Measured:
     Attributes
     ----------
     wavelength_nm
-        Shape (n,), ascending.
+        Wavelengths, shape (n,), ascending.
     readings
         ``T``, ``R`` or both.
     thickness
-        By a micrometer; None if it is not known.
+        Thickness from a micrometer; None if it is not known.
     slit_nm
         Slit width; None if it is not known.
     setup
-        Sheet that the layer is on; None in air. Of a sheet that was measured too, its index is where the fit begins.
+        Sheet under the layer; None in air. If the sheet was measured too, its index is the start of the fit.
     bare
         ``T`` and ``R`` of the bare sheet in air.
     """
@@ -67,7 +67,7 @@ class Measured:
 
 
 class FilmModel:
-    """Parameters of a layer and what they predict; names are places in the vector of parameters."""
+    """Parameters of a layer and their predictions; ``names`` maps a name to its place in the vector of parameters."""
 
     def __init__(
         self, measured: Measured, level: float, optical_um: float, kind: Kind = "cauchy", *, coherent: bool = True
@@ -101,7 +101,7 @@ class FilmModel:
         self.u_off = {kind: max(float(np.sqrt(variance)), 1e-6) for kind, variance in common.items()}
 
     def start(self, phase: Phase) -> FloatArray:
-        """Where a search begins: the phase that the fringes show, and what leaves their contrast best."""
+        """Return initial parameters: those of the fringes' phase, with the blur that fits the contrast best."""
         p = np.zeros(self.size)
         slit = self.measured.slit_nm
         values = {"n": self.level, "rise": self.level * phase.rise, "bend": self.level * phase.bend}
@@ -111,12 +111,12 @@ class FilmModel:
         return min((self.blurred(p, width) for width in ((slit,) if slit else (0.3, 1.0, 3.0))), key=self.cost)
 
     def cost(self, p: FloatArray) -> float:
-        """Sum of squares."""
+        """Return the sum of squared weighted residuals."""
         off = self.residuals(p)
         return float(off @ off)
 
     def blurred(self, p: FloatArray, slit: float) -> FloatArray:
-        """The same with the spreads of the thickness that fit best, of a few."""
+        """Return the parameters with the best-fitting variation of thickness from a small grid."""
         if not self.coherent:
             return p
         middle = 4.0 * np.pi * self.optical_um * np.sqrt(self.middle)
@@ -131,7 +131,7 @@ class FilmModel:
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Least and greatest parameters."""
+        """Lower and upper bounds of the parameters."""
         low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
         limits = {
             "n": (1.05, 4.5),
@@ -145,22 +145,22 @@ class FilmModel:
         return low, high
 
     def index(self, p: Any) -> tuple[Any, Any]:
-        """Index and its derivative by the wavelength."""
+        """Return the index and its derivative with respect to wavelength."""
         n, rise, bend = (p[self.names[name]] for name in ("n", "rise", "bend"))
         return self.course.index(n, rise, bend, p[self.added])
 
     def thickness(self, p: Any) -> Any:
-        """Thickness in µm."""
+        """Return the thickness in µm."""
         return self.optical_um * np.exp(p[self.names["ln_optical"]]) / p[self.names["n"]]
 
     def blur(self, p: Any) -> Blur:
-        """Loss of contrast; all of it for a layer that is evaluated by its levels alone."""
+        """Return the loss of contrast, which is complete for a layer that is evaluated by its levels alone."""
         if not self.coherent:
             return Blur(0.0, 10.0)
         return Blur(*(p[self.names[name]] for name in ("slit", "rough", "wedge", "other")))
 
     def spectra(self, p: Any, blur: Blur | None = None) -> dict[str, Any]:
-        """Readings of the instrument, by kind, as modelled."""
+        """Return the modelled readings of the instrument, by kind."""
         setup, nm = self.measured.setup, self.measured.wavelength_nm
         n, slope = self.index(p)
         k = self.k_unit * (self.hats @ p[self.first_k : self.last_k])
@@ -179,7 +179,7 @@ class FilmModel:
         return found
 
     def sheet(self, p: Any, setup: Setup) -> tuple[Any, Any]:
-        """Index and extinction of the sheet: as known, or as it is fitted."""
+        """Return the index and extinction of the sheet, as known or as fitted."""
         known = np.asarray(setup.substrate.n)
         if not self.measured.bare:
             return known + p[self.names["sheet"]] * _unit(np.asarray(setup.substrate.u_n)), setup.substrate.k
@@ -187,14 +187,14 @@ class FilmModel:
         return known + n + rise * self.u + bend * self.u**2, 0.1 * self.k_unit * (self.hats @ p[self.last_k :])
 
     def residuals(self, p: Any) -> Any:
-        """Weighted residuals of the readings, then of the priors."""
+        """Return the weighted residuals of the readings, followed by those of the priors."""
         spectra, rows = self.spectra(p), []
         for kind, reading in self.blocks.items():
             rows.append((spectra[kind] - reading.value) / self.scatter[kind])
         return np.concatenate([*rows, self.prior(p)])
 
     def prior(self, p: Any) -> Any:
-        """Residuals of the priors, in standard uncertainties."""
+        """Return the residuals of the priors, in standard uncertainties."""
         at = {name: p[place] for name, place in self.names.items()}
         bend = 1e-6 if self.course.kind == "sellmeier" else _BEND
         rows = [at["bend"] / bend, *(p[self.added] / _ADDED), at["rough"] / _MOST_SPREAD, at["wedge"] / _MOST_SPREAD]
@@ -212,7 +212,10 @@ class FilmModel:
         return np.stack(rows)
 
     def slopes(self, p: FloatArray) -> FloatArray:
-        """Derivatives of the residuals, by a complex step; by all k in one, as each acts at its wavelength alone."""
+        """Return the derivatives of the residuals, computed by the complex-step method.
+
+        One step serves all knots of k, because each wavelength depends only on its own k.
+        """
         one_by_one = np.zeros((self.residuals(p).size, self.first_k))
         for place in range(self.first_k):
             moved = p.astype(complex)
@@ -232,9 +235,10 @@ class FilmModel:
         return rows
 
     def solve(self, p: FloatArray, steps: int = 25) -> tuple[FloatArray, float]:
-        """Parameters of the least squares from a start, and their sum of squares.
+        """Return the least-squares parameters from a start, and their sum of squares.
 
-        Levenberg's and Marquardt's steps in the parameters that are free: not at a bound that the step would cross.
+        The Levenberg-Marquardt steps change the parameters that are free, that is, not at a bound that the step would
+        cross.
         """
         low, high = self.bounds
         p = np.clip(p, low, high)
@@ -260,7 +264,7 @@ class FilmModel:
         return p, cost
 
     def ordered(self, p: FloatArray, by: float) -> FloatArray:
-        """Parameters for fringes whose orders are higher by ``by``, with phases as close to the same as possible."""
+        """Return parameters for fringes whose orders are higher by ``by``, with phases as similar as possible."""
         names, basis = self.names, np.stack([np.ones_like(self.u), self.u, self.u**2], axis=1)
         shift = np.linalg.lstsq(basis, by * self.um / 2.0, rcond=None)[0]
         places = [names[name] for name in ("n", "rise", "bend")]
@@ -272,13 +276,15 @@ class FilmModel:
         return moved
 
     def freed(self, p: FloatArray) -> "tuple[FilmModel, FloatArray]":
-        """The same model with a free index, and its start parameters."""
+        """Return the same model with a free index, and its initial parameters."""
         model = FilmModel(self.measured, self.level, self.optical_um, "free", coherent=self.coherent)
         moved = np.insert(p, self.added.start, np.zeros(model.course.curves))
         return model, moved
 
     def phased(self, p: FloatArray) -> FloatArray:
-        """The same with the phases that the fringes have along the spectrum, followed from their strongest part."""
+        """Return parameters whose phases match the measured fringes along the spectrum, followed from their strongest
+        part.
+        """
         n, h = self.index(p)[0], self.thickness(p)
         width = max(5, round(2.0 * self.um.size / self.fringes))
         carrier = np.exp(-4j * np.pi * n * h / self.um)
@@ -303,9 +309,9 @@ class FilmModel:
         return moved
 
     def misses(self, p: FloatArray, widened: float = 1.0) -> bool:
-        """Whether the residuals exceed the scatter of repeats; without repeats, whether neighbours correlate.
+        """Whether the residuals exceed the scatter of repeats or, without repeats, whether neighbours correlate.
 
-        ``widened`` is the `widening` still attributed to noise without repeats.
+        ``widened`` is the largest `widening` still attributed to noise without repeats.
         """
         spectra = self.spectra(p)
         left = [float(np.mean((one.value - spectra[kind]) ** 2)) for kind, one in self.blocks.items()]
@@ -315,7 +321,7 @@ class FilmModel:
         return self.widening(p) > widened
 
     def widening(self, p: FloatArray) -> float:
-        """Factor that widens the variance where the residuals of neighbours are correlated."""
+        """Return the factor that widens the variance if the residuals of neighbours are correlated."""
         spectra, most = self.spectra(p), 1.0
         for kind, reading in self.blocks.items():
             off = reading.value - spectra[kind]
@@ -325,13 +331,13 @@ class FilmModel:
         return most
 
     def likelihood(self, p: FloatArray) -> float:
-        """Logarithm of the probability of the readings, but for a constant, their scatter being unknown."""
+        """Return the log-likelihood of the readings with unknown scatter, up to a constant."""
         spectra = self.spectra(p)
         off = [reading.value - spectra[kind] for kind, reading in self.blocks.items()]
         return -0.5 * float(sum(one.size * np.log(np.mean(one**2)) for one in off))
 
     def weigh(self, p: FloatArray) -> None:
-        """Use the scatter of the residuals as that of the readings, unless their repeats scatter more."""
+        """Set the scatter of the readings to that of the residuals, or to that of their repeats if it is larger."""
         spectra = self.spectra(p)
         for kind, reading in self.blocks.items():
             off = reading.value - spectra[kind]
@@ -344,6 +350,6 @@ def _unit(u: FloatArray) -> FloatArray:
 
 
 def _hats(nm: FloatArray, count: int) -> FloatArray:
-    """Piecewise linear functions of the wavelength with a knot at each of so many places, shape (n, count)."""
+    """Return piecewise linear functions of wavelength, each 1 at one of ``count`` knots, shape (n, count)."""
     knots = np.linspace(nm[0], nm[-1], count)
     return np.stack([np.interp(nm, knots, row) for row in np.eye(count)], axis=1)

@@ -1,19 +1,19 @@
 """Cauchy and Sellmeier formulas fitted to an index spectrum, with a reliable covariance.
 
-The idea: a formula of two to four parameters is fitted to hundreds of points by least squares, weighted with the
-independent errors of the points. Shared errors (calibration, the substrate's index, thickness) do not average
-out: they enter the covariance through the same weights, so that the estimate does not depend on their assumed shape and
-the uncertainty does not shrink with the number of points. Scatter beyond the stated uncertainties, and correlation of
-neighbours (a slit wider than the step, fringes), widen the covariance too.
+A formula with two to four parameters is fitted to hundreds of points by least squares, weighted with the independent
+errors of the points. Shared errors (calibration, the substrate's index, thickness) do not average out: they enter the
+covariance through the same weights, so the estimate does not depend on their assumed shape and the uncertainty does not
+shrink with the number of points. Scatter beyond the stated uncertainties, and correlation between neighbours (from a
+slit wider than the step, or fringes), also widen the covariance.
 
-Internally, each formula has nearly uncorrelated parameters; A, B, C and their covariance are derived from those
-at the end and checked to reproduce the same numbers.
+Internally, each formula has nearly uncorrelated parameters; A, B, C and their covariance are derived from those at the
+end and checked to reproduce the same numbers.
 
-The number of terms follows from Akaike's criterion for small samples, AICc (K. P. Burnham and D. R. Anderson, Model
-Selection and Multimodel Inference, 2002), in its form for overdispersed data where the points scatter beyond their
-uncertainties, unless the caller says.
+Unless the caller states it, the number of terms follows from Akaike's criterion for small samples, AICc (K. P. Burnham
+and D. R. Anderson, Model Selection and Multimodel Inference, 2002), in its form for overdispersed data if the points
+scatter beyond their uncertainties.
 
-The interface: `fit` with a name of `FITS` returns a `Fit`.
+The interface is `fit`, which accepts a name of `FITS` and returns a `Fit`.
 """
 
 import math
@@ -49,17 +49,17 @@ class Fit(Result):
     points
         Number of fitted points.
     residuals
-        Point minus formula, in the shape of the given points; NaN if masked.
+        Points minus formula, in the shape of the given points; NaN if masked.
     rms
         Root mean square of the residuals.
     chi2_reduced
-        Sum of squares in units of the stated independent uncertainties, by degree of freedom; None without them.
+        Sum of squares in units of the stated independent uncertainties, per degree of freedom; None without them.
     neighbours
         Correlation of a residual with the next one.
     widened
         Factor on the independent uncertainties for scatter and correlation; 1 if they suffice.
     aicc
-        AICc by number of terms tried; the smallest wins.
+        AICc for each number of terms tried; the smallest wins.
     refused
         Reasons for rejected fits, by number of terms.
     warnings
@@ -93,7 +93,7 @@ class Fit(Result):
 
     @reported
     def u_n(self) -> FloatArray:
-        """Its standard uncertainty; NaN where none is known."""
+        """Standard uncertainty of the index along the curve; NaN where none is known."""
         return self.model.along(self.wavelength_nm)[1]
 
 
@@ -101,7 +101,7 @@ FITS: Mapping[str, Mapping[int, Callable[[FloatArray], Form]]] = {
     "cauchy": {terms: partial(CauchyForm, terms=terms) for terms in (1, 2, 3)},
     "sellmeier": {1: OnePole, 2: TwoPoles},
 }
-"""Formulas by name, by number of terms."""
+"""Forms of each formula, by name and number of terms."""
 
 _TRIED = {"cauchy": (2, 3), "sellmeier": (1, 2)}
 _PER_TERM = {"cauchy": 1, "sellmeier": 2}
@@ -116,28 +116,29 @@ def fit(
     shared: ArrayLike | None = None,
     terms: int | None = None,
 ) -> Fit:
-    """Cauchy's formula n = A + B/λ² + C/λ⁴ or Sellmeier's n² = 1 + Σ B λ²/(λ² − C) through a spectrum.
+    """Fit Cauchy's formula n = A + B/λ² + C/λ⁴ or Sellmeier's n² = 1 + Σ B λ²/(λ² − C) to a spectrum.
 
     Parameters
     ----------
     kind
         ``cauchy`` or ``sellmeier``.
     wavelength_nm, n
-        Shape (points,), in any order; a NaN in n is passed over.
+        Wavelengths and indices, shape (points,), in any order; a NaN in n is skipped.
     u_n
-        Standard uncertainties that are independent from point to point, above 0, one or one for each; a NaN masks its
-        point. None: taken from the scatter.
+        Standard uncertainties that are independent from point to point, above 0, one for all or one for each; a NaN
+        masks its point. None: estimated from the scatter.
     shared
-        Errors common to all points, shape (rows, points) or (points,): change of n by one standard uncertainty of each.
-        One number is an offset.
+        Errors common to all points, shape (rows, points) or (points,): change of n by one standard uncertainty of each
+        error. One number is an offset.
     terms
-        Of Cauchy's formula 1, 2 (A and B) or 3, of Sellmeier's 1 or 2; None lets AICc choose, but for Cauchy's of 1.
+        Number of terms: 1, 2 (A and B) or 3 for Cauchy's formula, 1 or 2 for Sellmeier's; None selects it by AICc,
+        except Cauchy's with 1.
 
     Raises
     ------
     DataError
-        If there are too few points, a number is not one, or no formula can be had, with the reason: a resonance
-        inside the range, two terms that cannot be distinguished.
+        If there are too few points, a number is not finite, or no formula can be fitted, with the reason: a resonance
+        inside the range, or two terms that cannot be distinguished.
     """
     if kind not in FITS:
         raise DataError("fit", value=kind, limit=f"must be one of {', '.join(FITS)}")
@@ -157,7 +158,7 @@ def fit(
             refused[count] = str(bad)
     if not roots:
         count, why = next(iter(refused.items()))
-        remedy = "take fewer terms or the other formula" if terms is None or terms > 1 else "take the other formula"
+        remedy = "use fewer terms or the other formula" if terms is None or terms > 1 else "use the other formula"
         raise DataError(f"{kind} fit of {count} term{'s' if count > 1 else ''}", limit=why, remedy=remedy)
     scores = _scores(roots, points)
     best = min(scores, key=lambda count: scores[count])
@@ -165,7 +166,7 @@ def fit(
 
 
 def _scores(roots: Mapping[int, Solved], points: Points) -> dict[int, float]:
-    """AICc of each number of terms, over a scatter that the richest formula leaves; the least is best."""
+    """Return the AICc of each number of terms, with the scatter left by the richest formula; the smallest is best."""
     richest = roots[max(roots)]
     spread = 1.0 if points.u is None else max(1.0, richest.chi2 / richest.freedom)
     rho = max(richest.neighbours, 0.0)
@@ -190,7 +191,7 @@ def _delivered(
     scores: Mapping[int, float],
     refused: Mapping[int, str],
 ) -> Fit:
-    """Result in the formula's own coefficients, which are checked to say the same."""
+    """Return the result with the formula's own coefficients, after checking that they give the same numbers."""
     span_nm = (float(points.um[0]) * NM_PER_UM, float(points.um[-1]) * NM_PER_UM)
     models = {count: root.form.model(root.inner, root.covariance, span_nm) for count, root in roots.items()}
     best, model = roots[terms], models[terms]
@@ -217,10 +218,10 @@ def _delivered(
 
 
 def _with_doubt(chosen: Cauchy, models: Mapping[int, Cauchy], scores: Mapping[int, float]) -> Cauchy:
-    """The chosen formula, with what another number of terms would say in its covariance, by the weight of each.
+    """Return the chosen formula with a covariance that includes the fits with other numbers of terms, by their weights.
 
-    A third term that is left out since the points do not ask for it may be there all the same; without this the
-    uncertainty covers the truth at 90 % where 95 are stated. Burnham and Anderson, section 4.3.
+    A third term that is omitted because the points do not require it may still exist; without this step, the stated 95
+    % interval would cover the truth in only 90 % of cases. Burnham and Anderson, section 4.3.
     """
     least = min(scores.values())
     weights = {count: math.exp((least - scores[count]) / 2) for count in models}
@@ -234,7 +235,7 @@ def _with_doubt(chosen: Cauchy, models: Mapping[int, Cauchy], scores: Mapping[in
 
 
 def _check_delivered(kind: str, one: Solved, model: Cauchy | Sellmeier, points: Points) -> None:
-    """Refuse coefficients that lost what the fit knew, as over a range too short for them."""
+    """Reject coefficients that lost the accuracy of the fit, for example over a range too short for them."""
     value, slope = one.form.value(one.inner)
     for i in np.linspace(0, points.n.size - 1, 5).astype(int):
         nm = min(max(float(points.um[i]) * NM_PER_UM, model.range_nm[0]), model.range_nm[1])
@@ -243,11 +244,11 @@ def _check_delivered(kind: str, one: Solved, model: Cauchy | Sellmeier, points: 
         if max(off) > _SAME * u + 1e-9:
             low, high = model.range_nm
             limit = f"{low:g} to {high:g} nm is too short a range for its coefficients"
-            raise DataError(f"{kind} fit", limit=limit, remedy="take fewer terms, or a wider range")
+            raise DataError(f"{kind} fit", limit=limit, remedy="use fewer terms, or a wider range")
 
 
 def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[Caution]:
-    """Warnings about the numbers of a fit."""
+    """Return warnings about the numbers of a fit."""
     low, high = model.range_nm
     warnings = []
     rise = model.index(high) - model.index(low)
@@ -255,7 +256,8 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[Ca
     if rise > 2 * spread:
         warnings.append(
             do_not_use(
-                f"the fitted index rises by {rise:.2g} from {low:g} to {high:g} nm; that of transparent matter falls"
+                f"the fitted index rises by {rise:.2g} from {low:g} to {high:g} nm, but that of "
+                "transparent materials falls"
             )
         )
     if points.u is not None and one.widened > 1:
@@ -272,8 +274,8 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[Ca
     if isinstance(model, Sellmeier):
         warnings += [
             look_at(
-                f"the resonance at {nm:.0f} nm is close to the points, from {low:g} nm: the fit is of use only among "
-                "them"
+                f"the resonance at {nm:.0f} nm is close to the points, which begin at {low:g} nm: use the fit only within "
+                "their range"
             )
             for nm in resonance_nm(model)
             if 0.85 * low < nm < low

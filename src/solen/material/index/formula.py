@@ -1,6 +1,6 @@
 """The formula through an index spectrum, with separate independent and shared errors.
 
-The interface: `formula_through`; `smoothed_scatter` for other uses of a spectrum's scatter.
+The interface is `formula_through`, and `smoothed_scatter` for other uses of a spectrum's scatter.
 """
 
 from dataclasses import replace
@@ -21,16 +21,16 @@ _BESIDE = 15  # points to either side whose scatter is taken together
 def formula_through(
     spectrum: IndexSpectrum, kind: str | None = None, terms: int | None = None
 ) -> tuple[Fit | None, list[Caution]]:
-    """Formula through n with warnings, or the reason why there is none.
+    """Fit a formula to n; return it and warnings, or None and the reason for its absence.
 
     Parameters
     ----------
     spectrum
-        Index at ascending wavelengths. Values that are not measurements get a formula without uncertainty.
+        Index at ascending wavelengths. For values that are not measurements, the formula has no uncertainty.
     kind
         ``cauchy``, ``sellmeier`` or ``none``; default: Cauchy's if n was measured, else none.
     terms
-        Number of its terms; None for Akaike's criterion.
+        Number of terms; None for Akaike's criterion.
 
     Raises
     ------
@@ -55,9 +55,11 @@ def formula_through(
 
 
 def smoothed_scatter(n: Estimate) -> FloatArray | None:
-    """Standard uncertainty of scatter, mean square over nearby points, NaN where n is masked; None without any.
+    """Return the standard uncertainty from scatter, pooled over nearby points; NaN where n is masked, None without
+    scatter.
 
-    A point's own, from two or three repeats, is a bad weight: points that agree by chance would dominate the fit.
+    The scatter of one point, from two or three repeats, is a bad weight: points that agree by chance would dominate a
+    fit.
     """
     square = n.scatter[n.known] ** 2
     total, at = np.append(0.0, np.cumsum(square)), np.arange(square.size)
@@ -77,7 +79,7 @@ def _misfit(formula: Fit) -> list[Caution]:
         return []
     return [
         look_at(
-            f"the {formula.kind} formula does not follow the points: it is off by {formula.rms:.2g} where neighbours "
-            f"differ by {step:.2g}; strong absorption does that; narrow the range, or take the points themselves"
+            f"the {formula.kind} formula does not follow the points: it is off by {formula.rms:.2g}, while neighbours "
+            f"differ by {step:.2g}; strong absorption can cause that; narrow the range, or use the points themselves"
         )
     ]

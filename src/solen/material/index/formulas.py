@@ -1,11 +1,11 @@
-"""The formulas that are fitted, in parameters that suit a fit, and the way from those to the coefficients of a file.
+"""The fitted formulas, in parameters that suit a fit, and their conversion to the coefficients of a file.
 
-The idea: A, B and C of Cauchy's formula are nearly the same thing over a short range of wavelengths, and so are B and C
-of Sellmeier's. A fit works in parameters that are not: Legendre polynomials of 1/λ² scaled to its range, the straight
-line that 1/(n² − 1) of one Sellmeier term is in 1/λ², logarithms for two terms.
+Over a short range of wavelengths, A, B and C of Cauchy's formula are strongly correlated, and so are B and C of
+Sellmeier's. A fit therefore uses other parameters: Legendre polynomials of 1/λ² scaled to its range; the straight line
+of 1/(n² − 1) against 1/λ² for one Sellmeier term; and logarithms for two terms.
 
-The interface: a `Form` has `start`, `value`, `check` and `model`; `CauchyForm`, `OnePole` and `TwoPoles`. A form raises
-`UnfitError` if it cannot follow the points.
+The interface is a `Form` with `start`, `value`, `check` and `model`: `CauchyForm`, `OnePole` or `TwoPoles`. A form
+raises `UnfitError` if it cannot follow the points.
 """
 
 import math
@@ -24,42 +24,42 @@ _LOOSE = 0.5  # a coefficient known no better than to this share is not determin
 
 
 class UnfitError(Exception):
-    """Why a formula cannot be fitted to the points, as the end of a sentence."""
+    """Reason why a formula cannot be fitted to the points, as the end of a sentence."""
 
 
 def _scaled(um: FloatArray) -> tuple[FloatArray, float, float]:
-    """1/λ² scaled to −1..1, and its middle and half range."""
+    """Return 1/λ² scaled to −1..1, and its middle and half range."""
     x = um**-2
     middle, half = float(x.max() + x.min()) / 2, float(x.max() - x.min()) / 2 or 1.0
     return (x - middle) / half, middle, half
 
 
 class Form(ABC):
-    """A formula at given wavelengths, in inner parameters."""
+    """A formula at given wavelengths, with its inner parameters."""
 
     size: int
 
     @abstractmethod
     def start(self, um: FloatArray, n: FloatArray, weights: FloatArray) -> FloatArray:
-        """Inner parameters to begin with."""
+        """Return the initial inner parameters."""
 
     @abstractmethod
     def value(self, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Index, shape (points,), and its derivatives, shape (points, size)."""
+        """Return the index, shape (points,), and its derivatives, shape (points, size)."""
 
     def check(self, inner: FloatArray) -> None:  # noqa: B027  nothing to refuse is the rule
-        """Raise `UnfitError` for what no transparent matter does."""
+        """Raise `UnfitError` for a formula that no transparent material can have."""
 
     def check_covariance(self, inner: FloatArray, covariance: FloatArray) -> None:  # noqa: B027
-        """Raise `UnfitError` if a linear uncertainty means nothing."""
+        """Raise `UnfitError` if a linear uncertainty is meaningless."""
 
     @abstractmethod
     def model(self, inner: FloatArray, covariance: FloatArray, span_nm: tuple[float, float]) -> Cauchy | Sellmeier:
-        """The formula of a file."""
+        """Return the formula as stored in a file."""
 
 
 class CauchyForm(Form):
-    """n as a polynomial in 1/λ², by Legendre polynomials over the range of the points."""
+    """n as a polynomial in 1/λ², in Legendre polynomials over the range of the points."""
 
     def __init__(self, um: FloatArray, terms: int) -> None:
         self.size = terms
@@ -67,15 +67,15 @@ class CauchyForm(Form):
         self._slope: FloatArray = legendre.legvander(t, terms - 1).astype(float)
 
     def start(self, um: FloatArray, n: FloatArray, weights: FloatArray) -> FloatArray:  # noqa: ARG002
-        """Zeros: the formula is linear, its first step is the answer."""
+        """Return zeros: the formula is linear, so its first step is the solution."""
         return np.zeros(self.size)
 
     def value(self, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Index and its derivatives."""
+        """Return the index and its derivatives."""
         return self._slope @ inner, self._slope
 
     def model(self, inner: FloatArray, covariance: FloatArray, span_nm: tuple[float, float]) -> Cauchy:
-        """A, B and C; with fewer terms the rest is 0 for certain."""
+        """Return A, B and C; coefficients beyond the number of terms are exactly 0."""
         turn = np.zeros((3, 3))
         for j in range(self.size):
             powers = legendre.leg2poly(np.eye(self.size)[j])
@@ -88,7 +88,7 @@ class CauchyForm(Form):
 
 
 class OnePole(Form):
-    """Sellmeier's formula of one term.
+    """Sellmeier's formula with one term.
 
     1/(n² − 1) = 1/B − (C/B)/λ² is a straight line, whose middle and rise are the inner parameters.
     """
@@ -100,16 +100,16 @@ class OnePole(Form):
         self._t, self._middle, self._half = _scaled(um)
 
     def start(self, um: FloatArray, n: FloatArray, weights: FloatArray) -> FloatArray:  # noqa: ARG002
-        """The line through 1/(n² − 1), each point with the weight that it has there."""
+        """Return the weighted line through 1/(n² − 1), with weights propagated from n."""
         if (n <= 1).any():
-            raise UnfitError(f"takes indices above 1, one is {float(n.min()):.4g}")
+            raise UnfitError(f"requires indices above 1, but one is {float(n.min()):.4g}")
         y = 1 / (n**2 - 1)
         weight = weights / (2 * n * y**2)  # dy = −2n y² dn
         line = np.stack([np.ones_like(y), self._t], axis=1)
         return np.asarray(np.linalg.lstsq(weight[:, None] * line, weight * y, rcond=None)[0])
 
     def value(self, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Index and its derivatives."""
+        """Return the index and its derivatives."""
         y = inner[0] + inner[1] * self._t
         with np.errstate(all="ignore"):
             n = np.sqrt(1 + 1 / y)
@@ -117,20 +117,20 @@ class OnePole(Form):
         return n, np.stack([by_y, by_y * self._t], axis=1)
 
     def _line(self, inner: FloatArray) -> tuple[float, float]:
-        """1/B and C/B."""
+        """Return 1/B and C/B."""
         rise = inner[1] / self._half
         return float(inner[0] - rise * self._middle), float(-rise)
 
     def check(self, inner: FloatArray) -> None:
-        """Refuse an index that rises with wavelength and a resonance inside the range."""
+        """Reject an index that rises with wavelength and a resonance inside the range."""
         level, fall = self._line(inner)
         if fall < 0:
-            raise UnfitError("has no resonance that would make this index, which rises with the wavelength")
+            raise UnfitError("has no resonance that would produce this index, which rises with the wavelength")
         if level <= 0 or math.sqrt(fall / level) >= self._um.min():
             raise UnfitError("has its resonance inside the range of the points")
 
     def model(self, inner: FloatArray, covariance: FloatArray, span_nm: tuple[float, float]) -> Sellmeier:
-        """B and C."""
+        """Return B and C."""
         level, fall = self._line(inner)
         line = np.array([[1.0, -self._middle / self._half], [0.0, -1 / self._half]])
         turn = np.array([[-1 / level**2, 0.0], [-fall / level**2, 1 / level]]) @ line
@@ -139,9 +139,9 @@ class OnePole(Form):
 
 
 class TwoPoles(Form):
-    """Sellmeier's formula of two terms, in the logarithms of B1, B2, C1 and C2.
+    """Sellmeier's formula with two terms, in the logarithms of B1, B2, C1 and C2.
 
-    The second resonance lies beyond either end of the range.
+    The second resonance is beyond either end of the range.
     """
 
     size = 4
@@ -150,7 +150,9 @@ class TwoPoles(Form):
         self._square = um**2
 
     def start(self, um: FloatArray, n: FloatArray, weights: FloatArray) -> FloatArray:
-        """The better of a second resonance in the ultraviolet and one in the infrared, by a bounded search."""
+        """Return the better start with a second resonance in the ultraviolet or in the infrared, from a bounded
+        search.
+        """
         from scipy.optimize import least_squares
 
         def off(z: FloatArray) -> FloatArray:
@@ -192,7 +194,7 @@ class TwoPoles(Form):
         return np.asarray(best.x)
 
     def value(self, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Index and its derivatives."""
+        """Return the index and its derivatives."""
         with np.errstate(all="ignore"):
             b, c = np.exp(inner[:2]), np.exp(inner[2:])
             apart = self._square[:, None] - c
@@ -202,21 +204,21 @@ class TwoPoles(Form):
         return n, by
 
     def check(self, inner: FloatArray) -> None:
-        """Refuse a resonance inside the range."""
+        """Reject a resonance inside the range."""
         c = np.exp(inner[2:])
         if ((c >= self._square.min()) & (c <= self._square.max())).any():
             raise UnfitError("has a resonance inside the range of the points")
 
     def check_covariance(self, inner: FloatArray, covariance: FloatArray) -> None:  # noqa: ARG002
-        """Refuse coefficients that the points leave open."""
+        """Reject coefficients that the points do not determine."""
         worst = float(np.sqrt(np.diag(covariance).max()))
         if not worst < _LOOSE:
             raise UnfitError(
-                f"leaves a coefficient open by {100 * worst:.3g} %: these points do not distinguish two terms"
+                f"determines a coefficient only to {100 * worst:.3g} %: these points do not distinguish two terms"
             )
 
     def model(self, inner: FloatArray, covariance: FloatArray, span_nm: tuple[float, float]) -> Sellmeier:
-        """B and C of both terms, the resonance of shorter wavelength first."""
+        """Return B and C of both terms, the resonance of shorter wavelength first."""
         values = np.exp(inner)
         spread = np.outer(values, values) * covariance
         order = [0, 1, 2, 3] if values[2] <= values[3] else [1, 0, 3, 2]
@@ -227,11 +229,11 @@ class TwoPoles(Form):
 
 
 def covariance_rows(covariance: FloatArray) -> tuple[tuple[float, ...], ...]:
-    """Covariance as a file has it, symmetric to the last bit."""
+    """Return a covariance as stored in a file, symmetric to the last bit."""
     even = (covariance + covariance.T) / 2
     return tuple(tuple(float(one) for one in row) for row in even)
 
 
 def resonance_nm(model: Sellmeier) -> tuple[float, ...]:
-    """Wavelengths of the resonances of a formula, in nm."""
+    """Return the wavelengths of the resonances of a formula, in nm."""
     return tuple(math.sqrt(c) * NM_PER_UM for c in model.C_um2)

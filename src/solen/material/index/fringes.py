@@ -1,14 +1,14 @@
-"""Interference between the two faces of a layer, where adding powers fails.
+"""Interference between the two faces of a layer, for which adding powers fails.
 
-The idea: fringes are λ²/(2nh) apart. A monochromator with a much larger bandwidth averages over
-them and the powers add; with a smaller bandwidth they are visible, if the wavelengths are close
-enough. Points too far apart show no fringes but are still affected.
+Fringes are λ²/(2nh) apart. A monochromator with a much larger bandwidth averages over them, and powers add; with a
+smaller bandwidth, they are visible if the wavelengths are close enough. Points too far apart show no fringes but are
+still affected.
 
-Fringes are periodic in n/λ, and nothing else in a spectrum is: they are detected by the share of scatter that a
+Fringes are periodic in n/λ, and nothing else in a spectrum is: they are detected by the fraction of scatter that a
 cosine of 4πnh/λ removes, over n·h and the dispersion, and are significant if noise would hardly ever remove as much.
 
-The interface: `find_fringes` returns a `Phase` for each interpretation, none without fringes; `fringe_warnings`
-states what a bandwidth leaves undetermined.
+The interface is `find_fringes`, which returns a `Phase` for each interpretation (none without fringes), and
+`fringe_warnings`, which states what a bandwidth leaves undetermined.
 """
 
 import math
@@ -33,25 +33,25 @@ _LEAST_AMPLITUDE = 2e-5  # of T: below, rounding and the shape of the smooth cur
 
 
 def fringe_spacing_nm(n: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike) -> FloatArray:
-    """Distance in nm between two maxima of the interference of a layer's two faces, λ²/(2nh)."""
+    """Return the distance in nm between two maxima of the interference of a layer's two faces, λ²/(2nh)."""
     wavelength = np.asarray(wavelength_nm, dtype=float)
     return np.asarray(wavelength**2 / (2.0 * np.asarray(n) * np.asarray(thickness_um) * NM_PER_UM))
 
 
 @dataclass(frozen=True)
 class Phase:
-    """A way to read fringes: 4π · optical thickness/λ · (1 + rise·u + bend·u²), u from −1 to 1 along 1/λ².
+    """An interpretation of fringes: 4π · optical thickness/λ · (1 + rise·u + bend·u²), u from −1 to 1 along 1/λ².
 
     Attributes
     ----------
     optical_um
-        n times thickness where u is 0.
+        n times thickness at u = 0.
     rise, bend
-        How n rises towards short wavelengths, relative.
+        Relative linear and quadratic changes of n towards short wavelengths.
     share
-        Part of the scatter about a smooth curve that they explain.
+        Fraction of the scatter about a smooth curve that the fringes explain.
     amplitude
-        Their root mean square.
+        Root mean square of the fringes.
     """
 
     optical_um: float
@@ -67,16 +67,17 @@ def find_fringes(
     optical_um: tuple[float, float],
     beside: FloatArray | None = None,
 ) -> list[Phase]:
-    """Ways to read the fringes of a spectrum, the best first; none where noise explains it, or an absorption band.
+    """Return interpretations of a spectrum's fringes, the best first; none if noise or an absorption band explains
+    them.
 
     Parameters
     ----------
     wavelength_nm, values
-        Ascending, and T, or T − R; shape (n,).
+        Ascending wavelengths, and T or (T − R)/2; shape (n,).
     optical_um
-        Least and greatest n times thickness.
+        Lower and upper bound of n times thickness.
     beside
-        T + R, which fringes leave alone and absorption does not.
+        (T + R)/2, which absorption affects and fringes do not.
     """
     count = wavelength_nm.size
     if count < _FEWEST:
@@ -109,9 +110,9 @@ def find_fringes(
 
 
 def _are_fringes(um: FloatArray, u: FloatArray, off: FloatArray, beside: FloatArray | None, phase: Phase) -> bool:
-    """Whether they run through much of the spectrum, or leave T + R alone; a band does neither.
+    """Whether the oscillation extends through much of the spectrum, or is absent from T + R; a band does neither.
 
-    A slit of some nm leaves the fringes of a thick layer at its long wavelengths alone.
+    A slit of several nm leaves the fringes of a thick layer only at long wavelengths.
     """
     waves = np.exp(4j * np.pi * phase.optical_um * (1.0 + phase.rise * u + phase.bend * u**2) / um)
     parts = np.array_split(np.arange(um.size), _WINDOWS)
@@ -124,7 +125,7 @@ def _are_fringes(um: FloatArray, u: FloatArray, off: FloatArray, beside: FloatAr
 
 
 def _level(values: FloatArray) -> FloatArray:
-    """Values about a smooth curve."""
+    """Return the values minus a smooth curve."""
     z = np.linspace(-1.0, 1.0, values.size)
     return np.asarray(values - np.polynomial.chebyshev.Chebyshev.fit(z, values, _SMOOTH, domain=(-1, 1))(z))
 
@@ -132,7 +133,7 @@ def _level(values: FloatArray) -> FloatArray:
 def _periodogram(
     um: FloatArray, u: FloatArray, off: FloatArray, optical_um: tuple[float, float]
 ) -> list[tuple[float, float, float]]:
-    """Logarithm of the chance of noise, n·h and rise of the strongest periods that noise does not explain."""
+    """Return log probability, n·h and rise of the strongest periods that noise does not explain."""
     span = abs(2.0 / um[0] - 2.0 / um[-1])
     optical = np.arange(max(optical_um[0], _LEAST_FRINGES / span), optical_um[1], 0.2 / span)
     total, freedom = float(off @ off), (um.size - _SMOOTH - 3) / 2.0
@@ -149,7 +150,7 @@ def _periodogram(
 
 
 def _refined(um: FloatArray, u: FloatArray, off: FloatArray, optical: float, rise: float) -> Phase:
-    """The period beside a coarse one whose cosine, with an amplitude that changes smoothly, explains most."""
+    """Return the period near a coarse one whose cosine, with a smoothly varying amplitude, explains most."""
     envelope = np.stack([np.ones_like(u), u, u**2])
 
     def explained(near: FloatArray, slope: float) -> tuple[FloatArray, FloatArray]:
@@ -171,14 +172,14 @@ def _refined(um: FloatArray, u: FloatArray, off: FloatArray, optical: float, ris
 
 
 def _hopped(um: FloatArray, u: FloatArray, off: FloatArray, phase: Phase, by: float) -> Phase:
-    """Fringes of orders shifted by a number, with phases as close to the old ones as possible."""
+    """Return fringes whose orders are shifted by a number, with phases as similar to the old ones as possible."""
     shape = np.stack([np.ones_like(u), u, u**2])
     shift = np.linalg.lstsq(shape.T, by * um / 2.0, rcond=None)[0]
     return _polished(um, u, off, phase.optical_um * np.array([1.0, phase.rise, phase.bend]) + shift)
 
 
 def _polished(um: FloatArray, u: FloatArray, off: FloatArray, p: FloatArray) -> Phase:
-    """The same with a bend in the dispersion, by Gauss and Newton from a start."""
+    """Refine a phase, including a bend in the dispersion, by Gauss-Newton steps from a start."""
     per_um = 4.0 * np.pi / um
     shape: FloatArray = np.stack([np.ones_like(u), u, u**2])
     envelope: FloatArray = np.stack([np.ones_like(u), u, u**2, u**3])
@@ -208,9 +209,9 @@ def _polished(um: FloatArray, u: FloatArray, off: FloatArray, p: FloatArray) -> 
 def fringe_warnings(
     wavelength_nm: FloatArray, n: FloatArray, thickness_um: float, bandwidth_nm: float | None
 ) -> tuple[Caution, ...]:
-    """Warnings about fringes of a spectrum along ascending wavelengths.
+    """Return warnings about fringes of a spectrum along ascending wavelengths.
 
-    ``n`` may hold NaN; the median of the rest serves there. A bandwidth of None is one that is not known.
+    ``n`` may contain NaN, which is replaced by the median of the other values. ``bandwidth_nm`` is None if not known.
     """
     if not np.isfinite(n).any():
         return ()
@@ -221,16 +222,19 @@ def fringe_warnings(
         ends += f" and {spacing[-1]:.2g} nm at {wavelength_nm[-1]:g} nm"
     what = f"fringes of a layer of {thickness_um:g} µm are {ends}"
     if bandwidth_nm is None:
-        return (look_at(f"{what}: powers add for a bandwidth above that; the instrument's is not stated"),)
+        return (look_at(f"{what}: powers add if the bandwidth is larger; the instrument's bandwidth is not stated"),)
     wide = spacing > bandwidth_nm
     if not wide.any():
         return ()
-    lost = f"{what}, and from {wavelength_nm[np.argmax(wide)]:g} nm on more than the bandwidth of {bandwidth_nm:g} nm"
-    found = [do_not_use(f"{lost}: the spectrum follows the interference, which the sum of powers leaves out")]
+    lost = (
+        f"{what}, and from {wavelength_nm[np.argmax(wide)]:g} nm upwards wider than the bandwidth "
+        f"of {bandwidth_nm:g} nm"
+    )
+    found = [do_not_use(f"{lost}: the spectrum contains interference, which the sum of powers ignores")]
     step = float(np.median(np.diff(wavelength_nm))) if wavelength_nm.size > 1 else np.inf
     if step > spacing[wide].min() / 2.0:
         apart = f"its wavelengths are {step:g} nm apart" if np.isfinite(step) else "it has one wavelength"
         found.append(
-            do_not_use(f"{apart}, too far to show the fringes: they are in n as an error that looks like scatter")
+            do_not_use(f"{apart}, too far to show the fringes: they affect n as an error that looks like scatter")
         )
     return tuple(found)

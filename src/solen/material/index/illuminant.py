@@ -1,11 +1,11 @@
-"""The index that light of some spectrum meets: an LED's, or one wavelength's.
+"""The index for light with a given spectrum: that of an LED, or of one wavelength.
 
-The idea: an index between measured wavelengths is linear, so the index weighted with the power of a spectrum is a sum
-of measured ones with known shares. What scatters from wavelength to wavelength averages out in it, what all wavelengths
-have in common does not. Light outside the measured range is not guessed at.
+An index between measured wavelengths is interpolated linearly, so the power-weighted index is a sum of measured ones
+with known weights. Scatter from wavelength to wavelength averages out in it; errors common to all wavelengths do not.
+Light outside the measured range is not extrapolated to.
 
-The interface: an `Illuminant` by `lines`, `led`, `measured_light`, or by name with `named_light`; `index_in` gives the
-`Evaluated` index of a spectrum in its light, `formula_in` that of a formula.
+The interface is an `Illuminant` from `lines`, `led`, `measured_light`, or by name from `named_light`; `index_in`, which
+returns the `Evaluated` index of a spectrum in its light; and `formula_in`, which does so for a formula.
 """
 
 from dataclasses import dataclass, replace
@@ -24,15 +24,15 @@ from solen.recording import read, spectra
 from solen.recording.optical import listed
 
 MOST_OUTSIDE = 0.02
-"""Largest share of the light at wavelengths without measurement."""
+"""Largest fraction of the light that may be at wavelengths without measurement."""
 NOISE = 0.01
-"""Share of its peak below which a measured spectrum is noise."""
+"""Fraction of the peak below which a measured spectrum is noise."""
 _LINES, _REACH = 241, 3.0  # lines of an LED, and how many standard deviations they reach
 
 
 @dataclass(frozen=True, eq=False)
 class Illuminant:
-    """Wavelengths in nm, ascending, the share of the power at each, 1 in all, and in words where they are from."""
+    """Ascending wavelengths in nm, the fraction of the power at each (1 in total), and their origin in words."""
 
     wavelength_nm: FloatArray
     share: FloatArray
@@ -46,22 +46,22 @@ class Illuminant:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """An index in some light.
+    """An index for some light.
 
     Attributes
     ----------
     source
-        Where the light's spectrum is from; empty for single wavelengths.
+        Origin of the light's spectrum; empty for single wavelengths.
     wavelength_nm
         Mean wavelength of the light.
     n, u_n
         Index and standard uncertainty; None if not known.
     u_random_n, u_common_n
-        Parts of u_n.
+        Random and common parts of u_n.
     bridged
-        Share of the light at wavelengths where n is masked, taken from those beside.
+        Fraction of the light at wavelengths where n is masked and interpolated from neighbours.
     outside
-        Share of the light at wavelengths that were not measured.
+        Fraction of the light at wavelengths that were not measured.
     reason
         Why there is no index, or None.
     """
@@ -78,9 +78,9 @@ class Evaluated:
 
 
 def lines(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "") -> Illuminant:
-    """Light of given powers at given wavelengths, in any order.
+    """Return light with given powers at given wavelengths, in any order.
 
-    A measured spectrum on an even grid is one as it is. `DataError` if powers are negative or all nothing.
+    A measured spectrum on an even grid can be used directly. `DataError` if a power is negative or all are zero.
     """
     nm, weight = np.asarray(wavelength_nm, dtype=float), np.asarray(power, dtype=float)
     seen = np.isfinite(nm) & np.isfinite(weight)
@@ -93,9 +93,9 @@ def lines(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "") -> Illum
 
 
 def measured_light(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "") -> Illuminant:
-    """Light of a measured power per nm, each wavelength standing for what is nearest to it.
+    """Return light with a measured power per nm; each wavelength represents its nearest neighbourhood.
 
-    Values below 1 % of the peak are left out: there a spectrometer shows its noise, on both sides of 0.
+    Values below 1 % of the peak are omitted: there a spectrometer shows its noise, on both sides of 0.
     """
     nm, values = np.asarray(wavelength_nm, dtype=float), np.asarray(power, dtype=float)
     order = np.argsort(nm)
@@ -106,7 +106,7 @@ def measured_light(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "")
 
 
 def led(peak_nm: float, fwhm_nm: float | None, source: str = "") -> Illuminant:
-    """Light of an LED: a normal distribution about its peak, or one line where no width is known."""
+    """Return the light of an LED: a normal distribution about its peak, or one line if no width is known."""
     if not fwhm_nm:
         return lines([peak_nm], [1.0], source)
     steps = np.linspace(-_REACH, _REACH, _LINES)
@@ -114,7 +114,9 @@ def led(peak_nm: float, fwhm_nm: float | None, source: str = "") -> Illuminant:
 
 
 def named_light(name: str) -> Illuminant:
-    """Light of an emitter of the library, of a part's .toml, or of a file with columns of wavelength and power."""
+    """Return the light of an emitter of the library, of a part's .toml file, or of a file with wavelength and power
+    columns.
+    """
     if name in library() or not Path(name).suffix:
         return _light_of_part(library_part(name))
     if Path(name).suffix.lower() == ".toml":
@@ -123,7 +125,7 @@ def named_light(name: str) -> Illuminant:
     traces = spectra(recording)
     if len(traces) != 1:
         names = listed([trace.channel.name for trace in traces])
-        limit = f"needs one column of power beside the wavelength; it has {names}"
+        limit = f"needs one column of power in addition to the wavelength; it has {names}"
         raise DataError(recording.provenance.file, limit=limit)
     source = f"spectrum of {recording.provenance.file}"
     return measured_light(traces[0].wavelength_nm, traces[0].channel.values, source)
@@ -138,7 +140,7 @@ def _light_of_part(part: object) -> Illuminant:
 
 
 def index_in(spectrum: IndexSpectrum, light: Illuminant) -> Evaluated:
-    """Index of a spectrum along ascending wavelengths in some light."""
+    """Return the index of a spectrum along ascending wavelengths for some light."""
     n = spectrum.n
     known = np.flatnonzero(n.known)
     if not known.size:
@@ -158,9 +160,10 @@ def index_in(spectrum: IndexSpectrum, light: Illuminant) -> Evaluated:
 
 
 def formula_in(model: Dispersion, light: Illuminant) -> Evaluated:
-    """Index in some light, of a formula.
+    """Return the index of a formula for some light.
 
-    Its uncertainty is the mean of that at the light's wavelengths, as if those were wrong together: they nearly are.
+    Its uncertainty is the mean of the uncertainties at the light's wavelengths, as if their errors were fully
+    correlated, which they nearly are.
     """
     inside, result = _inside(light, *model.range_nm, "the formula holds")
     if result.reason:
@@ -171,11 +174,13 @@ def formula_in(model: Dispersion, light: Illuminant) -> Evaluated:
 
 
 def _inside(light: Illuminant, low_nm: float, high_nm: float, what: str) -> tuple[Illuminant, Evaluated]:
-    """Light within a range, and the result without an index: with its reason where too much lies outside."""
+    """Return the light within a range, and a result without an index, which has a reason if too much light is
+    outside.
+    """
     inside = (light.wavelength_nm >= low_nm) & (light.wavelength_nm <= high_nm)
     outside = float(1.0 - light.share[inside].sum())
     if outside > MOST_OUTSIDE:
-        reason = f"{outside:.0%} of the light lies outside {low_nm:g} to {high_nm:g} nm, where {what}"
+        reason = f"{outside:.0%} of the light is outside {low_nm:g} to {high_nm:g} nm, where {what}"
         return light, Evaluated(light.source, light.mean_nm, outside=outside, reason=reason)
     share = light.share[inside] / light.share[inside].sum()
     kept = Illuminant(light.wavelength_nm[inside], share, light.source)
@@ -183,7 +188,9 @@ def _inside(light: Illuminant, low_nm: float, high_nm: float, what: str) -> tupl
 
 
 def _shares(nm: FloatArray, place: IndexArray, at: FloatArray, weight: FloatArray) -> tuple[FloatArray, float]:
-    """Weights of the known wavelengths in a linear interpolation, and the share of light next to a masked value."""
+    """Return the weights of the known wavelengths in a linear interpolation, and the fraction of light next to a masked
+    value.
+    """
     share = np.zeros(nm.size)
     right = np.clip(np.searchsorted(nm, at, side="left"), 1 if nm.size > 1 else 0, nm.size - 1)
     left = np.maximum(right - 1, 0)

@@ -1,10 +1,10 @@
-"""The route for a layer with visible fringes: from T, R or both to an `IndexSpectrum`, or back to the sum of powers.
+"""Route for a layer with visible fringes: from T, R or both to an `IndexSpectrum`, or back to the sum of powers.
 
-The idea: fringes in the data are detected automatically. The index then follows from a film whose coherence is fitted
-too (`solen.material.index.film`). The residuals are searched again: if they still have fringes, no
-such film explains them, and n is computed from the levels of T and R, with the fringes as scatter in its uncertainty.
+Fringes in the data are detected automatically. The index is then that of a film whose coherence is fitted too
+(`solen.material.index.film`). If the residuals still have fringes, no such film explains the data, and n is computed
+from the levels of T and R, with the fringes as scatter in its uncertainty.
 
-The interface: `fringes_of` readings, `fringed` returns the spectrum and an `Interference`.
+The interface is `fringes_of` readings, and `fringed`, which returns the spectrum and an `Interference`.
 """
 
 from collections.abc import Mapping
@@ -31,32 +31,32 @@ from solen.results import HIDDEN, Result
 MODE = "fringes"
 """Name of the route."""
 JOINT = "joint"
-"""Name of that of a layer and its bare sheet, where no fringes are seen."""
+"""Name of the route for a layer and its bare sheet without visible fringes."""
 _INDICES = (1.25, 1.9)  # of layers whose fringes are looked for, in optical thickness over thickness
 _THICK_UM = (8.0, 150.0)  # n times thickness where the thickness is not stated
 _USUAL = 1.5
 
 
 class Interference(Result):
-    """Results of a layer's fringes beside its index.
+    """Results from a layer's fringes, in addition to its index.
 
     Attributes
     ----------
     thickness_um, u_thickness_um
         Mean thickness, and its standard uncertainty.
     optical_thickness_um, u_optical_thickness_um
-        n times thickness at the middle of the spectrum, and its standard uncertainty; None where the index
-        rests on the levels of T and R alone.
+        n times thickness at the middle of the spectrum, and its standard uncertainty; None if the index is from the
+        levels of T and R alone.
     thickness_spread_percent
-        Standard deviation of the thickness within the beam, as the contrast shows it.
+        Standard deviation of the thickness within the beam, estimated from the contrast.
     slit_nm
-        Slit width that fits best.
+        Fitted slit width.
     visibility
-        Share of the contrast of a perfect film, in the middle of the spectrum.
+        Contrast in the middle of the spectrum, as a fraction of that of a perfect film.
     by_levels
-        Whether no film explains the fringes, so that n is from the levels of the spectra.
+        Whether no film explains the fringes, so n is from the levels of the spectra.
     residual
-        Root mean square of measured minus fitted, by reading.
+        Root mean square of measured minus fitted values, for each reading.
     dispersion
         Form of n in the fit: cauchy (three terms), sellmeier (one pole), free (a smooth curve with knots).
     """
@@ -77,7 +77,7 @@ class Interference(Result):
 def fringes_of(
     wavelength_nm: FloatArray, readings: Mapping[str, ArrayLike], thickness: Length | None = None
 ) -> list[Phase]:
-    """Fringes of T, of R, or of their difference where both were measured; none where noise explains it."""
+    """Return the fringes of T, of R, or of their difference if both were measured; none if noise explains them."""
     spectra = {kind: np.asarray(values, dtype=float) for kind, values in readings.items()}
     beside = None
     if set(spectra) == {"T", "R"}:
@@ -102,7 +102,7 @@ def fringed(
     bare: Mapping[str, Reading] | None = None,
     kind: Kind | None = None,
 ) -> tuple[IndexSpectrum, Interference | None]:
-    """Index and extinction of a layer with fringes, or fitted jointly with its bare substrate.
+    """Return the index and extinction of a layer with fringes, or of one fitted jointly with its bare substrate.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def fringed(
     every = [*readings.values(), *(bare or {}).values()]
     if not all(np.isfinite(one.value).all() for one in every):
         limit = "must have a number at every wavelength where fringes are fitted"
-        raise DataError("T and R", limit=limit, remedy="leave the rows without one out")
+        raise DataError("T and R", limit=limit, remedy="remove the rows without a number")
     measured = Measured(wavelength_nm, dict(readings), thickness, slit_nm, setup, dict(bare or {}))
     level = _level(readings) if setup is None else _USUAL
     if not phases:
@@ -127,7 +127,7 @@ def fringed(
 
 
 def _refuse_form(measured: Measured, film: Film, other: Film | None) -> None:
-    """`DataError` if a requested form of n leaves fringes and another leaves none."""
+    """Raise `DataError` if a requested form of n leaves fringes and another one leaves none."""
     if other is None or other.course == film.course:
         return
     left = {kind: one.value - other.fitted[kind] for kind, one in measured.readings.items()}
@@ -135,11 +135,11 @@ def _refuse_form(measured: Measured, film: Film, other: Film | None) -> None:
         return
     rms = [" and ".join(f"{value:.2g} in {kind}" for kind, value in one.residual.items()) for one in (film, other)]
     limit = f"does not describe n here: it leaves fringes ({rms[0]} rms), and {other.course} does not ({rms[1]})"
-    raise DataError("--dispersion", value=film.course, limit=limit, remedy=f"leave it out, or name {other.course}")
+    raise DataError("--dispersion", value=film.course, limit=limit, remedy=f"omit it, or use {other.course}")
 
 
 def _level(readings: Mapping[str, Reading]) -> float:
-    """Index to start from, by what T and R are in the middle of their fringes."""
+    """Return an initial index from the median levels of T and R."""
     middle = {kind: float(np.median(one.value)) for kind, one in readings.items()}
     if set(middle) == {"T", "R"}:
         n = float(invert(middle["R"], middle["T"], 25.0, 600.0).n)
@@ -199,20 +199,21 @@ def _common(parts: FloatArray) -> Combined:
 
 
 def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool) -> list[Caution]:
-    """Remarks on the choice of model, and on missing inputs."""
+    """Return remarks on the choice of model, and on missing inputs."""
     found = [
-        note("fringes were detected: the index is that of a layer whose faces interfere, with its coherence fitted")
+        note("fringes were detected: the index is that of a layer whose faces interfere, and the coherence was fitted")
     ]
     if by_levels:
         found = [
             look_at(
-                "fringes were detected that no film of one slit, one spread of its thickness and a smooth n has: n is "
-                "from the levels of the spectra, with the fringes as scatter in its uncertainty; measure a flatter spot"
+                "fringes were detected, but no film with one slit width, one thickness variation and a smooth n explains them: "
+                "n is from the levels of the spectra, with the fringes as scatter in its uncertainty; measure a flatter "
+                "spot"
             )
         ]
     elif dispersion == "free":
         found.append(
-            note("three terms of Cauchy leave more than noise: n is a smooth curve with knots some fringes apart")
+            note("Cauchy's three terms leave more than noise: n is a smooth curve with knots some fringes apart")
         )
     if mode == JOINT:
         found = [
@@ -221,19 +222,25 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
     elif measured.slit_nm is None:
         found.append(
             look_at(
-                "the bandwidth is not stated and was fitted: --bandwidth-nm, as the contrast of fringes depends on it"
+                "the bandwidth is not stated and was fitted: state --bandwidth-nm, because the "
+                "contrast of fringes depends on it"
             )
         )
     if mode == MODE and ((thickness := measured.thickness) is None or thickness.u_um is None):
-        found.append(look_at("the uncertainty of the thickness is not stated: 10 % is taken, and the fringes decide"))
+        found.append(
+            look_at(
+                "the uncertainty of the thickness is not stated: 10 % is assumed, "
+                "and the fringes determine the thickness"
+            )
+        )
     unknown = [kind for kind, one in measured.readings.items() if not one.u_common.any()]
     if unknown:
         options = " and ".join(f"--u-{kind}" for kind in unknown)
-        found.append(look_at(f"the accuracy of {' and '.join(unknown)} is not stated and not in u(n): {options}"))
+        found.append(
+            look_at(f"the accuracy of {' and '.join(unknown)} is not stated and not included in u(n): state {options}")
+        )
     if "R" not in measured.readings:
         found.append(
-            look_at(
-                "R was not measured: n rests on the contrast of the fringes and on the thickness; measure R as well"
-            )
+            look_at("R was not measured: n depends on the contrast of the fringes and on the thickness; measure R too")
         )
     return [*found, *(remark for one in measured.readings.values() for remark in one.remarks)]

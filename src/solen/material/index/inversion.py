@@ -1,20 +1,19 @@
-"""From R and T of a free-standing layer back to n and k: exact, stable, with exact derivatives.
+"""Inversion of R and T of a free-standing layer to n and k: exact, stable, with exact derivatives.
 
-The idea: the formulas as printed subtract nearly equal numbers, R_F = (B − S)/(2(2 − R)) at small R and R − R_F where
-little light comes through. Both have forms without a difference. With c = R(2 − R),
+The formulas as printed subtract nearly equal numbers, in R_F = (B − S)/(2(2 − R)) at small R and in R − R_F if little
+light is transmitted. Both have forms without a difference. With c = R(2 − R),
 
-    S² = (1 − R)⁴ + T² (2 + 2c + T²),   R_F = 2R / (1 + c + T² + S),
-    τ = 2T / ((1 − R_F)² + √((1 − R_F)⁴ + 4 R_F² T²)),   k = −λ ln τ / (4πh),
-    n = (1 + R_F)/(1 − R_F) + √(4R_F/(1 − R_F)² − k²),
+    S² = (1 − R)⁴ + T² (2 + 2c + T²),   R_F = 2R / (1 + c + T² + S), τ = 2T / ((1 − R_F)² + √((1 − R_F)⁴ + 4 R_F² T²)),
+    k = −λ ln τ / (4πh), n = (1 + R_F)/(1 − R_F) + √(4R_F/(1 − R_F)² − k²),
 
-where every sum is one of positive terms. R + T > 1 is the same as τ > 1 and gives a k below 0: it is returned as it is,
-to be judged by its uncertainty. n depends on k² alone and keeps its meaning there.
+where all sums have positive terms. R + T > 1 is equivalent to τ > 1 and gives a negative k, which is returned as it is,
+to be judged by its uncertainty. n depends only on k² and remains meaningful there.
 
-The square root has two signs. The other index that has the same R_F and k is (1 + k²)/n: below 1 and of no concern
-where k is small, a real alternative inside strong absorption bands.
+The square root has two signs. The other index with the same R_F and k is (1 + k²)/n: below 1 and irrelevant if k is
+small, but a real alternative inside strong absorption bands.
 
-The interface: `invert` gives `Inverted`; `invert_many` the same n and k for more numbers than fit in memory at once;
-`slopes` the derivatives by R, T and h.
+The interface is `invert`, which returns an `Inverted`; `invert_many`, which returns the same n and k for more numbers
+than fit in memory at once; and `slopes`, which returns the derivatives with respect to R, T and h.
 """
 
 import os
@@ -42,18 +41,18 @@ MUCH = 1 << 20  # numbers above which a call is shared among cores
 
 @dataclass(frozen=True, eq=False)
 class Inverted:
-    """Index by R and T of a layer in air, with only missing values masked: arrays of one shape.
+    """Index of a layer in air from R and T, with only missing values masked: arrays of one shape.
 
     Attributes
     ----------
     n, k
-        Refractive index and extinction coefficient. NaN where none has these R and T; k below 0 where R + T > 1.
+        Refractive index and extinction coefficient. NaN if no layer has these R and T; k is negative if R + T > 1.
     other_n
-        The second index that fits as well, (1 + k²)/n.
+        The second index that fits equally well, (1 + k²)/n.
     face
         Reflectance of one face, the R_F of the formulas.
     tau
-        Transmittance of one pass; above 1 where R + T > 1.
+        Transmittance of one pass; above 1 if R + T > 1.
     """
 
     n: FloatArray
@@ -74,12 +73,12 @@ class Inverse:
     Attributes
     ----------
     n, k
-        Index and extinction; k below 0 where more light came out than went in.
+        Index and extinction coefficient; k is negative if more light came out than went in.
     other_n
         The second index that fits the same readings.
     n_by, k_by
-        Derivatives by ``T``, ``R``, ``thickness_um`` of the layer, ``n`` (where the layer's index was given) and what
-        was known of a substrate: ``sheet_n``, ``sheet_k``, ``sheet_um``.
+        Derivatives with respect to ``T``, ``R``, ``thickness_um`` of the layer, ``n`` (if the layer's index was given)
+        and the known properties of a substrate: ``sheet_n``, ``sheet_k``, ``sheet_um``.
     """
 
     n: FloatArray
@@ -92,12 +91,12 @@ class Inverse:
 def invert(
     reflectance: ArrayLike, transmittance: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike
 ) -> Inverted:
-    """Index and extinction of a layer in air of which R and T are known, at normal incidence.
+    """Return the index and extinction coefficient of a layer in air with known R and T, at normal incidence.
 
     Parameters
     ----------
     reflectance, transmittance
-        Fractions; outside 0 < R < 1 and T > 0 there is no index.
+        Fractions; there is no index unless 0 < R < 1 and T > 0.
     thickness_um, wavelength_nm
         Thickness in µm and wavelength in air in nm; all four broadcast.
     """
@@ -114,14 +113,14 @@ def invert_many(
     wavelength_nm: ArrayLike,
     out: tuple[FloatArray, FloatArray] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Index and extinction as `invert` gives them, block by block on all cores: little memory beside the results.
+    """Return n and k as `invert` does, block by block on all cores, with little memory in addition to the results.
 
     Parameters
     ----------
     reflectance, transmittance, thickness_um, wavelength_nm
-        As in `invert`.
+        As for `invert`.
     out
-        Arrays of the common shape that n and k are written into, to reuse memory.
+        Arrays of the common shape into which n and k are written, to reuse memory.
     """
     arguments = _broadcast(reflectance, transmittance, 1.0 / optical_depth(thickness_um, wavelength_nm))
     n, k = out or (np.empty(arguments[0].shape), np.empty(arguments[0].shape))
@@ -135,7 +134,7 @@ def invert_many(
 def slopes(
     reflectance: ArrayLike, transmittance: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike
 ) -> tuple[Slopes, Slopes]:
-    """Derivatives of n and of k of `invert`, exact; arguments as there.
+    """Return the exact derivatives of n and k of `invert`, whose arguments it shares.
 
     They follow from the quadratic equations that R_F and τ solve, (2 − R) R_F² − (2 + T² − (1 − R)²) R_F + R = 0 and
     R_F² T τ² + (1 − R_F)² τ − T = 0.
@@ -157,7 +156,7 @@ def slopes(
 
 
 def _parts(shape: tuple[int, ...]) -> list[tuple[slice | EllipsisType, ...]]:
-    """The first axis in as many pieces as there are cores; all at once where there is little to do."""
+    """Return slices of the first axis, one per core; a single one if there is little to compute."""
     rows = shape[0] if shape else 0
     pieces = min(rows, os.cpu_count() or 1) if np.prod(shape) > MUCH else 1
     if pieces < 2:
@@ -178,7 +177,7 @@ def _invert_into(
 def _inverted(
     r: FloatArray, t: FloatArray, per_depth: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """R_F, τ, k and n; NaN where there are none."""
+    """Return R_F, τ, k and n; NaN where there are none."""
     possible = (r > 0.0) & (r < 1.0) & (t > 0.0)
     if not possible.all():
         r = np.where(possible, r, np.nan)
@@ -192,7 +191,7 @@ def _inverted(
 
 
 def _s(r: FloatArray, t: FloatArray) -> FloatArray:
-    """The square root in R_F."""
+    """Return the square root in R_F."""
     t2, past = t * t, 1.0 - r
     past2 = past * past
     return np.asarray(np.sqrt(past2 * past2 + t2 * (2.0 + 2.0 * r * (2.0 - r) + t2)))

@@ -1,10 +1,10 @@
 """The index of a printed layer, from a recording of its spectra to n and k against wavelength.
 
-The idea: the route follows from the spectra that were measured, unless one is requested; the published formulas are
-used only on request. Every form of the result states its limits: a masked value is null with the reason beside it, and
-each property of the instrument or the layer that was not stated is a warning.
+The route follows from the spectra that were measured, unless one is requested; the published formulas are used only on
+request. Every form of the result states its limits: a masked value is null with a reason next to it, and each property
+of the instrument or the layer that was not stated is a warning.
 
-The interface: `index_of_layer` of a recording with `IndexOptions` gives a `LayerIndex`.
+The interface is `index_of_layer`, which returns the `LayerIndex` of a recording with `IndexOptions`.
 """
 
 from collections.abc import Mapping
@@ -51,7 +51,7 @@ class LayerIndex(Measured, kw_only=True):
     mode
         Route from the spectra to the index.
     measurement
-        Whether n follows from what was measured.
+        Whether n follows from measured values.
     baseline
         Reference of the 100 % of T, air or substrate.
     bandwidth_nm
@@ -63,13 +63,13 @@ class LayerIndex(Measured, kw_only=True):
     n, u_n
         Refractive index and its standard uncertainty.
     u_random_n, u_common_n
-        Parts of u_n: what scatters from wavelength to wavelength, and what all have in common.
+        Parts of u_n: scatter from wavelength to wavelength, and errors common to all wavelengths.
     interval95_n
         95 % interval of n, shape (n, 2).
     k, u_k
         Extinction coefficient and its standard uncertainty.
     interval95_k
-        95 % bounds of k ≥ 0, shape (n, 2); they stand where k is masked as not resolved, too.
+        95 % bounds of k ≥ 0, shape (n, 2); also given where k is masked as not resolved.
     correlation_n_k
         Correlation of the errors of n and of k.
     reason
@@ -77,23 +77,23 @@ class LayerIndex(Measured, kw_only=True):
     masked_n, masked_k
         Number of wavelengths at which n, and k, is masked.
     lossless_n, u_lossless_n
-        Index that T alone gives with k = 0 assumed, and its standard uncertainty.
+        Index from T alone assuming k = 0, and its standard uncertainty.
     T, R
-        Transmittance and reflectance that went in, as fractions.
+        Transmittance and reflectance used, as fractions.
     fit
-        Formula through n.
+        Formula fitted to n.
     literature
-        Least and greatest index of the literature for such polymers.
+        Lowest and highest index of comparable polymers in the literature.
     at
-        n at the wavelengths that were asked for.
+        n at the requested wavelengths.
     led
-        n in the light of the emitter that was asked for.
+        n in the light of the requested emitter.
     fit_at, fit_led
-        The same by the formula.
+        The same values from the formula.
     traces
         Names of the traces of T, R and A.
     repeats_nm, repeats_lossless_n
-        Longest wavelength at which all repeats of T have a lossless index, in nm, and that of each repeat there.
+        Longest wavelength at which all repeats of T have a lossless index, in nm, and the index of each repeat there.
     interference
         Results of the fringes; None if none were detected.
     """
@@ -135,12 +135,12 @@ class LayerIndex(Measured, kw_only=True):
 
 
 def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions()) -> LayerIndex:
-    """Index of a layer from a recording of its spectra.
+    """Return the index of a layer from a recording of its spectra.
 
     Raises
     ------
     DataError, SpecError
-        If traces must be chosen, something must be stated, or no index follows from what was measured.
+        If traces must be chosen, something must be stated, or no index follows from the measurement.
     """
     chosen = {"T": options.transmittance, "R": options.reflectance, "A": options.absorbance}
     recording = chosen_rows(recording, options)
@@ -161,7 +161,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
         if repeats_n is None
         else [
             note(
-                f"lossless n({repeats_nm:g} nm) of the {repeats_n.size} repeats, in their order: "
+                f"lossless n({repeats_nm:g} nm) of the {repeats_n.size} repeats, in order: "
                 f"{repeats_n[0]:.3f} … {repeats_n[-1]:.3f}"
             )
         ]
@@ -219,7 +219,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
 def _interfering(
     recording: Recording, spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
 ) -> tuple[IndexSpectrum | None, Interference | None]:
-    """Index from the fringes of T and R, if detected or requested; otherwise None for both.
+    """Return the index from the fringes of T and R, if detected or requested; otherwise None for both.
 
     Raises
     ------
@@ -248,31 +248,31 @@ def _interfering(
         return None, None
     if options.mode in {"measured", "lossless"}:
         amplitude = np.sqrt(2.0) * phases[0].amplitude
-        limit = f"adds powers, but fringes of ± {amplitude:.2g} are detected, whose faces interfere"
-        raise DataError(
-            f"--mode {options.mode}", limit=limit, remedy="leave --mode out: the route for fringes is taken"
-        )
+        limit = f"adds powers, but fringes of ± {amplitude:.2g} are detected: the layer's faces interfere"
+        raise DataError(f"--mode {options.mode}", limit=limit, remedy="omit --mode: the route for fringes is then used")
     return fringed(nm, readings, phases, thickness, bandwidth_nm, options.setup(nm), kind=options.dispersion)
 
 
 def _bare(recording: Recording, spectra: OpticalSpectra, options: IndexOptions) -> tuple[dict[str, Reading], Setup]:
-    """T and R of the bare sheet at the layer's wavelengths, and the sheet as it follows from them alone."""
+    """Return T and R of the bare sheet at the layer's wavelengths, and the sheet as derived from them alone."""
     chosen = {"T": options.bare_transmittance, "R": options.bare_reflectance, "A": ()}
     sheet, nm = optical_spectra(recording, chosen), spectra.wavelength_nm
     if sheet.wavelength_nm.shape != nm.shape or not np.allclose(sheet.wavelength_nm, nm):
-        limit = "must be at the wavelengths of the layer's"
+        limit = "must be at the same wavelengths as the layer's"
         raise DataError("traces of the bare sheet", limit=limit, remedy="measure both in the same way")
     bare = {kind: _reading(sheet, options, kind) for kind in ("T", "R")}
     thickness_um = options.substrate_thickness_um or 0.0
     n = invert(bare["R"].value, bare["T"].value, thickness_um, nm).n
     if not np.isfinite(n).any():
-        raise DataError("the bare sheet", limit="has T and R that no index gives", remedy="check its traces")
+        raise DataError("the bare sheet", limit="has T and R that no index produces", remedy="check its traces")
     start = Substrate(np.full(nm.shape, float(np.nanmedian(n))), 0.0, thickness_um)
     return bare, Setup(start, options.side or "layer", options.baseline or "air", options.r_baseline or "air")
 
 
 def _routed(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
-    """Index by the requested route, or else by the one that the measured spectra allow."""
+    """Return the index by the requested route or, if none is requested, by the route that the measured spectra
+    allow.
+    """
     t, nm = _transmittance(spectra, options), spectra.wavelength_nm
     setup = options.setup(nm)
     mode = options.mode or _default_mode(spectra, options, t)
@@ -286,16 +286,19 @@ def _routed(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
             return routes.measured(nm, t, _reading(spectra, options, "R"), options.thickness, setup)
         if setup is None:
             raise routes.no_reflectance("T alone,", nm, t)
-        limit, remedy = "needs a measured R of layer and substrate combined", "name its trace; or take --mode lossless"
+        limit, remedy = (
+            "needs a measured R of the layer and substrate combined",
+            "name its trace, or use --mode lossless",
+        )
         raise SpecError("--mode measured", limit=limit, remedy=remedy)
     if "A" not in spectra.rows or options.absorbance_kind != "absorptance":
         remedy = "name its trace with --absorbance and state --absorbance-kind absorptance"
-        raise SpecError("--mode absorptance", limit="needs the absorptance, measured", remedy=remedy)
+        raise SpecError("--mode absorptance", limit="needs a measured absorptance", remedy=remedy)
     return routes.absorptance(nm, t, _reading(spectra, options, "A"), options.thickness)
 
 
 def _default_mode(spectra: OpticalSpectra, options: IndexOptions, t: Reading) -> str:
-    """Route that the measured spectra allow."""
+    """Return the route that the measured spectra allow."""
     if "R" in spectra.rows:
         return "measured"
     if options.substrate is not None or "A" not in spectra.rows or "T" not in spectra.rows:
@@ -312,7 +315,7 @@ def _reading(spectra: OpticalSpectra, options: IndexOptions, kind: str) -> Readi
 
 
 def _transmittance(spectra: OpticalSpectra, options: IndexOptions) -> Reading:
-    """Reading of T, from an absorbance where that is all there is."""
+    """Return the reading of T, computed from an absorbance if T was not measured."""
     if "T" in spectra.rows:
         return _reading(spectra, options, "T")
     if "A" not in spectra.rows:
@@ -321,7 +324,7 @@ def _transmittance(spectra: OpticalSpectra, options: IndexOptions) -> Reading:
     if options.absorbance_kind is None:
         raise _ask_kind(spectra)
     if options.absorbance_kind == "absorptance":
-        remedy = "an index does not follow from an absorptance alone"
+        remedy = "no index follows from an absorptance alone"
         raise DataError("transmittance", limit="is missing", remedy=remedy)
     base = BASES[options.absorbance_kind]
     rows = np.exp(-base * spectra.rows["A"])
@@ -336,17 +339,17 @@ def _ask_kind(spectra: OpticalSpectra) -> SpecError:
 
 
 def _check_published(spectra: OpticalSpectra, options: IndexOptions, t: Reading) -> None:
-    """Raise where A was given and is not the absorbance that the published formula takes."""
+    """Raise if A was given but is not the absorbance that the published formula uses."""
     if options.absorbance_kind not in {None, "log10"}:
-        limit = "the as-published mode takes A as log10"
+        limit = "the as-published mode requires A as log10"
         raise SpecError("--absorbance-kind", value=options.absorbance_kind, limit=limit)
     if "A" in spectra.rows and not is_absorbance(spectra.mean("A"), t.value):
-        limit = "is not −log10 T, which the as-published mode takes for A"
-        raise DataError(f"trace {spectra.names['A'][0]}", limit=limit, remedy="leave it out, or take another mode")
+        limit = "is not −log10 T, which the as-published mode uses for A"
+        raise DataError(f"trace {spectra.names['A'][0]}", limit=limit, remedy="omit it, or use another mode")
 
 
 def _stated_bandwidth_nm(recording: Recording) -> float | None:
-    """Spectral bandwidth that an instrument wrote into its file."""
+    """Return the spectral bandwidth that an instrument wrote into its file."""
     for name, text in recording.provenance.metadata.items():
         if "sbw" in name.lower():
             try:
@@ -359,7 +362,7 @@ def _stated_bandwidth_nm(recording: Recording) -> float | None:
 
 
 def _literature(spectrum: IndexSpectrum, options: IndexOptions) -> tuple[Band | None, list[Caution]]:
-    """Band of the literature's indices, and warnings where n lies elsewhere, or falls as none of them does."""
+    """Return the band of the literature's indices, and warnings if n is outside it or falls more than any of them."""
     if options.literature == "none":
         return None, []
     nm, n, package = spectrum.wavelength_nm, spectrum.n, options.literature == "package"
@@ -370,7 +373,7 @@ def _literature(spectrum: IndexSpectrum, options: IndexOptions) -> tuple[Band | 
 
 
 def _repeats(spectra: OpticalSpectra) -> tuple[float | None, FloatArray | None]:
-    """Longest wavelength at which all repeats of T have a lossless index, and their indices there."""
+    """Return the longest wavelength at which all repeats of T have a lossless index, and their indices there."""
     n = lossless_index(spectra.rows.get("T", np.empty((0, 0))))
     (at,) = np.nonzero(np.isfinite(n).all(axis=0))
     if len(n) < 2 or not at.size:
@@ -379,7 +382,7 @@ def _repeats(spectra: OpticalSpectra) -> tuple[float | None, FloatArray | None]:
 
 
 def _other_baseline(spectra: OpticalSpectra, options: IndexOptions) -> list[Caution]:
-    """Whether an absorbance beside a transmittance has another baseline."""
+    """Warn if an absorbance and a transmittance of the same file have different baselines."""
     base = BASES.get(options.absorbance_kind or "")
     if base is None or not {"A", "T"} <= spectra.rows.keys():
         return []
@@ -394,7 +397,7 @@ def _other_baseline(spectra: OpticalSpectra, options: IndexOptions) -> list[Caut
 def _about_instrument(
     spectrum: IndexSpectrum, spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
 ) -> list[Caution]:
-    """Warnings: properties of instrument and layer that were not stated, or that T or the fringes contradict."""
+    """Return warnings: properties of instrument and layer that were not stated, or that T or the fringes contradict."""
     warnings = []
     if options.baseline is None:
         warnings.append(
@@ -405,9 +408,9 @@ def _about_instrument(
         if (above := float(np.mean(t > 1.0))) >= _ABOVE:
             warnings.append(
                 look_at(
-                    f"T exceeds 1 at {above:.0%} of the wavelengths, up to {np.nanmax(t):.4f}: that of a free-standing "
-                    "layer cannot, that of one measured against its bare substrate can; if so, state --baseline "
-                    "substrate"
+                    f"T exceeds 1 at {above:.0%} of the wavelengths, up to {np.nanmax(t):.4f}: this is impossible for a "
+                    "free-standing layer, but possible for one measured against its bare substrate; if so, state "
+                    "--baseline substrate"
                 )
             )
     if options.thickness_um is not None and spectrum.mode not in {MODE, JOINT}:

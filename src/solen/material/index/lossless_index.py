@@ -1,4 +1,4 @@
-"""Index of a layer in air from T alone, k = 0 assumed."""
+"""Index of a layer in air from T alone, assuming k = 0."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +10,7 @@ from solen.material.index.spectrum import Estimate, estimate
 
 
 def lossless_index(transmittance: ArrayLike) -> FloatArray:
-    """Index of a clear layer in air that transmits this, (1 + √(1 − T²))/T; NaN outside 0 < T < 1."""
+    """Return the index of a clear layer in air with this transmittance, (1 + √(1 − T²))/T; NaN outside 0 < T < 1."""
     t = np.asarray(transmittance, dtype=float)
     with np.errstate(all="ignore"):
         n = (1.0 + np.sqrt((1.0 - t) * (1.0 + t))) / t
@@ -18,7 +18,7 @@ def lossless_index(transmittance: ArrayLike) -> FloatArray:
 
 
 def lossless_in_air(transmittance: Reading) -> Estimate:
-    """Index of a clear layer in air, with its uncertainty and what masks it."""
+    """Return the index of a clear layer in air, with its uncertainty and masks."""
     t = transmittance.value
     tests = {Why.MISSING: ~np.isfinite(t), Why.TRANSMITTANCE: ~(t > 0.0), Why.NO_REFLECTION: ~(t < 1.0)}
     u = combined(transmittance.shares(lossless_slope(t)), t.size)
@@ -26,6 +26,6 @@ def lossless_in_air(transmittance: Reading) -> Estimate:
 
 
 def lossless_slope(t: FloatArray | float) -> FloatArray:
-    """Derivative of the lossless index by T."""
+    """Return the derivative of the lossless index with respect to T."""
     with np.errstate(all="ignore"):
         return np.asarray(-(1.0 + 1.0 / np.sqrt((1.0 - t) * (1.0 + t))) / t**2)

@@ -1,13 +1,13 @@
 """Masks, with reasons, where R and T determine no index or no extinction; nothing is ever clipped.
 
-The idea: n and k are masked separately. Noise takes R + T slightly above 1 at half the points of a clear sample; k
-is negative there, so not resolved, but n depends only on k² and is kept: masking it would discard half of the points
-and bias the rest. n goes only where R + T exceeds 1 by more than three standard uncertainties. In a long spectrum noise
-alone causes a few such points; if there are no more, the bound is one that noise crosses once in a
+n and k are masked separately. Noise raises R + T slightly above 1 at half the points of a clear sample; k is negative
+there, so not resolved, but n depends only on k² and is kept: masking it would discard half of the points and bias the
+others. n is masked only where R + T exceeds 1 by more than three standard uncertainties. In a long spectrum, noise
+alone causes a few such points; if there are no more than that, the limit is raised to one that noise crosses once in a
 hundred spectra.
 
-The interface: `why_no_n` and `why_no_k` return the reason at each wavelength, `reasons` words it, `counted` sums
-it up.
+The interface is `why_no_n` and `why_no_k`, which return the reason at each wavelength; `reasons`, which words it; and
+`counted`, which summarises it.
 """
 
 from collections import Counter
@@ -27,13 +27,13 @@ from solen.ranks import Caution, look_at
 Codes = NDArray[np.int8]
 
 ASSUMED_U = 0.003
-"""Uncertainty of R and of T that R + T > 1 is judged by where none is stated: that of usual instruments, 0.3 %."""
+"""Assumed uncertainty of R and of T for judging R + T > 1 if none is stated: 0.3 %, typical of instruments."""
 THREE_SIGMAS = 0.99730020393674
-"""Share of a normal distribution within three standard deviations."""
+"""Fraction of a normal distribution within three standard deviations."""
 STRONG_K, POSSIBLE_N = 0.1, 0.8
-"""An index down to 0.8 occurs beside absorption bands with k above 0.1, and not elsewhere."""
+"""An index down to 0.8 occurs near absorption bands with k above 0.1, and not elsewhere."""
 ROUNDING = 1e-12
-"""Rounding of R, T and k."""
+"""Rounding error of R, T and k."""
 
 
 class Why(IntEnum):
@@ -42,7 +42,7 @@ class Why(IntEnum):
     words: str
 
     def __new__(cls, code: int, words: str = "") -> Self:
-        """Member with its words."""
+        """Create a member with its words."""
         member = int.__new__(cls, code)
         member._value_, member.words = code, words
         return member
@@ -51,37 +51,37 @@ class Why(IntEnum):
     MISSING = 1, "no number was measured here"
     REFLECTANCE = 2, "R is not between 0 and 1"
     TRANSMITTANCE = 3, "T is not above 0"
-    OPAQUE = 4, "R does not exceed R_F: no light came through"
+    OPAQUE = 4, "R does not exceed R_F: no light was transmitted"
     ENERGY = 5, "R + T exceeds 1 by more than three standard uncertainties"
     DISCRIMINANT = 6, "no index fits: the square in n is negative"
-    AMBIGUOUS = 7, "two indices fit as well, as happens inside strong absorption bands"
-    NO_REFLECTION = 8, "T is not below 1: no reflection is left for an index"
+    AMBIGUOUS = 7, "two indices fit equally well, as happens inside strong absorption bands"
+    NO_REFLECTION = 8, "T is not below 1: no reflection remains to determine an index"
     NEGATIVE = 9, "not resolved: R + T exceeds 1, within its uncertainty"
     SMALL = 10, "not resolved: k is below three of its standard uncertainties"
-    DARK = 11, "not resolved: T is within three standard uncertainties of 0, so k has a lower bound only"
+    DARK = 11, "not resolved: T is within three standard uncertainties of 0, so k has only a lower bound"
     ASSUMED = 12, "not measured: this route assumes k = 0"
-    PUBLISHED = 13, "no measurement: R was made of T alone"
-    NO_FIT = 14, "no index from 1 to 3 reads this T and R on this substrate"
+    PUBLISHED = 13, "no measurement: R was computed from T alone"
+    NO_FIT = 14, "no index from 1 to 3 produces this T and R on this substrate"
     INDISTINCT = 15, "two indices fit T and R on this substrate within three standard uncertainties"
     BRIGHT = 16, "more light came out than went in, by more than three standard uncertainties"
-    TOO_CLEAR = 17, "T is above the most that a layer of any index reads on this substrate"
-    TOO_DARK = 18, "T is below what a lossless layer of an index up to 3 reads on this substrate"
+    TOO_CLEAR = 17, "T is above the largest value that any layer can have on this substrate"
+    TOO_DARK = 18, "T is below that of a lossless layer with an index up to 3 on this substrate"
     BELOW = 19, "not resolved: k is below 0, within its uncertainty"
 
 
 UNRESOLVED = (Why.SMALL, Why.NEGATIVE, Why.BELOW)
-"""Reasons beside which k keeps its uncertainty and an upper bound."""
+"""Reasons for which k keeps its uncertainty and an upper bound."""
 
 
 def why_no_n(reflectance: FloatArray, transmittance: FloatArray, u_sum: Combined, index: Inverted) -> Codes:
-    """Reason at each wavelength why n is masked, `Why.FINE` where it is not.
+    """Return the reason why n is masked at each wavelength, `Why.FINE` where it is not.
 
     Parameters
     ----------
     reflectance, transmittance
         The inverted readings.
     u_sum
-        Uncertainty of R + T, NaN where none is known: then `ASSUMED_U` of each is taken.
+        Uncertainty of R + T; `ASSUMED_U` of each is used where it is NaN.
     found
         The result of the inversion.
     """
@@ -98,9 +98,9 @@ def why_no_n(reflectance: FloatArray, transmittance: FloatArray, u_sum: Combined
 
 
 def why_no_k(no_n: Codes, k: FloatArray, u_k: Combined, transmittance: FloatArray, u_t: Combined) -> Codes:
-    """Reason at each wavelength why k is masked; that two indices fit is not a reason.
+    """Return the reason why k is masked at each wavelength; a second index that fits is not a reason.
 
-    Where no uncertainty is known, k is not judged by it.
+    Where no uncertainty is known, k is not tested against it.
     """
     with np.errstate(invalid="ignore"):
         tests = {
@@ -113,9 +113,9 @@ def why_no_k(no_n: Codes, k: FloatArray, u_k: Combined, transmittance: FloatArra
 
 
 def unresolved(k: FloatArray, u_k: Combined) -> BoolArray:
-    """Where k may be 0: below three standard uncertainties, or above at no more points than chance puts there.
+    """Return where k may be 0: below three standard uncertainties, or above at no more points than expected by chance.
 
-    Where no uncertainty is known, k is not judged by it.
+    Where no uncertainty is known, k is not tested against it.
     """
     with np.errstate(invalid="ignore"):
         small = k <= u_k.bound(THREE_SIGMAS)
@@ -125,7 +125,7 @@ def unresolved(k: FloatArray, u_k: Combined) -> BoolArray:
 
 
 def first(tests: dict[Why, BoolArray]) -> Codes:
-    """First of the reasons that apply, at each wavelength."""
+    """Return the first applicable reason at each wavelength."""
     codes = np.full(next(iter(tests.values())).shape, int(Why.FINE), dtype=np.int8)
     for why, applies in reversed(tests.items()):
         codes[applies] = why
@@ -133,7 +133,7 @@ def first(tests: dict[Why, BoolArray]) -> Codes:
 
 
 def reasons(no_n: Codes, no_k: Codes) -> tuple[str | None, ...]:
-    """Reasons in words, ``n, k: …`` or ``k: …``, None if neither is masked."""
+    """Return reasons in words, ``n, k: …`` or ``k: …``, None if neither is masked."""
     return tuple(_reason(Why(n), Why(k)) for n, k in zip(no_n.tolist(), no_k.tolist(), strict=True))
 
 
@@ -144,7 +144,7 @@ def _reason(no_n: Why, no_k: Why) -> str | None:
 
 
 def counted(name: str, why: Codes, beside: Codes | None = None) -> list[Caution]:
-    """How many points are masked, by reason; those masked for the same reason ``beside`` are left out."""
+    """Return how many points are masked, by reason, except those that ``beside`` masks for the same reason."""
     codes = why if beside is None else np.where(why == beside, Why.FINE, why)
     counts = Counter(Why(code) for code in codes.tolist() if code != Why.FINE)
     begins = K_MASKED if name == "k" else f"{name} is masked"
@@ -152,18 +152,20 @@ def counted(name: str, why: Codes, beside: Codes | None = None) -> list[Caution]
 
 
 def _beyond(excess: FloatArray, u_sum: Combined) -> BoolArray:
-    """Where R + T exceeds 1 by more than its uncertainty explains."""
+    """Return where R + T exceeds 1 by more than its uncertainty explains."""
     beyond = _exceeds(excess, u_sum, THREE_SIGMAS)
     return beyond if beyond.sum() > _by_chance(excess) else _exceeds(excess, u_sum, _surer(excess))
 
 
 def _by_chance(values: FloatArray) -> int:
-    """How many points of a spectrum noise puts beyond three standard uncertainties, but in one of a thousand."""
+    """Return the number of points beyond three standard uncertainties that noise exceeds in one spectrum of a
+    thousand.
+    """
     return int(np.ceil(pdtrik(0.999, max(int(np.isfinite(values).sum()), 1) * 0.5 * (1.0 - THREE_SIGMAS))))
 
 
 def _surer(values: FloatArray) -> float:
-    """Level that noise crosses once in a hundred spectra, three standard uncertainties at least."""
+    """Return the level that noise crosses once in a hundred spectra, at least three standard uncertainties."""
     return max(THREE_SIGMAS, 1.0 - 0.02 / max(int(np.isfinite(values).sum()), 1))
 
 

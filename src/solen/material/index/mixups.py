@@ -1,10 +1,10 @@
-"""Likely mix-ups in a table of spectra, detected by the numbers that they would give.
+"""Probable mix-ups in a table of spectra, detected by the indices that result from them.
 
-The idea: R and T under each other's names, or fractions under a header in %, give indices that no layer has, or none at
-all; exchanged, or taken as they are, they give one that layers do have. Then that is what happened, and it is said in
-place of the impossible number.
+If R and T have each other's names, or fractions are under a header in %, the index is impossible or undefined; if it
+becomes plausible when they are exchanged, or read as fractions, an error reports the mix-up instead of the impossible
+number.
 
-The interface: `refuse_mixups` of spectra.
+The interface is `refuse_mixups` of spectra.
 """
 
 from collections.abc import Mapping
@@ -21,17 +21,17 @@ _FRACTION = 0.0105  # of T as 1.05 %: a fraction of 1 with noise
 
 
 def refuse_mixups(rows: Mapping[str, FloatArray], names: Mapping[str, tuple[str, ...]]) -> None:
-    """Raise an error if T and R make sense only when exchanged, or only as fractions in place of percentages.
+    """Raise an error if T and R make sense only when exchanged, or only as fractions instead of percentages.
 
     Parameters
     ----------
     rows, names
-        Spectra as fractions, and their names, as of `solen.recording.optical.OpticalSpectra`.
+        Spectra as fractions, and their names, as in `solen.recording.optical.OpticalSpectra`.
 
     Raises
     ------
     DataError
-        Stating the index without and with the correction.
+        If they do; it states the index with and without the correction.
     """
     if "T" not in rows:
         return
@@ -46,19 +46,21 @@ def refuse_mixups(rows: Mapping[str, FloatArray], names: Mapping[str, tuple[str,
     ):
         raise DataError(
             f"traces {traces}",
-            limit=f"look like fractions under a header in %: as % they say {_said(stated)}, as fractions {other:.2f}",
-            remedy="take the % out of the header",
+            limit=f"look like fractions under a header in %: as % they give {_said(stated)}, as fractions {other:.2f}",
+            remedy="remove the % from the header",
         )
     if "R" in rows and _is_layer(other := _index(t, r)):
         raise DataError(
             f"traces {traces}",
-            limit=f"look exchanged: as named they say {_said(stated)}, exchanged {other:.2f}",
+            limit=f"look exchanged: as named they give {_said(stated)}, exchanged {other:.2f}",
             remedy="exchange the two names",
         )
 
 
 def _index(r: FloatArray, t: FloatArray) -> float:
-    """Index in the middle of a spectrum; NaN if undefined. It is independent of thickness and wavelength."""
+    """Return the index in the middle of a spectrum, which is independent of thickness and wavelength; NaN if
+    undefined.
+    """
     n = invert(r, t, 25.0, 600.0).n
     return float(np.nanmedian(n)) if np.isfinite(n).any() else np.nan
 

@@ -1,17 +1,16 @@
 """Measured values with their uncertainty: repeats, stated accuracy, and errors common to a whole spectrum.
 
-The idea: two kinds of error act differently and are kept separate. Scatter from wavelength to wavelength averages
-out over an LED's spectrum or in a fit; a shift of the whole spectrum, by a drifting lamp or a photometer that reads 0.2
-% high, does not. Repeats show both: scatter about their own offsets is the first, scatter of the offsets
-the second. Repeats that drift in one direction are not independent: their mean is no better known than one of
-them.
+Two kinds of error act differently and are kept separate. Scatter from wavelength to wavelength averages out over an
+LED's spectrum or in a fit; a shift of the whole spectrum, from a drifting lamp or a photometer that reads 0.2 % high,
+does not. Repeats show both: their scatter about their own offsets is the first, the scatter of the offsets the second.
+Repeats that drift in one direction are not independent: their mean is known no better than one of them.
 
-Few repeats determine the scatter at one wavelength poorly; neighbours scatter alike, so theirs is pooled. An
-uncertainty from few repeats is widened by Student's t so that the standard one covers 68.27 % and the expanded
-one 95 % (GUM, JCGM 100:2008, annex G); degrees of freedom of sums are those of Welch and Satterthwaite.
+Few repeats determine the scatter at one wavelength poorly; neighbouring wavelengths scatter alike, so their variances
+are pooled. An uncertainty from few repeats is widened by Student's t, so that the standard uncertainty covers 68.27 %
+and the expanded one 95 % (GUM, JCGM 100:2008, annex G); the degrees of freedom of sums follow Welch and Satterthwaite.
 
-The interface: `Reading` and `reading` for a spectrum, `Length` for a thickness, `Share` for a part of an uncertainty
-and `combined` for their sum.
+The interface is `Reading` and `reading` for a spectrum, `Length` for a thickness, `Share` for a part of an uncertainty
+and `combined` for the sum of parts.
 """
 
 from collections.abc import Sequence
@@ -27,7 +26,7 @@ from solen.errors import DataError
 from solen.ranks import Caution, look_at
 
 ONE_SIGMA = 0.682689492137086
-"""Share of a normal distribution within one standard deviation."""
+"""Fraction of a normal distribution within one standard deviation."""
 
 _APART = 8  # wavelengths from which on offsets of whole spectra are distinguished from scatter
 _NEIGHBOURS = 21  # wavelengths whose scatter is taken together
@@ -36,7 +35,9 @@ _DRIFT = 3.0  # offsets above this many times what scatter leaves of them are mo
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """A part of an uncertainty: what it adds, with its sign, its freedom, and whether all wavelengths share it."""
+    """A part of an uncertainty: its signed contribution, its degrees of freedom, and whether all wavelengths share
+    it.
+    """
 
     u: FloatArray
     freedom: float
@@ -45,22 +46,22 @@ class Share:
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A quantity along a spectrum, mean of its repeats.
+    """A quantity along a spectrum, the mean of its repeats.
 
     Attributes
     ----------
     value
-        Shape (n,), a fraction.
+        Mean of the repeats as a fraction, shape (n,).
     u_random
-        Standard error of what scatters from wavelength to wavelength, shape (n,).
+        Standard error of the scatter from wavelength to wavelength, shape (n,).
     u_common
-        Standard error of what is common to all wavelengths by repeats, and stated accuracy, shape (2, n).
+        Standard errors common to all wavelengths, from repeats and from the stated accuracy, shape (2, n).
     freedom, freedom_random
-        Degrees of freedom of what repeats show to be common, and of what scatters; inf of one spectrum alone.
+        Degrees of freedom of the common error from repeats, and of the scatter; inf for a single spectrum.
     known
-        Whether there are repeats or a stated accuracy: without, no uncertainty is claimed.
+        Whether there are repeats or a stated accuracy; otherwise no uncertainty is reported.
     repeats
-        How many spectra it is the mean of.
+        Number of averaged spectra.
     remarks
         Warnings, in sentences.
     """
@@ -75,7 +76,9 @@ class Reading:
     remarks: tuple[Caution, ...] = ()
 
     def shares(self, slope: FloatArray | float) -> list[Share]:
-        """Parts that it adds to the uncertainty of what depends on it with this slope; NaN where none is known."""
+        """Return the reading's contributions to a quantity that depends on it with this slope; NaN where none is
+        known.
+        """
         unknown = 1.0 if self.known else np.nan
         by_repeats, stated = self.u_common
         with np.errstate(invalid="ignore"):  # slopes may be endless where nothing comes through
@@ -103,14 +106,14 @@ class Length:
 
 @dataclass(frozen=True, eq=False)
 class Combined:
-    """Uncertainty that independent parts make together.
+    """Combined uncertainty of independent parts.
 
     Attributes
     ----------
     random
         Part that scatters from wavelength to wavelength, not widened, shape (n,).
     parts
-        The common parts one by one, with their signs, not widened, shape (parts, n).
+        The individual common parts, with their signs, not widened, shape (parts, n).
     freedom
         Effective degrees of freedom, shape (n,).
     """
@@ -120,13 +123,13 @@ class Combined:
     freedom: FloatArray
 
     def bound(self, level: float) -> FloatArray:
-        """Half-width of the interval that covers this share."""
+        """Return the half-width of the interval with this coverage."""
         raw = np.sqrt(self.random**2 + (self.parts**2).sum(axis=0))
         return np.asarray(student(level, self.freedom) * raw)
 
     @property
     def u(self) -> FloatArray:
-        """Standard uncertainty: covers 68.27 %."""
+        """Standard uncertainty, with a coverage of 68.27 %."""
         return self.bound(ONE_SIGMA)
 
     @property
@@ -136,28 +139,28 @@ class Combined:
 
     @property
     def common(self) -> FloatArray:
-        """Parts of `u` that are common: the covariance of two wavelengths is the sum over them of their products."""
+        """Common parts of `u`: the covariance of two wavelengths is the sum of their products over the parts."""
         return student(ONE_SIGMA, self.freedom) * self.parts
 
 
 def reading(repeats: ArrayLike, u_stated: ArrayLike | None = None, *, name: str = "the reading") -> Reading:
-    """Mean of repeats of a spectrum, with what their scatter and a stated accuracy say of it.
+    """Return the mean of repeats of a spectrum, with an uncertainty from their scatter and a stated accuracy.
 
     Parameters
     ----------
     repeats
-        Shape (n,) for one spectrum, (repeats, n) for several; fractions.
+        Fractions, shape (n,) for one spectrum, (repeats, n) for several.
     u_stated
-        Standard uncertainty of the instrument, one number or one per wavelength; of a limit ± a take a/√3. All
-        wavelengths have it in common.
+        Standard uncertainty of the instrument, one number or one per wavelength, fully correlated between wavelengths;
+        for a limit ± a use a/√3.
     name
-        The quantity, as remarks call it.
+        Name of the quantity in remarks.
     """
     rows = np.atleast_2d(np.asarray(repeats, dtype=float))
     count, points = rows.shape
     stated = np.broadcast_to(np.asarray(0.0 if u_stated is None else u_stated, dtype=float), points)
     if ((stated < 0.0) | (stated >= 1.0)).any():
-        limit = "must be at least 0 and below 1, a fraction"
+        limit = "must be a fraction of at least 0 and below 1"
         raise DataError(f"stated uncertainty of {name}", value=f"{np.nanmax(np.abs(stated)):g}", limit=limit)
     if count == 1:
         nothing = np.zeros(points)
@@ -170,7 +173,7 @@ def reading(repeats: ArrayLike, u_stated: ArrayLike | None = None, *, name: str 
 
 
 def combined(parts: Sequence[Share], points: int) -> Combined:
-    """Sum in squares of independent parts of an uncertainty."""
+    """Return the root sum of squares of independent parts of an uncertainty."""
     values = np.array([part.u for part in parts]).reshape(len(parts), points)
     common = np.array([part.common for part in parts], dtype=bool)
     square = (values**2).sum(axis=0)
@@ -181,7 +184,7 @@ def combined(parts: Sequence[Share], points: int) -> Combined:
 
 
 def student(level: float, freedom: ArrayLike) -> FloatArray:
-    """Half-width in standard deviations of the interval that holds this share of Student's t."""
+    """Return the half-width, in standard deviations, of the interval of Student's t with this coverage."""
     freedom = np.asarray(freedom, dtype=float)
     found = np.where(np.isnan(freedom), np.nan, float(-ndtri(0.5 - level / 2.0)))
     few = np.isfinite(freedom)
@@ -190,7 +193,7 @@ def student(level: float, freedom: ArrayLike) -> FloatArray:
 
 
 def _of_neighbours(variance: FloatArray) -> FloatArray:
-    """Mean of the variances of neighbours; NaN where a point has none."""
+    """Return the mean variance of neighbours; NaN where a point has none."""
     known = np.isfinite(variance)
     width = min(_NEIGHBOURS, variance.size)
     sums, counts = (
@@ -200,7 +203,9 @@ def _of_neighbours(variance: FloatArray) -> FloatArray:
 
 
 def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float, tuple[Caution, ...]]:
-    """Mean, scatter of one row about its own offset, standard error of the offsets' mean, remarks."""
+    """Return the mean, the scatter of one row about its own offset, the standard error of the mean offset, and
+    remarks.
+    """
     count, points = rows.shape
     mean = rows.mean(axis=0)
     if points < _APART:

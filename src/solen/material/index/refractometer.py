@@ -1,18 +1,19 @@
-"""An index at one wavelength or a few, and n(λ) with its uncertainty from what polymers have in common.
+"""An index at one wavelength or a few, extended to n(λ) with uncertainty by the common behaviour of polymers.
 
-The idea: a refractometer or an ellipsometer gives n at the sodium line to 0.0005, ten times better than spectra give it
-anywhere. What it does not give, the way to 860 nm, is the same for all transparent polymers but for two numbers: how
-much n falls, by the Abbe number V, and how much of that fall bends (see `solen.material.index.literature.Shape`). Both
-are known from the literature with a spread, which is a prior; the measured values move it where they are several.
+A refractometer or an ellipsometer measures n at the sodium line to 0.0005, ten times better than spectra do anywhere.
+The extrapolation to 860 nm, which it does not measure, is the same for all transparent polymers except for two numbers:
+how much n falls, given by the Abbe number V, and how strongly that fall curves (see
+`solen.material.index.literature.Shape`). The literature provides both with a standard deviation, which is a prior; if
+several values are measured, they update it.
 
     n(λ) = n(λ0) + δ [(1 − s)(g − g0) + s (h − h0)],  δ = (n_d − 1)/V,
 
-with g linear and h quadratic in 1/λ², both rising by 1 from line C to line F. It is a Cauchy formula of three terms.
-The dispersion is carried as its power w = 1/V, in which n is linear, so that the covariance of A, B and C follows by
-exact derivatives and covers the few polymers with a small V too.
+with g linear and h quadratic in 1/λ², both rising by 1 from line C to line F. This is a Cauchy formula with three
+terms. The dispersion is represented by its power w = 1/V, in which n is linear, so the covariance of A, B and C follows
+from exact derivatives and covers the few polymers with a small V too.
 
-The interface: `refractometer_index` with `RefractometerOptions`; `refractometer` with a `Prior`, of classes of polymers
-by `prior_of`, or with an Abbe number of your own by `stated_prior`. Both give a `RefractometerIndex`.
+The interface is `refractometer_index` with `RefractometerOptions`, and `refractometer` with a `Prior`, which comes from
+`prior_of` classes of polymers or from `stated_prior` with a given Abbe number. Both return a `RefractometerIndex`.
 """
 
 from collections.abc import Callable, Sequence
@@ -50,10 +51,10 @@ VALID_NM = (400.0, 1000.0)
 """Range of the formula: the wavelengths covered by the literature behind the prior."""
 
 DN_DT_PER_K = -2e-4
-"""Temperature coefficient of n taken where none is stated; glassy acrylates have −1e-4, elastomers −3e-4 to −5e-4."""
+"""Temperature coefficient of n used if none is stated; glassy acrylates have −1e-4, elastomers −3e-4 to −5e-4."""
 
 STEP_NM = 5.0
-"""Distance of the wavelengths of a result."""
+"""Step between the wavelengths of a result."""
 WIDE95 = 1.959963984540054
 """Half of the 95 % interval of a normal distribution, in standard deviations."""
 
@@ -69,11 +70,11 @@ class Prior:
     Attributes
     ----------
     abbe, u_abbe
-        Abbe number V = (n_d − 1)/(n_F − n_C) and its standard uncertainty, which is taken as one of 1/V.
+        Abbe number V = (n_d − 1)/(n_F − n_C) and its standard uncertainty, which is converted to one of 1/V.
     bend, u_bend
-        Part of the rise from C to F that the 1/λ⁴ term makes, and its standard uncertainty.
+        Fraction of the rise from C to F that is due to the 1/λ⁴ term, and its standard uncertainty.
     source
-        Where the numbers are from, in words.
+        Origin of the numbers, in words.
     """
 
     abbe: float
@@ -83,7 +84,7 @@ class Prior:
     source: str
 
     def __post_init__(self) -> None:
-        """Refuse an impossible Abbe number."""
+        """Reject an impossible Abbe number."""
         if not 5.0 <= self.abbe <= 200.0:
             raise DataError("Abbe number", value=self.abbe, limit="must be from 5 to 200")
         if not 0.0 < self.u_abbe < self.abbe / 2:
@@ -105,41 +106,43 @@ class _Values(NamedTuple):
 
 
 class RefractometerOptions(Options):
-    """How an index at one wavelength or a few is extended over wavelength."""
+    """Options for extending an index at one wavelength or a few over wavelength."""
 
     u: tuple[float, ...] = Field(min_length=1)
-    """Standard uncertainty of the index; one for all, or repeated, one for each."""
+    """Standard uncertainty of the index: one for all, or repeated, one for each index."""
     wavelength_nm: tuple[float, ...] = ()
-    """Wavelength of each index; repeatable; default of a single index: the sodium line, 589.3."""
+    """Wavelength of each index in nm; repeatable; default for a single index: the sodium line, 589.3."""
     u_shared: NotBelow0 = 0.0
-    """Standard uncertainty that all values share, of the calibration."""
+    """Standard uncertainty shared by all values, from the calibration."""
     u_temperature_k: NotBelow0 = 0.0
-    """Standard uncertainty of the temperature in use, about that of the measurement, in K."""
+    """Standard uncertainty, in K, of the difference between the temperatures in use and during the measurement."""
     dn_dt_per_k: Finite = DN_DT_PER_K
-    """Temperature coefficient of n that it is multiplied with."""
+    """Temperature coefficient of n by which that uncertainty is multiplied."""
     polymer: tuple[Polymer, ...] = ()
-    """A class that the material is like; repeatable; default: acrylate and photoresin."""
+    """A class of polymers that the material resembles; repeatable; default: acrylate and photoresin."""
     abbe: float | None = None
-    """Abbe number of the material, from a data sheet say, in place of that of the class."""
+    """Abbe number of the material, for example from a data sheet, instead of that of the class."""
     u_abbe: float | None = None
-    """Its standard uncertainty."""
+    """Standard uncertainty of the Abbe number."""
     at_nm: tuple[Annotated[Wavelength, Field(ge=VALID_NM[0], le=VALID_NM[1])], ...] = ()
     """A wavelength at which n is evaluated; repeatable."""
     led: str | None = None
-    """An emitter in whose light n is evaluated: a part of the library, a part's .toml, or a file of a spectrum."""
+    """An emitter in whose light n is evaluated: a part of the library, a part's .toml file, or a file with a
+    spectrum.
+    """
 
     @property
     def polymers(self) -> tuple[Polymer, ...]:
-        """Classes of polymers that the material is like."""
+        """Classes of polymers that the material resembles."""
         return self.polymer or RESINS
 
     @model_validator(mode="after")
     def _abbe_is_whole(self) -> Self:
         for missing, there in (("abbe", "u_abbe"), ("u_abbe", "abbe")):
             if getattr(self, missing) is None and getattr(self, there) is not None:
-                raise refused(missing, f"is missing beside --{there.replace('_', '-')}", remedy="state both")
+                raise refused(missing, f"is required with --{there.replace('_', '-')}", remedy="state both")
         if self.abbe is not None and self.polymer:
-            raise refused("polymer", "cannot go with --abbe", remedy="state one of the two")
+            raise refused("polymer", "cannot be combined with --abbe", remedy="state one of the two")
         return self
 
 
@@ -157,8 +160,8 @@ class RefractometerIndex(Measured, kw_only=True):
     prior
         Prior of the dispersion.
     abbe, u_abbe, bend, u_bend
-        Abbe number, and the part of the rise from line C to F that the 1/λ⁴ term makes, from values and prior
-        together.
+        Abbe number, and the fraction of the rise from line C to F that is due to the 1/λ⁴ term, from values and prior
+        combined.
     n_D, u_n_D
         Index at the sodium line, 589.3 nm, and its standard uncertainty.
     chi2, degrees_of_freedom
@@ -205,26 +208,26 @@ class RefractometerIndex(Measured, kw_only=True):
 
     @reported
     def u_n(self) -> FloatArray:
-        """Its standard uncertainty."""
+        """Standard uncertainty of the index along the curve."""
         return self.fit.along(self.wavelength_nm)[1]
 
     @reported
     def interval95_n(self) -> FloatArray:
-        """Its 95 % interval, shape (n, 2)."""
+        """95 % interval of the index along the curve, shape (n, 2)."""
         n, u_n = self.fit.along(self.wavelength_nm)
         return np.stack([n - WIDE95 * u_n, n + WIDE95 * u_n], axis=1)
 
 
 def refractometer_index(n: Sequence[float], options: RefractometerOptions) -> RefractometerIndex:
-    """Index against wavelength from measured values, and how it compares with the literature.
+    """Return the index against wavelength from measured values, with a comparison with the literature.
 
     Raises
     ------
     DataError, SpecError
-        If a value is not an index, options contradict each other, or no polymer has such a dispersion.
+        If a value is not an index, options contradict each other, or no polymer has the required dispersion.
     """
     if len(n) > 1 and not options.wavelength_nm:
-        remedy = "state it once for each index, in their order"
+        remedy = "state it once for each index, in the same order"
         raise SpecError("--wavelength-nm", limit="is missing", remedy=remedy)
     stated = options.abbe is not None and options.u_abbe is not None
     prior = stated_prior(options.abbe, options.u_abbe) if stated else prior_of(options.polymers)  # type: ignore[arg-type]
@@ -248,10 +251,11 @@ def refractometer_index(n: Sequence[float], options: RefractometerOptions) -> Re
 
 
 def prior_of(polymers: Sequence[str] = RESINS) -> Prior:
-    """Prior of a new material of some classes of polymers: mean and spread of 1/V of those in the literature.
+    """Return the prior of a new material in some classes of polymers: mean and standard deviation of 1/V in the
+    literature.
 
-    The spread is that of a further one, √(1 + 1/N) times the scatter of N. The bend is taken from all polymers, as it
-    does not depend on the class.
+    The standard deviation is predictive, √(1 + 1/N) times the scatter of N polymers. The bend is from all polymers,
+    because it does not depend on the class.
     """
     members = materials(polymers)
     numbers = {shape.abbe for member in members if (shape := member.shape)} | {
@@ -266,12 +270,12 @@ def prior_of(polymers: Sequence[str] = RESINS) -> Prior:
 
 
 def _mean(values: Sequence[float]) -> tuple[float, float]:
-    """Mean, and the spread of a further one."""
+    """Return the mean, and the predictive standard deviation of one further value."""
     return float(np.mean(values)), float(np.std(values, ddof=1) * np.sqrt(1 + 1 / len(values)))
 
 
 def stated_prior(abbe: float, u_abbe: float) -> Prior:
-    """Prior with an Abbe number of your own, from a data sheet say; the bend is that of the literature."""
+    """Return a prior with a given Abbe number, for example from a data sheet; the bend is that of the literature."""
     usual = prior_of()
     return Prior(abbe, u_abbe, usual.bend, usual.u_bend, f"an Abbe number of {abbe:g} ± {u_abbe:g} as stated")
 
@@ -286,27 +290,27 @@ def refractometer(
     dn_dt_per_k: float = DN_DT_PER_K,
     prior: Prior | None = None,
 ) -> RefractometerIndex:
-    """Index against wavelength from values at one wavelength or a few.
+    """Return the index against wavelength from values at one wavelength or a few.
 
     Parameters
     ----------
     n, u_n
         Indices and their standard uncertainties, above 0; one or several.
     wavelength_nm
-        Wavelength of each; default: the sodium line.
+        Wavelength of each index; default: the sodium line.
     u_shared
-        Standard uncertainty that all values share: the calibration of the instrument.
+        Standard uncertainty shared by all values: the calibration of the instrument.
     u_temperature_k
-        Standard uncertainty of the temperature at which the index is used, about that at which it was measured.
+        Standard uncertainty of the difference between the temperatures in use and during the measurement.
     dn_dt_per_k
-        Temperature coefficient that makes an error of n of it.
+        Temperature coefficient that converts it to an error of n.
     prior
         Prior of the dispersion; default: that of acrylates and printing resins.
 
     Raises
     ------
     DataError
-        If a value is not an index, lies outside 400 to 1000 nm, or nothing like the values has such a dispersion.
+        If a value is not an index, a wavelength is outside 400 to 1000 nm, or no polymer has the required dispersion.
     """
     prior = prior or prior_of()
     values = _values(
@@ -348,13 +352,13 @@ def _not_negative(name: str, value: float) -> float:
 
 
 def _values(n: ArrayLike, u_n: ArrayLike, wavelength_nm: ArrayLike, u_warm: float, u_shared: float) -> _Values:
-    """Measured values, with the covariance of their shared errors."""
+    """Return the measured values, with the covariance of their shared errors."""
     values, nm = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (n, wavelength_nm))
     u = np.atleast_1d(np.asarray(u_n, dtype=float))
     if values.ndim != 1 or values.size == 0 or nm.shape != values.shape or u.size not in {1, values.size}:
         sizes = f"{values.size} indices, {nm.size} wavelengths, {u.size} uncertainties"
         raise DataError(
-            "refractometer", value=sizes, limit="must be one wavelength for each index, and one uncertainty"
+            "refractometer", value=sizes, limit="one wavelength and one uncertainty are required for each index"
         )
     for name, wrong, each, limit in (
         ("n", ~((values > 1.0) & (values < 3.0)), values, "must be above 1 and below 3"),
@@ -368,7 +372,9 @@ def _values(n: ArrayLike, u_n: ArrayLike, wavelength_nm: ArrayLike, u_warm: floa
 
 
 def _fitted(values: _Values, prior: Prior, at: float) -> tuple[FloatArray, FloatArray]:
-    """N at a wavelength, V and s of the greatest probability, and their covariance, by Gauss and Newton."""
+    """Return n at a wavelength, V and s of maximum posterior probability, and their covariance, by Gauss-Newton
+    steps.
+    """
     power, u_power = prior.power
     known, expected = np.array([0.0, u_power**-2, prior.u_bend**-2]), np.array([0.0, power, prior.bend])
     weight = np.linalg.inv(values.covariance)
@@ -383,7 +389,7 @@ def _fitted(values: _Values, prior: Prior, at: float) -> tuple[FloatArray, Float
         if (np.abs(step) < 1e-12 * (1 + np.abs(fitted))).all():
             break
     if not 1e-3 < fitted[1] < 0.1:
-        limit = "the values rise with the wavelength, or fall as no polymer's do"
+        limit = "the values rise with the wavelength, or fall more than those of any polymer"
         raise DataError("refractometer", limit=limit, remedy="check their wavelengths and their order")
     return fitted, np.asarray(np.linalg.inv(normal))
 
@@ -396,7 +402,7 @@ _F, _C, _D = (float(_x(line)) for line in (LINE_F, LINE_C, LINE_HELIUM))
 
 
 def _coefficients(p: NDArray[Any], at: float) -> tuple[Any, Any, Any]:
-    """A, B and C of n at a wavelength, 1/V and s."""
+    """Return A, B and C for n at a wavelength, 1/V and s."""
     n, power, share = p
     x = float(_x(at))
     linear, square = (_D - x) / (_F - _C), (_D**2 - x**2) / (_F**2 - _C**2)
@@ -412,7 +418,7 @@ def _index(p: NDArray[Any], at: float, wavelength_nm: ArrayLike) -> FloatArray:
 
 
 def _derivatives(function: Callable[[NDArray[Any]], Any], p: FloatArray) -> FloatArray:
-    """Derivatives by each parameter, by a complex step: exact."""
+    """Return derivatives with respect to each parameter, computed by the complex-step method (exact)."""
     columns = []
     for i in range(p.size):
         moved = p.astype(complex)
@@ -422,13 +428,13 @@ def _derivatives(function: Callable[[NDArray[Any]], Any], p: FloatArray) -> Floa
 
 
 def _warnings(values: _Values, prior: Prior, model: Cauchy, abbe: tuple[float, float], chi2: float) -> list[Caution]:
-    """Warnings about the numbers of a result."""
+    """Return warnings about the numbers of a result."""
     freedom = values.n.size - 1
     if freedom == 0:
         return [
             look_at(
-                "one wavelength was measured; how n changes from there on is not measured but expected, from "
-                f"{prior.source}: V = {prior.abbe:.0f} ± {prior.u_abbe:.0f}, which makes u(n) "
+                "one wavelength was measured; the change of n from there is not measured but expected, from "
+                f"{prior.source}: V = {prior.abbe:.0f} ± {prior.u_abbe:.0f}, which results in u(n) = "
                 f"{model.u_index(450.0):.4f} at 450 nm and {model.u_index(860.0):.4f} at 860 nm"
             )
         ]

@@ -1,4 +1,4 @@
-"""Warnings of a route to an index: missing uncertainties, assumptions, and k below 0."""
+"""Warnings of a route to an index: missing uncertainties, assumptions, and negative k."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,7 +15,7 @@ from solen.ranks import Caution, do_not_use, look_at, note
 
 
 def too_bright(result: FloatArray, k: Combined) -> list[Caution]:
-    """Warning if the weighted mean of all k is more negative than its uncertainty explains."""
+    """Return a warning if the weighted mean of all k is more negative than its uncertainty explains."""
     with np.errstate(all="ignore"):
         weight = 1.0 / (k.random**2 + (k.parts**2).sum(axis=0))
     seen = np.isfinite(result) & np.isfinite(weight)
@@ -29,39 +29,41 @@ def too_bright(result: FloatArray, k: Combined) -> list[Caution]:
         return []
     return [
         do_not_use(
-            f"all wavelengths together say k = {mean:.1e} ± {u:.1e}, below 0: no layer gives light back, so a 100 % "
-            "reading, a baseline or the substrate's index is wrong, and n with it"
+            f"the mean over all wavelengths is k = {mean:.1e} ± {u:.1e}, below 0: no layer emits light, so a 100 % reading, "
+            "a baseline or the substrate's index is wrong, and so is n"
         )
     ]
 
 
 def assumed(t: FloatArray) -> Caution:
-    """Effect of assuming k = 0 on n, by the transmittance in the middle."""
-    assumption = "lossless: k = 0 is assumed, so that n is an upper bound"
+    """Return a warning with the effect on n of assuming k = 0, at the transmittance in the middle."""
+    assumption = "lossless: k = 0 is assumed, so n is an upper bound"
     if not t.size:
         return look_at(assumption)
     middle = float(np.median(t))
     by = -0.001 * float(lossless_slope(middle))
-    return look_at(f"{assumption}; 0.1 % of the light absorbed or scattered raises it by {by:.4f} at T = {middle:.4f}")
+    return look_at(
+        f"{assumption}; if 0.1 % of the light is absorbed or scattered, n is too high by {by:.4f} at T = {middle:.4f}"
+    )
 
 
 def unstated(read: Mapping[str, Reading]) -> list[Caution]:
-    """Inputs missing for an uncertainty of a layer in air."""
+    """Return warnings about missing inputs for the uncertainty of a layer in air."""
     names = [name for name, reading in read.items() if not reading.known]
     if names:
         by = {"R": "0.0039 in R", "A": "0.0039 in A", "T": "0.0003 in T" if "R" in read else "0.0042 in T"}
         moves = " and by ".join(by[name] for name in names)
         return [
             look_at(
-                f"no uncertainty of {' and '.join(names)} is known, so none of n and k: state it with "
-                f"{_options(names)}, or give repeats; near n = 1.5 an error of 0.001 moves n by {moves}"
+                f"no uncertainty of {' and '.join(names)} is known, so none of n and k is either: state it with "
+                f"{_options(names)}, or provide repeats; near n = 1.5 an error of 0.001 changes n by {moves}"
             )
         ]
     alone = [name for name, one in read.items() if one.repeats > 1 and not one.u_common[1].any()]
     return [
         look_at(
-            "the instrument's accuracy is not included in the uncertainty: only the repeats of "
-            f"{' and '.join(alone)} are; "
+            "the instrument's accuracy is not included in the uncertainty, only the repeats of "
+            f"{' and '.join(alone)}: "
             f"state it with {_options(alone)}"
         )
     ] * bool(alone)
@@ -72,25 +74,27 @@ def _options(names: Sequence[str]) -> str:
 
 
 def about_substrate(inverse: Inverse, n: Estimate, read: Mapping[str, Reading], setup: Setup) -> list[Caution]:
-    """Effect on n of errors of the readings and of the substrate, mid-spectrum, and what is not stated."""
+    """Return warnings about the effect on n of errors of readings and substrate, mid-spectrum, and about missing
+    inputs.
+    """
     warnings, at = [], np.flatnonzero(n.known)
     i = at[at.size // 2] if at.size else None
     if i is not None:
-        moves = [f"{abs(inverse.n_by[name][i]) * 1e-3:.4f} by 0.001 in {name}" for name in ("R", "T") if name in read]
-        sheet = f"{abs(inverse.n_by['sheet_n'][i]) * 0.01:.4f} by 0.01 in the substrate's index"
-        warnings.append(note(f"on this substrate n = {inverse.n[i]:.4f} moves {', '.join(moves)}, and {sheet}"))
+        moves = [f"{abs(inverse.n_by[name][i]) * 1e-3:.4f} per 0.001 in {name}" for name in ("R", "T") if name in read]
+        sheet = f"{abs(inverse.n_by['sheet_n'][i]) * 0.01:.4f} per 0.01 in the substrate's index"
+        warnings.append(note(f"on this substrate n = {inverse.n[i]:.4f} changes by {', '.join(moves)}, and {sheet}"))
     if names := [name for name, reading in read.items() if not reading.known]:
-        unknown = f"no uncertainty of {' and '.join(names)} is known, so none of n"
-        warnings.append(look_at(f"{unknown}: state it with {_options(names)}, or give repeats"))
+        unknown = f"no uncertainty of {' and '.join(names)} is known, so none of n is either"
+        warnings.append(look_at(f"{unknown}: state it with {_options(names)}, or provide repeats"))
     u_sheet = np.broadcast_to(np.asarray(setup.substrate.u_n), n.value.shape)
     if not (u_sheet > 0).any():
-        warnings.append(look_at("the substrate's index is assumed exact: an error of it enters n nearly one to one"))
+        warnings.append(look_at("the substrate's index is assumed exact: an error of it affects n almost one to one"))
     if i is not None and (part := abs(float(inverse.n_by["sheet_n"][i] * u_sheet[i]))) ** 2 > float(n.u[i]) ** 2 / 2:
         warnings.append(
             look_at(
                 f"most of u(n) = {n.u[i]:.2g}, {part:.2g}, is the uncertainty of the substrate's index: measure T and "
-                "R of the bare sheet in air, find its index by solen resin index, and state it: --substrate and "
-                "--u-substrate-n"
+                "R of the bare sheet in air, determine its index with solen resin index, and state it with --substrate "
+                "and --u-substrate-n"
             )
         )
     return warnings

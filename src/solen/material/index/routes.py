@@ -1,20 +1,21 @@
-"""The routes from spectra of a layer to its index; each states what it assumes.
+"""The routes from spectra of a layer to its index; each states its assumptions.
 
-- **measured**: R and T, each measured. The only one that measures both n and k.
-- **absorptance**: R = 1 − T − A with A the *absorptance*, the share of the power that stays in the layer, measured in
-  an integrating sphere. An error of T goes into R as well: 0.1 % of T moves n by 0.0042 near n = 1.5.
-- **as-published**: R = 1 − T − A with A the *absorbance* −log10 T, what a spectrophotometer exports. R is then a
-  function of T alone and n no measurement; the route reproduces numbers that were published so, and says what they are.
-- **lossless**: T alone, with k = 0 assumed: T = 2n/(n² + 1). Whatever the layer absorbs or scatters raises this n.
+- **measured**: R and T, each measured. The only route that measures both n and k.
+- **absorptance**: R = 1 − T − A with A the *absorptance*, the fraction of power absorbed in the layer, measured with
+  an integrating sphere. An error of T also changes R: 0.1 % of T changes n by 0.0042 near n = 1.5.
+- **as-published**: R = 1 − T − A with A the *absorbance* −log10 T, as a spectrophotometer exports it. R is then a
+  function of T alone and n is no measurement; the route reproduces numbers published in this way and labels them.
+- **lossless**: T alone, with k = 0 assumed: T = 2n/(n² + 1). Absorption or scattering in the layer raises this n.
 
-`measured` and `lossless` take a `Setup` for a layer that stays on its substrate. Near n = 1.5 on PET an error of 0.001
-in R moves n by 0.009, 0.1 % of T the lossless n by as much, and an error of the substrate's index goes over into n one
-to one: it is the bare sheet's reflectance that the layer's is seen against. There an index is masked that cannot be
-distinguished from the second one that fits the same readings, or that needs more light out than went in.
+`measured` and `lossless` accept a `Setup` for a layer on its substrate. Near n = 1.5 on PET, an error of 0.001 in R
+changes n by 0.009, an error of 0.1 % in T changes the lossless n by as much, and an error of the substrate's index is
+transferred to n one to one, because the layer's reflectance is seen against that of the bare sheet. An index on a
+substrate is masked if it cannot be distinguished from the second one that fits the same readings, or if more light came
+out than went in.
 
-The interface: `measured`, `absorptance`, `as_published`, `lossless`, each giving an `IndexSpectrum`;
-`extinction_on_substrate` for a layer whose index is known; `is_absorbance` recognises an absorbance that was taken for
-an absorptance.
+The interface is `measured`, `absorptance`, `as_published` and `lossless`, each returning an `IndexSpectrum`;
+`extinction_on_substrate` for a layer with a known index; and `is_absorbance`, which recognises an absorbance that was
+used as an absorptance.
 """
 
 from collections.abc import Mapping
@@ -40,11 +41,11 @@ from solen.material.index.substrate import extinction, invert_lossless, invert_o
 from solen.ranks import do_not_use, look_at
 
 AS_PUBLISHED = do_not_use(
-    "as published, refused as a measurement: R = 1 − T − A with A = −log10 T makes R a function of T alone, so this n "
-    "says nothing about the reflectance; so read, a clear layer of n = 1.50 gives 1.351"
+    "as published, not valid as a measurement: R = 1 − T − A with A = −log10 T makes R a function of T alone, so this n "
+    "contains no information on the reflectance; a clear layer of n = 1.50 evaluated in this way gives 1.351"
 )
 BASES = {"log10": float(np.log(10.0)), "ln": 1.0}
-"""Kinds of absorbance, by name the natural logarithm of their base."""
+"""Natural logarithm of the base of each kind of absorbance."""
 _ALIKE, _ROUNDED = 0.02, 1e-4  # A that differs from −log10 T by less is −log10 T
 
 
@@ -57,7 +58,7 @@ class _Input:
     t_by: float
 
     def slope(self, by: Slopes) -> FloatArray:
-        """Derivative with respect to the input; infinite ones are ignored where R or T do not matter."""
+        """Return the derivative with respect to the input; infinite ones are ignored where R or T has no effect."""
         r_part = by["R"] * self.r_by if self.r_by else 0.0
         return r_part + (by["T"] * self.t_by if self.t_by else np.zeros_like(by["T"]))
 
@@ -69,29 +70,31 @@ def measured(
     thickness: Length,
     setup: Setup | None = None,
 ) -> IndexSpectrum:
-    """Index and extinction from R and T, each measured on the free-standing layer, or with ``setup`` on its substrate.
+    """Return n and k from R and T, each measured on the free-standing layer or, with ``setup``, on its substrate.
 
     Raises
     ------
     DataError
-        If R is 1 − T + log10 T: it was not measured but made of T, with the absorbance taken for the absorptance.
+        If R is 1 − T + log10 T: it was then computed from T, using the absorbance as the absorptance.
     """
     if setup is not None:
         return _measured_on_substrate(wavelength_nm, transmittance, reflectance, thickness, setup)
     r, t = reflectance.value, transmittance.value
     if is_absorbance(1.0 - r - t, t, tolerance=0.0):
-        raise no_reflectance("this R: it is 1 − T + log10 T, made of an absorbance,", wavelength_nm, transmittance)
+        raise no_reflectance(
+            "this R: it is 1 − T + log10 T, computed from an absorbance,", wavelength_nm, transmittance
+        )
     inputs = {"R": _Input(reflectance, 1.0, 0.0), "T": _Input(transmittance, 0.0, 1.0)}
     return _in_air("measured", wavelength_nm, r, t, inputs, thickness)
 
 
 def absorptance(wavelength_nm: ArrayLike, transmittance: Reading, share: Reading, thickness: Length) -> IndexSpectrum:
-    """Index and extinction from T and the absorptance, the share of the power that stays in the layer.
+    """Return the index and extinction from T and the absorptance, the fraction of the power absorbed in the layer.
 
     Raises
     ------
     DataError
-        If the absorptance is −log10 T or −ln T: an absorbance, of which no reflectance follows.
+        If the absorptance is −log10 T or −ln T: an absorbance, from which no reflectance follows.
     """
     t, a = transmittance.value, share.value
     for kind, base in BASES.items():
@@ -102,9 +105,9 @@ def absorptance(wavelength_nm: ArrayLike, transmittance: Reading, share: Reading
 
 
 def as_published(wavelength_nm: ArrayLike, transmittance: Reading, thickness: Length) -> IndexSpectrum:
-    """R = 1 − T − A with the absorbance −log10 T as A: numbers to compare with published ones, no index.
+    """Return the numbers from R = 1 − T − A with the absorbance −log10 T as A, for comparison with published ones.
 
-    No uncertainty goes with it: one of T would not be one of n.
+    They are no index and have no uncertainty: one of T would not be one of n.
     """
     t = transmittance.value
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -124,7 +127,7 @@ def as_published(wavelength_nm: ArrayLike, transmittance: Reading, thickness: Le
 
 
 def lossless(wavelength_nm: ArrayLike, transmittance: Reading, setup: Setup | None = None) -> IndexSpectrum:
-    """Index from T alone, assuming k = 0, of a free-standing layer, or with ``setup`` of one on a substrate.
+    """Return the index from T alone, assuming k = 0, of a free-standing layer or, with ``setup``, on a substrate.
 
     If the layer absorbs, n is an upper bound.
     """
@@ -136,7 +139,7 @@ def lossless(wavelength_nm: ArrayLike, transmittance: Reading, setup: Setup | No
     else:
         inverse = invert_lossless(t, nm, setup)
         n = _lossless_on_substrate(nm, transmittance, inverse, setup)
-        assumption = "lossless: k = 0 is assumed, so that n is an upper bound: whatever the layer absorbs or scatters "
+        assumption = "lossless: k = 0 is assumed, so n is an upper bound: any absorption or scattering in the layer "
         head = [look_at(f"{assumption}raises it"), *about_substrate(inverse, n, {"T": transmittance}, setup)]
     return IndexSpectrum(
         mode="lossless",
@@ -164,7 +167,7 @@ def extinction_on_substrate(
     *,
     u_n: ArrayLike = 0.0,
 ) -> Estimate:
-    """Extinction of a layer on its substrate from T, with its index known otherwise.
+    """Return the extinction of a layer on its substrate from T and an index known from elsewhere.
 
     Parameters
     ----------
@@ -182,9 +185,9 @@ def extinction_on_substrate(
 def is_absorbance(
     a: FloatArray, transmittance: FloatArray, base: float = BASES["log10"], tolerance: float = _ALIKE
 ) -> bool:
-    """Whether A is −ln T over ``base`` rather than an absorptance: the two agree at most wavelengths, to 2 %.
+    """Whether A is −ln T over ``base`` rather than an absorptance: the two agree to 2 % at most wavelengths.
 
-    With a tolerance of 0 they agree to rounding, as where one was computed from the other.
+    With a tolerance of 0 they must agree to rounding, as if one was computed from the other.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         expected = -np.log(np.where(transmittance > 0.0, transmittance, np.nan)) / base
@@ -196,27 +199,27 @@ def is_absorbance(
 
 
 def no_reflectance(what: str, wavelength_nm: ArrayLike, transmittance: Reading) -> DataError:
-    """Refusal of a measured index where only T is known; the error states what T alone gives."""
+    """Return the error for a measured index if only T is known; it states the index from T alone."""
     found, nm = lossless_in_air(transmittance), np.asarray(wavelength_nm, dtype=float)
     at = np.flatnonzero(found.known)
     instead = ""
     if at.size:
         middle = at[at.size // 2]
-        instead = f"; T alone, k = 0 assumed, gives n({nm[middle]:g} nm) = {found.value[middle]:.4f}"
+        instead = f"; T alone, assuming k = 0, gives n({nm[middle]:g} nm) = {found.value[middle]:.4f}"
         known = band(nm[middle], package=False)
         if np.isfinite(known.low[0]):
-            instead += f", where acrylates and photoresins have {known.low[0]:.2f} to {known.high[0]:.2f}"
+            instead += f", while acrylates and photoresins have {known.low[0]:.2f} to {known.high[0]:.2f}"
     return DataError(
         "a measured index",
-        limit=f"does not follow from {what} which says nothing about the reflectance{instead}",
-        remedy="measure R; or take --mode lossless; or --mode as-published, which is labelled as not measured",
+        limit=f"does not follow from {what} which contains no information on the reflectance{instead}",
+        remedy="measure R; or use --mode lossless; or --mode as-published, which is labelled as not measured",
     )
 
 
 def _in_air(
     mode: str, wavelength_nm: ArrayLike, r: FloatArray, t: FloatArray, inputs: Mapping[str, _Input], thickness: Length
 ) -> IndexSpectrum:
-    """Index of a free-standing layer from R and T as they follow from the inputs."""
+    """Return the index of a free-standing layer from R and T as they follow from the inputs."""
     index, by = invert(r, t, thickness.um, wavelength_nm), slopes(r, t, thickness.um, wavelength_nm)
     read = {name: one.reading for name, one in inputs.items()}
     n_by, k_by = (
@@ -253,7 +256,7 @@ def _in_air(
 
 
 def _sum_of(inputs: Mapping[str, _Input], r_share: float, points: int) -> Combined:
-    """Uncertainty of T and a share of R."""
+    """Return the uncertainty of T plus a fraction of R."""
     shares = (one.reading.shares(one.r_by * r_share + one.t_by) for one in inputs.values())
     return combined([share for each in shares for share in each], points)
 
@@ -299,7 +302,7 @@ def _measured_on_substrate(
 
 
 class _Propagated(NamedTuple):
-    """Uncertainty of n and of k, and the correlation of their errors."""
+    """Uncertainties of n and of k, and the correlation of their errors."""
 
     n: Combined
     k: Combined
@@ -316,7 +319,7 @@ def _propagated(n_by: Slopes, k_by: Slopes, read: Mapping[str, Reading], u: Mapp
 
 
 def _parts(by: Slopes, read: Mapping[str, Reading], u: Mapping[str, ArrayLike]) -> list[Share]:
-    """Parts of an uncertainty: from each reading, and from other inputs."""
+    """Return the parts of an uncertainty: from each reading, and from other inputs."""
     parts = [share for name, reading in read.items() for share in reading.shares(by[name])]
     return parts + [Share(np.asarray(by[name] * np.asarray(u[name])), np.inf, True) for name in u if name in by]
 
@@ -324,7 +327,7 @@ def _parts(by: Slopes, read: Mapping[str, Reading], u: Mapping[str, ArrayLike]) 
 def _k_bounds(
     result: FloatArray, k: Combined, no_k: Codes, t: FloatArray, u_t: Combined, k_by_t: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """95 % bounds of k. If it is not resolved they are 0 and the 95 % quantile of a normal error truncated at 0."""
+    """Return 95 % bounds of k; if not resolved, they are 0 and the 95 % quantile of a normal error truncated at 0."""
     unresolved, u, u95 = np.isin(no_k, UNRESOLVED), k.u, k.bound(0.95)
     with np.errstate(all="ignore"):
         above = result - u * ndtri(0.05 * ndtr(result / u))
@@ -337,7 +340,9 @@ def _k_bounds(
 
 
 def _indistinct(inverse: Inverse, n: Combined) -> BoolArray:
-    """Where the least of R, or the most of T, between the two indices is within three uncertainties."""
+    """Return where the minimum of R, or the maximum of T, between the two indices is within three uncertainties of
+    n.
+    """
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(inverse.n - inverse.other_n) < 2.0 * n.bound(THREE_SIGMAS))
 

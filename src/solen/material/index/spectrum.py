@@ -23,7 +23,7 @@ class Estimate:
     u95
         Half-width of the 95 % interval.
     scatter
-        Like u_random, but not widened for few repeats: many wavelengths determine the scatter.
+        Like u_random, but not widened for few repeats, because many wavelengths determine the scatter.
     common
         As in `solen.material.index.reading.Combined`, shape (parts, n).
     why
@@ -46,7 +46,7 @@ class Estimate:
 
     @property
     def without_u(self) -> "Estimate":
-        """The same values, and no uncertainty claimed."""
+        """Return the same values without uncertainty."""
         nothing = np.full(self.value.shape, np.nan)
         none = np.empty((0, nothing.size))
         gone = {"u": nothing, "u_random": nothing, "u_common": nothing, "u95": nothing, "scatter": nothing}
@@ -62,17 +62,17 @@ class IndexSpectrum:
     mode
         Name of the route.
     measurement
-        Whether n follows from what was measured.
+        Whether n follows from measured values.
     wavelength_nm
-        As given.
+        Wavelengths, as given.
     n, k
         Refractive index and extinction coefficient.
     k_low95, k_high95
         95 % bounds, given that k ≥ 0, also where k is masked as not resolved. NaN where there is no bound.
     correlation
-        Between the errors of n and k.
+        Correlation of the errors of n and k.
     lossless
-        The index that T alone gives when k = 0 is assumed.
+        The index from T alone, assuming k = 0.
     reflectance, transmittance
         The inverted readings, unmasked; the reflectance of the lossless route is 1 − T.
     thickness
@@ -97,12 +97,12 @@ class IndexSpectrum:
 
     @property
     def reason(self) -> tuple[str | None, ...]:
-        """Why n or k is masked at each wavelength, in words; None if neither is."""
+        """Reason why n or k is masked at each wavelength, in words; None if neither is."""
         return reasons(self.n.why, self.k.why)
 
 
 def estimate(value: FloatArray, u: Combined, why: Codes) -> Estimate:
-    """Values and uncertainties, masked."""
+    """Return values and uncertainties, masked."""
     gone = ~np.isin(why, (Why.FINE, *UNRESOLVED))
     common = np.where(gone, np.nan, u.common)
     return Estimate(
@@ -118,6 +118,6 @@ def estimate(value: FloatArray, u: Combined, why: Codes) -> Estimate:
 
 
 def nothing(why: Codes) -> Estimate:
-    """An estimate of which nothing is known, for a reason."""
+    """Return an estimate without any known value, with a reason."""
     none = np.full(why.shape, np.nan)
     return Estimate(none, none, none, none, none, none, np.empty((0, why.size)), why)

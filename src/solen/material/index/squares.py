@@ -1,10 +1,10 @@
 """Weighted least squares of a formula, and the covariance from independent and shared errors.
 
-The idea: weights come from the independent errors. Shared errors enter the covariance through the same weights,
-G V Gᵀ with G the linear response of the parameters to the points, and the independent part is widened where scatter or
-correlation of neighbours shows that the stated uncertainties are too small.
+Weights are from the independent errors. Shared errors enter the covariance through the same weights, G V Gᵀ with G the
+linear response of the parameters to the points, and the independent part is widened if scatter or correlation of
+neighbours shows that the stated uncertainties are too small.
 
-The interface: `points_of`, `solved`; for `solen.material.index.fit`.
+The interface is `points_of` and `solved`, used by `solen.material.index.fit`.
 """
 
 import math
@@ -25,7 +25,7 @@ _SIGMA = 2.33  # the same for a correlation of neighbours
 
 @dataclass(frozen=True)
 class Points:
-    """Points that take part, in ascending wavelength."""
+    """Points used in a fit, by ascending wavelength."""
 
     um: FloatArray
     n: FloatArray
@@ -36,13 +36,13 @@ class Points:
 
     @property
     def weights(self) -> FloatArray:
-        """Factor of the residuals."""
+        """Factors of the residuals."""
         return np.ones_like(self.n) if self.u is None else 1 / self.u
 
 
 @dataclass(frozen=True)
 class Solved:
-    """One formula through the points, in its inner parameters."""
+    """A fitted formula, in its inner parameters."""
 
     form: Form
     inner: FloatArray
@@ -54,22 +54,22 @@ class Solved:
 
     @property
     def freedom(self) -> int:
-        """Number of points minus that of parameters."""
+        """Number of points minus number of parameters."""
         return int(self.residuals.size - self.inner.size)
 
 
 def points_of(wavelength_nm: ArrayLike, n: ArrayLike, u_n: ArrayLike | None, shared: ArrayLike | None) -> Points:
-    """Points that take part: those where everything is a number.
+    """Return the points to be fitted, those with all values known.
 
     Raises
     ------
     DataError
-        If shapes do not fit, or an uncertainty or a wavelength is not positive.
+        If shapes do not match, or an uncertainty or a wavelength is not positive.
     """
     nm, values = (np.atleast_1d(np.asarray(one, dtype=float)) for one in (wavelength_nm, n))
     if nm.shape != values.shape or nm.ndim != 1:
         raise DataError(
-            "fit", value=f"{nm.shape} wavelengths, {values.shape} indices", limit="must be rows of one length"
+            "fit", value=f"{nm.shape} wavelengths, {values.shape} indices", limit="must be rows of equal length"
         )
     u = None if u_n is None else np.broadcast_to(np.asarray(u_n, dtype=float), nm.shape)
     rows = np.zeros((0, nm.size)) if shared is None else np.atleast_2d(np.asarray(shared, dtype=float))
@@ -78,9 +78,7 @@ def points_of(wavelength_nm: ArrayLike, n: ArrayLike, u_n: ArrayLike | None, sha
     if u is not None:
         there &= np.isfinite(u)
         if (u[there] <= 0).any():
-            raise DataError(
-                "u_n", value=float(u[there].min()), limit="must be above 0", remedy="leave it out if unknown"
-            )
+            raise DataError("u_n", value=float(u[there].min()), limit="must be above 0", remedy="omit it if unknown")
     if (nm[there] <= 0).any():
         raise DataError("wavelength", value=float(nm[there].min()), limit="must be above 0 nm")
     order = np.flatnonzero(there)[np.argsort(nm[there], kind="stable")]
@@ -88,7 +86,7 @@ def points_of(wavelength_nm: ArrayLike, n: ArrayLike, u_n: ArrayLike | None, sha
 
 
 def solved(form: Form, points: Points) -> Solved:
-    """Least squares with the weights of the points, by Gauss-Newton; `UnfitError` if the formula does not fit."""
+    """Return the weighted least-squares fit, by Gauss-Newton steps; `UnfitError` if the formula does not fit."""
     inner = form.start(points.um, points.n, points.weights)
     for _ in range(_STEPS):
         better = _stepped(form, inner, points)
@@ -104,7 +102,9 @@ def solved(form: Form, points: Points) -> Solved:
 
 
 def _stepped(form: Form, inner: FloatArray, points: Points) -> FloatArray | None:
-    """Parameters with a smaller sum of squares, by a full or shortened Gauss-Newton step; None if there are none."""
+    """Return parameters with a smaller sum of squares, after a full or shortened Gauss-Newton step; None if there are
+    none.
+    """
     weights = points.weights
     value, slope = form.value(inner)
     wanted = weights * (points.n - value)
@@ -122,7 +122,9 @@ def _stepped(form: Form, inner: FloatArray, points: Points) -> FloatArray | None
 
 
 def _with_covariance(form: Form, inner: FloatArray, slope: FloatArray, residuals: FloatArray, points: Points) -> Solved:
-    """Covariance of the internal parameters: independent part, widened if necessary, and shared part."""
+    """Return the covariance of the inner parameters: the independent part, widened if necessary, plus the shared
+    part.
+    """
     weights = points.weights
     q, r = np.linalg.qr(weights[:, None] * slope)
     scale = np.abs(np.diag(r))
@@ -142,13 +144,13 @@ def _with_covariance(form: Form, inner: FloatArray, slope: FloatArray, residuals
 
 
 def _neighbours(weighted: FloatArray) -> float:
-    """Correlation of each residual with the next."""
+    """Return the correlation of each residual with the next."""
     total = float(np.sum(weighted**2))
     return min(float(np.sum(weighted[1:] * weighted[:-1])) / total, 0.99) if total > 0 else 0.0
 
 
 def _excess(chi2: float, freedom: int, stated: bool) -> float:
-    """Factor of the stated variances; the scatter itself where none are stated."""
+    """Return the factor on the stated variances, or the scatter itself if none are stated."""
     from scipy.special import gammaincc
 
     ratio = chi2 / freedom

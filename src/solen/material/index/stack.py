@@ -1,19 +1,20 @@
-"""Readings of a spectrophotometer on a printed layer, free-standing or on its substrate: the forward model.
+"""Forward model of spectrophotometer readings on a printed layer, free-standing or on its substrate.
 
-The idea: light between the faces of a layer much thicker than its coherence length adds by power. Two neighbouring
-pieces of a stack then combine by a geometric series, T = Ta Tb / (1 − Ra' Rb), and so does any number of them. For one
-layer in air, with F the reflectance of a face and τ the transmittance of one pass, that is
+Light between the faces of a layer much thicker than its coherence length adds by power. Two neighbouring pieces of a
+stack combine by a geometric series, T = Ta Tb / (1 − Ra' Rb), and so does any number of them. For one layer in air,
+with F the reflectance of a face and τ the transmittance of one pass, the result is
 
     T = (1 − F)² τ / (1 − F² τ²),   R = F (1 + τ T).
 
-F. Nichelatti, J. Opt. A 4, 400 (2002), doi:10.1088/1464-4258/4/4/306. An instrument whose 100 % was taken on the bare
-substrate states the ratio to that, which for a lossless layer on PET lies above 1: the layer is an antireflection
-coating of it.
+F. Nichelatti, J. Opt. A 4, 400 (2002), doi:10.1088/1464-4258/4/4/306. An instrument with a 100 % reading of the bare
+substrate states the ratio to that reading, which for a lossless layer on PET is above 1, because the layer acts as an
+antireflection coating.
 
-The interface: `forward` for one layer in air, `incoherent` for any layers, `on_substrate` for what the instrument
-states of a layer on a substrate, as a `Setup` describes it. Normal incidence, thick layers (no fringes, no scattering),
-and k ≪ n: an interface takes no light. Everything broadcasts, and is analytic in its arguments, so that a complex step
-gives exact derivatives. The way back is in `solen.material.index.inversion` and `solen.material.index.substrate`.
+The interface is `forward` for one layer in air, `incoherent` for any layers, and `on_substrate` for the instrument's
+readings of a layer on a substrate, as described by a `Setup`. The model assumes normal incidence, thick layers (no
+fringes, no scattering), and k ≪ n, so that an interface absorbs no light. All functions broadcast and are analytic in
+their arguments, so that the complex-step method gives exact derivatives. The inverse is in
+`solen.material.index.inversion` and `solen.material.index.substrate`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,7 +35,7 @@ Baseline = Literal["substrate", "air"]
 
 
 class Powers(NamedTuple):
-    """Fractions of power of a piece: reflected at its front, sent through either way, reflected at its back."""
+    """Fractions of power of a piece: front reflectance, transmittance in either direction, back reflectance."""
 
     front: Numbers
     through: Numbers
@@ -42,24 +43,26 @@ class Powers(NamedTuple):
 
 
 def interface_reflectance(n1: ArrayLike, k1: ArrayLike, n2: ArrayLike, k2: ArrayLike) -> Numbers:
-    """Reflectance of one interface at normal incidence, Fresnel with complex indices; the same from both sides."""
+    """Return the reflectance of one interface at normal incidence (Fresnel, complex indices), the same from both
+    sides.
+    """
     n1, k1, n2, k2 = (np.asarray(value) for value in (n1, k1, n2, k2))
     absorbing = (k1 - k2) ** 2
     return np.asarray(((n1 - n2) ** 2 + absorbing) / ((n1 + n2) ** 2 + (k1 + k2) ** 2))
 
 
 def optical_depth(thickness_um: ArrayLike, wavelength_nm: ArrayLike) -> Numbers:
-    """Optical depth of one pass through a layer of k = 1, 4πh/λ."""
+    """Return the optical depth of one pass through a layer of k = 1, 4πh/λ."""
     return np.asarray(4.0 * np.pi * NM_PER_UM * np.asarray(thickness_um) / np.asarray(wavelength_nm))
 
 
 def internal_transmittance(k: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike) -> Numbers:
-    """Power that one pass through a layer leaves, exp(−4πkh/λ)."""
+    """Return the fraction of power that remains after one pass through a layer, exp(−4πkh/λ)."""
     return np.asarray(np.exp(-optical_depth(thickness_um, wavelength_nm) * np.asarray(k)))
 
 
 def joined(left: Powers, right: Powers) -> Powers:
-    """Two pieces as one, all reflections between them summed by power."""
+    """Combine two pieces into one, summing all reflections between them by power."""
     sent = 1 / (1 - left.back * right.front)
     return Powers(
         left.front + left.through**2 * right.front * sent,
@@ -71,12 +74,13 @@ def joined(left: Powers, right: Powers) -> Powers:
 def incoherent(
     n: Sequence[ArrayLike], k: Sequence[ArrayLike], thickness_um: Sequence[ArrayLike], wavelength_nm: ArrayLike
 ) -> Powers:
-    """Reflectances and transmittance of plane layers in air, in the order that light from the front meets them.
+    """Return reflectances and transmittance of plane layers in air, in the order in which light from the front meets
+    them.
 
     Parameters
     ----------
     n, k, thickness_um
-        Of each layer, arrays that broadcast with the wavelengths.
+        Properties of each layer, arrays that broadcast with the wavelengths.
     wavelength_nm
         Vacuum wavelength.
 
@@ -87,8 +91,8 @@ def incoherent(
 
     Notes
     -----
-    The power form of the matrix method for incoherent layers (C. C. Katsidis and D. I. Siapkas, Appl. Opt. 41, 3978,
-    2002), with 1 − R passing an interface. For k > 0 the exact share differs by (k/n)², 1e-9 where k is 5e-5.
+    The power form of the matrix method for incoherent layers (C. C. Katsidis and D. I. Siapkas, Appl. Opt. 41, 3978, 2002),
+    in which an interface transmits 1 − R. For k > 0 the exact fraction differs by (k/n)², 1e-9 at k = 5e-5.
     """
     indices, losses = (1.0, *n, 1.0), (0.0, *k, 0.0)
     share = [interface_reflectance(*sides) for sides in zip(indices, losses, indices[1:], losses[1:], strict=False)]
@@ -103,7 +107,7 @@ def incoherent(
 def forward(
     n: ArrayLike, k: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
-    """Reflectance and transmittance of one layer in air at normal incidence, as fractions.
+    """Return the reflectance and transmittance of one layer in air at normal incidence, as fractions.
 
     Parameters
     ----------
@@ -123,12 +127,12 @@ class Substrate:
     Attributes
     ----------
     n, k
-        Index and extinction at the wavelengths of the measurement, or one for all.
+        Index and extinction at the wavelengths of the measurement, or one number for all.
     thickness_um
-        Its thickness.
+        Thickness of the sheet.
     u_n, u_k, u_thickness_um
-        Standard uncertainties, each of one error common to all wavelengths. For PET that of n decides: sheet is near
-        1.57 at 590 nm, drawn film near 1.64 in its plane.
+        Standard uncertainties, each from one error common to all wavelengths. For PET the one of n dominates: sheet is
+        near 1.57 at 590 nm, drawn film near 1.64 in its plane.
     """
 
     n: ArrayLike
@@ -139,7 +143,7 @@ class Substrate:
     u_thickness_um: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse impossible sheets."""
+        """Reject impossible sheets."""
         if not (np.isfinite(self.thickness_um) and self.thickness_um > 0):
             raise DataError("substrate thickness", value=self.thickness_um, limit="must be above 0 µm")
         for name, least in (("n", 1.0), ("k", 0.0), ("u_n", 0.0), ("u_k", 0.0), ("u_thickness_um", 0.0)):
@@ -150,18 +154,18 @@ class Substrate:
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """How a layer on its substrate was measured.
+    """Conditions of the measurement of a layer on its substrate.
 
     Attributes
     ----------
     substrate
         The sheet under the layer, with its uncertainties.
     side
-        Which of the two the light meets first. T does not depend on it, R does.
+        Side that the light meets first. T does not depend on it; R does.
     baseline, baseline_r
         Reference of the 100 % of T, and of R: the bare substrate, or air (for R: a calibrated mirror).
     near
-        Of two indices that fit the readings, the one nearer to this is given.
+        Expected index; of two indices that fit the readings, the one nearer to it is returned.
     """
 
     substrate: Substrate
@@ -178,7 +182,7 @@ class Setup:
 
 
 class Readings(NamedTuple):
-    """Readings of a layer on its substrate, T and R, fractions of the instrument's 100 %."""
+    """Readings T and R of a layer on its substrate, as fractions of the instrument's 100 %."""
 
     T: Numbers
     R: Numbers
@@ -187,9 +191,9 @@ class Readings(NamedTuple):
 def on_substrate(
     n: ArrayLike, k: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike, setup: Setup
 ) -> Readings:
-    """T and R that the instrument states of a layer of n, k and thickness on a substrate.
+    """Return the instrument's T and R of a layer with n, k and thickness on a substrate.
 
-    A lossless layer with an index below the substrate's reads T above 1 against the substrate.
+    For a lossless layer with an index below the substrate's, T against the substrate is above 1.
     """
     sheet = (setup.substrate.n, setup.substrate.k, setup.substrate.thickness_um)
     return readings((n, k, thickness_um), sheet, wavelength_nm, setup)
@@ -199,7 +203,9 @@ Layer = tuple[ArrayLike, ArrayLike, ArrayLike]  # n, k, thickness in µm
 
 
 def readings(layer: Layer, sheet: Layer, wavelength_nm: ArrayLike, setup: Setup) -> Readings:
-    """R and T on a substrate, with layer and sheet as n, k and thickness in µm, which a complex step may vary."""
+    """Return R and T on a substrate, with layer and sheet as n, k and thickness in µm, which may be complex (complex
+    step).
+    """
     first, second = (layer, sheet) if setup.side == "layer" else (sheet, layer)
     n, k, thickness_um = zip(first, second, strict=True)
     whole = incoherent(n, k, thickness_um, wavelength_nm)

@@ -1,15 +1,16 @@
-"""From what an instrument reads on a layer that stays on its substrate, back to the layer's n and k.
+"""Inversion of the instrument's readings of a layer on its substrate to the layer's n and k.
 
-The idea: T fixes the loss of one pass for any assumed n, in closed form, so that R becomes a function of n alone. It
-falls from its value on the bare substrate at n = 1 to a least value near the square root of the substrate's index, and
-rises again: two indices fit one pair of readings. Both are found on a grid and made exact by Newton's method; the one
-nearer to an expected index is the answer, the other is given beside it.
+T determines the loss of one pass for any assumed n, in closed form, so R becomes a function of n alone. It falls from
+its value on the bare substrate at n = 1 to a minimum near the square root of the substrate's index, and rises again, so
+two indices fit one pair of readings. Both are found on a grid and refined by Newton's method; the one nearer to an
+expected index is the result, and the other is reported too.
 
-T alone is one number, and gives one: an index if the layer takes no light, which is an upper bound if it does; or k if
-the index is known from elsewhere.
+T alone is one number and gives one result: an index if the layer is lossless, which is an upper bound if it is not; or
+k if the index is known from elsewhere.
 
-The interface: `invert_on_substrate`, `invert_lossless`, `extinction`; all give `Inverse`, with exact derivatives by
-everything that went in, and mask nothing but what has no value. `solen.material.index.routes` judges it.
+The interface is `invert_on_substrate`, `invert_lossless` and `extinction`. Each returns an `Inverse`, with exact
+derivatives with respect to all inputs, and masks only what has no value; `solen.material.index.routes` applies further
+masks.
 """
 
 import dataclasses
@@ -39,7 +40,7 @@ _STEP = 1e-30  # a complex step has no cancellation
 
 @dataclass(frozen=True, eq=False)
 class _Case:
-    """Everything that the forward model takes beside n and k of the layer; arrays of one shape, or numbers."""
+    """All inputs of the forward model except n and k of the layer; arrays of one shape, or numbers."""
 
     wavelength_nm: FloatArray
     sheet_n: Numbers
@@ -49,12 +50,14 @@ class _Case:
     setup: Setup
 
     def read(self, n: ArrayLike, k: ArrayLike) -> Readings:
-        """Readings of the instrument for a layer of n and k."""
+        """Return the instrument's readings for a layer with n and k."""
         sheet = (self.sheet_n, self.sheet_k, self.sheet_um)
         return readings((n, k, self.thickness_um), sheet, self.wavelength_nm, self.setup)
 
     def by(self, n: ArrayLike, k: ArrayLike, what: str) -> Readings:
-        """Derivative of the readings by one argument of the model, by a complex step."""
+        """Return the derivative of the readings with respect to one argument of the model, by the complex-step
+        method.
+        """
         step = 1j * _STEP
         with np.errstate(all="ignore"):  # NaN stays NaN
             if what == "n":
@@ -67,10 +70,10 @@ class _Case:
         return Readings(moved.T.imag / _STEP, moved.R.imag / _STEP)
 
     def k_of(self, n: ArrayLike, transmittance: FloatArray) -> FloatArray:
-        """Extinction that makes the layer of index n read that T, with the interfaces' own share of k left out.
+        """Return the extinction with which a layer of index n has that T, neglecting the effect of k on the interfaces.
 
-        The transmittance of the stack as a function of that of one pass, τ, is a τ/(1 − b τ²): a quadratic equation.
-        a and b are found by asking the forward model at τ = 1 and τ = 1/2.
+        The transmittance of the stack as a function of that of one pass, τ, is a τ/(1 − b τ²): a quadratic equation. a
+        and b are computed from the forward model at τ = 1 and τ = 1/2.
         """
         depth = optical_depth(self.thickness_um, self.wavelength_nm)
         whole, less = self.read(n, 0.0).T, self.read(n, np.log(2) / depth).T  # a/(1 − b), (a/2)/(1 − b/4)
@@ -85,14 +88,14 @@ class _Case:
 def invert_on_substrate(
     transmittance: ArrayLike, reflectance: ArrayLike, wavelength_nm: ArrayLike, thickness_um: float, setup: Setup
 ) -> Inverse:
-    """Index and extinction of a layer on a substrate from T and R as the instrument states them.
+    """Return the index and extinction of a layer on a substrate from T and R as the instrument states them.
 
     Parameters
     ----------
     transmittance, reflectance
-        Fractions, shape (wavelengths,). NaN is passed over.
+        Fractions, shape (wavelengths,). NaN is skipped.
     wavelength_nm, thickness_um, setup
-        Of the measurement; the layer's thickness; sheet, side and baselines.
+        Wavelengths of the measurement; the layer's thickness; sheet, side and baselines.
 
     Raises
     ------
@@ -120,10 +123,10 @@ def invert_on_substrate(
 
 
 def invert_lossless(transmittance: ArrayLike, wavelength_nm: ArrayLike, setup: Setup) -> Inverse:
-    """Index of a layer on a substrate from T alone, taking it to be lossless; its thickness plays no part.
+    """Return the index of a layer on a substrate from T alone, assuming a lossless layer; its thickness has no effect.
 
-    Parameters as of `invert_on_substrate`. Of a layer that takes light after all, n is an upper bound and other_n a
-    lower one.
+    The parameters are those of `invert_on_substrate`. If the layer does absorb, n is an upper bound and other_n a lower
+    one.
     """
     t, wavelength = _rows(transmittance, wavelength_nm)
 
@@ -140,7 +143,7 @@ def invert_lossless(transmittance: ArrayLike, wavelength_nm: ArrayLike, setup: S
 
 
 def most_transmitted(wavelength_nm: ArrayLike, setup: Setup) -> FloatArray:
-    """The most that a lossless layer of any index reads on a substrate."""
+    """Return the largest reading of T of a lossless layer of any index on a substrate."""
     (wavelength,) = _rows(wavelength_nm)
     (most,) = _in_blocks(lambda case: (case.read(_GRID, 0.0).T.max(axis=0),), _case(wavelength, 1.0, setup))
     return most
@@ -149,14 +152,15 @@ def most_transmitted(wavelength_nm: ArrayLike, setup: Setup) -> FloatArray:
 def extinction(
     transmittance: ArrayLike, n: ArrayLike, wavelength_nm: ArrayLike, thickness_um: float, setup: Setup
 ) -> Inverse:
-    """Extinction of a layer on a substrate from T and an index that is known otherwise, from a refractometer say.
+    """Return the extinction of a layer on a substrate from T and an index known from elsewhere, such as a
+    refractometer.
 
     Parameters
     ----------
     n
-        The layer's index, one or one for each wavelength.
+        The layer's index, one number or one for each wavelength.
     transmittance, wavelength_nm, thickness_um, setup
-        As in `invert_on_substrate`.
+        As for `invert_on_substrate`.
     """
     t, wavelength, n = _rows(transmittance, wavelength_nm, n)
     case = _case(wavelength, thickness_um, setup)
@@ -170,15 +174,17 @@ def extinction(
 
 
 def _rows(*values: ArrayLike) -> tuple[FloatArray, ...]:
-    """Arrays of one shape (wavelengths,)."""
+    """Return arrays of one shape (wavelengths,)."""
     arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, dtype=float)) for value in values))
     if arrays[0].ndim != 1:
-        raise DataError("spectra", value=arrays[0].shape, limit="must be one row each", remedy="invert one by one")
+        raise DataError(
+            "spectra", value=arrays[0].shape, limit="must each be one row", remedy="invert each row separately"
+        )
     return tuple(np.array(array) for array in arrays)
 
 
 def _case(wavelength: FloatArray, thickness_um: float, setup: Setup) -> _Case:
-    """Case of a measurement; `DataError` if a wavelength or the thickness is not positive."""
+    """Return the inputs of the forward model; `DataError` if a wavelength or the thickness is not positive."""
     if not (np.isfinite(wavelength) & (wavelength > 0)).all():
         raise DataError("wavelength", value=float(wavelength.min()), limit="must be above 0 nm")
     if not (np.isfinite(thickness_um) and thickness_um > 0):
@@ -189,7 +195,9 @@ def _case(wavelength: FloatArray, thickness_um: float, setup: Setup) -> _Case:
 
 
 def _in_blocks(solve: Callable[..., tuple[FloatArray, ...]], case: _Case, *read: FloatArray) -> tuple[FloatArray, ...]:
-    """Results of a function of a case and its readings, in blocks of wavelengths that limit the memory of the grid."""
+    """Return the results of a function of a case and its readings, in blocks of wavelengths that limit the grid's
+    memory.
+    """
     parts = []
     for start in range(0, max(case.wavelength_nm.size, 1), _BLOCK):
         block = slice(start, start + _BLOCK)
@@ -199,7 +207,9 @@ def _in_blocks(solve: Callable[..., tuple[FloatArray, ...]], case: _Case, *read:
 
 
 def _starts(off: FloatArray, near: float) -> tuple[FloatArray, FloatArray]:
-    """Where on the grid a function crosses zero, shape (grid, wavelengths): nearest to an index and next; else NaN."""
+    """Return the zeros of a function (grid, wavelengths) nearest and second nearest to an index; NaN if there is
+    none.
+    """
     with np.errstate(all="ignore"):
         crossed = np.signbit(off[:-1]) != np.signbit(off[1:])
         roots = _GRID[:-1] + (_GRID[1:] - _GRID[:-1]) * off[:-1] / (off[:-1] - off[1:])
@@ -210,7 +220,7 @@ def _starts(off: FloatArray, near: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _changes(by_n: Readings, by_k: Readings, wanted: Readings) -> tuple[FloatArray, FloatArray]:
-    """Changes of n and k that produce given changes of the readings."""
+    """Return the changes of n and k that produce given changes of the readings."""
     det = by_n.T * by_k.R - by_k.T * by_n.R
     with np.errstate(all="ignore"):
         return (
@@ -220,7 +230,7 @@ def _changes(by_n: Readings, by_k: Readings, wanted: Readings) -> tuple[FloatArr
 
 
 def _polished(case: _Case, read: Readings, n: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Solution of the whole model by Newton's method from a start; NaN where it does not close."""
+    """Return the solution of the full model by Newton's method from a start; NaN if it does not converge."""
     with np.errstate(all="ignore"):
         k = case.k_of(n, read.T)
         for _ in range(_ITERATIONS):
