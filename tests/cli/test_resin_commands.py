@@ -163,7 +163,7 @@ def test_an_index_by_spectra_is_compared_with_the_refractometers(n: float, diffe
     shell.lines("resin", "refractometer", str(n), "--u", "0.0002", "--out", "refractometer.json")
     both = ("--index", "index.json", "--refractometer", "refractometer.json")
     found = shell.json("resin", "build", "r.toml", *WHO, *both)
-    assert any("by the refractometer" in text for text in found["warnings"]) is differ
+    assert any("from the refractometer" in text for text in found["warnings"]) is differ
     assert load_resin("r.toml").index.mode == "measured"
     shell.lines("resin", "build", "s.toml", *WHO, *both[2:])
     assert load_resin("s.toml").index.mode == "refractometer"

@@ -197,12 +197,12 @@ def test_doses_that_are_off_together_count_once() -> None:
     assert found.lack_of_fit is not None
     assert found.lack_of_fit.p < 1e-6
     assert found.fit.error_df == 6
-    assert any("without a clear bend" in told for told in cautions(found))
+    assert any("no clear curvature" in told for told in cautions(found))
     assert found.left_out == ()  # a whole dose that is off is not a bad disc
     oxygen = working_curve(DOSES, np.sqrt(line(DOSES)) * 15.0 + rng.normal(0.0, 1.0, 24))
-    assert any("bend downwards" in told for told in cautions(oxygen))
+    assert any("curve downwards" in told for told in cautions(oxygen))
     colours = working_curve(DOSES, line(DOSES) ** 2 / 300.0 + rng.normal(0.0, 1.0, 24))
-    assert any("bend upwards" in told for told in cautions(colours))
+    assert any("curve upwards" in told for told in cautions(colours))
 
 
 def test_the_test_of_fit_alarms_at_its_rate() -> None:

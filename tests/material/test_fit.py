@@ -186,7 +186,7 @@ def test_an_index_that_rises_is_reported_or_refused() -> None:
     rising = 1.5 - 0.005 * (NM * 1e-3) ** -2
     found = fit("cauchy", NM, rising, 1e-4)
     assert "rises by 0.025 from 400 to 900 nm" in found.warnings[0]
-    with pytest.raises(DataError, match="has no resonance that would make this index, which rises"):
+    with pytest.raises(DataError, match="has no resonance that would produce this index, which rises"):
         fit("sellmeier", NM, rising, 1e-4)
 
 
@@ -210,7 +210,7 @@ def test_what_cannot_be_fitted_is_refused_in_one_line() -> None:
     n = at(RESIN)
     assert told("spline", NM, n) == "fit = 'spline'; must be one of cauchy, sellmeier"
     assert told("cauchy", NM, n, terms=4) == "terms of cauchy = 4; must be one of 1, 2, 3"
-    assert "must be rows of one length" in told("cauchy", NM, n[:-1])
+    assert "must be rows of equal length" in told("cauchy", NM, n[:-1])
     assert told("cauchy", NM, n, 0.0).startswith("u_n = 0.0; must be above 0")
     assert told("cauchy", -NM, n).startswith("wavelength = -900.0; must be above 0 nm")
     line = "cauchy fit of 3 terms; has 2 different wavelengths, needs at least 4; take fewer terms or the other formula"

@@ -105,7 +105,7 @@ def test_a_bare_sheet_at_other_wavelengths_is_refused() -> None:
     values = np.full(NM.size - 1, 0.88)
     more = tuple(Channel(f"S{kind}", "", "1", values * scale, axis="other") for kind, scale in (("T", 1.0), ("R", 0.1)))
     moved = Recording((*recording.channels, other, *more), recording.provenance)
-    with pytest.raises(DataError, match="wavelengths of the layer"):
+    with pytest.raises(DataError, match="same wavelengths as the layer"):
         found(moved, bare_transmittance=("ST",), bare_reflectance=("SR",))
 
 

@@ -145,7 +145,7 @@ def test_a_loss_is_kept_with_its_interval_in_its_unit() -> None:
 
 def test_the_wavelength_of_a_loss_is_stated_or_missed() -> None:
     without = CutbackResult(**CUTBACK | {"wavelength_nm": None})
-    assert without.as_table().warnings == ("the wavelength that it was measured at is not stated",)
+    assert without.as_table().warnings == ("the wavelength of the measurement is not stated",)
     stated = without.as_table(Selection(loss_wavelength_nm=940.0))
     assert (stated.wavelength_nm, stated.warnings) == (940.0, ())
 
@@ -179,7 +179,7 @@ def test_a_loss_below_none_is_none_and_said_so() -> None:
     below = {"absorption_per_mm": None, "u_absorption_per_mm": None, "loss_dB_per_cm": -0.1}
     loss = CutbackResult(**CUTBACK | below | {"interval95_loss_dB_per_cm": [-0.5, 0.3]}).as_table()
     assert loss.absorption_per_mm == 0.0
-    assert all(part in loss.warnings[0] for part in ("-0.1 dB/cm", "0 is taken", "0.0069 per mm"))
+    assert all(part in loss.warnings[0] for part in ("-0.1 dB/cm", "0 is used", "0.0069 per mm"))
     with pytest.raises(DataError, match="a guide cannot amplify"):
         CutbackResult(**CUTBACK | below | {"interval95_loss_dB_per_cm": [-0.9, -0.3]}).as_table()
 

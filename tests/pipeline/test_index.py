@@ -124,7 +124,7 @@ def test_an_absorbance_alone_is_a_transmittance(tmp_path: Path) -> None:
     np.testing.assert_allclose(found["T"], T, rtol=1e-12)
     alone = index(table(tmp_path, {"wavelength_nm": NM, "T": T}, "t.csv"), options(u_T="0.001"))
     np.testing.assert_allclose(found["u_n"], np.log(10.0) * T * np.array(alone["u_n"]), rtol=1e-9)
-    with pytest.raises(DataError, match="does not follow from an absorptance alone"):
+    with pytest.raises(DataError, match="no index follows from an absorptance alone"):
         index(file, options(absorbance_kind="absorptance"))
 
 
@@ -147,9 +147,9 @@ def test_as_published_is_an_explicit_mode_with_a_label(tmp_path: Path) -> None:
 
 def test_as_published_takes_no_other_absorbance(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "A": 1.0 - R - T})
-    with pytest.raises(DataError, match="trace A; is not −log10 T, which the as-published mode takes for A"):
+    with pytest.raises(DataError, match="trace A; is not −log10 T, which the as-published mode uses for A"):
         index(file, options(mode="as-published"))
-    with pytest.raises(SpecError, match="takes A as log10"):
+    with pytest.raises(SpecError, match="requires A as log10"):
         index(file, options(mode="as-published", absorbance_kind="ln"))
 
 
@@ -312,9 +312,9 @@ def test_other_wavelengths_are_interpolated_and_reported(tmp_path: Path) -> None
 
 def test_fringes_are_judged_by_the_bandwidth(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
-    assert "the instrument's is not stated" in warned(index(file, options()), "fringes")
+    assert "the instrument's bandwidth is not stated" in warned(index(file, options()), "fringes")
     seen = index(file, options(bandwidth_nm=2.0))["warnings"]
-    assert any("follows the interference" in line for line in seen)
+    assert any("contains interference" in line for line in seen)
     assert any("its wavelengths are 10 nm apart, too far to show the fringes" in line for line in seen)
     assert not [line for line in index(file, options(bandwidth_nm=20.0))["warnings"] if "fringes" in line]
 

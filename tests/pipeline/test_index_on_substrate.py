@@ -87,7 +87,7 @@ def test_loss_read_as_index_is_warned_of(tmp_path: Path) -> None:
     """A clear resin with an absorption tail in the blue, T alone: n would fall faster than any polymer's."""
     t = on_substrate(N, 2e-5 * (420 / NM) ** 4, 25.0, NM, Setup(SHEET)).T
     result = found(tmp_path, {"T": t}, **ON_PET)
-    assert warned(result, "lossless: k = 0 is assumed, so that n is an upper bound")
+    assert warned(result, "lossless: k = 0 is assumed, so n is an upper bound")
     assert warned(result, "times the largest")
     assert warned(result, "above the literature of acrylates and photoresins")
 
@@ -100,10 +100,10 @@ def test_loss_read_as_index_is_warned_of(tmp_path: Path) -> None:
         ({"substrate": "pet-drawn", "baseline": "air"}, "substrate_thickness_um; is missing beside --substrate"),
         ({"side": "layer"}, "side; is of a layer on a substrate"),
         ({"u_substrate_n": 0.1}, "u_substrate_n; is of a layer on a substrate"),
-        ({**ON_PET, "mode": "as-published"}, "mode = 'as-published'; cannot take a substrate"),
+        ({**ON_PET, "mode": "as-published"}, "mode = 'as-published'; does not support a substrate"),
         ({**ON_PET, "mode": "measured"}, "--mode measured; needs a measured R"),
         ({**ON_PET, "substrate": "5"}, "--substrate = 5.0; must be a name, a file, or an index above 1"),
-        ({**ON_PET, "substrate": "pet"}, "is two materials: drawn film, 1.636 at 633 nm, and pressed plates, 1.565"),
+        ({**ON_PET, "substrate": "pet"}, "names two materials: drawn film, 1.636 at 633 nm, and pressed plates, 1.565"),
         ({**ON_PET, "substrate": "pett-drawn"}, "did you mean pet"),
         ({**ON_PET, "side": "top"}, "side = 'top'; must be 'layer' or 'substrate'"),
         ({"fit": "spline"}, "fit = 'spline'; must be 'cauchy', 'sellmeier' or 'none'"),

@@ -61,7 +61,7 @@ def test_voltages_that_fall_with_light_are_refused_until_the_dark_one_is_stated(
     ("header", "names", "scale", "told"),
     [
         ("wavelength_nm,T,R", "TR", 1.0, ""),
-        ("wavelength_nm,T,R", "RT", 1.0, "look exchanged: as named they say .*, exchanged 1.49"),
+        ("wavelength_nm,T,R", "RT", 1.0, "look exchanged: as named they give .*, exchanged 1.49"),
         ("wavelength_nm,T (%),R (%)", "RT", 100.0, "look exchanged"),
         ("wavelength_nm,T (%),R (%)", "TR", 1.0, "fractions under a header in %: .* as fractions 1.49"),
         ("wavelength_nm,T (%)", "T", 1.0, "fractions under a header in %: .* as fractions 1.49"),

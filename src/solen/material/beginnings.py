@@ -1,6 +1,4 @@
-"""First words of the warnings that a resin file does not repeat, shared by the code that writes and reads these
-warnings.
-"""
+"""First words of warnings that a resin file does not repeat, shared by the code that writes and reads them."""
 
 K_MASKED = "k is masked"
 THICKNESS_NOT_IN_K = "the uncertainty of the thickness is not stated"

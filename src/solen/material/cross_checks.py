@@ -48,8 +48,8 @@ def loss_apart(rows: Sequence[Row], loss: Loss) -> list[Caution]:
             return []
         return [
             look_at(
-                f"{measured}, but the layer's k {layer:.2g} ± {u_layer:.1g}: they disagree, and the cut-back is used; scattering "
-                "in the layer, a baseline error and fringes all look like k"
+                f"{measured}, but the layer's k {layer:.2g} ± {u_layer:.1g}: they disagree, and the cut-back is "
+                "used; scattering in the layer, a baseline error and fringes all look like k"
             )
         ]
     bounds = [4.0 * math.pi * row[3] / row[0] * NM_PER_MM * _DB_PER_CM for row in near if row[3] is not None]
@@ -82,8 +82,8 @@ def index_apart(index: Dispersion, other: Dispersion, at_nm: Sequence[float]) ->
     i = int(np.nanargmax(off))
     return [
         look_at(
-            f"n({inside[i]:g} nm) is {_pm(n[i], u_n[i])} from the spectra and {_pm(m[i], u_m[i])} from the refractometer, "
-            f"{off[i]:.1f} standard uncertainties apart: one of them is wrong"
+            f"n({inside[i]:g} nm) is {_pm(n[i], u_n[i])} from the spectra and {_pm(m[i], u_m[i])} from the "
+            f"refractometer, {off[i]:.1f} standard uncertainties apart: one of them is wrong"
         )
     ]
 

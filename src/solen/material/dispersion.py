@@ -138,8 +138,7 @@ class Dispersion(Strict, ABC):
         return None if variance is None else math.sqrt(variance)
 
     def along(self, wavelength_nm: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return the index and its standard uncertainty at several wavelengths in nm; NaN where no uncertainty is
-        known.
+        """Return the index and its standard uncertainty at several wavelengths in nm; an unknown uncertainty is NaN.
 
         Raises
         ------
@@ -193,7 +192,7 @@ class Constant(Dispersion):
     """One number for all wavelengths (within `valid_nm`)."""
 
     kind: Literal["number"] = "number"
-    n: Positive = Field(ge=1, lt=5, description="Refractive index, 1 to 5.")
+    n: Positive = Field(ge=1, lt=5, description="refractive index, 1 to 5.")
     u_n: NotNegative | None = Field(None, description="Standard uncertainty of n.")
 
     def _index(self, wavelength_nm: float) -> float:  # noqa: ARG002
@@ -207,8 +206,8 @@ class Tabulated(Dispersion):
     """Measured indices at ascending wavelengths with linear interpolation, which adds nothing to the measurement."""
 
     kind: Literal["table"] = "table"
-    wavelength_nm: tuple[Positive, ...] = Field(min_length=2, description="Ascending wavelengths in nm.")
-    n: tuple[Number, ...] = Field(min_length=2, description="Index at each wavelength.")
+    wavelength_nm: tuple[Positive, ...] = Field(min_length=2, description="ascending wavelengths in nm.")
+    n: tuple[Number, ...] = Field(min_length=2, description="index at each wavelength.")
     covariance: Covariance | None = Field(None, description="Covariance of the entries of n.")
     u_n: tuple[NotNegative, ...] | None = Field(
         None, description="Standard uncertainty of each n, assumed fully correlated; an alternative to a covariance."
@@ -280,9 +279,9 @@ class Sellmeier(Dispersion):
     """Sellmeier's formula n² = 1 + Σ B λ²/(λ² − C), λ in µm, with any number of terms."""
 
     kind: Literal["sellmeier"] = "sellmeier"
-    B: tuple[Number, ...] = Field(min_length=1, description="Strength of each term.")
+    B: tuple[Number, ...] = Field(min_length=1, description="strength of each term.")
     C_um2: tuple[NotNegative, ...] = Field(
-        min_length=1, description="Square of each term's resonance wavelength in µm²."
+        min_length=1, description="square of each term's resonance wavelength in µm²."
     )
     covariance: Covariance | None = Field(None, description="Covariance of (B..., C_um2...).")
 

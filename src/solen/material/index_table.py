@@ -60,7 +60,7 @@ def gaps(wavelengths_nm: list[float]) -> tuple[Caution, ...]:
     steps = sorted(high - low for low, high in pairwise(wavelengths_nm))
     wide = max(WIDE_NM, WIDE_STEPS * steps[len(steps) // 2])
     return tuple(
-        look_at(f"no index from {low:g} to {high:g} nm: it is interpolated linearly there")
+        look_at(f"no index is known from {low:g} to {high:g} nm: it is interpolated linearly there")
         for low, high in pairwise(wavelengths_nm)
         if high - low > wide
     )

@@ -1,14 +1,15 @@
-"""Mixing by weight: what to weigh in, what the balance's steps make of it, and what the mixture's index may be.
+"""Mixing by weight: masses to weigh in, the effect of the balance's steps, and an estimate of the mixture's index.
 
-The idea: "25 % of additive" has two readings. Of the whole mixture, 25 g of it go with 75 g of the base; on the resin,
-25 g of it go with 100 g of the base, which makes 20 % of the whole. `of_whole` and `on_base` are these readings, and
-both are shown. A balance weighs in steps: the masses are rounded to them, and what that does to the shares is stated.
+"25 % of additive" has two meanings. As a fraction of the whole mixture, 25 g of additive are added to 75 g of the base;
+relative to the resin, 25 g are added to 100 g of the base, which makes 20 % of the whole. `of_whole` and `on_base`
+implement these meanings, and both results are shown. A balance weighs in steps: the masses are rounded to them, and the
+effect on the fractions is stated.
 
 The index of a mixture is estimated by the rule of Lorentz and Lorenz, (n² − 1)/(n² + 2) = Σ φ (nᵢ² − 1)/(nᵢ² + 2), with
-volume fractions φ and volumes that add up (H. A. Lorentz, Ann. Phys. 245, 641, 1880; L. Lorenz, Ann. Phys. 247, 70,
-1880). It is that of the liquid: curing shrinks it and raises its index, so it stands in for no measurement.
+volume fractions φ and additive volumes (H. A. Lorentz, Ann. Phys. 245, 641, 1880; L. Lorenz, Ann. Phys. 247, 70, 1880).
+It applies to the liquid: curing shrinks the resin and raises its index, so the estimate does not replace a measurement.
 
-The interface: `mixtures` of components and `MixOptions`; `of_whole`, `on_base` and `weighed` are its steps.
+The interface is `mixtures` of components and `MixOptions`; `of_whole`, `on_base` and `weighed` are its steps.
 """
 
 import math
@@ -25,28 +26,30 @@ from solen.spec.strict import Options, nearest, refused
 
 WHOLE = 100.0
 OFF_WHOLE = 0.1
-"""How far shares may be from 100 % together, in per cent: what their rounding leaves."""
+"""Largest deviation of the sum of fractions from 100 %, in per cent, that is attributed to rounding."""
 MOST_G, FINEST_G = 1e6, 1e-6
 
 
 class MixOptions(Options):
-    """How much is mixed, and what is known of the components."""
+    """Amount to mix, and known properties of the components."""
 
     total_g: float | None = Field(None, gt=0.0, le=MOST_G)
-    """Mass of the whole in g; default: 100."""
+    """Mass of the whole mixture in g; default: 100."""
     base_g: float | None = Field(None, gt=0.0, le=MOST_G)
-    """Mass of the base that is there already, in place of that."""
+    """Mass of the available base in g, instead of --total-g."""
     density: tuple[str, ...] = ()
-    """Density in g/mL by component, "lauryl acrylate:0.884"; repeatable."""
+    """Density in g/mL of a component, "lauryl acrylate:0.884"; repeatable."""
     index: tuple[str, ...] = ()
-    """Index of a liquid component, as the densities; with both of all components that of the mixture is estimated."""
+    """Index of a liquid component, written like a density; with both for all components, the mixture's index is
+    estimated.
+    """
     resolution_g: float = Field(0.01, ge=FINEST_G)
     """Step of the balance in g."""
 
     @model_validator(mode="after")
     def _one_mass(self) -> Self:
         if self.total_g is not None and self.base_g is not None:
-            raise refused("base_g", "give the mass of the whole or that of the base", remedy="--total-g or --base-g")
+            raise refused("base_g", "state the mass of the whole or that of the base", remedy="--total-g or --base-g")
         if self.resolution_g > (mass_g := self.base_g or self.total_g or WHOLE):
             raise refused("resolution_g", f"must be at most the mass, {mass_g:g} g", value=self.resolution_g)
         return self
@@ -54,7 +57,7 @@ class MixOptions(Options):
 
 @dataclass(frozen=True)
 class Component:
-    """A component: its share in per cent, and if known its density in g/mL and index as a liquid."""
+    """A component: its fraction in per cent and, if known, its density in g/mL and its index as a liquid."""
 
     name: str
     percent: float
@@ -71,17 +74,17 @@ class Weighed:
     name
         Name of the component.
     wt_percent
-        Intended share of the whole mixture.
+        Intended fraction of the whole mixture.
     phr
-        Grams for 100 g of the base, the first component.
+        Grams per 100 g of the base, the first component.
     exact_g, weighed_g
-        Intended mass, and the same in whole steps of the balance.
+        Intended mass, and the mass rounded to whole steps of the balance.
     weighed_wt_percent
-        Share of the whole that the weighed masses make.
+        Fraction of the whole that results from the weighed masses.
     worst_wt_percent
-        How far the share may be off where each mass is off by half a step.
+        Largest error of the fraction if each mass is off by half a step.
     volume_mL, volume_percent
-        Of the weighed mass; None if a density that it takes is not known.
+        Volume of the weighed mass, and its fraction; None if a required density is not known.
     """
 
     name: str
@@ -96,30 +99,30 @@ class Weighed:
 
     @reported
     def error_wt_percent(self) -> float:
-        """Deviation of the share, as weighed, from the intended one."""
+        """Deviation of the fraction, as weighed, from the intended one."""
         return self.weighed_wt_percent - self.wt_percent
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """Components in one reading of their percentages, and the liquid's index, None if it cannot be estimated."""
+    """Components for one meaning of their percentages, and the liquid's index, None if it cannot be estimated."""
 
     components: tuple[Weighed, ...]
     index_estimate: float | None
 
     @reported
     def total_g(self) -> float:
-        """Masses to weigh in."""
+        """Sum of the masses to weigh in."""
         return math.fsum(part.weighed_g for part in self.components)
 
 
 class Mixtures(Result):
-    """Masses to weigh in, in both readings of the percentages.
+    """Masses to weigh in, for both meanings of the percentages.
 
     Attributes
     ----------
     of_whole, on_base
-        Shares of the whole mixture; grams for 100 g of the base.
+        Percentages as fractions of the whole mixture; as grams per 100 g of the base.
     base
         The first component.
     total_g, base_g, resolution_g
@@ -135,7 +138,7 @@ class Mixtures(Result):
 
 
 def mixtures(components: Sequence[str], options: MixOptions = MixOptions()) -> Mixtures:
-    """Masses of a mixture for both meanings of its percentages.
+    """Return the masses of a mixture for both meanings of its percentages.
 
     Parameters
     ----------
@@ -147,7 +150,7 @@ def mixtures(components: Sequence[str], options: MixOptions = MixOptions()) -> M
     Raises
     ------
     SpecError
-        If a component is not a name and a share, the shares do not add up to 100 %, or a number is impossible.
+        If a component is not a name and a fraction, the fractions do not add up to 100 %, or a number is impossible.
     """
     parts = [Component(*named_number(text, "component")) for text in components]
     check_components(parts)
@@ -168,32 +171,34 @@ def mixtures(components: Sequence[str], options: MixOptions = MixOptions()) -> M
 
 
 def named_number(text: str, what: str) -> tuple[str, float]:
-    """Name and number of ``name:number``; a per cent sign may follow."""
+    """Return the name and number of ``name:number``; a per cent sign may follow."""
     name, colon, number = text.rpartition(":")
     try:
         value = float(number.strip().removesuffix("%"))
     except ValueError:
         value = math.nan
     if not (colon and name.strip() and math.isfinite(value)):
-        raise SpecError(what, value=text, limit="is not of the form name:number", remedy='as in "lauryl acrylate:25"')
+        raise SpecError(
+            what, value=text, limit="is not of the form name:number", remedy='for example "lauryl acrylate:25"'
+        )
     return name.strip(), value
 
 
 def of_whole(components: Sequence[Component]) -> tuple[Component, ...]:
-    """Components by their share of the whole mixture; `SpecError` if these are not all of it.
+    """Return components by their fraction of the whole mixture; `SpecError` if these do not add up to it.
 
-    Shares that miss 100 % by rounding are scaled to it.
+    Fractions that miss 100 % by rounding are scaled to it.
     """
     total = math.fsum(part.percent for part in components)
     if abs(total - WHOLE) > OFF_WHOLE:
         ratio = ", ".join(f"{part.name}:{part.percent / total * WHOLE:.4g}" for part in components)
-        limit = f"the shares must add up to {WHOLE:g} %, to within {OFF_WHOLE:g}"
+        limit = f"the fractions must add up to {WHOLE:g} %, to within {OFF_WHOLE:g}"
         raise SpecError("mixture", value=f"{total:g} %", limit=limit, remedy=f"parts in this ratio are {ratio}")
     return tuple(replace(part, percent=part.percent / total * WHOLE) for part in components)
 
 
 def on_base(components: Sequence[Component]) -> tuple[Component, ...]:
-    """Shares of the whole, where the percentages mean grams for 100 g of the first component."""
+    """Return fractions of the whole if the percentages mean grams per 100 g of the first component."""
     base, *others = components
     total = WHOLE + math.fsum(part.percent for part in others)
     parts = (replace(base, percent=WHOLE), *others)
@@ -201,13 +206,15 @@ def on_base(components: Sequence[Component]) -> tuple[Component, ...]:
 
 
 def check_components(components: Sequence[Component]) -> None:
-    """`SpecError` if components are not two or more, each once, with a share, a density and an index that can be."""
+    """Raise `SpecError` unless there are two or more different components with possible fraction, density and index."""
     if len(components) < 2:
-        raise SpecError("mixture", value=len(components), limit="takes at least 2 components", remedy='as in "LA:25"')
+        raise SpecError(
+            "mixture", value=len(components), limit="requires at least 2 components", remedy='as in "LA:25"'
+        )
     names = [part.name for part in components]
     for part in components:
         if names.count(part.name) > 1:
-            raise SpecError(part.name, limit="is named twice", remedy="add its shares up")
+            raise SpecError(part.name, limit="is named twice", remedy="add up its fractions")
         if not 0.0 < part.percent <= WHOLE:
             raise SpecError(f"share of {part.name}", value=part.percent, limit="must be above 0 and at most 100 %")
         if part.density_g_per_mL is not None and not 0.0 < part.density_g_per_mL < 30.0:
@@ -222,7 +229,7 @@ def with_known(
     densities: dict[str, float],
     indices: dict[str, float],
 ) -> tuple[Component, ...]:
-    """Components with their densities in g/mL and indices by name; `SpecError` for an unknown name."""
+    """Return components with their densities in g/mL and indices by name; `SpecError` for an unknown name."""
     names = [part.name for part in components]
     for what, known in (("density", densities), ("index", indices)):
         for name in known:
@@ -236,14 +243,14 @@ def with_known(
 
 
 def weighed(components: Sequence[Component], options: MixOptions) -> Mixture:
-    """Masses of a mixture.
+    """Return the masses of a mixture.
 
     Parameters
     ----------
     components
-        By their share of the whole, the base first.
+        Components by their fraction of the whole, the base first.
     options
-        With the mass of the whole or of the base, and the step of the balance.
+        Options with the mass of the whole or of the base, and the step of the balance.
 
     Raises
     ------
@@ -260,7 +267,7 @@ def weighed(components: Sequence[Component], options: MixOptions) -> Mixture:
     for part, grams, mass in zip(components, exact, masses, strict=True):
         if mass <= 0.0:
             limit = f"is less than half a step of the balance, {resolution_g:g} g"
-            raise SpecError(f"mass of {part.name}", value=f"{grams:g} g", limit=limit, remedy="mix more at once")
+            raise SpecError(f"mass of {part.name}", value=f"{grams:g} g", limit=limit, remedy="mix a larger amount")
     sum_g = math.fsum(masses)
     volumes = [
         None if part.density_g_per_mL is None else mass / part.density_g_per_mL
@@ -288,15 +295,15 @@ def weighed(components: Sequence[Component], options: MixOptions) -> Mixture:
 
 
 def _worst(share: float, count: int, step: float) -> float:
-    """How far a share is off, in per cent, where each of so many masses is off by half a step, a share of the whole.
+    """Return the error of a fraction, in per cent, if each mass is off by half a step, a fraction of the whole.
 
-    To first order: its own mass moves it by 1 − share, each other one by −share.
+    To first order, an error of its own mass changes it by 1 − share, an error of any other by −share.
     """
     return WHOLE * 0.5 * step * ((1.0 - share) + (count - 1) * share)
 
 
 def _index(indices: Sequence[float | None], volumes: Sequence[float | None]) -> float | None:
-    """Index of the liquid mixture by Lorentz and Lorenz; None if one of the numbers is not known."""
+    """Return the index of the liquid mixture by Lorentz and Lorenz; None if one of the numbers is not known."""
     pairs = [(n, v) for n, v in zip(indices, volumes, strict=True) if n is not None and v is not None]
     if len(pairs) < len(indices):
         return None

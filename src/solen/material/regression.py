@@ -1,15 +1,15 @@
-"""Lines through few points, with honest intervals: what the cut-back and the working curve have in common.
+"""Lines through few points, with realistic intervals, for the cut-back and the working curve.
 
-The idea: a loss and a working curve are straight lines once powers are in dB and doses are logarithms. What makes
-their intervals right or wrong is elsewhere: readings of one guide are not new guides, scatter may grow with what is
-measured in a way that is only guessed, there are few points, and one of them may be bad. So a fit here is a linear
-model y = X β + Σ Z u + e with random effects where there are groups, their variances by restricted maximum likelihood;
-or, where the weights are a guess, with a covariance from the residuals themselves. Intervals take t quantiles with the
-degrees of freedom that fit, which are n − p in the plain case. Bad points are found by Rosner's sequential test on
-deletion residuals at a stated rate of false alarms; whoever uses it names them.
+A loss and a working curve are straight lines if powers are in dB and doses are logarithms. The validity of their
+intervals depends on other properties: readings of one guide are not new guides, scatter may grow with the measured
+value in a way that is only assumed, there are few points, and one of them may be bad. A fit here is therefore a linear
+model y = X β + Σ Z u + e, with random effects if there are groups, whose variances are found by restricted maximum
+likelihood; or, if the weights are a guess, with a covariance from the residuals. Intervals use t quantiles with
+appropriate degrees of freedom, which are n − p in the plain case. Bad points are found by Rosner's sequential test on
+deletion residuals at a stated rate of false alarms; the calling code reports them.
 
-The interface: `fitted` gives a `LinearFit`; `bad_points` says which points a fit should do without; `t_quantile`,
-`t_tail` and `f_tail` are the quantiles and tails.
+The interface is `fitted`, which returns a `LinearFit`; `bad_points`, which returns the points that a fit should omit;
+and the quantiles and tails `t_quantile`, `t_tail` and `f_tail`.
 """
 
 import math
@@ -27,9 +27,9 @@ from solen.arrays import BoolArray, FloatArray, IndexArray
 L = TypeVar("L", bound=Hashable)
 
 FALSE_ALARMS = 0.01
-"""How often `bad_points` names a point in data without a bad one."""
+"""Fraction of data sets without a bad point in which `bad_points` reports one."""
 LEAST_DF = 0.25
-"""Share of n − p that a covariance from residuals is granted as degrees of freedom at least (decision 0028)."""
+"""Lower limit of the degrees of freedom of a covariance from residuals, as a fraction of n − p (decision 0028)."""
 _SCORINGS, _NOTHING, _TINY = 100, 1e-8, 1e-300
 _ALIKE = 1e-6  # least eigenvalue of what two effects have in common, from which on they are two
 _EXACT = 1e-10  # residuals below this share of the data are rounding
@@ -37,13 +37,13 @@ _EXACT = 1e-10  # residuals below this share of the data are rounding
 
 @dataclass(frozen=True, eq=False)
 class Components:
-    """Variances estimated one by one: how a covariance grows with each, (k, p, p), and their own covariance, (k, k)."""
+    """Estimated variances: derivatives of the covariance with respect to them, (k, p, p), and their covariance, (k, k)."""
 
     gradients: FloatArray
     variances: FloatArray
 
     def df(self, contrast: FloatArray, variance: float) -> float:
-        """Degrees of freedom of a combination's variance (Satterthwaite, Biometrics Bulletin 2, 110, 1946)."""
+        """Return degrees of freedom of a combination's variance (Satterthwaite, Biometrics Bulletin 2, 110, 1946)."""
         slope = np.array([contrast @ gradient @ contrast for gradient in self.gradients])
         spread = float(slope @ self.variances @ slope)
         return 2.0 * variance**2 / spread if spread > 0.0 else math.inf
@@ -56,9 +56,9 @@ class Sandwich:
     Attributes
     ----------
     design, rows
-        X, (n, p), and what takes y to β, (p, n).
+        X, (n, p), and the matrix that converts y to β, (p, n).
     each, raised
-        Variances of e that were guessed, and 1/(1 − h) of each point's leverage h, (n,).
+        Assumed variances of e, and 1/(1 − h) with each point's leverage h, (n,).
     """
 
     design: FloatArray
@@ -67,10 +67,10 @@ class Sandwich:
     raised: FloatArray
 
     def df(self, contrast: FloatArray, variance: float) -> float:  # noqa: ARG002
-        """Degrees of freedom of a combination's variance (Bell and McCaffrey, Survey Methodology 28, 169, 2002).
+        """Return degrees of freedom of a combination's variance (Bell and McCaffrey, Survey Methodology 28, 169, 2002).
 
-        Residuals covary as B = (I − H) V (I − H)ᵀ; with shares s of the variance they are (Σ s B)² / Σ s B² s. B is V
-        and W K Wᵀ of a few columns, so that no matrix of n by n is made.
+        Residuals covary as B = (I − H) V (I − H)ᵀ; with fractions s of the variance the degrees of freedom are (Σ s B)²
+        / Σ s B² s. B is V plus W K Wᵀ with few columns, so no n by n matrix is computed.
         """
         shares = (contrast @ self.rows) ** 2 * self.raised
         columns = np.column_stack([self.design, (self.rows * self.each).T])
@@ -99,11 +99,11 @@ class LinearFit:
     residuals
         y − X β, shape (n,).
     deletion_t
-        Shape (n,): deviation of each point from the fit of the others, in standard errors estimated without it.
+        Deviation of each point from the fit of the others, in standard errors estimated without it, shape (n,).
     criterion
         −2 ln of the restricted likelihood, up to a constant that depends only on X.
     known_by
-        Degrees of freedom of the covariance.
+        Source of the covariance, which determines its degrees of freedom.
     """
 
     parameters: FloatArray
@@ -118,19 +118,19 @@ class LinearFit:
     known_by: Components | Sandwich
 
     def df(self, contrast: ArrayLike) -> float:
-        """Degrees of freedom of a combination c·β."""
+        """Return the degrees of freedom of a combination c·β."""
         c = np.asarray(contrast, float)
         variance = float(c @ self.covariance @ c)
         inf = self.known_by.df(c, variance) if variance > 0.0 else math.inf
         return max(min(inf, float(self.error_df)), self.least_df)
 
     def u(self, contrast: ArrayLike) -> float:
-        """Standard uncertainty of c·β."""
+        """Return the standard uncertainty of c·β."""
         c = np.asarray(contrast, float)
         return math.sqrt(max(float(c @ self.covariance @ c), 0.0))
 
     def interval(self, contrast: ArrayLike) -> tuple[float, float]:
-        """Interval of c·β that covers it in 95 %."""
+        """Return the 95 % interval of c·β."""
         middle = float(np.asarray(contrast, float) @ self.parameters)
         half = t_quantile(0.95, self.df(contrast)) * self.u(contrast)
         return middle - half, middle + half
@@ -153,12 +153,12 @@ def fitted(
     y
         Shape (n,).
     weights
-        Shape (n,): one over the variance of e, up to a factor.
+        Reciprocal variances of e, up to a factor, shape (n,).
     effects
-        Random effects, at most two: of each the covariance of its part of y, up to a factor, shape (n, n), as
-        `shared` gives it. One that does not raise the likelihood is left out, and so is one that X takes up whole.
+        Random effects, at most two: for each, the covariance of its part of y, up to a factor, shape (n, n), as from
+        `shared`. An effect that does not raise the likelihood, or that X fully represents, is omitted.
     guessed
-        The weights are a guess: take the covariance of β from the residuals (HC2: MacKinnon and White, Journal of
+        The weights are a guess: compute the covariance of β from the residuals (HC2: MacKinnon and White, Journal of
         Econometrics 29, 305, 1985). Not with effects.
     """
     x, y = np.asarray(design, float), np.asarray(y, float)
@@ -183,7 +183,7 @@ def fitted(
 
 
 def shared(groups: Sequence[Hashable], of: ArrayLike | None = None) -> FloatArray | None:
-    """Covariance, up to a factor, of an effect shared by the points of a group; None if no group has two points.
+    """Return the covariance, up to a factor, of an effect shared within groups; None if no group has two points.
 
     ``of``, shape (n,), multiplies the effect, for slopes that differ between groups.
     """
@@ -195,15 +195,15 @@ def shared(groups: Sequence[Hashable], of: ArrayLike | None = None) -> FloatArra
 
 
 def bad_points(fit: Callable[[BoolArray], LinearFit], points: int, most: int) -> dict[int, float]:
-    """Points that do not belong to the rest, each with its deletion residual t, the worst first.
+    """Return points that do not fit the others, each with its deletion residual t, the worst first.
 
-    The worst point is removed up to ``most`` times; the last one whose t exceeds its Bonferroni quantile
-    determines how many are reported, so that one outlier does not mask another (Rosner, Technometrics 25, 165, 1983).
+    The worst point is removed up to ``most`` times; the last one whose t exceeds its Bonferroni quantile determines how
+    many are reported, so that one outlier does not mask another (Rosner, Technometrics 25, 165, 1983).
 
     Parameters
     ----------
     fit
-        Fit of the points where a mask of shape (n,) is true.
+        Function that fits the points selected by a mask of shape (n,).
     points, most
         Number of points, and the largest number of outliers.
     """
@@ -224,40 +224,40 @@ def bad_points(fit: Callable[[BoolArray], LinearFit], points: int, most: int) ->
 
 
 def t_quantile(level: float, df: float) -> float:
-    """Half width, in standard uncertainties, of the two-sided interval of that level."""
+    """Return the half width, in standard uncertainties, of the two-sided interval with this coverage."""
     return float(stdtrit(df, 0.5 + level / 2.0))
 
 
 def t_tail(t: float, df: float) -> float:
-    """Two-sided probability that a larger t comes by chance."""
+    """Return the two-sided probability of a larger t by chance."""
     return float(2.0 * stdtr(df, -abs(t)))
 
 
 def f_tail(ratio: float, between: float, within: float) -> float:
-    """Probability of a larger ratio of variances by chance."""
+    """Return the probability of a larger ratio of variances by chance."""
     return float(fdtrc(between, within, ratio))
 
 
 def chance(p: float) -> str:
-    """How often something comes by chance, in words."""
+    """Return a probability by chance in words."""
     return "in less than 0.1 % of such tables" if p < 1e-3 else f"in {100.0 * p:.2g} % of such tables"
 
 
 def group_means(labels: Sequence[L], values: ArrayLike) -> dict[L, float]:
-    """Mean of the values of each label, in the order of first appearance."""
+    """Return the mean of the values of each label, in the order of first appearance."""
     number = ranks(labels)
     means = np.bincount(number, weights=np.asarray(values, float)) / np.bincount(number)
     return dict(zip(dict.fromkeys(labels), means.tolist(), strict=True))
 
 
 def ranks(labels: Sequence[Hashable]) -> IndexArray:
-    """Number of each label, from 0 on, in the order of first appearance."""
+    """Return the number of each label, counted from 0 in the order of first appearance."""
     seen: dict[Hashable, int] = {}
     return np.array([seen.setdefault(label, len(seen)) for label in labels], np.intp)
 
 
 def _told_apart(seen: Sequence[FloatArray], parts: Sequence[FloatArray]) -> bool:
-    """Whether of each covariance something is left beside X, and not the same of two."""
+    """Whether each covariance has a part that X does not represent, and no two of these parts are the same."""
     if any(np.abs(left).max() <= _EXACT * np.abs(part).max() for left, part in zip(seen, parts, strict=True)):
         return False
     units = [left / np.linalg.norm(left) for left in seen]
@@ -265,9 +265,9 @@ def _told_apart(seen: Sequence[FloatArray], parts: Sequence[FloatArray]) -> bool
 
 
 def _likeliest(x: FloatArray, y: FloatArray, parts: Sequence[FloatArray]) -> FloatArray:
-    """Variances of the parts by restricted maximum likelihood (Fisher scoring: Patterson and Thompson, 1971).
+    """Return the restricted maximum-likelihood variances of the parts (Fisher scoring: Patterson and Thompson, 1971).
 
-    A part that the data do not show ends at a share of the others that is next to nothing.
+    The variance of a part that the data do not show ends at a negligible fraction of the others.
     """
     variances = np.full(len(parts), max(float(np.var(y)), _TINY) / len(parts))
     for _ in range(_SCORINGS):
@@ -287,7 +287,7 @@ def _likeliest(x: FloatArray, y: FloatArray, parts: Sequence[FloatArray]) -> Flo
 
 
 def _plain(x: FloatArray, y: FloatArray, each: FloatArray) -> LinearFit:
-    """Fit without effects, from the variances of e: `_at` where its matrices are diagonal."""
+    """Fit without effects, from the variances of e; this is `_at` with diagonal matrices."""
     n, p = x.shape
     weighted = x / each[:, None]
     unscaled = np.asarray(np.linalg.inv(x.T @ weighted), float)
@@ -349,7 +349,7 @@ def _at(
 
 
 def _from_residuals(fit: LinearFit, x: FloatArray, each: FloatArray) -> LinearFit:
-    """The same fit with the covariance that its residuals show."""
+    """Return the same fit with a covariance estimated from its residuals."""
     weighted = x / each[:, None]
     rows = np.asarray(np.linalg.solve(x.T @ weighted, weighted.T), float)
     raised = 1.0 / np.maximum(1.0 - np.sum(x * rows.T, axis=1), _EXACT)
@@ -359,12 +359,12 @@ def _from_residuals(fit: LinearFit, x: FloatArray, each: FloatArray) -> LinearFi
 
 
 def _exact(squares: float, size: float, pulled: FloatArray) -> tuple[float, FloatArray]:
-    """Sum of squares and weighted residuals, 0 where they are the rounding of data of that size."""
+    """Return the sum of squares and weighted residuals, set to 0 if they are only rounding errors of the data."""
     return (squares, pulled) if squares > _EXACT**2 * size else (0.0, np.zeros_like(pulled))
 
 
 def _deletion_t(pulled: FloatArray, diagonal: FloatArray, squares: float, df: int) -> FloatArray:
-    """Each point's residual against the fit of the others, in its standard errors; 0 where these do not reach it."""
+    """Return each point's residual from the fit of the others in standard errors, or 0 if that is undetermined."""
     if squares == 0.0 or df < 2:
         return np.zeros(len(pulled))
     judged = diagonal > _EXACT * diagonal.max()

@@ -1,13 +1,13 @@
-"""Resins: files that say what a material's index and loss are, a small library of them, and what a design uses.
+"""Resins: files that state a material's index and loss, a small library of them, and the numbers for a design.
 
-The idea: a resin is data with a source. Its file is TOML with ``schema = 1``, a ``name``, a ``source``, and a table for
-each thing that is known of it: an ``[index]`` of one of the kinds of `solen.material.dispersion`, a ``[loss]``, a
-``[cure]``, a ``[stiffness]``, a ``[[formulation]]`` by weight and the ``[[sources]]`` that these were found from. A
-design names a resin of the library or a file; the index is evaluated at its emitter's wavelength, and whoever uses an
-index that was not measured says so.
+A resin is data with a source. Its file is TOML with ``schema = 1``, a ``name``, a ``source``, and a table for each
+known property: an ``[index]`` of one of the kinds of `solen.material.dispersion`, a ``[loss]``, a ``[cure]``, a
+``[stiffness]``, a ``[[formulation]]`` by weight and the measured files as ``[[sources]]``. A design names a resin of
+the library or a file; the index is evaluated at its emitter's wavelength, and an index that was not measured is
+reported with a warning.
 
-The interface: `load_resin`, `library`, `library_resin`; `dumps_resin` writes a file; `optical` gives the numbers of a
-design's material.
+The interface is `load_resin`, `library` and `library_resin`; `dumps_resin`, which writes a file; and `optical`, which
+returns the numbers of a design's material.
 """
 
 from dataclasses import dataclass, field
@@ -41,11 +41,11 @@ from solen.spec.strict import (
 RESIN_SCHEMA = 1
 RESIN_MIGRATIONS: Migrations = {}  # old version -> tables of that version into those of the next
 LOSS_APART_NM = 20.0
-"""How far a wavelength may be from that of a loss before it is warned of."""
+"""Largest difference from the wavelength of a loss without a warning."""
 MEASURED = ("index", "loss", "cure", "stiffness")
-"""Tables that are found by measurement, and may have warnings."""
+"""Tables from measurements, which may have warnings."""
 WHOLE, OFF_WHOLE = 100.0, 0.1
-"""Sum of the parts of a formulation, and how far the rounding of their percentages may move it."""
+"""Sum of the parts of a formulation, and its largest deviation from rounding of the percentages."""
 
 Interval = tuple[Number, Number]
 
@@ -58,7 +58,7 @@ class LossOf(Strict):
     orientation: Text = Field(description="the build orientation.")
     absorption_per_mm: NotNegative = Field(description="absorption of power per mm, base e.")
     u_absorption_per_mm: NotNegative | None = Field(None, description="Its standard uncertainty.")
-    interval95_per_mm: Interval | None = Field(None, description="Its 95 % interval.")
+    interval95_per_mm: Interval | None = Field(None, description="95 % interval of the absorption.")
 
 
 class Loss(Strict):
@@ -69,11 +69,11 @@ class Loss(Strict):
 
     absorption_per_mm: NotNegative = Field(0.0, description="Absorption of power per mm, base e.")
     u_absorption_per_mm: NotNegative | None = Field(None, description="Its standard uncertainty.")
-    interval95_per_mm: Interval | None = Field(None, description="Its 95 % interval.")
-    wavelength_nm: Positive | None = Field(None, description="Wavelength that it was measured at, in nm.")
-    orientation: str = Field("", description="Build orientation that it is for; empty for all.")
-    by_orientation: tuple[LossOf, ...] = Field((), description="Each orientation by itself.")
-    warnings: tuple[Text, ...] = Field((), description="What must be known of it, a sentence each.")
+    interval95_per_mm: Interval | None = Field(None, description="95 % interval of the absorption.")
+    wavelength_nm: Positive | None = Field(None, description="Wavelength of the measurement, in nm.")
+    orientation: str = Field("", description="Build orientation of the guides; empty for all.")
+    by_orientation: tuple[LossOf, ...] = Field((), description="Loss of each orientation separately.")
+    warnings: tuple[Text, ...] = Field((), description="Warnings about the loss, one sentence each.")
 
 
 class Cure(Strict):
@@ -89,7 +89,7 @@ class Cure(Strict):
     interval95_Ec_mJ_per_cm2: Interval | None = Field(None, description="95 % interval of Ec.")
     wavelength_nm: Positive | None = Field(None, description="Wavelength of the exposure in nm.")
     irradiance_mW_per_cm2: Positive | None = Field(None, description="Irradiance of the exposure in mW/cm².")
-    warnings: tuple[Text, ...] = Field((), description="What must be known of it, a sentence each.")
+    warnings: tuple[Text, ...] = Field((), description="Warnings about the working curve, one sentence each.")
 
     @model_validator(mode="after")
     def _covariance_is_sound(self) -> Self:
@@ -98,26 +98,26 @@ class Cure(Strict):
 
 
 class Stiffness(Strict):
-    """Young's modulus over a stated strain, and the model that the whole curve was fitted with."""
+    """Young's modulus over a stated strain range, and the hyperelastic model fitted to the whole curve."""
 
     table: ClassVar[str] = "stiffness"
     error: ClassVar[type[SolenError]] = DataError
 
     modulus_MPa: Positive = Field(description="modulus in MPa.")
     u_modulus_MPa: NotNegative | None = Field(None, description="Its standard uncertainty.")
-    interval95_MPa: Interval | None = Field(None, description="Its 95 % interval.")
-    strain_range: Interval | None = Field(None, description="Strains from and to which it holds.")
-    test: str = Field("", description="How it was loaded: compression, tension.")
+    interval95_MPa: Interval | None = Field(None, description="95 % interval of the modulus.")
+    strain_range: Interval | None = Field(None, description="Lowest and highest strain of the modulus.")
+    test: str = Field("", description="Mode of loading: compression, tension.")
     model: str = Field("", description="Hyperelastic model of the whole curve.")
     parameters: dict[str, Number] = Field(default_factory=dict, description="Parameters of the model, by name.")
     u_parameters: dict[str, NotNegative] = Field(default_factory=dict, description="Their standard uncertainties.")
-    warnings: tuple[Text, ...] = Field((), description="What must be known of it, a sentence each.")
+    warnings: tuple[Text, ...] = Field((), description="Warnings about the stiffness, one sentence each.")
 
     @model_validator(mode="before")
     @classmethod
     def _without_time(cls, data: Any) -> Any:
         if isinstance(data, dict) and "prony" in data:
-            limit = "a modulus that falls with time is not computed: a soft body follows every load at once"
+            limit = "relaxation of the modulus is not modelled: a soft body follows every load immediately"
             raise refused("prony", limit, remedy="leave it out")
         return data
 
@@ -128,37 +128,37 @@ class Part(Strict):
     error: ClassVar[type[SolenError]] = DataError
 
     component: Text = Field(description="the component's name.")
-    wt_percent: Positive = Field(description="its share of the whole mixture, in percent by weight.")
+    wt_percent: Positive = Field(description="fraction of the whole mixture, in percent by weight.")
 
 
 class Source(Strict):
-    """A file that something was found from."""
+    """A measured file from which a table was determined."""
 
     error: ClassVar[type[SolenError]] = DataError
 
-    of: Text = Field(description="the table that was found from it.")
+    of: Text = Field(description="table determined from the file.")
     file: str = Field("", description="Name of the file.")
     sha256: str = Field("", description="Checksum of its bytes.")
-    format: str = Field("", description="What it was read as.")
+    format: str = Field("", description="Format as which it was read.")
     instrument: str = Field("", description="As the file states it.")
     date: str = Field("", description="As the file states it.")
     simulated: bool = Field(False, description="Whether its numbers were computed rather than measured.")
 
 
 class Resin(Strict):
-    """A material: its index against wavelength, its loss, how it cures and gives, and where the numbers come from."""
+    """A material: index against wavelength, loss, working curve, stiffness, and the origin of these numbers."""
 
     error: ClassVar[type[SolenError]] = DataError
 
-    name: Text = Field(description="the resin's name, one line.")
+    name: Text = Field(description="name of the resin, one line.")
     source: str = Field("", description="Source of the numbers.")
     notes: str = Field("", description="Anything worth knowing.")
     index: Dispersion = Field(default_factory=Unknown, description="A table [index] with its kind.")
-    loss: Loss = Field(default_factory=Loss, description="What it takes from the light.")
+    loss: Loss = Field(default_factory=Loss, description="Loss of light in the resin.")
     cure: Cure | None = Field(None, description="How it cures.")
     stiffness: Stiffness | None = Field(None, description="How it gives.")
-    formulation: tuple[Part, ...] = Field((), description="What it is mixed of.")
-    sources: tuple[Source, ...] = Field((), description="The files that it was found from.")
+    formulation: tuple[Part, ...] = Field((), description="Components of the mixture.")
+    sources: tuple[Source, ...] = Field((), description="Files of the measurements.")
 
     @field_validator("index", mode="before")
     @classmethod
@@ -189,11 +189,11 @@ class Resin(Strict):
 
     @property
     def warnings(self) -> tuple[Caution, ...]:
-        """Warnings about its index, its loss, how it cures and how it gives."""
+        """Warnings about its index, loss, working curve and stiffness."""
         return self.cautions(*MEASURED)
 
     def cautions(self, *tables: str) -> tuple[Caution, ...]:
-        """Warnings about some of its tables: what was simulated, and what must be known of each."""
+        """Return warnings about some of its tables: simulated data, and the warnings stored with each."""
         simulated = [source.of for source in self.sources if source.simulated and source.of in tables]
         warnings = [of(name, look_at("from simulated data, not measured")) for name in dict.fromkeys(simulated)]
         stated = {name: table.warnings for name in tables if (table := getattr(self, name)) is not None}
@@ -201,11 +201,11 @@ class Resin(Strict):
 
 
 def _refuse_parts(parts: tuple[Part, ...]) -> None:
-    """Raise unless the parts of a formulation have each a name of its own and make a whole."""
+    """Raise unless the parts of a formulation have different names and add up to the whole."""
     names = [part.component for part in parts]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise refused("formulation", "each component may occur once", value=twice, remedy="add its shares up")
+        raise refused("formulation", "each component may occur once", value=twice, remedy="add up its fractions")
     total = sum(part.wt_percent for part in parts)
     if abs(total - WHOLE) > OFF_WHOLE:
         limit = f"must add up to {WHOLE:g} % by weight, to within {OFF_WHOLE:g}"
@@ -223,13 +223,13 @@ class Optical:
     absorption_per_mm
         Absorption of power per mm, base e.
     source
-        Where the numbers come from, in words.
+        Origin of the numbers, in words.
     dispersion
         Index by wavelength, for light with a spectrum; None if only a single number is known.
     u_absorption_per_mm
         Standard uncertainty of the absorption, None if unknown.
     warnings
-        Warnings about these numbers, a sentence each.
+        Warnings about these numbers, one sentence each.
     """
 
     index: float
@@ -242,12 +242,12 @@ class Optical:
 
     @reported
     def mode(self) -> str | None:
-        """How its index was determined; None if not stated."""
+        """How the index was determined; None if not stated."""
         return None if self.dispersion is None else self.dispersion.mode or None
 
 
 def load_resin(path: Path | str) -> Resin:
-    """Resin of a file.
+    """Read the resin of a file.
 
     Raises
     ------
@@ -258,7 +258,7 @@ def load_resin(path: Path | str) -> Resin:
 
 
 def dumps_resin(resin: Resin, comment: str = "") -> str:
-    """TOML text of a resin, defaults omitted; ``comment`` is its first line. `load_resin` gives the resin back."""
+    """Return a resin as TOML text that `load_resin` can read, without defaults; ``comment`` is its first line."""
     tables: Document = {"schema": RESIN_SCHEMA}
     for key in Resin.model_fields:
         value = getattr(resin, key)
@@ -278,19 +278,19 @@ def _library() -> Library[Resin]:
 
 
 def library() -> tuple[str, ...]:
-    """Names of the resins that solen ships, sorted."""
+    """Return the sorted names of the resins in the library."""
     return _library().names()
 
 
 def library_resin(name: str) -> Resin:
-    """Resin of the library; `DataError` with the nearest name where there is none of that name."""
+    """Return a resin of the library; `DataError` with the nearest name if there is none with this name."""
     return _library().shipped(name)
 
 
 def optical(design: Design) -> Optical:
-    """Index, uncertainty and absorption of a design's material at its emitter's wavelength.
+    """Return index, uncertainty and absorption of a design's material at its emitter's wavelength.
 
-    A stated absorption of the design overrules the resin's.
+    An absorption stated in the design overrides the resin's.
 
     Raises
     ------
@@ -321,30 +321,30 @@ def optical(design: Design) -> Optical:
 
 
 def _overruled(material: Material, resin: Resin) -> list[Caution]:
-    """Warning where a design's absorption of 0, perhaps left from an example, hides the loss of its resin."""
+    """Return a warning if a design's absorption of 0, perhaps left from an example, hides the loss of its resin."""
     if material.absorption_per_mm > 0.0 or not resin.loss.absorption_per_mm > 0.0:
         return []
     return [
         do_not_use(
-            f"material.absorption_per_mm = 0 overrules the loss of {resin.name}, {resin.loss.absorption_per_mm:.3g} "
-            "per mm: the sensor is traced without loss; remove that line to take the resin's"
+            f"material.absorption_per_mm = 0 overrides the loss of {resin.name}, {resin.loss.absorption_per_mm:.3g} "
+            "per mm: the sensor is traced without loss; remove that line to use the resin's loss"
         )
     ]
 
 
 def resin_of(name: str, path: Path | None) -> Resin:
-    """Resin of a file, or of the library by name."""
+    """Return the resin of a file, or of the library by name."""
     return library_resin(name) if path is None else load_resin(path)
 
 
 def loss_apart(loss: Loss, wavelength_nm: float) -> list[Caution]:
-    """Warning where a loss was measured more than `LOSS_APART_NM` from a wavelength."""
+    """Return a warning if a loss was measured more than `LOSS_APART_NM` from a wavelength."""
     if loss.wavelength_nm is None or abs(loss.wavelength_nm - wavelength_nm) <= LOSS_APART_NM:
         return []
     apart_nm = abs(loss.wavelength_nm - wavelength_nm)
     return [
         look_at(
-            f"loss: measured at {loss.wavelength_nm:g} nm, {apart_nm:g} nm from the emitter's {wavelength_nm:g} nm; "
-            "absorption changes with wavelength"
+            f"the loss was measured at {loss.wavelength_nm:g} nm, {apart_nm:g} nm from the emitter's "
+            f"{wavelength_nm:g} nm; absorption changes with wavelength"
         )
     ]

@@ -1,6 +1,7 @@
 """A resin from result files of other commands (`solen.material.result_files`).
 
-The interface: `gather` makes a `Resin` of files by `BuildOptions`; `lamp_fit` is the law with the spectrum of a lamp.
+The interface is `gather`, which builds a `Resin` from files and `BuildOptions`, and `lamp_fit`, which returns the law
+with the spectrum of a lamp.
 """
 
 from collections.abc import Mapping
@@ -29,20 +30,20 @@ _ONE_LAMP_NM = 15.0  # between an LED's name and its mean wavelength
 
 
 class BuildOptions(Selection):
-    """A resin to be built from results."""
+    """Options for building a resin from results."""
 
     name: str
-    """The resin's name."""
+    """Name of the resin."""
     formulation: str = ""
-    """Components with their shares of the whole by weight, "RA-139:75,lauryl acrylate:25"."""
+    """Components with their fractions of the whole by weight, "RA-139:75,lauryl acrylate:25"."""
     source: str = ""
-    """Where the numbers come from, in words."""
+    """Origin of the numbers, in words."""
     note: str = ""
-    """Anything worth knowing."""
+    """Further notes on the resin."""
 
 
 def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
-    """Resin of the results of commands.
+    """Build a resin from the results of commands.
 
     Parameters
     ----------
@@ -61,9 +62,9 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
             raise SpecError(f"--{name.replace('_', '-')}", value=value, limit=f"is of --{option}", remedy="add it")
     if not (results or options.formulation):
         remedy = f"add {', '.join(f'--{option}' for option in READERS if option != 'penetration')} or --formulation"
-        raise SpecError("solen resin build", limit="has nothing to write", remedy=remedy)
+        raise SpecError("solen resin build", limit="contains nothing to write", remedy=remedy)
     if "penetration" in results and "cure" not in results:
-        raise SpecError("--penetration", limit="is compared with a working curve", remedy="add --cure")
+        raise SpecError("--penetration", limit="requires a working curve for comparison", remedy="add --cure")
     tables: dict[str, Any] = {"name": options.name}
     tables |= {key: text for key, text in (("source", options.source), ("notes", options.note)) if text}
     sources: list[Source] = []
@@ -88,19 +89,19 @@ def gather(results: Mapping[str, Path], options: BuildOptions) -> Resin:
 
 
 def lamp_fit(path: Path, curve: WorkingCurve) -> InLamp:
-    """Law with the spectrum of a lamp, of the result of `solen resin penetration`, fitted to a curve's discs.
+    """Fit the law with a lamp's spectrum, from the result of `solen resin penetration`, to a curve's discs.
 
     Raises
     ------
     DataError
-        Where the file is not such a result, or names no lamp.
+        If the file is not such a result, or names no lamp.
     """
     text = read_text(path, DataError)
     with error_context(str(path)):
         liquid = result_of(text, "penetration")
     if not isinstance(liquid, PenetrationResult) or liquid.lamp_lines is None or liquid.Dp_um is None:
         remedy = "run solen resin penetration with --led-nm and --led-fwhm-nm, or --led"
-        raise DataError(str(path), limit="has no lamp, and the law with its spectrum needs one", remedy=remedy)
+        raise DataError(str(path), limit="has no lamp, which the law with its spectrum requires", remedy=remedy)
     stated_nm = curve.wavelength_nm if isinstance(curve, MeasuredCurve) else None
     if stated_nm is not None and liquid.lamp_nm is not None and abs(stated_nm - liquid.lamp_nm) > _ONE_LAMP_NM:
         limit = f"the lamp of {path.name} has a mean wavelength of {liquid.lamp_nm:.4g} nm"
@@ -109,7 +110,7 @@ def lamp_fit(path: Path, curve: WorkingCurve) -> InLamp:
 
 
 def _differences(readers: Mapping[str, Reader], tables: Mapping[str, Any]) -> dict[str, list[Caution]]:
-    """Remarks by table of the resin, where results by two ways differ."""
+    """Return remarks, by table of the resin, on results that differ from each other."""
     notes: dict[str, list[Caution]] = {}
     layer, other, liquid = (readers.get(option) for option in ("index", "refractometer", "penetration"))
     if isinstance(layer, IndexResult) and "loss" in tables:

@@ -1,11 +1,11 @@
-"""Result files of `solen resin`, read for what a resin keeps of each.
+"""Result files of `solen resin`, and the values that a resin stores from each.
 
-The idea: a result of `solen resin index`, `cutback`, `cure` or `stiffness` is a JSON file with everything in it, arrays
-and all. A resin keeps what a design uses, with its uncertainty, its mode and its warnings. A result is read strictly:
-what a resin needs must be there and be valid; the rest is ignored.
+A result of `solen resin index`, `cutback`, `cure` or `stiffness` is a JSON file with complete data, including arrays. A
+resin stores only the values that a design uses, with their uncertainty, mode and warnings. A result is read strictly:
+values that a resin needs must be present and valid; all others are ignored.
 
-The interface: `result_of` reads one of `READERS`; it gives the table of the resin, `as_table`, and the files that it
-was measured from, `found_from`.
+The interface is `result_of`, which reads one of `READERS`; `as_table` returns the table of the resin, and `found_from`
+the measured files.
 """
 
 import math
@@ -25,27 +25,27 @@ from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Te
 
 PER_MM_OF_DB_PER_CM = math.log(10.0) / 100.0
 SAME_LOSS = 1e-6
-"""How far a loss in dB/cm and the absorption beside it may be apart, relative and per mm."""
+"""Largest difference between a loss in dB/cm and the absorption stored with it, relative and per mm."""
 
 
 class Selection(Options):
-    """Parts of the results to take."""
+    """Parts of the results to use."""
 
     orientation: str = ""
-    """Take the loss of guides that were built in this orientation."""
+    """Use the loss of guides that were built in this orientation."""
     loss_wavelength_nm: Wavelength | None = None
-    """Wavelength that the loss was measured at."""
+    """Wavelength at which the loss was measured."""
     cure_wavelength_nm: Wavelength | None = None
-    """Wavelength of the exposure that the working curve is of."""
+    """Wavelength of the exposure for the working curve."""
     label: str = ""
-    """Take the stiffness of the material of this label."""
+    """Use the stiffness of the material with this label."""
 
 
 _EVERYTHING = Selection()
 
 
 class _Result(Strict):
-    """Result of a command; what a resin does not keep is ignored."""
+    """Result of a command; values that a resin does not store are ignored."""
 
     model_config = ConfigDict(extra="ignore")
     error: ClassVar[type[SolenError]] = DataError
@@ -62,15 +62,15 @@ class _Result(Strict):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Warnings about what a resin keeps."""
+        """Warnings about the values that a resin stores."""
         return tuple(text for text in self.warnings if not unranked(text).startswith(NOT_KEPT))
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Any:
-        """Table of the resin."""
+        """Return the table of the resin."""
         raise NotImplementedError  # each kind of file has its own
 
     def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:  # noqa: ARG002  a file of one index has no choice
-        """Files of the measurement."""
+        """Return the files of the measurement."""
         kept = Source.model_fields.keys() - {"of"}
         return tuple(
             Source(of=self.of, **{key: value for key, value in source.items() if key in kept and value is not None})
@@ -84,7 +84,7 @@ class IndexResult(_Result):
     kinds: ClassVar[tuple[str, ...]] = ("index", "refractometer")
     of: ClassVar[str] = "index"
 
-    mode: Text = Field(description="how the index was found.")
+    mode: Text = Field(description="how the index was determined.")
     wavelength_nm: tuple[Positive, ...] = ()
     n: tuple[Number | None, ...] = ()
     u_n: tuple[NotNegative | None, ...] = ()
@@ -102,7 +102,7 @@ class IndexResult(_Result):
         return self
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Dispersion:  # noqa: ARG002  a file of one index has no choice
-        """Index of the resin: the fitted formula, or else a table of measurements."""
+        """Return the index of the resin: the fitted formula, or else a table of measurements."""
         if self.fit is None:
             return self._tabulated()
         formula = self.fit.get("model", self.fit)
@@ -114,7 +114,7 @@ class IndexResult(_Result):
 
     @property
     def extinction(self) -> list[Row]:
-        """K with its uncertainty and upper bound along the wavelengths; empty of a refractometer."""
+        """Return k with its uncertainty and upper bound along the wavelengths; empty for a refractometer."""
         upper = [high for _, high in self.interval95_k]
         return list(zip(self.wavelength_nm, self.k, self.u_k, upper, strict=False))
 
@@ -122,7 +122,7 @@ class IndexResult(_Result):
         rows = zip(self.wavelength_nm, self.n, self.u_n, strict=True)
         known = sorted(((nm, n, u) for nm, n, u in rows if n is not None), key=lambda row: row[0])
         if len({nm for nm, _, _ in known}) < 2:
-            limit = "an index at 2 wavelengths at least is needed"
+            limit = "an index at 2 or more wavelengths is required"
             raise DataError("n", value=f"known at {len(known)}", limit=limit, remedy="see its reasons")
         wavelengths, indices, uncertainties = zip(*thinned(known), strict=True)
         u_n = tuple(u for u in uncertainties if u is not None)
@@ -160,7 +160,7 @@ class _Line(_Result):
         return self
 
     def numbers(self) -> tuple[dict[str, Any], list[Caution]]:
-        """Absorption of the resin with its uncertainty, interval and warnings.
+        """Return the absorption of the resin with its uncertainty, interval and warnings.
 
         A negative loss is impossible: if its interval includes 0, 0 is used with a warning.
         """
@@ -177,7 +177,7 @@ class _Line(_Result):
             limit, remedy = "a guide cannot amplify", "check the lengths and the readings"
             raise DataError("loss_dB_per_cm", value=self.loss_dB_per_cm, limit=limit, remedy=remedy)
         measured = f"measured {self.loss_dB_per_cm:.2g} dB/cm, which is not a loss"
-        possible = f"{measured}: 0 is taken, {interval[1]:.2g} per mm is possible"
+        possible = f"{measured}: 0 is used, {interval[1]:.2g} per mm is possible"
         return found | {"absorption_per_mm": 0.0}, [look_at(possible)]
 
 
@@ -190,7 +190,7 @@ class CutbackResult(_Line):
     by_orientation: tuple[_Line, ...] = ()
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Loss:
-        """Loss of the resin: of all guides, or of those of one orientation; measured at a wavelength, where stated."""
+        """Return the loss of the resin, for all guides or one orientation, with its wavelength if stated."""
         orientation, wavelength_nm = selection.orientation, selection.loss_wavelength_nm or self.wavelength_nm
         lines = {line.orientation: line for line in self.by_orientation}
         if orientation and orientation not in lines:
@@ -199,7 +199,7 @@ class CutbackResult(_Line):
         numbers, warnings = (lines[orientation] if orientation else self).numbers()
         kept = tuple(text for text in self.remarks if not (orientation and unranked(text).startswith(BY_ORIENTATION)))
         if wavelength_nm is None:
-            warnings.append(look_at("the wavelength that it was measured at is not stated"))
+            warnings.append(look_at("the wavelength of the measurement is not stated"))
         return Loss(
             **numbers,
             wavelength_nm=wavelength_nm,
@@ -218,14 +218,14 @@ class CureResult(_Result, Cure):
     of: ClassVar[str] = "cure"
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Cure:
-        """Working curve of the resin, of an exposure at a wavelength, where stated."""
+        """Return the working curve of the resin, with the wavelength of the exposure if stated."""
         stated = {name: getattr(self, name) for name in Cure.model_fields}
         wavelength_nm = selection.cure_wavelength_nm or self.wavelength_nm
         return Cure(**stated | {"wavelength_nm": wavelength_nm, "warnings": self.remarks})
 
 
 class PenetrationResult(_Result):
-    """Result of `solen resin penetration`, with which a working curve is compared."""
+    """Result of `solen resin penetration`, for comparison with a working curve."""
 
     kinds: ClassVar[tuple[str, ...]] = ("penetration",)
     of: ClassVar[str] = "penetration"
@@ -238,7 +238,7 @@ class PenetrationResult(_Result):
     lamp_lines: tuple[tuple[Positive, Positive], ...] | None = None
 
     def as_table(self, selection: Selection = _EVERYTHING) -> None:
-        """Nothing: a resin keeps the working curve's."""
+        """Return nothing: a resin stores only the working curve's values."""
 
 
 class _Model(_Result):
@@ -250,7 +250,7 @@ class _Model(_Result):
 
 
 class _Specimen(_Result):
-    """A specimen, as far as its file."""
+    """File of a specimen; its other values are ignored."""
 
     file: str = ""
 
@@ -277,7 +277,7 @@ class StiffnessResult(_Modulus):
     groups: tuple[_Modulus, ...] = ()
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Stiffness:
-        """Stiffness of the resin: of the one material, or of that of a label."""
+        """Return the stiffness of the resin: of the only material, or of the one with the label."""
         one = self._labelled(selection.label)
         return Stiffness(
             modulus_MPa=one.modulus_MPa,
@@ -292,7 +292,7 @@ class StiffnessResult(_Modulus):
         )
 
     def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:
-        """Files of the measurement; for several materials those of the labelled one."""
+        """Return the files of the measurement; for several materials, those of the labelled one."""
         files = {specimen.file for specimen in self._labelled(selection.label).specimens}
         return tuple(source for source in super().found_from() if not files or source.file in files)
 
@@ -301,8 +301,8 @@ class StiffnessResult(_Modulus):
         if not label and len(groups) == 1:
             return next(iter(groups.values()))
         if label not in groups:
-            limit = f"the result holds {', '.join(name or 'one without a label' for name in groups)}"
-            raise DataError("--label", value=label or None, limit=limit, remedy="name the material that the resin is")
+            limit = f"the result contains {', '.join(name or 'one without a label' for name in groups)}"
+            raise DataError("--label", value=label or None, limit=limit, remedy="name the material of the resin")
         return groups[label]
 
 
@@ -315,11 +315,11 @@ READERS: dict[str, type[Reader]] = {
     "refractometer": IndexResult,
     "penetration": PenetrationResult,
 }
-"""Results by the option of `solen resin build` that names their file."""
+"""Readers by the option of `solen resin build` that names the result file."""
 
 
 def result_of(text: str, option: str) -> Reader:
-    """Result of a command from the text of its file, of a kind that an option takes."""
+    """Return the result of a command from the text of its file, of the kind that an option requires."""
     data = parsed(text, "JSON", remedy="write it with --out")
     if not isinstance(data, dict) or not isinstance(data.get("kind"), str):
         remedy = f"write it with solen resin {option} --out"
@@ -327,6 +327,6 @@ def result_of(text: str, option: str) -> Reader:
     kind, reader = data.pop("kind"), READERS[option]
     if kind not in reader.kinds:
         right = next((other for other, reads in READERS.items() if kind in reads.kinds), None)
-        remedy = f"it is for --{right}" if right else ""
+        remedy = f"use it with --{right}" if right else ""
         raise DataError("kind", value=kind, limit=f"--{option} takes {' or '.join(reader.kinds)}", remedy=remedy)
     return reader(**data)

@@ -1,13 +1,15 @@
-"""Rows of a table that belong together: one resin, one wavelength, one specimen, and no column overlooked.
+"""Selection of the rows of a table that belong together: one resin, one wavelength, one specimen, and no unused column.
 
-The idea: a table of several resins, or of several wavelengths, pooled into one fit gives a number of none of them. A
-column that varies says that the rows differ; what an evaluation does not use is therefore refused by its name, unless
-the user takes the rows of one value of it or says that it does not matter. Remarks and dates are named in a warning.
+A fit to pooled rows of several resins, or of several wavelengths, gives a number that is valid for none of them. A
+column that varies means that the rows differ; a column that an evaluation does not use is therefore rejected by name,
+unless the user selects the rows with one of its values or states that it does not matter. Columns of remarks and dates
+are only named in a warning.
 
-Replicates side by side (``disc 1``, ``disc 2``) are one column in other clothes, and are made one.
+Replicates in parallel columns (``disc 1``, ``disc 2``) are converted to one column.
 
-The interface: `RowOptions` for the options of a command, `chosen_rows` for the rows they choose, `below_each_other` for
-replicates side by side, `refuse_unused` for what is left, `stated_once` for a column that says the same in all rows.
+The interface is `RowOptions` for the options of a command, `chosen_rows` for the selected rows, `below_each_other` for
+replicates in parallel columns, `refuse_unused` for the remaining columns, and `stated_once` for a column with the same
+value in all rows.
 """
 
 import re
@@ -24,12 +26,12 @@ from solen.spec.strict import Options
 from solen.units import factor
 
 REPEATS = ("replicate", "repeat", "wiederholung", "reading", "run")
-"""Columns that number readings of one thing: what averages them uses them."""
+"""Names of columns that number repeated readings, used when they are averaged."""
 _REMARKS = frozenset(
     {"note", "notes", "comment", "comments", "remark", "remarks", "kommentar", "bemerkung", "date", "datum"}
     | {"timestamp", "file", "datei", "picture", "image", "operator", "nr", "nr.", "no", "no.", "#", "row", "column 1"}
 )
-"""Columns beside a measurement that do not say what was measured."""
+"""Names of columns that do not describe what was measured."""
 _NUMBERED = re.compile(r"(.*?)[\s_#.-]*\(?(\d+)\)?")
 """A name with the number of a replicate: disc 1, thickness_2, depth (3)."""
 _SHOWN = 4
@@ -37,25 +39,25 @@ _SAME = 1e-6  # relative scatter of a ratio of two columns that state one thing 
 
 
 class RowOptions(Options):
-    """Which rows of a table belong together."""
+    """Options for selecting rows of a table that belong together."""
 
     map: tuple[str, ...] = ()
-    """Read a column under another name, as in stroke=displacement or reading=force_N; repeatable."""
+    """Read a column under another name, for example stroke=displacement or reading=force_N; repeatable."""
     where: tuple[str, ...] = ()
-    """Take the rows with one value of a column, as in material=RA-139; repeatable."""
+    """Use only the rows with one value of a column, for example material=RA-139; repeatable."""
     ignore: tuple[str, ...] = ()
-    """A column that varies and makes no difference; repeatable."""
+    """Name of a column that varies without effect on the result; repeatable."""
 
 
 def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
-    """The rows with the stated values in the stated columns.
+    """Return the rows with the stated values in the stated columns.
 
     Raises
     ------
     SpecError
         If a condition is malformed, or no row meets it.
     DataError
-        If the table has no such column, or has one of the new name.
+        If the table has no column with that name, or already has one with the new name.
     """
     for pair in options.map:
         recording = _renamed(recording, *_sides(pair, "--map", "stroke=displacement"))
@@ -79,19 +81,19 @@ def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
 
 
 def _sides(text: str, option: str, example: str) -> tuple[str, str]:
-    """Texts before and after the equals sign."""
+    """Return the texts before and after the equals sign."""
     name, equals, value = (part.strip() for part in text.partition("="))
     if not (name and equals and value):
-        raise SpecError(option, value=text, limit="is not a name and a value", remedy=f"write as in {example}")
+        raise SpecError(option, value=text, limit="is not a name and a value", remedy=f"write it like {example}")
     return name, value
 
 
 def _renamed(recording: Recording, name: str, wanted: str) -> Recording:
-    """Recording with a column renamed, in the unit of the new name if the file states none."""
+    """Return the recording with a column renamed, in the unit of the new name if the file states none."""
     optical = any(one.quantity in AXES.values() for one in recording.channels)
     column, head = _column(recording, name, "--map"), heading(wanted, optical=optical)
     if head.name != column and head.name in {*recording.names, *recording.texts}:
-        raise DataError(f"--map {name}={wanted}", limit=f"there is a column {head.name} already", remedy="map that too")
+        raise DataError(f"--map {name}={wanted}", limit=f"a column {head.name} already exists", remedy="map that too")
     texts = {head.name if key == column else key: cells for key, cells in recording.texts.items()}
     return replace(
         recording,
@@ -108,13 +110,13 @@ def _renamed(recording: Recording, name: str, wanted: str) -> Recording:
 def _as(channel: Channel, name: str, unit: str, *, optical: bool) -> Channel:
     if unit and channel.unit and factor(unit, channel.unit) != 1.0:
         limit = f"its header states {channel.unit}"
-        raise SpecError(f"--map {channel.name}", value=unit, limit=limit, remedy="leave out the unit")
+        raise SpecError(f"--map {channel.name}", value=unit, limit=limit, remedy="omit the unit")
     quantity = quantity_of(name, unit or channel.unit, optical=optical)
     return replace(channel, name=name, quantity=quantity, unit=channel.unit or unit)
 
 
 def below_each_other(recording: Recording, names: Sequence[str], labels: Sequence[str]) -> Recording:
-    """Recording in which replicates side by side are rows of one column, and a text that numbers them.
+    """Return a recording with replicate columns stacked as rows of one column, and a text column that numbers them.
 
     Parameters
     ----------
@@ -136,7 +138,7 @@ def below_each_other(recording: Recording, names: Sequence[str], labels: Sequenc
         raise DataError(
             f"column {alone[0]}",
             limit=f"occurs together with its replicates {', '.join(numbered)}: it may be their mean, not one of them",
-            remedy=f"delete it, or leave it out by --map {alone[0]}=summary --ignore summary",
+            remedy=f"delete it, or omit it with --map {alone[0]}=summary --ignore summary",
         )
     if len(columns) < 2 or any(recording.label(label) is not None for label in labels):
         return recording
@@ -159,19 +161,19 @@ def below_each_other(recording: Recording, names: Sequence[str], labels: Sequenc
 def refuse_unused(
     recording: Recording, options: RowOptions, used: Collection[str], *, labels_only: bool = False
 ) -> list[Caution]:
-    """Raise if an unused column varies; else return warnings about columns left out.
+    """Raise if an unused column varies; otherwise return warnings about unused columns.
 
     Parameters
     ----------
     used
         Names of the columns that the evaluation uses.
     labels_only
-        Whether numbers are in parallel columns, as traces are, so that only row labels could mix them up.
+        Whether numbers are in parallel columns, as traces are, so that only row labels could differ unnoticed.
 
     Raises
     ------
     DataError
-        With the name of the column and its values.
+        If an unused column varies; it states the name of the column and its values.
     """
     ignored = {_column(recording, name, "--ignore") for name in options.ignore}
     known = ignored | {plain(name) for name in used} | set(used)
@@ -186,7 +188,7 @@ def refuse_unused(
             f"{recording.provenance.file or 'table'}: column {left[0]}",
             value=_values(recording, left[0]),
             limit="differs from row to row and is not used: rows that differ must not be pooled",
-            remedy=f"take the rows of one value, --where {left[0]}={value}, or say that it makes no difference, "
+            remedy=f"select the rows with one value, --where {left[0]}={value}, or state that it has no effect, "
             f"--ignore {left[0]}",
         )
     remarks = [name for name in varying if plain(name) in _REMARKS]
@@ -194,7 +196,7 @@ def refuse_unused(
 
 
 def stated_once(recording: Recording, names: Sequence[str], unit: str) -> float | None:
-    """Number stated in a column for all rows, in a unit; None without one, or if it varies."""
+    """Return the number that a column states for all rows, in a unit; None if there is none, or it varies."""
     channel = recording.find(*names)
     if channel is None:
         return None
@@ -203,24 +205,24 @@ def stated_once(recording: Recording, names: Sequence[str], unit: str) -> float 
 
 
 def _column(recording: Recording, name: str, option: str) -> str:
-    """A column by the recording's name; `DataError` if there is none."""
+    """Return a column by the recording's name; `DataError` if there is none."""
     for column in (*recording.texts, *recording.names):
         if plain(column) == plain(name):
             return column
     if (channel := recording.find(name)) is not None:
         return channel.name
     every = ", ".join(dict.fromkeys((*recording.texts, *recording.names)))
-    raise DataError(f"{option} {name}", limit=f"no such column; there are {every}")
+    raise DataError(f"{option} {name}", limit=f"there is no such column; the columns are {every}")
 
 
 def _texts(recording: Recording, column: str) -> tuple[str, ...]:
-    """A column's cells as texts."""
+    """Return a column's cells as texts."""
     texts = recording.texts.get(column)
     return texts if texts is not None else tuple(f"{value:.9g}" for value in recording.channel(column).values)
 
 
 def _is(text: str, value: str) -> bool:
-    """Whether a cell holds a value, as a word or as a number."""
+    """Whether a cell contains a value, as a word or as a number."""
     try:
         return float(text.replace(",", ".")) == float(value.replace(",", "."))
     except ValueError:
@@ -233,7 +235,7 @@ def _values(recording: Recording, column: str) -> str:
 
 
 def _restates(recording: Recording, column: str, used: Collection[str]) -> bool:
-    """Whether a column of numbers is a used one in another unit."""
+    """Whether a column of numbers repeats a used one in another unit."""
     if column in recording.texts:
         return False
     others = [channel for channel in recording.channels if channel.name in used]

@@ -1,12 +1,11 @@
 """Datasheets of emitters, receivers, converters and trimmers as files, with a small library.
 
-The idea: every number of a part has a source. Its file is TOML with ``schema = 1``, a ``name``, a ``kind``,
-the ``document`` it comes from, and a table for every quantity: ``typical``, ``least`` and ``most``, their
-``basis`` (the part's own datasheet, a sibling's, the profile of a slicing program, a measurement
-or an estimate) and its
-``source``. Unknown values are left out.
+Every number of a part has a source. Its file is TOML with ``schema = 1``, a ``name``, a ``kind``, the ``document`` it
+comes from, and a table for every quantity: ``typical``, ``least`` and ``most``, their ``basis`` (the part's own
+datasheet, that of a similar part, the profile of a slicing program, a measurement or an estimate) and its ``source``.
+Unknown values are omitted.
 
-The interface: `load_part`, `library`, `library_part`, which return `EmitterPart`, `ReceiverPart`, `AdcPart` or
+The interface is `load_part`, `library` and `library_part`, which return `EmitterPart`, `ReceiverPart`, `AdcPart` or
 `TrimmerPart`.
 """
 
@@ -43,12 +42,12 @@ class Sourced(Strict):
 
     error: ClassVar[type[SolenError]] = DataError
 
-    basis: Basis = Field(description="what it rests on: datasheet, sibling, profile, measured or estimate.")
-    source: Text = Field(description="where it is found, or how it was estimated, one line.")
+    basis: Basis = Field(description="basis of the number: datasheet, sibling, profile, measured or estimate.")
+    source: Text = Field(description="source of the number, or method of the estimate, one line.")
 
 
 class Quantity(Sourced):
-    """A positive number with its spread, in the unit at the end of its key."""
+    """A positive number with its range, in the unit at the end of its key."""
 
     typical: Positive | None = Field(None, description="Typical value.")
     least: Positive | None = Field(None, description="Least value.")
@@ -65,13 +64,13 @@ class Quantity(Sourced):
 
     @property
     def usual(self) -> float:
-        """Typical value; if only limits are stated, their mean."""
+        """Typical value or, if only limits are stated, their mean."""
         stated = [value for value in (self.least, self.most) if value is not None]
         return self.typical if self.typical is not None else sum(stated) / len(stated)
 
 
 class PatternPart(Sourced):
-    """Rotationally symmetric relative radiant intensity by the angle from the axis, linearly interpolated."""
+    """Rotationally symmetric relative radiant intensity against the angle from the axis, linearly interpolated."""
 
     angle_deg: tuple[Angle, ...] = Field(description="angles from the axis in degrees, ascending from 0.")
     relative: tuple[NotNegative, ...] = Field(description="relative intensity at these angles.")
@@ -79,7 +78,7 @@ class PatternPart(Sourced):
     @model_validator(mode="after")
     def _ascends_from_0(self) -> Self:
         if len(self.angle_deg) != len(self.relative):
-            raise refused("relative", f"must be {len(self.angle_deg)}, as angle_deg", value=len(self.relative))
+            raise refused("relative", f"must be {len(self.angle_deg)}, the same as angle_deg", value=len(self.relative))
         bad = why_no_pattern(tuple(zip(self.angle_deg, self.relative, strict=True)))
         if bad:
             raise refused("", bad)
@@ -87,7 +86,7 @@ class PatternPart(Sourced):
 
 
 class SpectrumPart(Sourced):
-    """Relative sensitivity by wavelength, linearly interpolated; constant beyond the ends."""
+    """Relative sensitivity against wavelength, linearly interpolated; constant beyond the ends."""
 
     wavelength_nm: tuple[Positive, ...] = Field(description="wavelengths in nm, ascending.")
     relative: tuple[NotNegative, ...] = Field(description="relative sensitivity at these wavelengths.")
@@ -95,7 +94,7 @@ class SpectrumPart(Sourced):
     @model_validator(mode="after")
     def _ascends(self) -> Self:
         if len(self.wavelength_nm) != len(self.relative):
-            limit = f"must be {len(self.wavelength_nm)}, as wavelength_nm"
+            limit = f"must be {len(self.wavelength_nm)}, the same as wavelength_nm"
             raise refused("relative", limit, value=len(self.relative))
         if len(self.wavelength_nm) < 2 or any(low >= high for low, high in pairwise(self.wavelength_nm)):
             raise refused("wavelength_nm", "must be at least 2, ascending")
@@ -107,9 +106,9 @@ class SpectrumPart(Sourced):
 class AdcRange(Sourced):
     """One input range of a converter, with its input noise."""
 
-    low_v: Number = Field(description="lowest voltage that it reads, in V.")
-    high_v: Number = Field(description="highest voltage that it reads, in V.")
-    noise_uv: NotNegative = Field(description="standard deviation of its own noise, in µV.")
+    low_v: Number = Field(description="lowest voltage of the range, in V.")
+    high_v: Number = Field(description="highest voltage of the range, in V.")
+    noise_uv: NotNegative = Field(description="standard deviation of the converter's own noise, in µV.")
 
     @model_validator(mode="after")
     def _is_a_range(self) -> Self:
@@ -123,9 +122,9 @@ class Sheet(Strict):
 
     error: ClassVar[type[SolenError]] = DataError
 
-    name: Text = Field(description="the part's name, one line.")
-    maker: Text = Field(description="who makes it, one line.")
-    document: Text = Field(description="the document that the numbers are taken from, one line.")
+    name: Text = Field(description="name of the part, one line.")
+    maker: Text = Field(description="manufacturer, one line.")
+    document: Text = Field(description="document that contains the numbers, one line.")
     notes: str = Field("", description="Further remarks.")
 
     @property
@@ -142,7 +141,9 @@ class Sheet(Strict):
 class Datasheet(Sheet):
     """Keys that emitters and receivers may state."""
 
-    half_angle_deg: Quantity | None = Field(None, description="Angle from the axis of half intensity or sensitivity.")
+    half_angle_deg: Quantity | None = Field(
+        None, description="Angle from the axis at which intensity or sensitivity is half."
+    )
     package_width_mm: Quantity | None = Field(None, description="Longer side of the package.")
     package_height_mm: Quantity | None = Field(None, description="Shorter side of the package.")
     package_depth_mm: Quantity | None = Field(
@@ -151,11 +152,11 @@ class Datasheet(Sheet):
 
 
 class EmitterPart(Datasheet):
-    """A light source: pattern, spectrum and power, with their spread."""
+    """A light source: pattern, spectrum and power, with their ranges."""
 
     kind: Literal["emitter"] = Field(description="emitter.")
     peak_nm: Quantity = Field(description="a table with the wavelength of the peak.")
-    fwhm_nm: Quantity | None = Field(None, description="Full width of the spectrum at half its height.")
+    fwhm_nm: Quantity | None = Field(None, description="Full width of the spectrum at half maximum.")
     pattern: PatternPart = Field(description="a table with the relative intensity by angle.")
     width_mm: Quantity | None = Field(None, description="Width of the emitting chip.")
     height_mm: Quantity | None = Field(None, description="Height of the emitting chip.")
@@ -164,31 +165,33 @@ class EmitterPart(Datasheet):
     current_ma: Quantity | None = Field(None, description="Current at which power and intensity are stated, in mA.")
     rise_ns: Quantity | None = Field(None, description="Rise time in ns.")
     power_exponent: Quantity | None = Field(
-        None, description="Exponent of the radiant power as a power of the current; 1 if proportional."
+        None, description="Exponent of the dependence of radiant power on current; 1 if proportional."
     )
-    most_current_ma: Quantity | None = Field(None, description="Largest steady current allowed, in mA.")
-    fall_percent_per_k: Quantity | None = Field(None, description="Fall of the radiant power per K, in percent.")
+    most_current_ma: Quantity | None = Field(None, description="Largest continuous current allowed, in mA.")
+    fall_percent_per_k: Quantity | None = Field(None, description="Decrease of the radiant power per K, in percent.")
 
 
 class ReceiverPart(Datasheet):
-    """A light receiver: its sensitivity, its band and its limits."""
+    """A light receiver: its sensitivity, its spectral band and its limits."""
 
     kind: Literal["receiver"] = Field(description="receiver.")
     current_ua_per_mw_cm2: Quantity = Field(description="a table with the current in µA at 1 mW/cm².")
     sensitivity_nm: Quantity | None = Field(None, description="Wavelength of that irradiance.")
-    band_nm: Quantity | None = Field(None, description="Wavelength limits of half sensitivity.")
+    band_nm: Quantity | None = Field(None, description="Wavelengths of half sensitivity.")
     most_current_ma: Quantity | None = Field(None, description="Largest current allowed, in mA.")
-    supply_v: Quantity | None = Field(None, description="Voltage of the sensitivity, in V.")
+    supply_v: Quantity | None = Field(None, description="Voltage at which the sensitivity is stated, in V.")
     most_supply_v: Quantity | None = Field(None, description="Largest voltage allowed, in V.")
     spectrum: SpectrumPart | None = Field(None, description="A table with the relative sensitivity by wavelength.")
     saturation_v: Quantity | None = Field(None, description="Saturation voltage, in V.")
     knee_v: Quantity | None = Field(
-        None, description="Width of the knee above saturation in V: the shortfall of current decreases by the factor e."
+        None,
+        description="Width of the knee above saturation in V, over which the shortfall of "
+        "current decreases by the factor e.",
     )
     gain: Quantity | None = Field(None, description="Collector current per photocurrent: the transistor's gain.")
     dark_na: Quantity | None = Field(None, description="Dark current at 25 °C, in nA.")
     dark_doubling_k: Quantity | None = Field(None, description="Temperature rise that doubles the dark current, in K.")
-    rise_percent_per_k: Quantity | None = Field(None, description="Rise of the sensitivity per K, in percent.")
+    rise_percent_per_k: Quantity | None = Field(None, description="Increase of the sensitivity per K, in percent.")
     rise_us: Quantity | None = Field(None, description="Rise time with a small load, in µs.")
     rise_us_per_kohm: Quantity | None = Field(None, description="Rise time that each kΩ of load adds, in µs.")
 
@@ -199,16 +202,16 @@ class AdcPart(Sheet):
     kind: Literal["adc"] = Field(description="adc.")
     bits: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(description="resolution in bits.")
     range: Annotated[tuple[AdcRange, ...], Field(min_length=1)] = Field(description="a list of tables, [[range]].")
-    bandwidth_khz: Quantity | None = Field(None, description="Bandwidth of its input, in kHz.")
+    bandwidth_khz: Quantity | None = Field(None, description="Bandwidth of the input, in kHz.")
 
 
 class TrimmerPart(Sheet):
     """A trimmer resistor."""
 
     kind: Literal["trimmer"] = Field(description="trimmer.")
-    resistance_ohm: Quantity = Field(description="a table with its whole resistance in ohm.")
-    end_ohm: Quantity | None = Field(None, description="Residual resistance at its end, in ohm.")
-    turn_deg: Quantity | None = Field(None, description="Angle from one end to the other.")
+    resistance_ohm: Quantity = Field(description="a table with the total resistance in ohm.")
+    end_ohm: Quantity | None = Field(None, description="Residual resistance at the end, in ohm.")
+    turn_deg: Quantity | None = Field(None, description="Angle of rotation from one end to the other.")
     drift_ppm_per_k: Quantity | None = Field(
         None, description="Change of the resistance per K, in ppm, of either sign."
     )
@@ -225,7 +228,7 @@ KINDS: dict[str, type[EmitterPart] | type[ReceiverPart] | type[AdcPart] | type[T
 
 
 def load_part(path: Path | str) -> Part:
-    """Part of a file.
+    """Read the part of a file.
 
     Raises
     ------
@@ -236,13 +239,13 @@ def load_part(path: Path | str) -> Part:
 
 
 def library() -> tuple[str, ...]:
-    """Names of the parts that solen ships, sorted."""
+    """Return the sorted names of the parts in the library."""
     return _LIBRARY.names()
 
 
 @cache
 def library_part(name: str) -> Part:
-    """Part of the library; `DataError` with the nearest name where there is none of that name."""
+    """Return a part of the library; `DataError` with the nearest name if there is none with this name."""
     return _LIBRARY.shipped(name)
 
 

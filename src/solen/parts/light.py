@@ -1,7 +1,7 @@
 """Light of a design's emitter: from its own keys, or else from the named part.
 
-The idea: a design states the author's choices. Values from a datasheet or a file are looked up here, once, and
-are plain numbers from then on: `Light`.
+A design states the author's choices. Values from a datasheet or a file are looked up here, once, and are plain numbers
+from then on: `Light`.
 """
 
 import math
@@ -19,7 +19,7 @@ FWHM_OF_SIGMA = 2.0 * math.sqrt(2.0 * math.log(2.0))
 HERMITE = ((0.0, 0.533333333333333333), (1.355626179974266, 0.222075922005612), (2.856970013872806, 0.011257411327720))
 """Gauss–Hermite nodes in standard deviations, from the middle outwards, and their weights."""
 FAR_NM = 40.0
-"""Difference of wavelengths beyond which an emitter counts as a different one."""
+"""Difference of wavelengths above which an emitter counts as a different one."""
 CONES_DEG = {"fan": 120.0, "uniform": 180.0, "lambertian": 180.0, "table": 360.0}
 """Default full opening angles."""
 
@@ -33,19 +33,19 @@ class Light:
     Attributes
     ----------
     wavelength_nm
-        Wavelength of the lens and the index.
+        Wavelength at which the lens is designed and the index is evaluated.
     spectrum
         Wavelengths in nm with their weights; empty for a single wavelength.
     pattern, exponent, table
-        Kind of the pattern, m of cos^m, pairs of an angle in degrees and a relative intensity.
+        Kind of the pattern, m of cos^m, and pairs of an angle in degrees and a relative intensity.
     cone_deg
         Full opening angle.
     width_mm, height_mm
         Size of the chip across the axis and along y.
     ray_file
-        Path of a file of rays that replaces all of these but the wavelength.
+        Path of a file of rays that replaces all of these except the wavelength.
     source
-        Its source, in words.
+        Origin of these values, in words.
     warnings
         Warning if a stated wavelength contradicts the part.
     """
@@ -64,7 +64,7 @@ class Light:
 
 
 def light_of(design: Design) -> Light:
-    """Light of a design's emitter.
+    """Return the light of a design's emitter.
 
     Raises
     ------
@@ -93,17 +93,17 @@ def light_of(design: Design) -> Light:
 
 
 def _doubts(part: EmitterPart | None, wavelength_nm: float) -> tuple[str, ...]:
-    """Warning if the part does not emit this light."""
+    """Return a warning if the part does not emit this light."""
     if part is None or abs(part.peak_nm.usual - wavelength_nm) <= FAR_NM:
         return ()
     return (
-        f"emitter.part {part.name} emits at {part.peak_nm.usual:g} nm, and the light is traced at {wavelength_nm:g} "
-        "nm, which is stated: leave out emitter.wavelength_nm (and spectrum), or name the part that emits there",
+        f"emitter.part {part.name} emits at {part.peak_nm.usual:g} nm, but the light is traced at the stated "
+        f"{wavelength_nm:g} nm: omit emitter.wavelength_nm (and spectrum), or name a part that emits there",
     )
 
 
 def gaussian_lines(peak_nm: float, fwhm_nm: float) -> tuple[tuple[float, float], ...]:
-    """Five lines that stand for a Gaussian spectrum: exact for powers of the wavelength up to the 9th."""
+    """Return five lines that represent a Gaussian spectrum, exact for powers of the wavelength up to the 9th."""
     sigma = fwhm_nm / FWHM_OF_SIGMA
     sides = [(sign * step, weight) for step, weight in HERMITE for sign in ((-1.0, 1.0) if step else (1.0,))]
     return tuple((peak_nm + sigma * step, weight) for step, weight in sorted(sides))
@@ -121,14 +121,14 @@ def _part(design: Design) -> EmitterPart | None:
 
 
 def _middle(emitter: Emitter) -> float | None:
-    """Mean wavelength of a stated spectrum."""
+    """Return the mean wavelength of a stated spectrum."""
     if not emitter.spectrum:
         return None
     return sum(nm * weight for nm, weight in emitter.spectrum) / sum(weight for _, weight in emitter.spectrum)
 
 
 def _spectrum(emitter: Emitter, part: EmitterPart | None, peak_nm: float) -> tuple[tuple[float, float], ...]:
-    """Lines of a stated spectrum, or of a Gaussian of stated or the part's width."""
+    """Return the lines of a stated spectrum, or of a Gaussian one with the stated or the part's width."""
     if emitter.spectrum:
         return tuple(sorted(emitter.spectrum))
     fwhm_nm = emitter.fwhm_nm
@@ -138,7 +138,7 @@ def _spectrum(emitter: Emitter, part: EmitterPart | None, peak_nm: float) -> tup
 
 
 def _table(design: Design, part: EmitterPart | None) -> tuple[tuple[float, float], ...]:
-    """Pattern by angle: the design's table or file, or else the part's."""
+    """Return the pattern against angle: the design's table or file, or else the part's."""
     emitter = design.emitter
     path = design.file_of(emitter.pattern_file)
     if path is not None:
@@ -157,12 +157,12 @@ def _size(name: Literal["width_mm", "height_mm"], emitter: Emitter, part: Emitte
 
 
 def read_pattern(path: Path) -> tuple[tuple[float, float], ...]:
-    """Angles in degrees and relative intensities of a text file: two numbers in a line, ``#`` begins a comment.
+    """Return angles in degrees and relative intensities of a text file: two numbers per line, ``#`` begins a comment.
 
     Raises
     ------
     DataError
-        If the file cannot be read, naming the bad line, or the angles do not ascend from 0.
+        If the file cannot be read (the bad line is named), or the angles do not ascend from 0.
     """
     rows: list[tuple[float, float]] = []
     for number, line in enumerate(read_text(path, DataError).splitlines(), start=1):

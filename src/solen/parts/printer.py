@@ -1,12 +1,11 @@
 """Printers that project whole layers, as files, with a small library.
 
-The idea: slicing needs few properties of a printer: its pixels, build height and layer
-thickness limits; wavelength, mirroring of its pictures, lift of the plate and time between exposures
-are optional. Each number states its basis, as in datasheets of parts: `Printer.unconfirmed` names
-estimates.
+Slicing requires few properties of a printer: its pixels, build height and layer thickness limits; wavelength, mirroring
+of its images, lift of the plate and time between exposures are optional. Each number states its basis, as in datasheets
+of parts: `Printer.unconfirmed` names estimates.
 
-The interface: `load_printer` reads a TOML file with ``schema = 1``, `printers` lists the library, `library_printer`
-opens one of it; each gives a `Printer`. `printer_of` takes either, as a user types it.
+The interface is `load_printer`, which reads a TOML file with ``schema = 1``; `printers`, which lists the library; and
+`library_printer`, which reads a printer of the library. `printer_of` accepts a name or a file, as a user types it.
 """
 
 import math
@@ -23,7 +22,7 @@ from solen.spec.shipped import Library
 from solen.spec.strict import NotNegative, Positive
 
 MOST_PIXELS = 20_000
-"""Along one side."""
+"""Largest number of pixels along one side."""
 SURE = ("datasheet", "profile", "measured")
 
 Axis = Literal["none", "x", "y"]
@@ -38,26 +37,26 @@ class Pixels(Sourced):
 
 
 class Mirror(Sourced):
-    """Axis along which pictures must be flipped for the printer, as for a screen seen from below."""
+    """Axis along which images must be flipped for the printer, for example for a screen seen from below."""
 
     axis: Axis = Field(description="x, y or none.")
 
 
 class Lift(Sourced):
-    """Movements and rests of the plate between exposures, for the bottom layers and for all others."""
+    """Movements and pauses of the plate between exposures, for the bottom layers and for all others."""
 
     bottom_height_mm: NotNegative = Field(description="lift of the bottom layers in mm.")
-    height_mm: NotNegative = Field(description="lift of the others in mm.")
+    height_mm: NotNegative = Field(description="lift of the other layers in mm.")
     bottom_speed_mm_per_min: Positive = Field(description="speed of the lift of the bottom layers in mm/min.")
-    speed_mm_per_min: Positive = Field(description="the same of the others.")
+    speed_mm_per_min: Positive = Field(description="speed of the lift of the other layers in mm/min.")
     retract_mm_per_min: Positive = Field(description="speed of the retraction in mm/min.")
-    bottom_wait_before_s: NotNegative = Field(0.0, description="rest before an exposure of the bottom layers in s.")
-    wait_before_s: NotNegative = Field(0.0, description="the same of the others.")
-    bottom_wait_after_s: NotNegative = Field(0.0, description="rest after an exposure of the bottom layers in s.")
-    wait_after_s: NotNegative = Field(0.0, description="the same of the others.")
+    bottom_wait_before_s: NotNegative = Field(0.0, description="pause before an exposure of the bottom layers in s.")
+    wait_before_s: NotNegative = Field(0.0, description="pause before an exposure of the other layers in s.")
+    bottom_wait_after_s: NotNegative = Field(0.0, description="pause after an exposure of the bottom layers in s.")
+    wait_after_s: NotNegative = Field(0.0, description="pause after an exposure of the other layers in s.")
 
     def moves(self, *, bottom: bool) -> tuple[float, float, float, float]:
-        """Height in mm and speed in mm/min of a lift, rest before and after an exposure in s."""
+        """Return height in mm and speed in mm/min of a lift, and the pauses before and after an exposure in s."""
         if bottom:
             return (
                 self.bottom_height_mm,
@@ -68,7 +67,7 @@ class Lift(Sourced):
         return self.height_mm, self.speed_mm_per_min, self.wait_before_s, self.wait_after_s
 
     def pause_s(self, *, bottom: bool) -> float:
-        """Time between exposures: rests, and lift and return at full speed."""
+        """Return the time between exposures: pauses, and lift and return at full speed."""
         height, speed, before, after = self.moves(bottom=bottom)
         return before + after + 60.0 * height * (1.0 / speed + 1.0 / self.retract_mm_per_min)
 
@@ -77,22 +76,22 @@ class Printer(Sheet):
     """Properties of a printer needed for slicing."""
 
     pitch_um: Quantity = Field(description="a table with the side of a pixel on the plate in µm, along X.")
-    pitch_y_um: Quantity | None = Field(None, description="The same along Y, where pixels are not squares.")
-    pixels: Pixels = Field(description="a table with the pixels' columns and rows.")
-    build_height_mm: Quantity = Field(description="a table with the height that it builds, in mm.")
-    layer_um: Quantity | None = Field(None, description="The least and the most thickness of a layer in µm.")
-    wavelength_nm: Quantity | None = Field(None, description="Wavelength of its light in nm.")
+    pitch_y_um: Quantity | None = Field(None, description="Side of a pixel along Y in µm, if pixels are not square.")
+    pixels: Pixels = Field(description="a table with the numbers of columns and rows of pixels.")
+    build_height_mm: Quantity = Field(description="a table with the build height, in mm.")
+    layer_um: Quantity | None = Field(None, description="Lowest and highest thickness of a layer in µm.")
+    wavelength_nm: Quantity | None = Field(None, description="Wavelength of the lamp in nm.")
     irradiance_mw_per_cm2: Quantity | None = Field(None, description="Irradiance at the window in mW/cm².")
-    pause_s: Quantity | None = Field(None, description="Time between two exposures in s: parting, lift, settling.")
-    mirror: Mirror | None = Field(None, description="How its pictures are flipped.")
-    lift: Lift | None = Field(None, description="How its plate moves; a .goo file needs it.")
+    pause_s: Quantity | None = Field(None, description="Time between two exposures in s: separation, lift, settling.")
+    mirror: Mirror | None = Field(None, description="Axis along which images are flipped.")
+    lift: Lift | None = Field(None, description="Movements of the plate, needed for a .goo file.")
     layer_exposures: Sourced | None = Field(
-        None, description="Proof that the printer observes individual exposures of layers in its file."
+        None, description="Evidence that the printer uses the individual exposures of layers in its file."
     )
 
     @property
     def pitches_mm(self) -> tuple[float, float]:
-        """Sides of a pixel on the plate, along X and Y."""
+        """Sides of a pixel on the plate in mm, along X and Y."""
         across = self.pitch_um.usual / 1000.0
         return across, across if self.pitch_y_um is None else self.pitch_y_um.usual / 1000.0
 
@@ -108,18 +107,18 @@ class Printer(Sheet):
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
+        """Numbers of rows and columns."""
         return self.pixels.rows, self.pixels.columns
 
     @property
     def size_mm(self) -> tuple[float, float, float]:
-        """Build volume along X, Y and Z."""
+        """Build volume in mm along X, Y and Z."""
         (rows, columns), (x, y) = self.shape, self.pitches_mm
         return columns * x, rows * y, self.build_height_mm.usual
 
     @property
     def layers_um(self) -> tuple[float, float]:
-        """Thinnest and thickest layer; 0 and inf if unknown."""
+        """Thinnest and thickest layer in µm; 0 and inf if unknown."""
         stated = self.layer_um
         if stated is None:
             return 0.0, math.inf
@@ -128,7 +127,7 @@ class Printer(Sheet):
 
     @property
     def unconfirmed(self) -> tuple[str, ...]:
-        """Names of numbers that determine the layers but are estimates."""
+        """Names of numbers that determine the layers but are only estimates."""
         deciding: dict[str, Sourced] = {
             "pixel pitch": self.pitch_um,
             "pixel counts": self.pixels,
@@ -142,12 +141,12 @@ def _library() -> Library[Printer]:
 
 
 def printers() -> tuple[str, ...]:
-    """Names of the printers that solen and other packages ship, sorted."""
+    """Return the sorted names of the printers shipped with solen and other packages."""
     return _library().names()
 
 
 def library_printer(name: str) -> Printer:
-    """Printer of the library; `DataError` with the nearest name where there is none of that name."""
+    """Return a printer of the library; `DataError` with the nearest name if there is none with this name."""
     return _library().shipped(name)
 
 
@@ -163,13 +162,13 @@ def load_printer(path: Path | str) -> Printer:
 
 
 def printer_of(text: str) -> Printer:
-    """Printer of the library by name, or of a file if ``text`` ends in .toml or contains a slash."""
+    """Return the printer of a file if ``text`` ends in .toml or contains a slash, else that of the library by name."""
     is_file = text.endswith(".toml") or "/" in text or "\\" in text
     return load_printer(text) if is_file else library_printer(text)
 
 
 class PrinterSummary(Result):
-    """Properties of a printer needed for slicing: pixels, build volume, and which numbers are estimates.
+    """Properties of a printer needed for slicing: pixels, build volume, and the numbers that are estimates.
 
     ``pitch_um`` is a pixel's side along X, ``pitch_y_um`` along Y; the layers' limits are None if none are known.
     """
@@ -189,7 +188,7 @@ class PrinterSummary(Result):
 
     @classmethod
     def of(cls, text: str) -> "PrinterSummary":
-        """Summary of a printer of the library, or of a file."""
+        """Return the summary of a printer of the library, or of a file."""
         printer = printer_of(text)
         rows, columns = printer.shape
         x, y, z = (round(length, 9) for length in printer.size_mm)

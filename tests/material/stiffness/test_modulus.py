@@ -146,7 +146,7 @@ def test_specimens_that_agree_by_chance_are_not_better_than_each_of_them() -> No
 def test_toe_auto_trusts_the_machine(preload: str, displaced: bool, told: str) -> None:
     made = replace(straight(), preload=preload, from_displacement=displaced)
     assert told in evaluate(made, StiffnessOptions()).toe.note
-    assert evaluate(made, StiffnessOptions(toe="none")).toe.note == "no toe compensation, as asked"
+    assert evaluate(made, StiffnessOptions(toe="none")).toe.note == "no toe compensation, as requested"
 
 
 def test_warnings_carry_numbers() -> None:

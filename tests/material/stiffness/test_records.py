@@ -191,7 +191,7 @@ GAP = np.where(np.arange(81) == 40, np.nan, STRAIN)
             Dimensions(),
             "points = 4; at least 5 are needed",
         ),
-        ({"stress": ("MPa", -STRAIN), "strain": ("1", -4 * STRAIN)}, Dimensions(), "must stay above -1"),
+        ({"stress": ("MPa", -STRAIN), "strain": ("1", -4 * STRAIN)}, Dimensions(), "must remain above -1"),
     ],
 )
 def test_bad_records_are_refused_in_one_line(

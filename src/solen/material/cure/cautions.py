@@ -52,16 +52,16 @@ def _of_shape(curve: WorkingCurve) -> list[Caution]:
             return []
         return [
             look_at(
-                "no dose was repeated: the scatter of discs, and whether the points lie on a line, can be judged only from the "
-                "deviations from the line; cure three discs at each dose"
+                "no dose was repeated: the scatter of discs, and whether the points lie on a line, can be judged "
+                "only from the deviations from the line; cure three discs at each dose"
             )
         ]
     if lack.p >= SIGNIFICANCE:
         return []
     return [
         look_at(
-            f"the mean thicknesses deviate from the line by more than the scatter of their discs (F = {lack.F:.1f}, by chance "
-            f"{chance(lack.p)}): {_bend(curve)}; each dose counts as one point for the intervals"
+            f"the mean thicknesses deviate from the line by more than the scatter of their discs (F = {lack.F:.1f}, "
+            f"by chance {chance(lack.p)}): {_bend(curve)}; each dose counts as one point for the intervals"
         )
     ]
 

@@ -169,9 +169,7 @@ class WorkingCurve(Result, kw_only=True):
         return np.asarray(self.fit.parameters[0] + self.fit.parameters[1] * np.log(np.asarray(dose, float)))
 
     def half_width_um(self, dose: ArrayLike, *, of_one_disc: bool = False) -> FloatArray:
-        """Return the half width of the 95 % interval of the cure depth at a dose, for the curve or for one further
-        disc.
-        """
+        """Return the half width of the 95 % interval of the cure depth at a dose, for the curve or one further disc."""
         doses = np.atleast_1d(np.asarray(dose, float))
         halves = []
         for ln_dose, depth in zip(np.log(doses).tolist(), self.depth_um(doses).tolist(), strict=True):
@@ -370,9 +368,7 @@ def _likeliest(x: FloatArray, y: FloatArray, scatter: Scatter) -> tuple[LinearFi
 
 
 def _fit(discs: tuple[Disc, ...], scatter: Scatter) -> tuple[LinearFit, float]:
-    """Return the maximum-likelihood fit and its exponent of scatter, with intervals from the residuals if scatter is a
-    guess.
-    """
+    """Return the maximum-likelihood fit, with residual-based intervals if scatter is a guess, and its exponent."""
     x, y = _columns(discs)
     fit, exponent = _likeliest(x, y, scatter)
     if scatter != "auto" or fit.sigma == 0.0:

@@ -21,9 +21,7 @@ _ROUNDED_DOSE = 0.05  # how far a stated dose may be from time times irradiance
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Discs of a table: dose in mJ/cm², thickness in µm, first row of each disc, names of the columns used, and
-    warnings.
-    """
+    """Discs of a table: dose in mJ/cm², thickness in µm, first row of each disc, columns used, and warnings."""
 
     dose: FloatArray
     thickness_um: FloatArray

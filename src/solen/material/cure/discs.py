@@ -240,9 +240,7 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
 
 
 def curves_of_discs(recordings: Sequence[Recording], options: CureOptions = CureOptions()) -> MeasuredCurve:
-    """Return the curve of the first recording, as `curve_of_discs` does, with the curves of the others for
-    comparison.
-    """
+    """Return the curve of the first recording, as `curve_of_discs` does, with the others' curves for comparison."""
     first, *others = (curve_of_discs(recording, options) for recording in recordings)
     fields = [field.name for field in dataclasses.fields(CurveBeside) if field.name != "file"]
     beside = tuple(
@@ -278,8 +276,8 @@ def with_lamp(curve: MeasuredCurve, fit: InLamp) -> MeasuredCurve:
     if abs(off) > _APART and abs(off) * fit.liquid_Dp_um > 3.0 * fit.u_Dp_um:
         notes.append(
             look_at(
-                f"at the surface, Dp is {fit.Dp_um:.3g} µm from the discs and {fit.liquid_Dp_um:.3g} µm from the liquid's "
-                "absorbance"
+                f"at the surface, Dp is {fit.Dp_um:.3g} µm from the discs and {fit.liquid_Dp_um:.3g} µm from the "
+                "liquid's absorbance"
             )
         )
     return dataclasses.replace(curve, in_lamp=fit, in_lamp_exposure=exposure, warnings=(*curve.warnings, *notes))
@@ -322,9 +320,7 @@ def _exposure(curve: WorkingCurve, options: CureOptions) -> LayerExposure | None
 
 
 def _stack(Dp_um: float, options: CureOptions) -> StackDose | None:
-    """Return the dose inside a part of these layers; by default there are enough layers for a constant interior
-    dose.
-    """
+    """Return the dose inside a part of these layers, by default of enough layers for a constant interior dose."""
     if options.layer_um is None or options.exposure_s is None or options.irradiance_mW_per_cm2 is None:
         return None
     settled = stack_dose(Dp_um, options.layer_um, [1.0]).layers_to_99_percent

@@ -106,8 +106,7 @@ class Trend:
 
 @dataclass(frozen=True, eq=False)
 class AtWavelength:
-    """Optical properties of all layers at one wavelength, and their trends; arrays of shape (samples,), NaN if not
-    known.
+    """Optical properties of all layers at one wavelength, and their trends; arrays of shape (samples,), NaN if unknown.
 
     Attributes
     ----------
@@ -184,9 +183,7 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
 
 
 def trend(exposure_s: ArrayLike, values: ArrayLike) -> Trend | None:
-    """Return the trend of values against exposures, shape (n,), ignoring NaN; None if fewer than two exposures
-    remain.
-    """
+    """Return the trend of values against exposures, shape (n,), ignoring NaN; None with fewer than two exposures."""
     x, y = np.asarray(exposure_s, float), np.asarray(values, float)
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
@@ -219,9 +216,7 @@ def samples_of(recording: Recording) -> list[Sample]:
 
 
 def _time(recording: Recording) -> Channel | None:
-    """Return the column of exposures of a table with a row for each exposure and wavelength; None for any other
-    file.
-    """
+    """Return the column of exposures of a table with a row per exposure and wavelength; None for any other file."""
     times = [recording.find(name) for name in TIMES]
     return next((channel for channel in times if channel and factor(channel.unit or "1", "s")), None)
 
@@ -344,8 +339,8 @@ def _warnings(
         warnings.append(look_at(f"no trend of T with exposure is resolved at {', '.join(unclear)}"))
     warnings.append(
         note(
-            "a layer that was exposed longer may also be thicker, unless a gap fixed its thickness: measure the thickness of "
-            "each layer before attributing the trend to the resin"
+            "a layer that was exposed longer may also be thicker, unless a gap fixed its thickness: measure the "
+            "thickness of each layer before attributing the trend to the resin"
         )
     )
     if all(layer.reflectance is None for layer in layers):

@@ -2,10 +2,10 @@
 
 A layer is exposed from the window side, and light that it does not absorb enters the layers printed before it. With
 dose E per exposure, layer thickness h and penetration depth Dp, a point at s above the window side of a layer receives
-E e^(-s/Dp) from its own exposure, and from each later exposure less than from the one before by a factor q = e^(-h/Dp): in total E
-e^(-s/Dp) / (1 - q) deep inside, where later exposures contribute E / (e^(h/Dp) - 1) at the window side. The mean over
-the layer is E Dp/h, but only (E Dp/h) (1 - q) in a single layer, on which the index is measured. The last layers of a
-part receive less than those inside, and the dose has a gradient within each layer.
+E e^(-s/Dp) from its own exposure, and from each later exposure less by a factor q = e^(-h/Dp) than from the one before:
+in total E e^(-s/Dp) / (1 - q) deep inside, where later exposures contribute E / (e^(h/Dp) - 1) at the window side. The
+mean over the layer is E Dp/h, but only (E Dp/h) (1 - q) in a single layer, on which the index is measured. The last
+layers of a part receive less than those inside, and the dose has a gradient within each layer.
 
 Only light is counted: doses are summed regardless of rate and number of steps, cured resin is assumed to absorb like
 the liquid, later exposures to light the same place, and neither platform nor window to reflect light.

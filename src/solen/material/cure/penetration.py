@@ -156,9 +156,7 @@ class Penetration(Measured, kw_only=True):
 
     @reported
     def lamp_lines(self) -> tuple[tuple[float, float], ...] | None:
-        """Fraction of power of each line of the lamp, and its absorption over the mean at the surface; None without a
-        lamp.
-        """
+        """Power fraction of each line of the lamp, and its absorption over the mean at the surface; None if no lamp."""
         from solen.material.cure.spectral import lamp_lines
 
         return None if self.attenuation is None else lamp_lines(self.attenuation)
@@ -190,8 +188,8 @@ def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetra
     else:
         warnings += _lamp_warnings(decay, nm, absorbance, path_um)
     limits = note(
-        "this Dp is from the absorption of the liquid alone; a working curve's Dp also depends on which wavelengths start the "
-        "cure, and on changes as the resin sets"
+        "this Dp is from the absorption of the liquid alone; a working curve's Dp also depends on which wavelengths "
+        "start the cure, and on changes as the resin sets"
     )
     return Penetration(
         path_um=path_um,

@@ -56,8 +56,7 @@ def left(lines: Lines, depth: ArrayLike) -> FloatArray:
 
 
 def depth(lines: Lines, ln_excess: ArrayLike) -> FloatArray:
-    """Return the cure depth, in units of the penetration depth at the surface, for logarithms of dose over critical
-    dose.
+    """Return the cure depth, in units of the surface penetration depth, for logarithms of dose over critical dose.
 
     Newton's iteration acts on the logarithm of the remaining light, which is convex, so the iterates approach the root
     from one side.
@@ -112,9 +111,7 @@ class InLamp(Result, kw_only=True):
 
     @reported
     def lamp_lines(self) -> tuple[tuple[float, float], ...]:
-        """Lines of the lamp, as used by a process: fraction of the light, and absorption over the mean at the
-        surface.
-        """
+        """Lines of the lamp, used by a process: fraction of the light, and absorption over the mean at the surface."""
         return self.lines
 
     def depth_um(self, dose: ArrayLike) -> FloatArray:

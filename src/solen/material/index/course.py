@@ -25,9 +25,7 @@ _PER_KNOT, _MOST_KNOTS, _TERMS = 4, 18, 3
 
 
 def free_knots(fringes: float) -> int:
-    """Return the number of knots of a free index that the given number of fringes determines; 0 if there are too
-    few.
-    """
+    """Return the number of knots of a free index that the given number of fringes determines; 0 for too few."""
     return 0 if fringes < LEAST_FRINGES else int(min(fringes // _PER_KNOT, _MOST_KNOTS))
 
 

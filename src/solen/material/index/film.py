@@ -147,9 +147,7 @@ def _freed(
 
 
 def _free_best(model: FilmModel, p: FloatArray) -> tuple[FilmModel, FloatArray]:
-    """Return a free index from a solution of three terms; neighbouring orders are tried, following the phases in
-    each.
-    """
+    """Return a free index from a solution of three terms, trying neighbouring orders and following the phases."""
     free, moved = model.freed(p)
     tried = [free.solve(_phased(free, free.ordered(_phased(free, moved), by)), 15) for by in _FREE_ORDERS]
     best = []
@@ -177,9 +175,7 @@ def fit_levels(measured: Measured, level: float) -> Film:
 
 
 def _best_order(model: FilmModel, p: FloatArray) -> FloatArray:
-    """Return the solution that no neighbouring order improves; solutions one order apart differ very little in
-    dispersion.
-    """
+    """Return the solution that no neighbouring order improves; adjacent orders differ very little in dispersion."""
     p, cost = model.solve(p, 6)
     for _ in range(_MOST_ORDERS):
         beside = [model.solve(model.ordered(p, by), 4) for by in _ORDERS]

@@ -282,9 +282,7 @@ class FilmModel:
         return model, moved
 
     def phased(self, p: FloatArray) -> FloatArray:
-        """Return parameters whose phases match the measured fringes along the spectrum, followed from their strongest
-        part.
-        """
+        """Return parameters whose phases match the measured fringes, followed from their strongest part."""
         n, h = self.index(p)[0], self.thickness(p)
         width = max(5, round(2.0 * self.um.size / self.fringes))
         carrier = np.exp(-4j * np.pi * n * h / self.um)

@@ -274,8 +274,8 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[Ca
     if isinstance(model, Sellmeier):
         warnings += [
             look_at(
-                f"the resonance at {nm:.0f} nm is close to the points, which begin at {low:g} nm: use the fit only within "
-                "their range"
+                f"the resonance at {nm:.0f} nm is close to the points, which begin at {low:g} nm: use the fit only "
+                "within their range"
             )
             for nm in resonance_nm(model)
             if 0.85 * low < nm < low

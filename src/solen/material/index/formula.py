@@ -55,8 +55,7 @@ def formula_through(
 
 
 def smoothed_scatter(n: Estimate) -> FloatArray | None:
-    """Return the standard uncertainty from scatter, pooled over nearby points; NaN where n is masked, None without
-    scatter.
+    """Return the standard uncertainty from scatter, pooled over nearby points; NaN where n is masked, or None.
 
     The scatter of one point, from two or three repeats, is a bad weight: points that agree by chance would dominate a
     fit.

@@ -150,9 +150,7 @@ class TwoPoles(Form):
         self._square = um**2
 
     def start(self, um: FloatArray, n: FloatArray, weights: FloatArray) -> FloatArray:
-        """Return the better start with a second resonance in the ultraviolet or in the infrared, from a bounded
-        search.
-        """
+        """Return the better start, with a second resonance in the ultraviolet or infrared, from a bounded search."""
         from scipy.optimize import least_squares
 
         def off(z: FloatArray) -> FloatArray:

@@ -67,8 +67,7 @@ def find_fringes(
     optical_um: tuple[float, float],
     beside: FloatArray | None = None,
 ) -> list[Phase]:
-    """Return interpretations of a spectrum's fringes, the best first; none if noise or an absorption band explains
-    them.
+    """Return interpretations of a spectrum's fringes, the best first; none if noise or a band explains them.
 
     Parameters
     ----------

@@ -114,9 +114,7 @@ def led(peak_nm: float, fwhm_nm: float | None, source: str = "") -> Illuminant:
 
 
 def named_light(name: str) -> Illuminant:
-    """Return the light of an emitter of the library, of a part's .toml file, or of a file with wavelength and power
-    columns.
-    """
+    """Return the light of an emitter of the library, of a part's .toml file, or of a file with a spectrum."""
     if name in library() or not Path(name).suffix:
         return _light_of_part(library_part(name))
     if Path(name).suffix.lower() == ".toml":
@@ -174,9 +172,7 @@ def formula_in(model: Dispersion, light: Illuminant) -> Evaluated:
 
 
 def _inside(light: Illuminant, low_nm: float, high_nm: float, what: str) -> tuple[Illuminant, Evaluated]:
-    """Return the light within a range, and a result without an index, which has a reason if too much light is
-    outside.
-    """
+    """Return the light within a range, and a result without index that has a reason if too much light is outside."""
     inside = (light.wavelength_nm >= low_nm) & (light.wavelength_nm <= high_nm)
     outside = float(1.0 - light.share[inside].sum())
     if outside > MOST_OUTSIDE:
@@ -188,9 +184,7 @@ def _inside(light: Illuminant, low_nm: float, high_nm: float, what: str) -> tupl
 
 
 def _shares(nm: FloatArray, place: IndexArray, at: FloatArray, weight: FloatArray) -> tuple[FloatArray, float]:
-    """Return the weights of the known wavelengths in a linear interpolation, and the fraction of light next to a masked
-    value.
-    """
+    """Return the weights of the known wavelengths in an interpolation, and the fraction of light at masked ones."""
     share = np.zeros(nm.size)
     right = np.clip(np.searchsorted(nm, at, side="left"), 1 if nm.size > 1 else 0, nm.size - 1)
     left = np.maximum(right - 1, 0)

@@ -206,9 +206,9 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
     if by_levels:
         found = [
             look_at(
-                "fringes were detected, but no film with one slit width, one thickness variation and a smooth n explains them: "
-                "n is from the levels of the spectra, with the fringes as scatter in its uncertainty; measure a flatter "
-                "spot"
+                "fringes were detected, but no film with one slit width, one thickness variation and a smooth n "
+                "explains them: n is from the levels of the spectra, with the fringes as scatter in its "
+                "uncertainty; measure a flatter spot"
             )
         ]
     elif dispersion == "free":

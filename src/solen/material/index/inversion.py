@@ -3,8 +3,9 @@
 The formulas as printed subtract nearly equal numbers, in R_F = (B − S)/(2(2 − R)) at small R and in R − R_F if little
 light is transmitted. Both have forms without a difference. With c = R(2 − R),
 
-    S² = (1 − R)⁴ + T² (2 + 2c + T²),   R_F = 2R / (1 + c + T² + S), τ = 2T / ((1 − R_F)² + √((1 − R_F)⁴ + 4 R_F² T²)),
-    k = −λ ln τ / (4πh), n = (1 + R_F)/(1 − R_F) + √(4R_F/(1 − R_F)² − k²),
+    S² = (1 − R)⁴ + T² (2 + 2c + T²),   R_F = 2R / (1 + c + T² + S),
+    τ = 2T / ((1 − R_F)² + √((1 − R_F)⁴ + 4 R_F² T²)),   k = −λ ln τ / (4πh),
+    n = (1 + R_F)/(1 − R_F) + √(4R_F/(1 − R_F)² − k²),
 
 where all sums have positive terms. R + T > 1 is equivalent to τ > 1 and gives a negative k, which is returned as it is,
 to be judged by its uncertainty. n depends only on k² and remains meaningful there.

@@ -270,9 +270,7 @@ def _bare(recording: Recording, spectra: OpticalSpectra, options: IndexOptions) 
 
 
 def _routed(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
-    """Return the index by the requested route or, if none is requested, by the route that the measured spectra
-    allow.
-    """
+    """Return the index by the requested route or, by default, by the route that the measured spectra allow."""
     t, nm = _transmittance(spectra, options), spectra.wavelength_nm
     setup = options.setup(nm)
     mode = options.mode or _default_mode(spectra, options, t)
@@ -408,9 +406,9 @@ def _about_instrument(
         if (above := float(np.mean(t > 1.0))) >= _ABOVE:
             warnings.append(
                 look_at(
-                    f"T exceeds 1 at {above:.0%} of the wavelengths, up to {np.nanmax(t):.4f}: this is impossible for a "
-                    "free-standing layer, but possible for one measured against its bare substrate; if so, state "
-                    "--baseline substrate"
+                    f"T exceeds 1 at {above:.0%} of the wavelengths, up to {np.nanmax(t):.4f}: this is impossible "
+                    "for a free-standing layer, but possible for one measured against its bare substrate; if so, "
+                    "state --baseline substrate"
                 )
             )
     if options.thickness_um is not None and spectrum.mode not in {MODE, JOINT}:

@@ -158,9 +158,7 @@ def _beyond(excess: FloatArray, u_sum: Combined) -> BoolArray:
 
 
 def _by_chance(values: FloatArray) -> int:
-    """Return the number of points beyond three standard uncertainties that noise exceeds in one spectrum of a
-    thousand.
-    """
+    """Return the number of points beyond three uncertainties that noise exceeds in one spectrum of a thousand."""
     return int(np.ceil(pdtrik(0.999, max(int(np.isfinite(values).sum()), 1) * 0.5 * (1.0 - THREE_SIGMAS))))
 
 

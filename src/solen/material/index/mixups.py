@@ -58,9 +58,7 @@ def refuse_mixups(rows: Mapping[str, FloatArray], names: Mapping[str, tuple[str,
 
 
 def _index(r: FloatArray, t: FloatArray) -> float:
-    """Return the index in the middle of a spectrum, which is independent of thickness and wavelength; NaN if
-    undefined.
-    """
+    """Return the index in the middle of a spectrum, independent of thickness and wavelength; NaN if undefined."""
     n = invert(r, t, 25.0, 600.0).n
     return float(np.nanmedian(n)) if np.isfinite(n).any() else np.nan
 

@@ -35,9 +35,7 @@ _DRIFT = 3.0  # offsets above this many times what scatter leaves of them are mo
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """A part of an uncertainty: its signed contribution, its degrees of freedom, and whether all wavelengths share
-    it.
-    """
+    """A part of an uncertainty: signed contribution, degrees of freedom, and whether all wavelengths share it."""
 
     u: FloatArray
     freedom: float
@@ -76,9 +74,7 @@ class Reading:
     remarks: tuple[Caution, ...] = ()
 
     def shares(self, slope: FloatArray | float) -> list[Share]:
-        """Return the reading's contributions to a quantity that depends on it with this slope; NaN where none is
-        known.
-        """
+        """Return the contributions to a quantity that depends on the reading with this slope; NaN if unknown."""
         unknown = 1.0 if self.known else np.nan
         by_repeats, stated = self.u_common
         with np.errstate(invalid="ignore"):  # slopes may be endless where nothing comes through
@@ -203,9 +199,7 @@ def _of_neighbours(variance: FloatArray) -> FloatArray:
 
 
 def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float, tuple[Caution, ...]]:
-    """Return the mean, the scatter of one row about its own offset, the standard error of the mean offset, and
-    remarks.
-    """
+    """Return the mean, the scatter of a row about its offset, the standard error of the mean offset, and remarks."""
     count, points = rows.shape
     mean = rows.mean(axis=0)
     if points < _APART:

@@ -251,8 +251,7 @@ def refractometer_index(n: Sequence[float], options: RefractometerOptions) -> Re
 
 
 def prior_of(polymers: Sequence[str] = RESINS) -> Prior:
-    """Return the prior of a new material in some classes of polymers: mean and standard deviation of 1/V in the
-    literature.
+    """Return the prior of a new material in some polymer classes: mean and standard deviation of 1/V in the literature.
 
     The standard deviation is predictive, √(1 + 1/N) times the scatter of N polymers. The bend is from all polymers,
     because it does not depend on the class.
@@ -372,9 +371,7 @@ def _values(n: ArrayLike, u_n: ArrayLike, wavelength_nm: ArrayLike, u_warm: floa
 
 
 def _fitted(values: _Values, prior: Prior, at: float) -> tuple[FloatArray, FloatArray]:
-    """Return n at a wavelength, V and s of maximum posterior probability, and their covariance, by Gauss-Newton
-    steps.
-    """
+    """Return n at a wavelength, V and s of maximum posterior probability, and their covariance (Gauss-Newton)."""
     power, u_power = prior.power
     known, expected = np.array([0.0, u_power**-2, prior.u_bend**-2]), np.array([0.0, power, prior.bend])
     weight = np.linalg.inv(values.covariance)

@@ -29,8 +29,8 @@ def too_bright(result: FloatArray, k: Combined) -> list[Caution]:
         return []
     return [
         do_not_use(
-            f"the mean over all wavelengths is k = {mean:.1e} ± {u:.1e}, below 0: no layer emits light, so a 100 % reading, "
-            "a baseline or the substrate's index is wrong, and so is n"
+            f"the mean over all wavelengths is k = {mean:.1e} ± {u:.1e}, below 0: no layer emits light, so a 100 % "
+            "reading, a baseline or the substrate's index is wrong, and so is n"
         )
     ]
 
@@ -74,9 +74,7 @@ def _options(names: Sequence[str]) -> str:
 
 
 def about_substrate(inverse: Inverse, n: Estimate, read: Mapping[str, Reading], setup: Setup) -> list[Caution]:
-    """Return warnings about the effect on n of errors of readings and substrate, mid-spectrum, and about missing
-    inputs.
-    """
+    """Return warnings about the effect on n of errors of readings and substrate, and about missing inputs."""
     warnings, at = [], np.flatnonzero(n.known)
     i = at[at.size // 2] if at.size else None
     if i is not None:

@@ -41,8 +41,8 @@ from solen.material.index.substrate import extinction, invert_lossless, invert_o
 from solen.ranks import do_not_use, look_at
 
 AS_PUBLISHED = do_not_use(
-    "as published, not valid as a measurement: R = 1 − T − A with A = −log10 T makes R a function of T alone, so this n "
-    "contains no information on the reflectance; a clear layer of n = 1.50 evaluated in this way gives 1.351"
+    "as published, not valid as a measurement: R = 1 − T − A with A = −log10 T makes R a function of T alone, so "
+    "this n contains no information on the reflectance; a clear layer of n = 1.50 evaluated in this way gives 1.351"
 )
 BASES = {"log10": float(np.log(10.0)), "ln": 1.0}
 """Natural logarithm of the base of each kind of absorbance."""
@@ -340,9 +340,7 @@ def _k_bounds(
 
 
 def _indistinct(inverse: Inverse, n: Combined) -> BoolArray:
-    """Return where the minimum of R, or the maximum of T, between the two indices is within three uncertainties of
-    n.
-    """
+    """Return where the extremum of R or T between the two indices is within three uncertainties of n."""
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(inverse.n - inverse.other_n) < 2.0 * n.bound(THREE_SIGMAS))
 

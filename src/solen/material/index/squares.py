@@ -102,9 +102,7 @@ def solved(form: Form, points: Points) -> Solved:
 
 
 def _stepped(form: Form, inner: FloatArray, points: Points) -> FloatArray | None:
-    """Return parameters with a smaller sum of squares, after a full or shortened Gauss-Newton step; None if there are
-    none.
-    """
+    """Return parameters with a smaller sum of squares, after a full or shortened Gauss-Newton step, or None."""
     weights = points.weights
     value, slope = form.value(inner)
     wanted = weights * (points.n - value)
@@ -122,9 +120,7 @@ def _stepped(form: Form, inner: FloatArray, points: Points) -> FloatArray | None
 
 
 def _with_covariance(form: Form, inner: FloatArray, slope: FloatArray, residuals: FloatArray, points: Points) -> Solved:
-    """Return the covariance of the inner parameters: the independent part, widened if necessary, plus the shared
-    part.
-    """
+    """Return the covariance of the inner parameters: independent part, widened if necessary, plus shared part."""
     weights = points.weights
     q, r = np.linalg.qr(weights[:, None] * slope)
     scale = np.abs(np.diag(r))

@@ -43,9 +43,7 @@ class Powers(NamedTuple):
 
 
 def interface_reflectance(n1: ArrayLike, k1: ArrayLike, n2: ArrayLike, k2: ArrayLike) -> Numbers:
-    """Return the reflectance of one interface at normal incidence (Fresnel, complex indices), the same from both
-    sides.
-    """
+    """Return the Fresnel reflectance of one interface at normal incidence, the same from both sides."""
     n1, k1, n2, k2 = (np.asarray(value) for value in (n1, k1, n2, k2))
     absorbing = (k1 - k2) ** 2
     return np.asarray(((n1 - n2) ** 2 + absorbing) / ((n1 + n2) ** 2 + (k1 + k2) ** 2))
@@ -74,8 +72,7 @@ def joined(left: Powers, right: Powers) -> Powers:
 def incoherent(
     n: Sequence[ArrayLike], k: Sequence[ArrayLike], thickness_um: Sequence[ArrayLike], wavelength_nm: ArrayLike
 ) -> Powers:
-    """Return reflectances and transmittance of plane layers in air, in the order in which light from the front meets
-    them.
+    """Return reflectances and transmittance of plane layers in air, listed in the order of light from the front.
 
     Parameters
     ----------
@@ -91,8 +88,8 @@ def incoherent(
 
     Notes
     -----
-    The power form of the matrix method for incoherent layers (C. C. Katsidis and D. I. Siapkas, Appl. Opt. 41, 3978, 2002),
-    in which an interface transmits 1 − R. For k > 0 the exact fraction differs by (k/n)², 1e-9 at k = 5e-5.
+    The power form of the matrix method for incoherent layers (C. C. Katsidis and D. I. Siapkas, Appl. Opt. 41, 3978,
+    2002), in which an interface transmits 1 − R. For k > 0 the exact fraction differs by (k/n)², 1e-9 at k = 5e-5.
     """
     indices, losses = (1.0, *n, 1.0), (0.0, *k, 0.0)
     share = [interface_reflectance(*sides) for sides in zip(indices, losses, indices[1:], losses[1:], strict=False)]
@@ -203,9 +200,7 @@ Layer = tuple[ArrayLike, ArrayLike, ArrayLike]  # n, k, thickness in µm
 
 
 def readings(layer: Layer, sheet: Layer, wavelength_nm: ArrayLike, setup: Setup) -> Readings:
-    """Return R and T on a substrate, with layer and sheet as n, k and thickness in µm, which may be complex (complex
-    step).
-    """
+    """Return R and T on a substrate; n, k and thickness in µm of layer and sheet may be complex (complex step)."""
     first, second = (layer, sheet) if setup.side == "layer" else (sheet, layer)
     n, k, thickness_um = zip(first, second, strict=True)
     whole = incoherent(n, k, thickness_um, wavelength_nm)

@@ -55,9 +55,7 @@ class _Case:
         return readings((n, k, self.thickness_um), sheet, self.wavelength_nm, self.setup)
 
     def by(self, n: ArrayLike, k: ArrayLike, what: str) -> Readings:
-        """Return the derivative of the readings with respect to one argument of the model, by the complex-step
-        method.
-        """
+        """Return the complex-step derivative of the readings with respect to one argument of the model."""
         step = 1j * _STEP
         with np.errstate(all="ignore"):  # NaN stays NaN
             if what == "n":
@@ -152,8 +150,7 @@ def most_transmitted(wavelength_nm: ArrayLike, setup: Setup) -> FloatArray:
 def extinction(
     transmittance: ArrayLike, n: ArrayLike, wavelength_nm: ArrayLike, thickness_um: float, setup: Setup
 ) -> Inverse:
-    """Return the extinction of a layer on a substrate from T and an index known from elsewhere, such as a
-    refractometer.
+    """Return the extinction of a layer on a substrate from T and an index known, for example, from a refractometer.
 
     Parameters
     ----------
@@ -195,9 +192,7 @@ def _case(wavelength: FloatArray, thickness_um: float, setup: Setup) -> _Case:
 
 
 def _in_blocks(solve: Callable[..., tuple[FloatArray, ...]], case: _Case, *read: FloatArray) -> tuple[FloatArray, ...]:
-    """Return the results of a function of a case and its readings, in blocks of wavelengths that limit the grid's
-    memory.
-    """
+    """Return the results of a function of a case and its readings, in blocks of wavelengths to limit memory."""
     parts = []
     for start in range(0, max(case.wavelength_nm.size, 1), _BLOCK):
         block = slice(start, start + _BLOCK)
@@ -207,9 +202,7 @@ def _in_blocks(solve: Callable[..., tuple[FloatArray, ...]], case: _Case, *read:
 
 
 def _starts(off: FloatArray, near: float) -> tuple[FloatArray, FloatArray]:
-    """Return the zeros of a function (grid, wavelengths) nearest and second nearest to an index; NaN if there is
-    none.
-    """
+    """Return the zeros of a function (grid, wavelengths) nearest and second nearest to an index; NaN if none."""
     with np.errstate(all="ignore"):
         crossed = np.signbit(off[:-1]) != np.signbit(off[1:])
         roots = _GRID[:-1] + (_GRID[1:] - _GRID[:-1]) * off[:-1] / (off[:-1] - off[1:])

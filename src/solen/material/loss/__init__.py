@@ -1,6 +1,6 @@
-"""Loss of a guide by cut-back, and the loss that a thin layer could resolve.
+"""Loss of a guide by cut-back, and the smallest loss that a thin layer could show.
 
-`readings` finds the columns of a table, `levels` converts readings to dB, `cutback` fits the loss.
+`readings` selects the columns of a table, `levels` converts readings to dB, and `cutback` fits the loss.
 """
 
 from solen.material.loss.cutback import GuideLoss, Line, cut_back

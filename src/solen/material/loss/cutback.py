@@ -1,12 +1,12 @@
 """Loss of a guide by cut-back: the slope of level against length, with its interval.
 
-The idea: light loses the same share in every centimetre, so the received level in dB falls along a straight line with
-length. Its slope is the loss; its start, at length zero, is what the ends and the coupling leave, so neither has to be
-known. A reading repeated on one guide repeats that guide's coupling and flaws: what the interval counts is pieces, a
-guide at a length. Outliers are set aside by a stated rule and named, with the result that includes them. Loss is per
-length of guide: slanted rays run further, walls scatter, and both are in it.
+Light loses the same fraction in every centimetre, so the received level in dB falls along a straight line with length.
+Its slope is the loss; its value at length zero contains the effect of the ends and the coupling, so neither has to be
+known. A repeated reading of one guide has the same coupling and flaws: the interval therefore counts pieces, a piece
+being a guide at a length. Outliers are set aside by a stated rule and named, with the result that includes them. The
+loss is per length of guide: the longer paths of slanted rays and scattering at the walls are included.
 
-The interface: `cut_back` gives a `GuideLoss`.
+The interface is `cut_back`, which returns a `GuideLoss`.
 """
 
 from collections.abc import Sequence
@@ -25,27 +25,27 @@ from solen.recording import Measured
 from solen.results import HIDDEN, Result, reported
 
 MOST_OUTLIERS = 0.2
-"""Share of the pieces, at least one piece, that may be set aside."""
+"""Fraction of the pieces that may be set aside; one piece always may be."""
 LARGEST_NUMBER = 10
-"""And their number."""
+"""Largest number of pieces that may be set aside."""
 SIGNIFICANCE = 0.05
-"""Chance below which a difference or a bend is reported as one."""
+"""Probability below which a difference or a curvature is reported."""
 LAYER_UM, U_T = 25.0, 1e-3
-"""The layer of the paper, and how well a good spectrophotometer knows its transmittance."""
+"""Thickness of the paper's layer, and uncertainty of the transmittance of a good spectrophotometer."""
 
 
 @dataclass(frozen=True)
 class Outlier:
-    """A piece that does not belong to the rest.
+    """A piece that does not fit the others.
 
     Attributes
     ----------
     piece
         The guide at a length.
     deviation_dB
-        By how much it is above the line of the others.
+        Deviation from the line of the others, positive above it.
     t
-        The same in its standard errors.
+        Deviation in units of its standard error.
     """
 
     piece: Piece
@@ -61,15 +61,15 @@ class Line(Result, kw_only=True):
     orientation
         Build orientation of its guides; empty for all.
     loss_dB_per_cm, u_loss_dB_per_cm, interval95_loss_dB_per_cm
-        Slope, positive where light is lost.
+        Loss, which is minus the slope, with its standard uncertainty and 95 % interval.
     start_dB, u_start_dB, interval95_start_dB
-        Level at length zero.
+        Level at length zero, with its standard uncertainty and 95 % interval.
     covariance
         Covariance of start and slope.
     degrees_of_freedom, start_degrees_of_freedom
         Degrees of freedom of the intervals of slope and start.
     guides, pieces, lengths
-        Number of each.
+        Number of guides, pieces and different lengths.
     launched_dB
         Level of the launched power; None if unknown.
     """
@@ -96,7 +96,7 @@ class Line(Result, kw_only=True):
 
     @reported
     def u_absorption_per_mm(self) -> float | None:
-        """Its standard uncertainty; None if the loss is not positive."""
+        """Standard uncertainty of the absorption; None if the loss is not positive."""
         return absorption_per_mm(self.u_loss_dB_per_cm) if self.loss_dB_per_cm > 0.0 else None
 
     @reported
@@ -112,21 +112,21 @@ class Line(Result, kw_only=True):
 
     @reported
     def u_coupling_loss_dB(self) -> float | None:
-        """Its standard uncertainty."""
+        """Standard uncertainty of the coupling loss."""
         return None if self.launched_dB is None else self.u_start_dB
 
     @reported
     def interval95_coupling_loss_dB(self) -> tuple[float, float] | None:
-        """Its 95 % interval."""
+        """95 % interval of the coupling loss."""
         low, high = self.interval95_start_dB
         return None if self.launched_dB is None else (self.launched_dB - high, self.launched_dB - low)
 
     def level_dB(self, length_mm: ArrayLike) -> FloatArray:
-        """Level at a length."""
+        """Return the level at a length."""
         return self.start_dB - self.loss_dB_per_cm * np.asarray(length_mm, float) / MM_PER_CM
 
     def half_width_dB(self, length_mm: ArrayLike) -> FloatArray:
-        """Half width of the line's 95 % interval at a length."""
+        """Return the half width of the line's 95 % interval at a length."""
         cm = np.asarray(length_mm, float) / MM_PER_CM
         squares = self.u_start_dB**2 - 2.0 * cm * self.covariance + (cm * self.u_loss_dB_per_cm) ** 2
         df = min(self.degrees_of_freedom, self.start_degrees_of_freedom)
@@ -134,22 +134,23 @@ class Line(Result, kw_only=True):
 
 
 class GuideLoss(Line, Measured, kw_only=True):
-    """Loss of guides: the line of all of them, with one slope and, for each orientation, a start of its own.
+    """Loss of guides: a common line with one slope and a separate start for each orientation.
 
     Attributes
     ----------
     start_dB
         Mean of the starts of the orientations.
     by_orientation
-        Line of each orientation that has a slope; empty if none is stated, or pieces are too few.
+        Line of each orientation that has a slope; empty if none is stated, or there are too few pieces.
     p_orientation
-        How likely slopes this different are where orientation does not matter; None with fewer than two.
+        Probability of slopes this different if orientation has no effect; None with fewer than two.
     p_curved, curvature_dB_per_cm2
-        The same for a bend of the line, and its second derivative; None if there are too few lengths or pieces.
+        Probability of such a curvature by chance, and the second derivative; None if there are too few lengths or
+        pieces.
     points
-        All pieces, outliers too.
+        All pieces, including outliers.
     outliers, with_outliers
-        Pieces that the line leaves out, and the line that includes them; None without any.
+        Omitted pieces, and the line that includes them; None without any.
     sd_piece_dB, sd_guide_dB, sd_reading_dB
         Standard deviations: of pieces about the line; of the starts of guides that were cut to several lengths; of
         readings about their piece (None if none was repeated).
@@ -158,7 +159,7 @@ class GuideLoss(Line, Measured, kw_only=True):
     power_unit
         Unit of the readings; None if they are proportional to power.
     dark
-        Reading without light, as stated, in that unit.
+        Stated reading without light, in that unit.
     falls_with_light
         Whether light lowers the readings.
     """
@@ -185,7 +186,7 @@ class GuideLoss(Line, Measured, kw_only=True):
 
     @reported
     def lengths_mm(self) -> tuple[float, float]:
-        """Shortest and longest guide."""
+        """Lengths of the shortest and the longest guide."""
         lengths = [piece.length_mm for piece in self.points]
         return min(lengths), max(lengths)
 
@@ -204,16 +205,16 @@ def cut_back(
     keep_all: bool = False,
     launched_dB: float | None = None,
 ) -> GuideLoss:
-    """Loss from the levels of guides of several lengths.
+    """Fit the loss to the levels of guides of several lengths.
 
     Parameters
     ----------
     length_mm, level_dB
-        Shape (n,), one entry a reading; levels as `solen.material.loss.levels.levels_dB` gives them.
+        Length and level of each reading, shape (n,); levels as from `solen.material.loss.levels.levels_dB`.
     guide
         The guide of each reading; without it all readings at one length (and orientation) count as one guide.
     orientation
-        Build orientation.
+        Build orientation of each reading.
     keep_all
         Keep outliers.
     launched_dB
@@ -253,7 +254,7 @@ def cut_back(
 
 
 def _bad(table: Table) -> dict[int, float]:
-    """Outliers, each with its t; the lines they are tested against have a slope for each orientation."""
+    """Return outliers, each with its t; the lines against which they are tested have a slope for each orientation."""
     count = len(table.pieces)
     spare = count - table.apart(np.ones(count, bool)).shape[1]
     most = min(max(1, int(MOST_OUTLIERS * count)), spare - 2, LARGEST_NUMBER)
@@ -280,7 +281,7 @@ def _common_line(table: Table, fit: LinearFit, keep: BoolArray, launched_dB: flo
 
 
 def _line(table: Table, fit: LinearFit, keep: BoolArray, start: FloatArray, slope: FloatArray, way: str = "") -> Line:
-    """Line whose start and slope are these combinations of a fit's parameters."""
+    """Return the line whose start and slope are these combinations of a fit's parameters."""
     return Line(
         orientation=way,
         loss_dB_per_cm=float(slope @ fit.parameters),
@@ -299,7 +300,7 @@ def _line(table: Table, fit: LinearFit, keep: BoolArray, start: FloatArray, slop
 
 
 def _orientations(table: Table, keep: BoolArray, launched_dB: float | None) -> tuple[tuple[Line, ...], float | None]:
-    """Line of each orientation, and how likely their slopes differ this much by chance."""
+    """Return the line of each orientation, and the probability of slopes this different by chance."""
     ways, sloped, design = table.ways(keep), table.sloped(keep), table.apart(keep)
     if ways == [""] or not sloped or int(keep.sum()) <= design.shape[1]:
         return (), None
@@ -315,7 +316,7 @@ def _orientations(table: Table, keep: BoolArray, launched_dB: float | None) -> t
 
 
 def _chance(fit: LinearFit, contrasts: FloatArray) -> float:
-    """How likely contrasts are this far from 0 by chance (Wald's F)."""
+    """Return the probability of contrasts this far from 0 by chance (Wald's F)."""
     differences = contrasts @ fit.parameters
     variance = contrasts @ fit.covariance @ contrasts.T
     if not fit.sigma > 0.0:
@@ -325,7 +326,7 @@ def _chance(fit: LinearFit, contrasts: FloatArray) -> float:
 
 
 def _curved(table: Table, keep: BoolArray) -> tuple[float | None, float | None]:
-    """Probability of such a curvature by chance, and the second derivative of the level; None if unknown."""
+    """Return the probability of such a curvature by chance, and the second derivative of the level; None if unknown."""
     design, cm = table.apart(keep), table.cm[keep]
     bent = np.column_stack([design, (cm - cm.mean()) ** 2])
     if len(cm) <= bent.shape[1] or np.linalg.matrix_rank(bent) < bent.shape[1]:
@@ -342,7 +343,7 @@ def _of_pieces(loss: GuideLoss) -> list[Caution]:
         warnings.append(
             look_at(
                 f"{outlier.piece.name} is set aside: {abs(outlier.deviation_dB):.2g} dB {side} the line of the others, "
-                f"{abs(outlier.t):.1f} of its standard errors; look at it, or keep it with --keep-all"
+                f"{abs(outlier.t):.1f} standard errors; inspect it, or keep it with --keep-all"
             )
         )
     if loss.with_outliers is not None:
@@ -373,19 +374,20 @@ def _of_size(loss: GuideLoss) -> list[Caution]:
     )
     if high <= 0.0:
         return [
-            do_not_use(f"longer guides are brighter ({span}): this is not a loss; check lengths, dark reading and unit")
+            do_not_use(
+                f"longer guides are brighter ({span}), so this is not a loss; check lengths, dark reading and unit"
+            )
         ]
     if low <= 0.0:
         most = loss.loss_dB_per_cm + t_quantile(0.9, loss.degrees_of_freedom) * loss.u_loss_dB_per_cm
         return [
             do_not_use(
-                f"the loss is not resolved ({span}): below {most:.2g} dB/cm with 95 %; take longer guides or more"
+                f"the loss is not resolved ({span}): it is below {most:.2g} dB/cm with 95 % confidence; "
+                "use longer guides or more"
             )
         ]
     if high - low > loss.loss_dB_per_cm:
-        return [
-            look_at(f"the loss is known within a factor {high / low:.1f} only ({span}): take longer guides or more")
-        ]
+        return [look_at(f"the loss is known only within a factor {high / low:.1f} ({span}): use longer guides or more")]
     return []
 
 
@@ -396,7 +398,7 @@ def _of_shape(loss: GuideLoss) -> list[Caution]:
         return []
     flattens = loss.curvature_dB_per_cm2 > 0.0
     why = (
-        "short guides carry rays that leave soon, or the dark reading is not subtracted"
+        "short guides carry rays that are soon lost, or the dark reading is not subtracted"
         if flattens
         else "short guides saturate the receiver, or long ones have defects"
     )
@@ -412,7 +414,7 @@ def _of_orientation(loss: GuideLoss) -> list[Caution]:
     warnings = []
     named = dict.fromkeys(piece.orientation for piece in loss.points if piece.orientation)
     if flat := [way for way in named if way not in {line.orientation for line in loss.by_orientation}]:
-        warnings.append(look_at(f"too few lengths or pieces for a loss of its own: {', '.join(flat)}"))
+        warnings.append(look_at(f"too few lengths or pieces for a separate loss: {', '.join(flat)}"))
     if loss.p_orientation is None:
         return warnings
     values = ", ".join(f"{line.orientation}: {line.loss_dB_per_cm:.3g}" for line in loss.by_orientation)
@@ -432,5 +434,5 @@ def _of_orientation(loss: GuideLoss) -> list[Caution]:
         )
     lone = [line.orientation for line in loss.by_orientation if line.guides == 1]
     if lone:
-        warnings.append(look_at(f"one guide each for {', '.join(lone)}: guides are compared there, not orientations"))
+        warnings.append(look_at(f"only one guide for {', '.join(lone)}: this compares guides, not orientations"))
     return warnings

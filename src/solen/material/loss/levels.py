@@ -1,9 +1,9 @@
 """Power readings as levels in dB, and conversion of loss to other units.
 
-The idea: only ratios of powers count, so readings in mW, volts or counts serve equally, as long as
-they are proportional to the light: the dark reading is subtracted first.
+Only ratios of powers count, so readings in mW, volts or counts are equally suitable if they are proportional to the
+light, after the dark reading is subtracted.
 
-The interface: `levels_dB`, `full_level_dB`, `absorption_per_mm` and `smallest_loss_dB_per_cm`.
+The interface is `levels_dB`, `full_level_dB`, `absorption_per_mm` and `smallest_loss_dB_per_cm`.
 """
 
 import math
@@ -15,7 +15,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 
 DB_PER_NEPER = 10.0 / math.log(10.0)
-"""dB in a factor e of power."""
+"""Decibels per factor e of power."""
 MM_PER_CM = 10.0
 CM_PER_UM = 1e-4
 LOGARITHMIC = ("dBm", "dB")
@@ -24,33 +24,33 @@ _SHOWN = 3
 
 
 def absorption_per_mm(loss_dB_per_cm: float) -> float:
-    """Absorption of power per mm, base e, of a loss in dB/cm."""
+    """Return the absorption of power per mm, base e, that corresponds to a loss in dB/cm."""
     return loss_dB_per_cm / DB_PER_NEPER / MM_PER_CM
 
 
 def smallest_loss_dB_per_cm(thickness_um: float, u_T: float) -> float:
-    """Loss in dB/cm that takes ``u_T``, a share of the light, on the way through a layer: less cannot be seen there.
+    """Return the loss in dB/cm that absorbs a fraction ``u_T`` of the light in a layer, the smallest visible there.
 
     0.1 % over 25 µm is 0.4 per cm or 1.7 dB/cm.
     """
     if not (0.0 < thickness_um < math.inf and 0.0 < u_T < 1.0):
-        limit = "thickness is above 0 µm and u(T) between 0 and 1"
+        limit = "thickness must be above 0 µm and u(T) between 0 and 1"
         raise DataError("smallest loss", value=f"{thickness_um:g} µm, {u_T:g}", limit=limit)
     return -10.0 * math.log10(1.0 - u_T) / (thickness_um * CM_PER_UM)
 
 
 def levels_dB(readings: ArrayLike, unit: str, dark: float | None = None) -> FloatArray:
-    """Readings as levels in dB, up to a constant.
+    """Return readings as levels in dB, up to a constant.
 
     Parameters
     ----------
     readings
         Shape (n,).
     unit
-        ``dBm`` or ``dB`` where they are logarithms; anything else is taken as proportional to power.
+        ``dBm`` or ``dB`` if they are logarithms; any other unit is assumed proportional to power.
     dark
-        Reading without light, in the same unit. Where every reading is below it, the receiver pulls its voltage down
-        as it gets brighter, and the signal is the drop.
+        Reading without light, in the same unit. If all readings are below it, the receiver pulls its voltage down as
+        the light gets brighter, and the signal is the drop.
 
     Raises
     ------
@@ -73,17 +73,18 @@ def levels_dB(readings: ArrayLike, unit: str, dark: float | None = None) -> Floa
 
 
 def pulls_down(readings: ArrayLike, unit: str, dark: float | None) -> bool:
-    """Whether readings say that light lowers them: all are below the dark one."""
+    """Whether light lowers the readings: all are below the dark one."""
     return dark is not None and unit not in LOGARITHMIC and bool(np.all(np.asarray(readings, float) < dark))
 
 
 def full_level_dB(unit: str, launched: float | None, readings: ArrayLike) -> float | None:
-    """Level of the launched power, on the scale of `levels_dB`; None if the readings do not determine it.
+    """Return the level of the launched power, on the scale of `levels_dB`; None if the readings do not determine it.
 
     Parameters
     ----------
     unit, readings
-        As in `levels_dB`. A pure number, a percentage and dB are relative to the launched power, unless one exceeds it.
+        As for `levels_dB`. A pure number, a percentage and dB are relative to the launched power, unless one exceeds
+        it.
     launched
         Launched power, in that unit.
     """
@@ -104,5 +105,10 @@ def _no_light(
     shown = ", ".join(f"{values[i]:g} {unit} (reading {i + 1})" for i in bad[:_SHOWN])
     more = f" and {len(bad) - _SHOWN} more" if len(bad) > _SHOWN else ""
     over = "be above 0" if dark is None else f"all be above, or all below, the dark reading {dark:g} {unit}"
-    remedy = "take these rows out, state the dark reading (--dark), or the unit if they are logarithms (--unit dBm)"
-    return DataError("power", value=shown + more, limit=f"must {over}: without light there is no level", remedy=remedy)
+    remedy = "remove these rows, state the dark reading (--dark), or the unit if they are logarithms (--unit dBm)"
+    return DataError(
+        "power",
+        value=shown + more,
+        limit=f"must {over}: the level of a reading without light is undefined",
+        remedy=remedy,
+    )

@@ -1,8 +1,8 @@
-"""Pieces of guide: what an interval counts as one, and the straight lines through some of them.
+"""Pieces of guide, the units that an interval counts, and the straight lines through them.
 
-The idea: a guide at a length is one piece, however often it was read. Lines differ in what their slope is common to:
-`Table.common` has one for all pieces and a start for each orientation, `Table.apart` one for each orientation. A guide
-that was cut to several lengths brings a start and a slope of its own, as random effects.
+A guide at a length is one piece, regardless of the number of readings. Lines differ in their slopes: `Table.common` has
+one slope for all pieces and a start for each orientation, `Table.apart` one slope for each orientation. A guide that
+was cut to several lengths contributes its own start and slope, as random effects.
 """
 
 import math
@@ -20,7 +20,7 @@ from solen.material.loss.levels import MM_PER_CM
 from solen.material.regression import LinearFit, fitted, group_means, shared
 
 LENGTHS_MM = (1e-3, 1e6)
-"""Lengths that are taken for a guide's."""
+"""Range of lengths that a guide may have."""
 
 
 @dataclass(frozen=True)
@@ -30,11 +30,11 @@ class Piece:
     Attributes
     ----------
     guide, orientation
-        As the table calls them.
+        Names from the table.
     length_mm, level_dB
-        Level: mean of its readings.
+        Length, and mean level of the readings.
     readings
-        How many.
+        Number of readings.
     """
 
     guide: str
@@ -45,7 +45,7 @@ class Piece:
 
     @property
     def name(self) -> str:
-        """Its name in messages."""
+        """Name of the piece in messages."""
         where = f", {self.orientation}" if self.orientation else ""
         return f"guide {self.guide} ({self.length_mm:g} mm{where})"
 
@@ -53,12 +53,12 @@ class Piece:
 def pieces_of(
     length_mm: FloatArray, level_dB: FloatArray, guide: Sequence[str], orientation: Sequence[str]
 ) -> tuple[tuple[Piece, ...], float | None]:
-    """Readings averaged by piece, and the standard deviation of readings within pieces (None without repeats).
+    """Return readings averaged by piece, and the standard deviation of readings within pieces (None without repeats).
 
     Raises
     ------
     DataError
-        If a length is impossible, or a level not a number.
+        If a length is impossible, or a level is not a number.
     """
     shortest, longest = LENGTHS_MM
     long = (length_mm >= shortest) & (length_mm <= longest)
@@ -78,7 +78,7 @@ def pieces_of(
 
 @dataclass(frozen=True)
 class Table:
-    """Pieces as arrays; a mask says which of them a line is for."""
+    """Pieces as arrays; a mask selects those for a line."""
 
     pieces: tuple[Piece, ...]
 
@@ -94,57 +94,57 @@ class Table:
 
     @cached_property
     def guide(self) -> list[tuple[str, str]]:
-        """Guides: those of one name in two orientations are two."""
+        """Guide of each piece; the same name in two orientations means two guides."""
         return [(piece.orientation, piece.guide) for piece in self.pieces]
 
     @cached_property
     def way(self) -> NDArray[np.str_]:
-        """Orientations."""
+        """Orientation of each piece."""
         return np.array([piece.orientation for piece in self.pieces])
 
     def ways(self, keep: BoolArray) -> list[str]:
-        """Orientations of these pieces."""
+        """Return the orientations of these pieces."""
         return list(dict.fromkeys(self.way[keep].tolist()))
 
     def lengths(self, keep: BoolArray) -> list[float]:
-        """Different lengths of these pieces in cm, ascending."""
+        """Return the different lengths of these pieces in cm, ascending."""
         return sorted(set(self.cm[keep].tolist()))
 
     def sloped(self, keep: BoolArray) -> list[str]:
-        """Orientations with at least two lengths among these pieces."""
+        """Return the orientations with at least two lengths among these pieces."""
         return [way for way in self.ways(keep) if len(self.lengths(keep & (self.way == way))) > 1]
 
     def cut(self, keep: BoolArray) -> int:
-        """Number of guides among these pieces that were cut to several lengths."""
+        """Return the number of guides among these pieces that were cut to several lengths."""
         guides = [guide for guide, kept in zip(self.guide, keep.tolist(), strict=True) if kept]
         return sum(guides.count(guide) > 1 for guide in set(guides))
 
     def common(self, keep: BoolArray) -> FloatArray:
-        """Design of one slope: a start for each of `ways`, then the slope."""
+        """Return the design matrix for a common slope: a start for each of `ways`, then the slope."""
         return np.column_stack([self._starts(keep), -self.cm[keep]])
 
     def apart(self, keep: BoolArray) -> FloatArray:
-        """Design of several slopes: a start for each of `ways`, then a slope for each of `sloped`."""
+        """Return the design matrix for several slopes: a start for each of `ways`, then a slope for each of `sloped`."""
         slopes = [-self.cm[keep] * (self.way[keep] == way) for way in self.sloped(keep)]
         return np.column_stack([self._starts(keep), *slopes])
 
     def fit(self, design: FloatArray, keep: BoolArray) -> LinearFit:
-        """Fit of a design to these pieces."""
+        """Fit a design matrix to these pieces."""
         guide = [self.guide[index] for index in np.flatnonzero(keep)]
         of = (None, self.cm[keep] - self.cm[keep].mean()) if self.cut(keep) > 1 else (None,)
         effects = [effect for by in of if (effect := shared(guide, by)) is not None]
         return fitted(design, self.level[keep], effects=effects)
 
     def refuse_too_few(self) -> None:
-        """Raise where no slope with an uncertainty follows from all pieces."""
+        """Raise if no slope with an uncertainty follows from all pieces."""
         keep = np.ones(len(self.pieces), bool)
         lengths = self.lengths(keep)
-        remedy = "measure guides of at least three lengths, several of each"
+        remedy = "measure guides of at least three lengths, several at each length"
         if not self.sloped(keep):
             one = f"{lengths[0] * MM_PER_CM:g} mm" if len(lengths) == 1 else "one in each orientation"
-            raise DataError("cut-back: length", value=one, limit="one length has no slope", remedy=remedy)
+            raise DataError("cut-back: length", value=one, limit="one length determines no slope", remedy=remedy)
         if len(self.pieces) <= (numbers := len(self.ways(keep)) + 1):
-            limit = f"{numbers} numbers are sought, so no uncertainty follows; readings of one guide count once"
+            limit = f"{numbers} parameters are fitted, so no uncertainty follows; readings of one guide count once"
             raise DataError("cut-back: pieces", value=len(self.pieces), limit=limit, remedy=remedy)
 
     def _starts(self, keep: BoolArray) -> FloatArray:

@@ -1,6 +1,7 @@
-"""Loss of a guide from a recording: which columns hold lengths, powers, guides and orientations, and their units.
+"""Loss of a guide from a recording: columns of lengths, powers, guides and orientations, and their units.
 
-The interface: `guide_loss` takes a recording and `CutbackOptions`; `readings` gives the rows that it uses.
+The interface is `guide_loss`, which accepts a recording and `CutbackOptions`, and `readings`, which returns the rows
+used.
 """
 
 import math
@@ -35,7 +36,7 @@ ORIENTATIONS = (
     "bauorientierung",
 )
 USUAL_DB_PER_CM = 50.0
-"""Beyond it a centimetre passes 1e-5: no guide."""
+"""Loss above which a guide is implausible: one centimetre transmits 1e-5."""
 UM_PER_MM = 1e3
 _LINEAR = ("W", "V", "A")
 _VOLTS = ("V", "mV")
@@ -43,16 +44,16 @@ _SHARES = {1.0: "1", 0.01: "%"}
 
 
 class CutbackOptions(RowOptions):
-    """How a cut-back is evaluated."""
+    """Options for evaluating a cut-back."""
 
     unit: str | None = None
-    """Unit of the powers, in place of the header's: mW, µW, V, dBm, dB, %, 1 or relative."""
+    """Unit of the powers, instead of the header's: mW, µW, V, dBm, dB, %, 1 or relative."""
     dark: Finite | None = None
     """Reading without light, in that unit. If all readings are below it, light lowers them."""
     launched: Finite | None = None
-    """Power launched into the guides, in that unit; gives the coupling loss."""
+    """Power launched into the guides, in that unit; adds the coupling loss."""
     wavelength_nm: Wavelength | None = None
-    """Wavelength of the light, stated in the result; default: what the table states for all rows."""
+    """Wavelength of the light, stated in the result; default: the one that the table states for all rows."""
     keep_all: bool = False
     """Keep outliers."""
 
@@ -72,7 +73,7 @@ class Readings:
     columns
         Names of the columns that were used.
     warnings
-        Assumptions, and readings left out.
+        Assumptions, and omitted readings.
     """
 
     length_mm: FloatArray
@@ -86,12 +87,12 @@ class Readings:
 
 
 def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions()) -> GuideLoss:
-    """Loss in dB/cm of guides of several lengths, also by orientation if a column names it.
+    """Return the loss in dB/cm of guides of several lengths, also by orientation if a column names it.
 
     Raises
     ------
     DataError
-        Without a column of lengths or powers, or where no loss with an uncertainty follows.
+        If there is no column of lengths or powers, or no loss with an uncertainty follows.
     """
     recording = below_each_other(chosen_rows(recording, options), POWERS, REPEATS)
     rows = readings(recording, options.unit, options.dark)
@@ -120,7 +121,7 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
 
 
 def readings(recording: Recording, unit: str | None = None, dark: float | None = None) -> Readings:
-    """Rows of a table with a length and a power; the others are left out and counted in a warning."""
+    """Return the rows of a table with a length and a power; a warning counts the omitted ones."""
     lengths = recording.need(*LENGTHS)
     length = lengths.to("mm")
     channel = recording.find(*POWERS) or recording.find(*LOSSES) or recording.need(*POWERS[:3])
@@ -128,7 +129,7 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
     complete = np.isfinite(length) & np.isfinite(channel.values)
     if not complete.all():
         missing = int(np.sum(~complete))
-        warnings.append(look_at(f"{missing} row{'s' * (missing > 1)} without a length or a power: left out"))
+        warnings.append(look_at(f"{missing} row{'s' * (missing > 1)} without a length or a power: omitted"))
     if not complete.any():
         raise DataError(recording.provenance.file, limit="has no row with a length and a power")
     values = channel.values[complete] * (-1.0 if recording.find(*LOSSES) is channel else 1.0)
@@ -137,12 +138,12 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
         warnings.append(
             look_at(
                 "no column names the guide (guide): readings of one length are averaged as those of one guide, "
-                "which is safe and gives a wide interval"
+                "which is safe and results in a wide interval"
             )
         )
     elif len(set(guide)) == 1 and len(guide) > 1:
         warnings.append(
-            look_at(f"all rows are of guide {guide[0]}: evaluated as one guide that was cut; others may differ")
+            look_at(f"all rows are of guide {guide[0]}: evaluated as one guide that was cut; other guides may differ")
         )
     if unit in _VOLTS and dark is None:
         warnings.append(
@@ -155,7 +156,7 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
 
 
 def _unit(channel: Channel, stated: str | None) -> tuple[str, list[Caution]]:
-    """Unit of the powers in solen's spelling, and warnings about it."""
+    """Return the unit of the powers in solen's spelling, and warnings about it."""
     given = (stated if stated is not None else channel.unit).strip()
     logarithm = {"dbm": "dBm", "db": "dB"}.get(given.casefold())
     if logarithm:
@@ -165,17 +166,17 @@ def _unit(channel: Channel, stated: str | None) -> tuple[str, list[Caution]]:
             return "", []
         if channel.quantity == "transmittance" or channel.name == "T":
             return "1", []
-        return "", [look_at(f"{channel.name} has no unit: read as proportional to power (--unit)")]
+        return "", [look_at(f"{channel.name} has no unit: assumed proportional to power (--unit)")]
     if (share := factor(given, "1")) in _SHARES:
         return _SHARES[share], []
     if not is_unit(given) or all(factor(given, unit) is None for unit in _LINEAR):
-        limit = "must be of power, voltage or current, %, 1, dB, dBm, or relative"
+        limit = "must be a unit of power, voltage or current, %, 1, dB, dBm, or relative"
         raise DataError(f"unit of {channel.name}", value=given, limit=limit, remedy="state it with --unit")
     return given, []
 
 
 def _texts(recording: Recording, complete: BoolArray, names: Sequence[str]) -> tuple[list[str], list[str] | None]:
-    """The column that labels the rows, if any, and its texts; None if there is none or it is empty."""
+    """Return the column that labels the rows and its texts; None if there is none or it is empty."""
     texts = recording.label(*names)
     column = [name for name, one in recording.texts.items() if one is texts]
     if texts is None and (channel := recording.find(*names)) is not None:
@@ -188,20 +189,20 @@ def _texts(recording: Recording, complete: BoolArray, names: Sequence[str]) -> t
 def _launch_unknown(launched_dB: float | None) -> list[Caution]:
     if launched_dB is not None:
         return []
-    return [note(f"{LAUNCHED} (--launched), so the coupling loss is not either; the loss per cm needs neither")]
+    return [note(f"{LAUNCHED} (--launched), so the coupling loss is not either; the loss per cm requires neither")]
 
 
 def _refuse_rising(loss: GuideLoss, rows: Readings, dark: float | None) -> None:
-    """Raise where voltages rise with the length for certain, as those of a receiver do that light pulls down."""
+    """Raise if voltages certainly rise with the length, as those of a receiver that light pulls down."""
     if rows.unit in _VOLTS and dark is None and loss.interval95_loss_dB_per_cm[1] < 0.0:
-        limit = "rise with the guide's length: light lowers them, as at a phototransistor that pulls its output down"
+        limit = "rise with the guide's length: light lowers them, as with a phototransistor that pulls its output down"
         top = f"{float(np.max(rows.values)):.3g} {rows.unit} or above"
         remedy = f"state the reading without light, --dark X, {top}; or check which column is the length"
         raise DataError(f"voltages of {rows.columns[1]}", limit=limit, remedy=remedy)
 
 
 def _unusual(loss: GuideLoss, length_unit: str) -> list[Caution]:
-    """Warning of what swapped columns or a wrong unit of length look like."""
+    """Return a warning if the result suggests swapped columns or a wrong unit of length."""
     if loss.loss_dB_per_cm <= USUAL_DB_PER_CM:
         return []
     _, longest = loss.lengths_mm
@@ -215,7 +216,7 @@ def _unusual(loss: GuideLoss, length_unit: str) -> list[Caution]:
         ]
     return [
         do_not_use(
-            f"{loss.loss_dB_per_cm:.3g} dB/cm leave nothing after a centimetre: "
+            f"at {loss.loss_dB_per_cm:.3g} dB/cm, nothing remains after a centimetre: "
             "check which column is the length, and its unit"
         )
     ]

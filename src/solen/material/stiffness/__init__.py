@@ -1,12 +1,13 @@
 """Stiffness: modulus and hyperelastic model, with uncertainties, from exports of a testing machine.
 
-The idea: a force and a displacement become engineering stress and strain by the specimen's dimensions; a toe is
-compensated or reported as uncompensated; a line over a stated range is the modulus, and a joint model of all tests of a
-material is what a finite-element program needs. The basis of the numbers and their limits are reported with them.
+A force and a displacement are converted to engineering stress and strain with the specimen's dimensions; a toe is
+compensated or reported as uncompensated; the slope over a stated range is the modulus, and a joint model of all tests
+of a material is the input of a finite-element program. The basis of the numbers and their limitations are reported with
+them.
 
-The interface: `stiffness_of` does all of it to some recordings. `specimen_of` and `read_test` make a test; `evaluate`
-does what `find_toe`, `young`, `cycles_of` and `extremes` do each; `mean_modulus` is that of several specimens; `fit`
-and `choose` find a model, `cautions` its limits.
+The interface is `stiffness_of`, which evaluates recordings completely. `specimen_of` and `read_test` create a test;
+`evaluate` combines `find_toe`, `young`, `cycles_of` and `extremes`; `mean_modulus` averages several specimens; `fit`
+and `choose` select a model, and `cautions` reports its limitations.
 """
 
 from solen.material.stiffness.cautions import cautions

@@ -1,6 +1,6 @@
 """Warnings about a hyperelastic fit, in sentences with numbers.
 
-The interface: `cautions` of a fit.
+The interface is `cautions` of a fit.
 """
 
 import numpy as np
@@ -13,14 +13,14 @@ _POOR = 0.1
 
 
 def cautions(fit: Fit) -> list[Caution]:
-    """Sentences: range of validity, modes not measured, instability, parameters not determined, misfit."""
+    """Return warnings: range of validity, modes not measured, instability, parameters not determined, misfit."""
     warnings = [_range(fit), _unmeasured(fit), *_unstable(fit), _undetermined(fit), *_misfit(fit)]
     return [each for each in warnings if each]
 
 
 def _range(fit: Fit) -> Caution:
     ranges = "; ".join(f"{q.mode} {q.stretch_range[0]:.3g} to {q.stretch_range[1]:.3g}" for q in fit.quality)
-    return note(f"{fit.model.kind} holds over the stretches it was fitted to ({ranges}); beyond, it extrapolates")
+    return note(f"{fit.model.kind} is valid over the stretches of the fit ({ranges}) and extrapolates beyond")
 
 
 def _unmeasured(fit: Fit) -> Caution | None:
@@ -65,7 +65,7 @@ def _undetermined(fit: Fit) -> Caution | None:
 def _misfit(fit: Fit) -> list[Caution]:
     return [
         look_at(
-            f"{fit.model.kind} misses the {q.mode} stresses by {100 * q.rms_relative:.0f} % in root mean square "
+            f"{fit.model.kind} deviates from the {q.mode} stresses by {100 * q.rms_relative:.0f} % in root mean square "
             f"({q.rms_MPa:.2g} MPa)"
         )
         for q in fit.quality

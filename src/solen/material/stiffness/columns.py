@@ -1,10 +1,10 @@
-"""Which columns of a recording are stress and strain, and what a file says about how it was tested.
+"""Columns of stress and strain in a recording, and statements of a file about its test.
 
-The idea: the machine's own stress or strain is taken before one that is made of force and area, or of displacement and
-length, unless the user states the length. What the file says in words, a compression test, a preload, a width, is used
-and named; what it does not say must be stated.
+The machine's own stress or strain has priority over one computed from force and area, or from displacement and length,
+unless the user states the length. Statements of the file in words, such as a compression test, a preload or a width,
+are used and named; anything it does not state must be stated by the user.
 
-The interface: `read_test` makes a `StressStrain` of a recording.
+The interface is `read_test`, which converts a recording to a `StressStrain`.
 """
 
 import math
@@ -44,7 +44,7 @@ _PULLED = (
 
 @dataclass(frozen=True, eq=False)
 class _Column:
-    """Stress or strain, what it is, whether it was made of force or displacement, and what to beware of."""
+    """Stress or strain, its origin, whether it was computed from force or displacement, and warnings."""
 
     values: FloatArray
     origin: str
@@ -58,14 +58,14 @@ def read_test(
     mode: TestMode | None = None,
     compliance_mm_per_N: float = 0.0,
 ) -> StressStrain:
-    """Test of a recording.
+    """Return the test of a recording.
 
     Parameters
     ----------
     recording
         Recording of a force or stress and a displacement, strain or stretch.
     specimen
-        Its dimensions, as far as known.
+        Dimensions of the specimen, as far as known.
     mode
         None to infer it from the signs and words of the file.
     compliance_mm_per_N
@@ -74,7 +74,7 @@ def read_test(
     Raises
     ------
     DataError
-        If a column, unit or dimension is missing, a number is missing between others, or nothing was deformed.
+        If a column, unit or dimension is missing, a number is missing between others, or there was no deformation.
     """
     stress = _stress(recording, specimen)
     strain = _strain(recording, specimen)
@@ -102,14 +102,14 @@ def read_test(
 
 
 def _stress(recording: Recording, specimen: Specimen) -> _Column:
-    """Engineering stress in MPa, by its own column or by force and area."""
+    """Return engineering stress in MPa, from its own column or from force and area."""
     stress = recording.find(*STRESS)
     if stress is not None:
         return _Column(stress.to("MPa"), stress.name)
     force = _only(recording, FORCE)
     if force is not None:
         if specimen.area_mm2 is None:
-            remedy = "give --strip-width-mm and --thickness-mm, --area-mm2, --diameter-mm, or --cube-mm"
+            remedy = "state --strip-width-mm and --thickness-mm, --area-mm2, --diameter-mm, or --cube-mm"
             raise DataError(f"{recording.provenance.name}: area of the specimen", limit="is not stated", remedy=remedy)
         origin = f"{force.name} / {specimen.area_mm2:.6g} mm²"
         return _Column(force.to("N") / specimen.area_mm2, origin, made=True)
@@ -121,9 +121,10 @@ def _stress(recording: Recording, specimen: Specimen) -> _Column:
 
 
 def _strain(recording: Recording, specimen: Specimen) -> _Column:
-    """Engineering strain.
+    """Return engineering strain.
 
-    A displacement over a length that the user states comes before the file's strain; a strain before a displacement.
+    A displacement over a length stated by the user has priority over the file's strain, and that over a displacement
+    with the file's length.
     """
     stretch, strain, true = (recording.find(*names) for names in (STRETCH, STRAIN, TRUE_STRAIN))
     travel, absolute = _travel(recording)
@@ -142,19 +143,19 @@ def _strain(recording: Recording, specimen: Specimen) -> _Column:
     if true is not None:
         return _Column(np.expm1(true.to("1")), f"exp({true.name}) - 1")
     if travel is not None:
-        remedy = "give --length-mm (the gauge length, or the height that is compressed) or --cube-mm"
+        remedy = "state --length-mm (the gauge length, or the height of a compressed specimen) or --cube-mm"
         raise DataError(f"{recording.provenance.name}: length of the specimen", limit="is not stated", remedy=remedy)
     remedy = f"its columns are {', '.join(recording.names[:12])}"
     raise DataError(recording.provenance.name, limit="has no column of displacement, strain or stretch", remedy=remedy)
 
 
 def _without_compliance(strain: FloatArray, given: FloatArray) -> FloatArray:
-    """Strain of the specimen alone: the machine's share, over the same length, is subtracted along the loading."""
+    """Return the strain of the specimen alone, with the machine's deformation subtracted along the loading."""
     return strain - sense(strain) * sense(given) * given
 
 
 def _travel(recording: Recording) -> tuple[Channel | None, bool]:
-    """Displacement, and whether it is a position whose zero means nothing."""
+    """Return the displacement, and whether it is a position with an arbitrary zero."""
     moved = _only(recording, DISPLACEMENT)
     if moved is not None:
         return moved, False
@@ -162,11 +163,11 @@ def _travel(recording: Recording) -> tuple[Channel | None, bool]:
 
 
 def _only(recording: Recording, names: tuple[str, ...]) -> Channel | None:
-    """Channel of these names; `DataError` if several channels are that quantity and none has the plain name."""
+    """Return the channel with these names; `DataError` if several qualify and none has the plain name."""
     alike = [channel for channel in recording.channels if channel.quantity and channel.quantity == names[0]]
     if len(alike) > 1 and len({_stem(channel.name) for channel in alike}) == 1:
         listed = ", ".join(channel.name for channel in alike[:6])
-        remedy = "one specimen per file: leave the columns of one"
+        remedy = "a file must contain one specimen: keep the columns of one"
         raise DataError(
             recording.provenance.name, limit=f"has {len(alike)} columns of {names[0]}: {listed}", remedy=remedy
         )
@@ -178,7 +179,7 @@ def _stem(name: str) -> str:
 
 
 def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, name: str) -> tuple[Caution, ...]:
-    """Warning if the file's strain was computed with another length than stated in the file."""
+    """Return a warning if the file's strain was computed with another length than the file states."""
     travel, absolute = _travel(recording)
     if travel is None or absolute or specimen.length_mm is None:
         return ()
@@ -192,14 +193,14 @@ def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, 
         return ()
     return (
         look_at(
-            f"{name} is {travel.name} over {implied:.5g} mm, the file states a length of {specimen.length_mm:.6g} "
+            f"{name} is {travel.name} over {implied:.5g} mm, but the file states a length of {specimen.length_mm:.6g} "
             "mm; the file's strain is used unchanged (--length-mm divides the displacement instead)"
         ),
     )
 
 
 def _stated_mode(recording: Recording, specimen: Specimen) -> TestMode | None:
-    """Mode from the words of a file or from a cubic specimen; None if unknown."""
+    """Return the mode from the words of a file or from a cubic specimen; None if unknown."""
     if specimen.is_cube:
         return "compression"
     metadata = recording.provenance.metadata
@@ -212,7 +213,7 @@ def _stated_mode(recording: Recording, specimen: Specimen) -> TestMode | None:
 
 
 def _preload(metadata: Mapping[str, str]) -> str:
-    """Preload above zero that a file states, as it does so."""
+    """Return the preload above zero that a file states, in the file's words."""
     for heading, text in metadata.items():
         if any(word in heading.casefold() for word in ("vorkraft", "pre-load", "preload", "vorlast")):
             digits = "".join(c if c.isdigit() or c in ".,-" else " " for c in text).replace(",", ".").split()

@@ -1,16 +1,16 @@
-"""How much a fit really knows where neighbouring residuals resemble each other.
+"""Uncertainty of a fit whose neighbouring residuals are correlated.
 
-The idea: a testing machine samples a smooth curve a hundred times a second. The residuals of a fit to it are not
-independent: the machine's filter and whatever the model misses make neighbours alike, and a plain least-squares
-uncertainty shrinks with the sampling rate, without more knowledge. Residuals are taken as first-order autoregressive
-along each curve, V_ij = ρ^|i−j|, and V is carried through the estimator, so that n points count as about
-n(1 − ρ)/(1 + ρ) (Bayley & Hammersley 1946).
+A testing machine samples a smooth curve a hundred times a second. The residuals of a fit to it are not independent: the
+machine's filter and any misfit of the model correlate neighbours, and a plain least-squares uncertainty shrinks with
+the sampling rate without further information. Residuals are modelled as first-order autoregressive along each curve,
+V_ij = ρ^|i−j|, and V is propagated through the estimator, so that n points count as about n(1 − ρ)/(1 + ρ) (Bayley &
+Hammersley 1946).
 
-Residuals of a fit are less correlated than the noise was, because the fit follows some of it. ρ is therefore the one
-at which the expected lag-one correlation of the residuals, tr(M S M V)/tr(M V), equals that measured, where
-M = I − J(JᵀJ)⁻¹Jᵀ makes residuals of noise and S shifts by one.
+Residuals of a fit are less correlated than the noise, because the fit follows some of it. ρ is therefore the value at
+which the expected lag-one correlation of the residuals, tr(M S M V)/tr(M V), equals the measured one, where M = I −
+J(JᵀJ)⁻¹Jᵀ converts noise to residuals and S shifts by one.
 
-The interface: `scatter` of a linearised least-squares fit; `effective_points`; `log_likelihood` of residuals.
+The interface is `scatter` of a linearised least-squares fit, `effective_points`, and `log_likelihood` of residuals.
 """
 
 import math
@@ -39,7 +39,7 @@ class Scatter:
     lag_one
         Correlation ρ of neighbouring residuals.
     effective_points
-        How many independent points the data are worth.
+        Equivalent number of independent points.
     """
 
     covariance: FloatArray | None
@@ -49,19 +49,19 @@ class Scatter:
 
 
 def effective_points(points: int, lag_one: float) -> float:
-    """Independent points that ``points`` of that lag-one correlation are worth, at least one."""
+    """Return the number of independent points, at least one, equivalent to ``points`` with that lag-one correlation."""
     return max(points * (1 - lag_one) / (1 + lag_one), 1.0)
 
 
 def scatter(jacobians: Sequence[FloatArray], residuals: Sequence[FloatArray]) -> Scatter:
-    """Covariance of least-squares parameters whose residuals are correlated along each curve.
+    """Return the covariance of least-squares parameters whose residuals are correlated along each curve.
 
     Parameters
     ----------
     jacobians
-        One per curve, (points, p): derivatives of the weighted model by the parameters.
+        For each curve, derivatives of the weighted model with respect to the parameters, (points, p).
     residuals
-        One per curve, (points,): weighted.
+        For each curve, weighted residuals, (points,).
     """
     points = sum(len(r) for r in residuals)
     power = sum(float(r @ r) for r in residuals)
@@ -79,7 +79,7 @@ def scatter(jacobians: Sequence[FloatArray], residuals: Sequence[FloatArray]) ->
 
 
 def log_likelihood(residuals: Sequence[FloatArray], lag_one: float) -> float:
-    """Largest log-likelihood, over their variance, of residuals that are autoregressive along each curve."""
+    """Return the log-likelihood of residuals that are autoregressive along each curve, maximised over their variance."""
     points = sum(len(r) for r in residuals)
     power = sum((1 - lag_one**2) * r[0] ** 2 + float(np.sum((r[1:] - lag_one * r[:-1]) ** 2)) for r in residuals)
     if power <= 0:
@@ -89,7 +89,7 @@ def log_likelihood(residuals: Sequence[FloatArray], lag_one: float) -> float:
 
 
 def _basis(jacobians: Sequence[FloatArray]) -> list[FloatArray]:
-    """Orthonormal columns that span what the parameters can do, whether or not each of them is determined."""
+    """Return orthonormal columns that span the effects of the parameters, even if some are not determined."""
     stacked = np.vstack(jacobians)
     size = np.linalg.norm(stacked, axis=0)
     left, singular, _ = np.linalg.svd(stacked / np.where(size > 0, size, 1.0), full_matrices=False)
@@ -98,7 +98,7 @@ def _basis(jacobians: Sequence[FloatArray]) -> list[FloatArray]:
 
 
 def _lag_one(basis: Sequence[FloatArray], residuals: Sequence[FloatArray]) -> float:
-    """ρ whose expected correlation of the residuals is that measured, 0 to 0.995."""
+    """Return ρ from 0 to 0.995 for which the expected correlation of the residuals equals the measured one."""
     from scipy.optimize import brentq
 
     power = sum(float(r @ r) for r in residuals)
@@ -116,7 +116,7 @@ def _lag_one(basis: Sequence[FloatArray], residuals: Sequence[FloatArray]) -> fl
 
 
 def _expected(basis: Sequence[FloatArray], shifted: FloatArray, lag_one: float) -> float:
-    """tr(M S M V)/tr(M V) with M = I − QQᵀ, without a matrix of points by points."""
+    """Return tr(M S M V)/tr(M V) with M = I − QQᵀ, without a matrix of points by points."""
     points = sum(len(q) for q in basis)
     smeared = [_smeared(q, lag_one) for q in basis]
     through = _gram(basis, smeared)
@@ -126,12 +126,12 @@ def _expected(basis: Sequence[FloatArray], shifted: FloatArray, lag_one: float) 
 
 
 def _overlap(basis: Sequence[FloatArray], lag_one: float) -> float:
-    """tr(Qᵀ V Q): how much of correlated noise the fit follows, in points."""
+    """Return tr(Qᵀ V Q), the part of correlated noise that the fit follows, in points."""
     return float(np.trace(_gram(basis, [_smeared(q, lag_one) for q in basis])))
 
 
 def _gram(left: Sequence[FloatArray], right: Sequence[FloatArray]) -> FloatArray:
-    """Sum over curves of LᵀR."""
+    """Return the sum over curves of LᵀR."""
     total = np.zeros((left[0].shape[1], right[0].shape[1]))
     for first, second in zip(left, right, strict=True):
         total += first.T @ second
@@ -139,7 +139,7 @@ def _gram(left: Sequence[FloatArray], right: Sequence[FloatArray]) -> FloatArray
 
 
 def _shifted(columns: FloatArray) -> FloatArray:
-    """S times columns: half of the neighbour on each side."""
+    """Return S times columns: half of the neighbour on each side."""
     shifted = np.zeros_like(columns)
     shifted[1:] += columns[:-1] / 2
     shifted[:-1] += columns[1:] / 2
@@ -147,7 +147,7 @@ def _shifted(columns: FloatArray) -> FloatArray:
 
 
 def _smeared(columns: FloatArray, lag_one: float) -> FloatArray:
-    """V times columns, V_ij = ρ^|i−j|, in one sweep each way."""
+    """Return V times columns, V_ij = ρ^|i−j|, with one sweep in each direction."""
     from scipy.signal import lfilter
 
     if lag_one == 0:
@@ -158,7 +158,7 @@ def _smeared(columns: FloatArray, lag_one: float) -> FloatArray:
 
 
 def _inverse(normal: FloatArray) -> FloatArray | None:
-    """Inverse of a normal matrix, scaled against units that differ by orders; None if it has none."""
+    """Return the inverse of a normal matrix, scaled for units of different orders; None if it has none."""
     scale = np.sqrt(np.diag(normal))
     if not np.isfinite(normal).all() or (scale == 0).any():
         return None

@@ -1,18 +1,19 @@
-"""Loading, unloading, and what a cyclic test loses.
+"""Loading, unloading, and the energy loss of a cyclic test.
 
-The idea: a test is a sequence of branches between turning points of the strain. A swing counts as a branch once it
-exceeds a share of the whole range, so that noise does not. Each cycle, a loading and an unloading, takes in work,
-gives some back, and leaves a strain; rubbers lose most in the first one (Mullins softening; Diani, Fayolle & Gilormini
-2009), so first and last are compared. Cycles of one specimen are not replicates: they say how it changes, not how
-specimens differ.
+A test is a sequence of branches between turning points of the strain. A swing counts as a branch once it exceeds a
+fraction of the whole range, so that noise does not. In each cycle, a loading and an unloading, the specimen absorbs
+work, returns part of it, and keeps a residual strain; rubbers lose most in the first cycle (Mullins softening; Diani,
+Fayolle & Gilormini 2009), so first and last are compared. Cycles of one specimen are not replicates: they show how it
+changes, not how specimens differ.
 
-A fit should not know how often the machine sampled: a loading branch is averaged into steps of equal stretch, and ends
-at its largest stress. A branch of a later cycle starts at the strain that the earlier ones left; there the specimen's
-length and area are others, and stress and stretch are counted from them (incompressible, so the area shrinks as the
-length grows).
+A fit should not depend on the sampling rate of the machine: a loading branch is averaged into steps of equal stretch,
+and ends at its largest stress. A branch of a later cycle starts at the strain that the earlier ones left, at which the
+specimen has another length and area; stress and stretch are computed from these (incompressible, so the area shrinks as
+the length grows).
 
-The interface: `branches` of a strain, `loading_branch` of a test, `cycles_of` a test with their energies, `softening`;
-`loading_curve` to fit a model to, `rereferenced` to count a test from the end of its earlier cycles.
+The interface is `branches` of a strain, `loading_branch` of a test, `cycles_of` a test with their energies,
+`softening`; `loading_curve` for fitting a model, and `rereferenced` for counting a test from the end of its earlier
+cycles.
 """
 
 from collections.abc import Sequence
@@ -28,9 +29,9 @@ from solen.material.stiffness.stress_strain import StressStrain
 from solen.results import HIDDEN, reported
 
 SWING = 0.1
-"""Share of the strain's range that a reversal must exceed."""
+"""Fraction of the strain's range that a reversal must exceed."""
 MOST = 50
-"""Points of a curve to fit."""
+"""Largest number of points of a curve for fitting."""
 _UNLOADED = (0.01, 0.05)  # of the first cycle's peak stress
 
 
@@ -41,17 +42,17 @@ class Cycle:
     Attributes
     ----------
     number
-        From 1.
+        Number of the cycle, from 1.
     start, peak, end
-        Rows of the test: first, turning point, last.
+        First row, turning point and last row of the test.
     peak_strain, peak_stress_MPa
-        Strain at the turning point and largest stress of the cycle; as magnitudes.
+        Strain at the turning point and largest stress of the cycle, as magnitudes.
     stress_at_half_MPa
         Stress on loading at half of the first cycle's peak strain; None if the cycle does not reach it.
     work_in_mJ_per_mm3, work_out_mJ_per_mm3
-        Per volume before the test; None for what was not recorded (no unloading).
+        Work absorbed and returned per initial volume; None if not recorded (no unloading).
     residual_strain
-        Strain where a line through the end of the unloading, from 5 to 1 % of the first peak stress, reaches zero
+        Strain at which a line through the end of the unloading, from 5 to 1 % of the first peak stress, reaches zero
         stress; None if unloading was not recorded to 1 %.
     """
 
@@ -68,19 +69,19 @@ class Cycle:
 
     @reported
     def dissipated_mJ_per_mm3(self) -> float | None:
-        """Hysteresis: the work that did not come back."""
+        """Hysteresis: the work absorbed and not returned."""
         return None if self.work_out_mJ_per_mm3 is None else self.work_in_mJ_per_mm3 - self.work_out_mJ_per_mm3
 
     @reported
     def loss_fraction(self) -> float | None:
-        """Hysteresis over the work put in."""
+        """Ratio of the hysteresis to the work absorbed."""
         lost = self.dissipated_mJ_per_mm3
         return None if lost is None or self.work_in_mJ_per_mm3 <= 0 else lost / self.work_in_mJ_per_mm3
 
 
 @dataclass(frozen=True)
 class Softening:
-    """Loss of the last cycle as fractions of the first: of the stress at peak and at half, of the work put in."""
+    """Loss of the last cycle as fractions of the first: of the stress at peak and at half, and of the work absorbed."""
 
     cycles: int
     peak_stress: float
@@ -89,14 +90,14 @@ class Softening:
 
 
 def branches(strain: FloatArray, swing: float = SWING) -> list[tuple[int, int]]:
-    """Rows (first, last) of the branches between turning points, in their order.
+    """Return the rows (first, last) of the branches between turning points, in order.
 
     Parameters
     ----------
     strain
-        Shape (n,); only its reversals matter.
+        Strains, shape (n,); only the reversals matter.
     swing
-        Share of the strain's range that a reversal must exceed to be one.
+        Fraction of the strain's range that a reversal must exceed to count.
     """
     least = swing * float(np.ptp(strain))
     turns = np.flatnonzero(np.diff(np.sign(np.diff(strain))) != 0) + 1
@@ -117,12 +118,12 @@ def branches(strain: FloatArray, swing: float = SWING) -> list[tuple[int, int]]:
 
 
 def loading_branch(test: StressStrain, cycle: str = "first") -> slice:
-    """Rows of the loading in a test's first or last cycle; all rows for a test in both directions.
+    """Return the rows of the loading in a test's first or last cycle; all rows for a test in both directions.
 
     Raises
     ------
     DataError
-        If it is never loaded: the strain only falls.
+        If the specimen is never loaded: the strain only falls.
     """
     if test.loading == "both":
         return slice(0, len(test.strain))
@@ -130,14 +131,14 @@ def loading_branch(test: StressStrain, cycle: str = "first") -> slice:
     loadings = [(first, last) for first, last in branches(raised) if raised[last] > raised[first]]
     if not loadings:
         limit = f"falls from {raised[0]:.4g} to {raised[-1]:.4g} and never rises"
-        remedy = "give the loading too, in the order it was recorded, or state --mode"
+        remedy = "include the loading, in the order of recording, or state --mode"
         raise DataError("strain", limit=limit, remedy=remedy)
     first, last = loadings[0] if cycle == "first" else loadings[-1]
     return slice(first, last + 1)
 
 
 def cycles_of(test: StressStrain) -> tuple[Cycle, ...]:
-    """Cycles of a test, each a loading and the unloading after it, if any; none for a test in both directions."""
+    """Return the cycles of a test, each a loading and any unloading after it; none for a test in both directions."""
     if test.loading == "both":
         return ()
     strain, stress = test.sign * test.strain, test.sign * test.stress_MPa
@@ -152,7 +153,7 @@ def cycles_of(test: StressStrain) -> tuple[Cycle, ...]:
 
 
 def softening(cycles: Sequence[Cycle]) -> Softening | None:
-    """Last cycle against the first; None if there is one only, or the last does not reach the first's strain."""
+    """Return the change from the first to the last cycle; None for one cycle, or if the last has a smaller strain."""
     if len(cycles) < 2:
         return None
     first, last = cycles[0], cycles[-1]
@@ -175,7 +176,7 @@ def _cycle(
     unloading: tuple[int, int] | None,
     before: Sequence[Cycle],
 ) -> Cycle:
-    """A cycle of strain and stress as magnitudes; ``before`` holds the first one, unless this is it."""
+    """Return a cycle of strain and stress as magnitudes; ``before`` contains the first one, unless this is it."""
     start, peak = loading
     up = slice(start, peak + 1)
     largest = float(stress[up].max())
@@ -197,7 +198,7 @@ def _cycle(
 
 
 def _residual(strain: FloatArray, stress: FloatArray, peak: float) -> float | None:
-    """Strain at which the last of an unloading meets zero stress."""
+    """Return the strain at which a line through the end of an unloading reaches zero stress."""
     low, high = (share * peak for share in _UNLOADED)
     end = np.flatnonzero(stress <= low)
     if len(end) == 0:
@@ -210,7 +211,7 @@ def _residual(strain: FloatArray, stress: FloatArray, peak: float) -> float | No
 
 
 def crossing(rising: FloatArray, values: FloatArray, level: float) -> float | None:
-    """Value where ``rising`` first reaches a level from below, linear between rows; None if it does not."""
+    """Return the value at which ``rising`` first reaches a level from below, linear between rows; None if never."""
     reached = np.flatnonzero(rising >= level)
     if len(reached) == 0 or reached[0] == 0:
         return None
@@ -220,16 +221,16 @@ def crossing(rising: FloatArray, values: FloatArray, level: float) -> float | No
 
 
 def loading_curve(test: StressStrain, cycle: str = "first", toe_end: float = 0.0) -> Curve:
-    """Loading branch of a test, first or last, as a curve to fit.
+    """Return the loading branch of a test, first or last, as a curve for fitting.
 
     Parameters
     ----------
     test
-        Strains counted from where the toe's compensation puts zero, or as `rereferenced` does.
+        Test with strains counted from the zero of the toe compensation, or as from `rereferenced`.
     cycle
         ``first`` or ``last``.
     toe_end
-        Strain (magnitude) below which stresses are the toe's and are left out.
+        Strain (magnitude) below which stresses belong to the toe and are omitted.
     """
     rows = loading_branch(test, cycle)
     stretch, stress = test.stretch[rows], test.stress_MPa[rows]
@@ -241,10 +242,10 @@ def loading_curve(test: StressStrain, cycle: str = "first", toe_end: float = 0.0
 
 
 def rereferenced(test: StressStrain) -> StressStrain:
-    """The same test with stress and strain per area and length at the start of its last cycle's loading.
+    """Return the test with stress and strain per area and length at the start of its last cycle's loading.
 
-    The start is where the previous cycle reached zero stress; if it did not, or there is only one cycle, the test
-    is returned unchanged.
+    The start is where the previous cycle reached zero stress; if it did not, or there is only one cycle, the test is
+    returned unchanged.
     """
     cycles = cycles_of(test)
     if len(cycles) < 2 or cycles[-2].residual_strain is None:
@@ -254,7 +255,7 @@ def rereferenced(test: StressStrain) -> StressStrain:
 
 
 def _thinned(stretch: FloatArray, stress: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Means over steps of equal stretch, by rising stretch; the points themselves where they are few."""
+    """Return means over steps of equal stretch, by rising stretch; the points themselves if they are few."""
     if len(stretch) <= MOST:
         order = np.argsort(stretch, kind="stable")
         return stretch[order], stress[order]

@@ -1,11 +1,11 @@
 """Evaluation of one specimen, and averaging of several specimens of a material.
 
-The idea: every specimen is evaluated alike: toe, modulus, secants, cycles, extremes, and warnings about their
-limits. A material's modulus is the mean over its specimens, with the uncertainty of the mean from their
-scatter: specimens are replicates, cycles and points are not. For one specimen, its own uncertainty is given
-and labelled as such.
+Every specimen is evaluated in the same way: toe, modulus, secants, cycles, extremes, and warnings about their
+limitations. A material's modulus is the mean over its specimens, with the uncertainty of the mean from their scatter:
+specimens are replicates, cycles and points are not. For one specimen, its own uncertainty is reported and labelled as
+such.
 
-The interface: `evaluate` a test by `StiffnessOptions`; `mean_modulus` of several.
+The interface is `evaluate`, for a test with `StiffnessOptions`, and `mean_modulus` for several.
 """
 
 import math
@@ -45,26 +45,26 @@ _LOSSY = 0.1
 
 
 class StiffnessOptions(RowOptions):
-    """How mechanical tests are evaluated, and models fitted to them."""
+    """Options for evaluating mechanical tests and for fitting models to them."""
 
     mode: TestMode | None = None
-    """Mode of the tests; uniaxial takes both directions by their signs. Default: by the files' words and signs."""
+    """Mode of the tests; uniaxial includes both directions by their signs. Default: inferred from the files."""
     strain_range_percent: tuple[Finite, Finite] | None = None
-    """From and to where the modulus is fitted, such as 0.05 0.25."""
+    """Lowest and highest strain of the modulus in percent, for example 0.05 0.25."""
     secant_percent: tuple[Above0, ...] = ()
     """Strains at which stress over strain is computed."""
     toe: Literal["auto", "none", "always"] = "auto"
-    """Toe compensation; auto: where strain is made of displacement and the machine set no zero at a preload."""
+    """Toe compensation; auto: if strain is computed from displacement and the machine set no zero at a preload."""
     cycle: Literal["first", "last"] = "first"
-    """Whose loading gives modulus and model."""
+    """Cycle whose loading is used for modulus and model."""
     fit: tuple[Literal["auto", "none", "all", Kind], ...] = ("auto",)
-    """Models: auto (all of them, for rubbers), all, none, or some by name."""
+    """Models: auto (all of them, for rubbers), all, none, or names of models."""
     weighting: Weighting = "absolute"
-    """Error of the stress in the fits."""
+    """Weighting of stress errors in the fits: absolute or relative."""
     lubricated: bool = False
     """The ends of a compressed specimen slid on the platens."""
     compliance_mm_per_N: Finite = Field(0.0, ge=0.0)
-    """How far machine and fixture give way; subtracted from the displacement."""
+    """Compliance of machine and fixture in mm/N; its effect is subtracted from the displacement."""
 
     @model_validator(mode="after")
     def _ascending(self) -> Self:
@@ -84,20 +84,20 @@ class Secant:
 
 @dataclass(frozen=True, eq=False)
 class Evaluated:
-    """One specimen's numbers.
+    """Results for one specimen.
 
     Attributes
     ----------
     test
         The test, with strains counted from the toe's zero.
     toe, young, extremes, cycles, softening
-        The results.
+        Toe, modulus, strength and break, cycles, and softening.
     secants
         Stress over strain at each requested strain.
     fitted
         The loading curve for fits of models.
     warnings
-        Sentences with numbers.
+        Warnings, in sentences with numbers.
     name, file
         Name of the specimen, and of its file.
     """
@@ -116,20 +116,20 @@ class Evaluated:
 
     @reported
     def mode(self) -> str:
-        """Uniaxial, planar or equibiaxial."""
+        """Mode of deformation: uniaxial, planar or equibiaxial."""
         return self.test.mode.name
 
 
 class MeanModulus(Result, kw_only=True):
-    """Modulus over specimens.
+    """Mean modulus over specimens.
 
     Attributes
     ----------
     modulus_MPa, u_modulus_MPa, interval95_modulus_MPa
-        Mean, standard uncertainty of the mean, and interval by Student's t; for one specimen its own. Few
+        Mean, standard uncertainty of the mean, and interval from Student's t; for one specimen, its own values. Few
         specimens may agree by chance: if they differ by less than their own uncertainties, those are used instead.
     sd_modulus_MPa
-        Standard deviation between specimens; None for one.
+        Standard deviation between specimens; None for one specimen.
     """
 
     modulus_MPa: float
@@ -139,7 +139,7 @@ class MeanModulus(Result, kw_only=True):
 
 
 def evaluate(test: StressStrain, options: StiffnessOptions, strain_range: Range | None = None) -> Evaluated:
-    """Numbers of one test.
+    """Evaluate one test.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def evaluate(test: StressStrain, options: StiffnessOptions, strain_range: Range 
     Raises
     ------
     DataError
-        If the range of the modulus holds too few points, or the test is never loaded.
+        If the range of the modulus contains too few points, or the specimen is never loaded.
     """
     toe, cycle = _toe(test, options.toe), options.cycle
     counted = test.shifted(toe.shift)
@@ -178,7 +178,7 @@ def evaluate(test: StressStrain, options: StiffnessOptions, strain_range: Range 
 
 
 def mean_modulus(moduli: Sequence[Young]) -> MeanModulus:
-    """Mean over specimens of one kind of test."""
+    """Return the mean over specimens tested in the same mode."""
     values = np.array([each.modulus_MPa for each in moduli])
     mean, sd, root = float(values.mean()), None, math.sqrt(len(values))
     if len(values) == 1:
@@ -192,7 +192,7 @@ def mean_modulus(moduli: Sequence[Young]) -> MeanModulus:
 
 def _toe(test: StressStrain, wanted: str) -> Toe:
     if wanted == "none":
-        return Toe(0.0, None, 0.0, "no toe compensation, as asked")
+        return Toe(0.0, None, 0.0, "no toe compensation, as requested")
     if wanted == "auto" and test.preload:
         return Toe(0.0, None, 0.0, f"no toe compensation: the machine set zero at its preload ({test.preload})")
     if wanted == "auto" and not test.from_displacement:
@@ -201,7 +201,7 @@ def _toe(test: StressStrain, wanted: str) -> Toe:
 
 
 def _warnings(test: StressStrain, modulus: Young, options: StiffnessOptions, cycles: Sequence[Cycle]) -> list[Caution]:
-    """Warnings about the numbers of a test."""
+    """Return warnings about the numbers of a test."""
     warnings = [
         _of_friction(test, options),
         _of_dimensions(test, modulus),
@@ -224,8 +224,8 @@ def _of_friction(test: StressStrain, options: StiffnessOptions) -> Caution | Non
             "how much"
         )
     return look_at(
-        f"shape factor {shape:.3g}: platens that hold the ends let the modulus appear up to {100 * (ratio - 1):.0f} % "
-        f"too high: the material's lies between {1 / ratio:.2f} and 1 of it; --lubricated says that the ends slid"
+        f"shape factor {shape:.3g}: if the platens hold the ends, the modulus appears up to {100 * (ratio - 1):.0f} % "
+        f"too high, and the material's is {1 / ratio:.2f} to 1 times it; state --lubricated if the ends slid"
     )
 
 
@@ -234,7 +234,7 @@ def _of_dimensions(test: StressStrain, modulus: Young) -> Caution | None:
     if not test.area_used or modulus.u_dimensions_MPa is not None or per_mm is None:
         return None
     return look_at(
-        "the uncertainty of the modulus leaves out the specimen's dimensions (--u-geometry-mm): "
+        "the uncertainty of the modulus does not include the specimen's dimensions (--u-geometry-mm): "
         f"0.05 mm on each side would make the area uncertain by {100 * 0.05 * per_mm:.1g} %"
     )
 
@@ -245,8 +245,8 @@ def _of_compliance(test: StressStrain, modulus: Young) -> Caution | None:
         return None
     stiffness = modulus.modulus_MPa * area / length
     return look_at(
-        f"the strain holds what machine and fixture give way: with {100 * stiffness:.2g} N/mm they make it 1 % "
-        f"too low, as the specimen has {stiffness:.2g} N/mm; --compliance-mm-per-N subtracts it"
+        f"the strain includes the deformation of machine and fixture: with {100 * stiffness:.2g} N/mm they make the "
+        f"modulus 1 % too low, because the specimen has {stiffness:.2g} N/mm; --compliance-mm-per-N subtracts it"
     )
 
 
@@ -254,8 +254,8 @@ def _of_points(modulus: Young) -> Caution | None:
     if modulus.effective_points >= _WORTH:
         return None
     return look_at(
-        f"the {modulus.points} points of the modulus count as {modulus.effective_points:.1f} independent ones, as "
-        "neighbouring residuals correlate; below 8 its interval is too narrow"
+        f"the {modulus.points} points of the modulus count as {modulus.effective_points:.1f} independent ones, because "
+        "neighbouring residuals correlate; below 8 the interval is too narrow"
     )
 
 
@@ -278,6 +278,6 @@ def _of_loss(cycles: Sequence[Cycle]) -> Caution | None:
     if not losses or losses[-1] < _LOSSY:
         return None
     return look_at(
-        f"cycle {len(losses)} loses {100 * losses[-1]:.0f} % of the work put in: a hyperelastic model has no such loss "
-        "and describes the loading only"
+        f"cycle {len(losses)} loses {100 * losses[-1]:.0f} % of the work absorbed: a hyperelastic model has no loss "
+        "and describes only the loading"
     )

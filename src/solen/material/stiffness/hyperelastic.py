@@ -1,18 +1,18 @@
 """Hyperelastic fits: one set of parameters for all tests of a material at once.
 
-The idea: a model that follows one kind of test says little about another, so all modes are fitted together. What is
-minimised is Σ w²(P_model − P)² over the engineering stress, with w = 1 (``absolute``: equal weight of every newton) or
-w = 1/max(|P|, 2 % of the test's largest) (``relative``: of every per cent). Models linear in their parameters are
-solved directly. Ogden's is not, and has many local minima (Ogden, Saccomandi & Sgura 2004): for given powers α its
-moduli are linear, so a grid of powers is solved for them, the best starts are refined with the exact derivatives, and
+A model that fits one kind of test implies little about another, so all modes are fitted together. The minimised
+quantity is Σ w²(P_model − P)² over the engineering stress, with w = 1 (``absolute``: equal weight of every newton) or w
+= 1/max(|P|, 2 % of the test's largest) (``relative``: of every per cent). Models that are linear in their parameters
+are solved directly. Ogden's is not, and has many local minima (Ogden, Saccomandi & Sgura 2004): for given powers α its
+moduli are linear, so they are solved for on a grid of powers, the best starts are refined with exact derivatives, and
 the best result is kept. Nothing is random.
 
-Models are compared by AICc (Hurvich & Tsai 1989), only if stable over the measured stretches; of two
-that fit equally well the simpler is chosen. The
-likelihood is that of autoregressive residuals (`solen.material.stiffness.correlation`): with independent ones a curve
-sampled densely enough would always favour the most parameters.
+Models are compared by AICc (Hurvich & Tsai 1989), but only if stable over the measured stretches; of two that fit
+equally well the simpler one is chosen. The likelihood is that of autoregressive residuals
+(`solen.material.stiffness.correlation`): with independent ones, a curve sampled densely enough would always favour the
+most parameters.
 
-The interface: `fit` for one model, `choose` among several fits of the same curves; `Curve` is a test.
+The interface is `fit` for one model, `choose` among several fits of the same curves, and `Curve` for a test.
 """
 
 import math
@@ -43,14 +43,14 @@ _STEPS = 400  # evaluations for each
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One test: engineering stress over stretch along a mode.
+    """One test: engineering stress over stretch in one mode.
 
     Attributes
     ----------
     mode
-        How the specimen is deformed.
+        Mode of deformation.
     stretch, stress_MPa
-        Shape (n,); compression is stretch below 1 with negative stress.
+        Stretch and engineering stress, shape (n,); in compression, stretch is below 1 and stress negative.
     """
 
     mode: Mode = field(metadata=HIDDEN)
@@ -60,7 +60,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class ModeQuality:
-    """How well a fit follows the tests of one mode: root mean square error in MPa and relative, R², range, points."""
+    """Quality of a fit to the tests of one mode: root mean square error in MPa and relative, R², range, points."""
 
     mode: str
     points: int
@@ -110,12 +110,12 @@ class Fit:
 
     @reported
     def parameters(self) -> dict[str, float]:
-        """Its parameters by name."""
+        """Parameters of the model by name."""
         return dict(zip(self.model.names, self.values.tolist(), strict=True))
 
     @reported
     def u_parameters(self) -> dict[str, float] | None:
-        """Their standard uncertainties; None if the data do not determine them."""
+        """Standard uncertainties of the parameters; None if the data do not determine them."""
         if self.scatter.covariance is None:
             return None
         return dict(zip(self.model.names, np.sqrt(np.diag(self.scatter.covariance)).tolist(), strict=True))
@@ -127,7 +127,7 @@ class Fit:
 
     @reported
     def u_initial_modulus_MPa(self) -> float | None:
-        """Its standard uncertainty by the covariance of the parameters."""
+        """Standard uncertainty of the initial modulus, from the covariance of the parameters."""
         if self.scatter.covariance is None:
             return None
         row = 3 * self.model.shear_modulus_row(self.values)[1]
@@ -142,7 +142,7 @@ def fit(kind: str, curves: Sequence[Curve], weighting: Weighting = "absolute") -
     kind
         One of `solen.material.stiffness.models.KINDS`.
     curves
-        Tests, each along its mode.
+        Tests, each with its mode.
     weighting
         ``absolute`` or ``relative``.
 
@@ -183,18 +183,18 @@ def fit(kind: str, curves: Sequence[Curve], weighting: Weighting = "absolute") -
 
 
 def fit_each(kinds: Sequence[str], curves: Sequence[Curve], weighting: Weighting = "absolute") -> tuple[Fit, ...]:
-    """Fits of several models to the same curves, each with its AICc beside the lowest."""
+    """Return fits of several models to the same curves, each with its AICc and the difference from the lowest."""
     fits = [fit(kind, curves, weighting) for kind in kinds]
     lowest = min((each.aicc for each in fits if each.aicc is not None), default=0.0)
     return tuple(replace(each, delta_aicc=None if each.aicc is None else each.aicc - lowest) for each in fits)
 
 
 def choose(fits: Sequence[Fit]) -> Fit | None:
-    """Fit of the lowest AICc among those stable over the data, or a simpler one that follows them as well.
+    """Return the fit of lowest AICc among those stable over the data, or a simpler one that fits equally well.
 
-    Specimens that differ leave smooth residuals that no model takes away; a likelihood of correlated residuals then
-    votes for parameters that change the fit by less than can be seen. So a model with fewer parameters whose residuals
-    are larger by `SEEN` at most is taken instead. None if no model is stable.
+    Specimens that differ leave smooth residuals that no model removes; a likelihood of correlated residuals then
+    favours parameters that change the fit imperceptibly. A model with fewer parameters is therefore preferred if its
+    residuals are larger by at most `SEEN`. None if no model is stable.
     """
     stable = [f for f in fits if f.stable_in_data]
     judged = [f for f in stable if f.aicc is not None]
@@ -211,7 +211,7 @@ def _check(curves: Sequence[Curve], fitted: Model) -> None:
         raise DataError(f"points for {fitted.kind}", value=points, limit=f"at least {needed}", remedy="measure more")
     for curve in curves:
         if not (np.isfinite(curve.stretch).all() and np.isfinite(curve.stress_MPa).all()):
-            raise DataError(f"{curve.mode.name} curve", limit="has gaps", remedy="leave out points without a number")
+            raise DataError(f"{curve.mode.name} curve", limit="has gaps", remedy="remove points without a number")
         if (lowest := float(curve.stretch.min())) <= 0:
             raise DataError("stretch", value=lowest, limit="must be above 0", remedy="check length and displacement")
 
@@ -234,14 +234,14 @@ def _fit_linear(fitted: Model, curves: Sequence[Curve], weights: Sequence[FloatA
 
 
 def _solved(rows: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Least squares with columns of one size: powers of the invariants differ by many orders."""
+    """Return the least-squares solution with scaled columns, because powers of the invariants differ by orders."""
     size = np.linalg.norm(rows, axis=0)
     size[size == 0] = 1.0
     return np.asarray(np.linalg.lstsq(rows / size, wanted, rcond=None)[0] / size)
 
 
 def _fit_ogden(fitted: Ogden, curves: Sequence[Curve], weights: Sequence[FloatArray]) -> FloatArray:
-    """Best end of the best starts; powers are kept within ±30 by α = 30 sin θ, so that the search itself is free."""
+    """Return the best result of the best starts; α = 30 sin θ keeps powers within ±30 in an unconstrained search."""
     from scipy.optimize import leastsq
 
     terms = _Terms.of(curves, weights)
@@ -285,17 +285,17 @@ class _Terms:
         return cls(np.vstack(factors), np.vstack(logarithms), wanted)
 
     def basis(self, powers: FloatArray) -> FloatArray:
-        """Stress of each term: (points, terms)."""
+        """Return the stress of each term: (points, terms)."""
         return np.asarray(np.einsum("ni,nit->nt", self.factor, np.exp(self.logarithm[:, :, None] * powers)))
 
     def by_power(self, powers: FloatArray) -> FloatArray:
-        """Its derivative by the term's power."""
+        """Return the derivative of the stress with respect to the term's power."""
         grown = np.exp(self.logarithm[:, :, None] * powers)
         return np.asarray(np.einsum("ni,nit->nt", self.factor * self.logarithm, grown))
 
 
 def _starts(terms: _Terms, order: int) -> list[tuple[FloatArray, FloatArray]]:
-    """Best of a grid of powers, each with the moduli that are best for it."""
+    """Return the best of a grid of powers, each with its least-squares moduli."""
     powers = np.array(_POWERS)
     basis = terms.basis(powers)
     tried = []
@@ -308,7 +308,7 @@ def _starts(terms: _Terms, order: int) -> list[tuple[FloatArray, FloatArray]]:
 
 
 def _ordered(fitted: Ogden, parameters: FloatArray) -> FloatArray:
-    """The same sum with its terms by falling power, so that equal fits look equal."""
+    """Return the same sum with terms in order of falling power, so that equal fits look equal."""
     moduli, powers = fitted.split(parameters)
     order = np.argsort(-powers)
     return np.concatenate([moduli[order], powers[order]])
@@ -339,7 +339,7 @@ def _quality(fitted: Model, parameters: FloatArray, curves: Sequence[Curve]) -> 
 
 
 def _aicc(residuals: Sequence[FloatArray], lag_one: float, parameters: int) -> float | None:
-    """AICc with k = parameters, the variance and the correlation."""
+    """Return the AICc with k = parameters, the variance and the correlation."""
     points, k = sum(len(r) for r in residuals), parameters + 2
     likelihood = log_likelihood(residuals, lag_one)
     if points - k - 1 <= 0 or likelihood == float("inf"):

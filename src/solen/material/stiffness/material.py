@@ -1,9 +1,9 @@
-"""Specimens of mechanical tests to modulus and model of each material.
+"""Modulus and model of each material from specimens of mechanical tests.
 
-The idea: every recording is a specimen, unless a column of it names several. Specimens of one label are one material:
-its modulus is their mean, and one set of a model's parameters is fitted to all its tests, whatever their mode.
+Every recording is a specimen, unless one of its columns names several. Specimens with the same label are one material:
+its modulus is their mean, and one set of a model's parameters is fitted to all its tests, in all modes.
 
-The interface: `stiffness_of` takes `MechanicalTest` recordings and gives a `MeasuredStiffness`.
+The interface is `stiffness_of`, which accepts `MechanicalTest` recordings and returns a `MeasuredStiffness`.
 """
 
 from collections.abc import Sequence
@@ -52,13 +52,13 @@ class MechanicalTest:
     mode
         Mode of the test; None to infer it from the signs and words of the file.
     label
-        Name of the material; empty to take it from a column.
+        Name of the material; empty to read it from a column.
     dimensions
-        Stated sizes of its specimens.
+        Stated dimensions of its specimens.
     compliance_mm_per_N
         Compliance of machine and fixture.
     name
-        Name of its specimen, if its file holds several.
+        Name of its specimen, if its file contains several.
     """
 
     recording: Recording
@@ -81,9 +81,9 @@ class MaterialStiffness(MeanModulus, kw_only=True):
     mode
         Mode of the first specimen's test: tension, compression, uniaxial (both directions), planar or equibiaxial.
     specimens
-        All of them; the modulus is the mean over those tested like the first.
+        All specimens; the modulus is the mean over those tested like the first.
     model, fits
-        The fit that was chosen, None without one; and all fits.
+        The chosen fit, None without one; and all fits.
     warnings
         Warnings, in sentences.
     """
@@ -98,12 +98,12 @@ class MaterialStiffness(MeanModulus, kw_only=True):
 
 
 class MeasuredStiffness(MaterialStiffness, Measured, kw_only=True):
-    """Stiffness of the tested materials: that of the first, and if there are several, of all.
+    """Stiffness of the tested materials: that of the first and, if there are several, of all.
 
     Attributes
     ----------
     groups
-        All materials where there are several.
+        All materials, if there are several.
     """
 
     groups: tuple[MaterialStiffness, ...]
@@ -114,7 +114,7 @@ class MeasuredStiffness(MaterialStiffness, Measured, kw_only=True):
         return self.groups or (self,)
 
     def table(self) -> str:
-        """Stress and strain of all specimens, each with its name and material, as CSV that says if it is simulated."""
+        """Return stress and strain of all specimens, with name and material, as CSV marked if simulated."""
         lines = ["specimen,material,strain,stress_MPa,true_strain,true_stress_MPa"]
         for material in self.materials:
             for specimen in material.specimens:
@@ -135,12 +135,12 @@ class _Specimen:
 
 
 def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = StiffnessOptions()) -> MeasuredStiffness:
-    """Modulus and model of each material.
+    """Return modulus and model of each material.
 
     Raises
     ------
     DataError
-        If a column, unit or dimension is missing, or the range of the modulus holds too few points.
+        If a column, unit or dimension is missing, or the range of the modulus contains too few points.
     """
     tests = [replace(each, recording=chosen_rows(each.recording, options)) for each in tests]
     used = (*_SPECIMEN, *_MATERIAL)
@@ -150,7 +150,9 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
     groups = tuple(_material([each for each in specimens if each.label == label], options) for label in labels)
     warnings = tuple(dict.fromkeys([*remarks, *(warning for group in groups for warning in group.warnings)]))
     if len(groups) > 1:
-        beside = note(f"modulus and model outside groups are those of {labels[0]} only; groups holds all {len(labels)}")
+        beside = note(
+            f"modulus and model outside groups are only those of {labels[0]}; groups contains all {len(labels)}"
+        )
         warnings = (*warnings, beside)
     sources = {each.recording.provenance.sha256: each.recording.provenance for each in specimens}
     return MeasuredStiffness(
@@ -161,7 +163,7 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
 
 
 def _specimens(tests: Sequence[MechanicalTest], options: StiffnessOptions) -> list[_Specimen]:
-    """Every specimen of every recording; all of one kind over one range of strain, where that is possible."""
+    """Return every specimen of every recording, evaluated over a common strain range for each mode if possible."""
     specimens: list[_Specimen] = []
     ranges: dict[tuple[str, str], Range] = {}
     for tested in tests:
@@ -178,7 +180,7 @@ def _specimens(tests: Sequence[MechanicalTest], options: StiffnessOptions) -> li
 
 
 def _evaluated(test: StressStrain, options: StiffnessOptions, strain_range: Range | None) -> Evaluated:
-    """A test over a range, or over its own if that holds too few points and the user stated none."""
+    """Evaluate a test over a range, or over its default if that contains too few points and the user stated none."""
     try:
         return evaluate(test, options, strain_range)
     except DataError:
@@ -186,12 +188,14 @@ def _evaluated(test: StressStrain, options: StiffnessOptions, strain_range: Rang
             raise
     evaluated = evaluate(test, options)
     low, high = (100 * end for end in evaluated.young.strain_range)
-    other = f"modulus over {low:.3g} to {high:.3g} %, as the range of the other specimens holds too few points here"
+    other = (
+        f"modulus over {low:.3g} to {high:.3g} %, because the range of the other specimens contains too few points here"
+    )
     return replace(evaluated, warnings=(*evaluated.warnings, look_at(other)))
 
 
 def _parts(recording: Recording) -> list[tuple[str, str, Recording]]:
-    """Specimens of a recording, each with its name and its material, by the columns that name them."""
+    """Return the specimens of a recording, each with its name and material, from the columns that name them."""
     columns = [
         [texts for name in names if (texts := recording.label(name)) is not None] for names in (_MATERIAL, _SPECIMEN)
     ]
@@ -235,14 +239,14 @@ def _material(specimens: Sequence[_Specimen], options: StiffnessOptions) -> Mate
 def _fits(
     specimens: Sequence[_Specimen], options: StiffnessOptions, modulus_MPa: float
 ) -> tuple[tuple[Fit, ...], list[Caution]]:
-    """Requested fits, and a warning if ``auto`` makes none."""
+    """Return the requested fits, and a warning if ``auto`` makes none."""
     if "none" in options.fit:
         return (), []
     if "auto" in options.fit and abs(modulus_MPa) > _RIGID_MPA:
         return (), [
             note(
-                f"no hyperelastic model: {modulus_MPa:.4g} MPa is not the modulus of a rubber; --fit all fits them "
-                "still"
+                f"no hyperelastic model: {modulus_MPa:.4g} MPa is not the modulus of a rubber; --fit all fits the "
+                "models anyway"
             )
         ]
     curves = [specimen.evaluated.fitted for specimen in specimens]
@@ -253,7 +257,7 @@ def _fits(
 
 
 def _of_specimens(specimens: Sequence[_Specimen]) -> list[Caution]:
-    """Warnings of the specimens, with their names where not all say the same."""
+    """Return the warnings of the specimens, with their names if they differ."""
     shared = set.intersection(*(set(each.evaluated.warnings) for each in specimens))
     warnings: list[Caution] = []
     for each in specimens:
@@ -263,7 +267,7 @@ def _of_specimens(specimens: Sequence[_Specimen]) -> list[Caution]:
 
 
 def _of_machine(specimen: _Specimen) -> list[Caution]:
-    """Warning if the machine's modulus differs."""
+    """Return a warning if the machine's modulus differs."""
     for heading, text in specimen.recording.provenance.metadata.items():
         if heading.casefold().strip() not in _MACHINE:
             continue

@@ -1,14 +1,16 @@
-"""Hyperelastic models of an incompressible, isotropic solid: energy, stress, and the derivatives of both, all exact.
+"""Hyperelastic models of an incompressible, isotropic solid: energy, stress, and the exact derivatives of both.
 
-The idea: a model is an energy per reference volume W of the principal stretches, λ₁λ₂λ₃ = 1. Everything else is a
-derivative of it: the engineering stress of a test along its mode (`solen.material.stiffness.modes`), the stress by the
-parameters (for the fit), and the matrix of second derivatives by the logarithmic strains (for stability).
+A model is an energy per reference volume W of the principal stretches, λ₁λ₂λ₃ = 1. All other quantities are derivatives
+of it: the engineering stress of a test in its mode (`solen.material.stiffness.modes`), the derivatives of the stress
+with respect to the parameters (for the fit), and the matrix of second derivatives with respect to the logarithmic
+strains (for stability).
 
 - `Polynomial`: W = Σ C_ij (I₁ − 3)^i (I₂ − 3)^j: neo-Hookean (C10), Mooney-Rivlin (C10, C01; Mooney 1940, Rivlin 1948)
   and Yeoh (C10, C20, C30; Yeoh 1993). Linear in its parameters.
 - `Ogden`: W = Σ μ_p/α_p (λ₁^α_p + λ₂^α_p + λ₃^α_p − 3) (Ogden 1972). Linear in μ_p, not in α_p.
 
-The interface: `model(kind)` of the `KINDS`; parameters are an array in the order of `Model.names`, stresses in MPa.
+The interface is `model(kind)`, with one of the `KINDS`; parameters are an array in the order of `Model.names`, stresses
+are in MPa.
 """
 
 from abc import ABC, abstractmethod
@@ -24,38 +26,38 @@ from solen.material.stiffness.modes import Mode
 
 
 class Model(ABC):
-    """An energy function with its parameters' names."""
+    """An energy function with the names of its parameters."""
 
     kind: str
 
     @property
     @abstractmethod
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters, with their unit."""
+        """Names of the parameters, with their units."""
 
     @abstractmethod
     def energy(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:
-        """W in MPa (= mJ/mm³) at the principal stretches λ₁ and λ₂; λ₃ follows."""
+        """Return W in MPa (= mJ/mm³) at the principal stretches λ₁ and λ₂; λ₃ follows."""
 
     @abstractmethod
     def gradient(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:
-        """∂W/∂ln λ₁ and ∂W/∂ln λ₂ (λ₃ = 1/λ₁λ₂): Kirchhoff stresses minus the third, (stretches, 2) in MPa."""
+        """Return ∂W/∂ln λ₁ and ∂W/∂ln λ₂ (λ₃ = 1/λ₁λ₂): Kirchhoff stresses minus the third, (stretches, 2) in MPa."""
 
     @abstractmethod
     def stress(self, parameters: ArrayLike, mode: Mode, stretch: FloatArray) -> FloatArray:
-        """Engineering stress in MPa at each stretch."""
+        """Return the engineering stress in MPa at each stretch."""
 
     @abstractmethod
     def jacobian(self, parameters: ArrayLike, mode: Mode, stretch: FloatArray) -> FloatArray:
-        """Derivatives of `stress` by the parameters: (stretches, parameters)."""
+        """Return the derivatives of `stress` with respect to the parameters: (stretches, parameters)."""
 
     @abstractmethod
     def hessian(self, parameters: ArrayLike, first: FloatArray, second: FloatArray) -> FloatArray:
-        """Second derivatives of W by ln λ₁ and ln λ₂ (λ₃ = 1/λ₁λ₂): (stretches, 2, 2) in MPa."""
+        """Return the second derivatives of W by ln λ₁ and ln λ₂ (λ₃ = 1/λ₁λ₂): (stretches, 2, 2) in MPa."""
 
     @abstractmethod
     def shear_modulus_row(self, parameters: ArrayLike) -> tuple[float, FloatArray]:
-        """Initial shear modulus μ₀ in MPa, and its derivatives by the parameters."""
+        """Return the initial shear modulus μ₀ in MPa, and its derivatives with respect to the parameters."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class Polynomial(Model):
     Attributes
     ----------
     kind
-        Its name.
+        Name of the model.
     terms
         Powers (i, j) of (I₁ − 3) and (I₂ − 3), one pair per parameter C_ij.
     """
@@ -130,7 +132,7 @@ class Ogden(Model):
 
     @property
     def kind(self) -> str:  # type: ignore[override]
-        """Its name."""
+        """Name of the model."""
         return f"ogden-{self.order}"
 
     @property
@@ -139,7 +141,7 @@ class Ogden(Model):
         return tuple(f"mu{p}_MPa" for p in numbers) + tuple(f"alpha{p}" for p in numbers)
 
     def split(self, parameters: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Moduli μ_p in MPa, and powers α_p."""
+        """Return the moduli μ_p in MPa, and the powers α_p."""
         both = np.asarray(parameters, dtype=float)
         return both[: self.order], both[self.order :]
 
@@ -180,7 +182,7 @@ class Ogden(Model):
 
 
 def ogden_basis(powers: FloatArray, mode: Mode, stretch: FloatArray) -> FloatArray:
-    """Engineering stress of each of Ogden's terms at μ = 1: (stretches, terms)."""
+    """Return the engineering stress of each of Ogden's terms at μ = 1: (stretches, terms)."""
     terms = [c * stretch[:, None] ** (c * powers - 1) for c in mode.powers]
     return np.asarray(sum(terms) / mode.directions, dtype=float)
 
@@ -197,20 +199,20 @@ KINDS: dict[str, Model] = {
 
 
 def model(kind: str) -> Model:
-    """Model of a kind; `SpecError` if there is none."""
+    """Return the model of a kind; `SpecError` if there is none."""
     if kind not in KINDS:
         raise SpecError("fit", value=kind, limit=f"must be one of {', '.join(KINDS)}")
     return KINDS[kind]
 
 
 def _invariants(stretches: tuple[FloatArray, FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """I₁ − 3 and I₂ − 3; below rounding they are taken as 0, so that a power of them is real."""
+    """Return I₁ − 3 and I₂ − 3, set to 0 if negative from rounding, so that their powers are real."""
     squares = np.stack(stretches) ** 2
     return np.maximum(squares.sum(axis=0) - 3, 0.0), np.maximum((1 / squares).sum(axis=0) - 3, 0.0)
 
 
 def _power(base: FloatArray, exponent: int, derivative: int) -> FloatArray:
-    """A derivative of base^exponent."""
+    """Return a derivative of base^exponent."""
     factor = 1.0
     for k in range(derivative):
         factor *= exponent - k
@@ -218,12 +220,12 @@ def _power(base: FloatArray, exponent: int, derivative: int) -> FloatArray:
 
 
 def _gradient(squares: FloatArray, sign: int) -> FloatArray:
-    """By ln λ₁ and ln λ₂, of the sum of three λᵢ^(±2): (…, 2)."""
+    """Return the derivatives, by ln λ₁ and ln λ₂, of the sum of three λᵢ^(±2): (…, 2)."""
     return np.stack([2 * sign * (squares[0] - squares[2]), 2 * sign * (squares[1] - squares[2])], axis=-1)
 
 
 def _curvature(squares: FloatArray) -> FloatArray:
-    """Second derivatives, by ln λ₁ and ln λ₂, of the sum of three λᵢ^(±2): (…, 2, 2)."""
+    """Return the second derivatives, by ln λ₁ and ln λ₂, of the sum of three λᵢ^(±2): (…, 2, 2)."""
     cross = 4 * squares[2]
     rows = [[4 * squares[0] + cross, cross], [cross, 4 * squares[1] + cross]]
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))

@@ -1,11 +1,11 @@
-"""Homogeneous deformations of an incompressible specimen, each followed by one stretch λ.
+"""Homogeneous deformations of an incompressible specimen, each described by one stretch λ.
 
-The idea: in every test of this kind the three principal stretches are powers of one of them, λᵢ = λ^cᵢ with Σ cᵢ = 0,
-because the volume stays. The engineering stress is what the energy per reference volume W gains along the way, divided
-by the number of directions that pull: P = (dW/dλ)/m. Compression is the uniaxial way below λ = 1.
+In every test of this kind the three principal stretches are powers of one of them, λᵢ = λ^cᵢ with Σ cᵢ = 0, because the
+volume is constant. The engineering stress is the derivative of the energy per reference volume W with respect to λ,
+divided by the number of loaded directions: P = (dW/dλ)/m. Compression is the uniaxial mode below λ = 1.
 
-The interface: `MODES` by name, `Mode.principal` for the stretches, `Mode.slope_ratio` between the first slope of the
-engineering stress and Young's modulus.
+The interface is `MODES` by name, `Mode.principal` for the stretches, and `Mode.slope_ratio` between the first slope of
+the engineering stress and Young's modulus.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from solen.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Mode:
-    """One way to deform.
+    """One mode of deformation.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class Mode:
     powers
         cᵢ of λᵢ = λ^cᵢ.
     directions
-        How many directions are pulled with the same stress.
+        Number of directions loaded with the same stress.
     """
 
     name: Literal["uniaxial", "planar", "equibiaxial"]
@@ -33,7 +33,7 @@ class Mode:
     directions: int
 
     def principal(self, stretch: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The three principal stretches, each of the shape of ``stretch``."""
+        """Return the three principal stretches, each with the shape of ``stretch``."""
         first, second, third = (stretch**power for power in self.powers)
         return first, second, third
 
@@ -41,7 +41,7 @@ class Mode:
     def slope_ratio(self) -> float:
         """First slope of engineering stress over stretch, as a multiple of Young's modulus.
 
-        From W ≈ μ Σ (ln λᵢ)² and E = 3μ: 2 Σ cᵢ²/(3 m): 1 uniaxial, 4/3 planar, 2 equibiaxial.
+        From W ≈ μ Σ (ln λᵢ)² and E = 3μ it is 2 Σ cᵢ²/(3 m): 1 uniaxial, 4/3 planar, 2 equibiaxial.
         """
         return 2 * sum(power**2 for power in self.powers) / (3 * self.directions)
 
@@ -51,4 +51,4 @@ PLANAR = Mode("planar", (1.0, 0.0, -1.0), 1)
 EQUIBIAXIAL = Mode("equibiaxial", (1.0, 1.0, -2.0), 2)
 MODES: dict[str, Mode] = {mode.name: mode for mode in (UNIAXIAL, PLANAR, EQUIBIAXIAL)}
 TestMode = Literal["tension", "compression", "uniaxial", "planar", "equibiaxial"]
-"""Modes of a test; tension and compression are uniaxial, ``uniaxial`` takes both signs as in the file."""
+"""Modes of a test; tension and compression are uniaxial, and ``uniaxial`` includes both signs as in the file."""

@@ -1,15 +1,14 @@
 """Young's modulus by regression over a stated range of strain, with its uncertainty; strength and break.
 
-The idea: the slope of engineering stress over engineering strain, of every recorded point of the loading branch from
-one strain to another, both included: that is how testing machines do it (ISO 527-1: 0.05 to 0.25 %). Its uncertainty is
-made of the scatter about the line, with correlated residuals counted for what they are worth, and of the specimen's
-dimensions. A planar or equibiaxial test has another first slope than Young's modulus (4/3 and 2 of it); that is
-divided out.
+The modulus is the slope of engineering stress over engineering strain, fitted to every recorded point of the loading
+branch between two strains, both included, as testing machines compute it (ISO 527-1: 0.05 to 0.25 %). Its uncertainty
+combines the scatter about the line, with correlated residuals counted as fewer points, and the specimen's dimensions.
+The first slope of a planar or equibiaxial test is 4/3 or 2 times Young's modulus and is divided by this factor.
 
-Over a wide range a rubber's slope is not its modulus at zero strain: `ideal_ratio` says by how much an ideal one's
-differs.
+Over a wide range a rubber's slope is not its modulus at zero strain: `ideal_ratio` returns the ratio for an ideal
+rubber.
 
-The interface: `young` over a range, `default_range` where none is stated, `secant`, `extremes`.
+The interface is `young` over a range, `default_range` if none is stated, `secant`, and `extremes`.
 """
 
 import math
@@ -33,29 +32,30 @@ _COMPRESSION: tuple[Range, ...] = ((0.02, 0.1), (0.05, 0.25), (0.0, 0.5))
 _ENOUGH, _FEWEST = 8, 3
 _RESOLVED = 0.02  # relative uncertainty above which a narrow range is given up for a wider one
 BREAK = 0.6
-"""Share of the largest force below which a specimen is broken."""
+"""Fraction of the largest force below which a specimen is broken."""
 
 
 @dataclass(frozen=True)
 class Young:
-    """A modulus and what it rests on.
+    """A modulus and its basis.
 
     Attributes
     ----------
     modulus_MPa, u_modulus_MPa
-        Young's modulus, and its standard uncertainty: scatter and, where known, dimensions.
+        Young's modulus, and its standard uncertainty from scatter and, if known, dimensions.
     u_scatter_MPa, u_dimensions_MPa
         The two parts; None for dimensions of unknown uncertainty.
     interval95_modulus_MPa
-        By Student's t of the effective degrees of freedom, and the normal for the dimensions.
+        95 % interval, from Student's t with the effective degrees of freedom and a normal distribution for the
+        dimensions.
     strain_range
-        From and to, as magnitudes, both included.
+        Lowest and highest strain, as magnitudes, both included.
     points, effective_points, lag_one
-        Points in the range, what they are worth, and the correlation of neighbouring residuals.
+        Points in the range, equivalent number of independent points, and correlation of neighbouring residuals.
     r_squared, residual_MPa
-        Of the line: share of the variance, and the residuals' standard deviation.
+        Fraction of the variance explained by the line, and standard deviation of the residuals.
     intercept_MPa
-        Where it meets zero strain.
+        Stress of the line at zero strain.
     """
 
     modulus_MPa: float
@@ -74,7 +74,7 @@ class Young:
 
 @dataclass(frozen=True)
 class Extremes:
-    """Largest stress and its strain; the break, if recorded. Magnitudes."""
+    """Largest stress and its strain; stress and strain at break, if recorded. Magnitudes."""
 
     strength_MPa: float
     strain_at_strength: float
@@ -83,21 +83,21 @@ class Extremes:
 
 
 def young(test: StressStrain, strain_range: Range, cycle: str = "first") -> Young:
-    """Modulus over a range of strain, as fractions.
+    """Fit the modulus over a range of strain, given as fractions.
 
     Parameters
     ----------
     test
-        Test whose strains have the zero of the range.
+        Test whose strains have the same zero as the range.
     strain_range
-        From and to, magnitudes, both included.
+        Lowest and highest strain, magnitudes, both included.
     cycle
         Cycle whose loading branch is used, ``first`` or ``last``.
 
     Raises
     ------
     DataError
-        If the range is empty, or holds fewer than three points or no slope.
+        If the range is empty, or contains fewer than three points or no slope.
     """
     low, high = strain_range
     if not 0 <= low < high < math.inf:
@@ -106,16 +106,17 @@ def young(test: StressStrain, strain_range: Range, cycle: str = "first") -> Youn
     strain, stress = _in_range(test, strain_range, cycle)
     if len(strain) < _FEWEST or float(np.ptp(strain)) == 0:
         reached = 100 * float(np.abs(test.strain).max())
-        limit = f"holds {len(strain)} points of the loading, {_FEWEST} are needed; the test reaches {reached:.4g} %"
+        limit = f"contains {len(strain)} points of the loading, {_FEWEST} are needed; the test reaches {reached:.4g} %"
         raise DataError(f"strain range {100 * low:g} to {100 * high:g} %", limit=limit, remedy="choose a wider one")
     return _regression(test, strain, stress, strain_range)
 
 
 def default_range(test: StressStrain, cycle: str = "first") -> Range:
-    """Range of strain where none is stated.
+    """Return the range of strain used if none is stated.
 
-    In tension 0.05 to 0.25 %, as ISO 527-1, if it holds eight points and gives the modulus to 2 %; else, and in
-    compression, the first of 2 to 10 %, 5 to 25 % and 0 to 50 % that holds eight; else the first five points.
+    In tension it is 0.05 to 0.25 %, as in ISO 527-1, if that range contains eight points and gives the modulus to 2 %;
+    otherwise, and in compression, the first of 2 to 10 %, 5 to 25 % and 0 to 50 % that contains eight points; otherwise
+    the first five points.
     """
     candidates = _COMPRESSION if test.loading == "compression" else _TENSION
     for wanted in candidates:
@@ -130,14 +131,14 @@ def default_range(test: StressStrain, cycle: str = "first") -> Range:
 
 
 def ideal_ratio(mode: Mode, sign: int, strain_range: Range) -> float:
-    """Slope of an ideal (neo-Hookean) rubber over a range of strain, over its slope at zero strain."""
+    """Return the slope of an ideal (neo-Hookean) rubber over a range of strain, relative to that at zero strain."""
     ends = sign * np.array(strain_range)
     low, high = measure(mode, ends)
     return float((high - low) / (ends[1] - ends[0]) / mode.slope_ratio)
 
 
 def secant(test: StressStrain, strain: float, cycle: str = "first") -> float | None:
-    """Stress over strain in MPa at a strain (magnitude) while loading; None if the test does not reach it."""
+    """Return stress over strain in MPa at a strain (magnitude) while loading; None if the test does not reach it."""
     rows = loading_branch(test, cycle)
     size, stress = test.sign * test.strain[rows], test.sign * test.stress_MPa[rows]
     if strain <= 0:
@@ -147,9 +148,9 @@ def secant(test: StressStrain, strain: float, cycle: str = "first") -> float | N
 
 
 def extremes(test: StressStrain) -> Extremes:
-    """Largest stress, and the break: the first row after it whose stress is below 60 % of it.
+    """Return the largest stress, and the break: the first row after it whose stress is below 60 % of it.
 
-    A machine that stops the record there leaves it as its last row.
+    If a machine stops the record at the break, it is the last row.
     """
     size, stress = test.sign * test.strain, test.sign * test.stress_MPa
     at = int(np.argmax(stress))
@@ -165,7 +166,7 @@ def extremes(test: StressStrain) -> Extremes:
 
 
 def _in_range(test: StressStrain, strain_range: Range, cycle: str) -> tuple[FloatArray, FloatArray]:
-    """Strain and stress of the points of the loading branch in a range, on either side of zero where the test is."""
+    """Return strain and stress of the points of the loading branch in a range, on either side of zero."""
     rows = loading_branch(test, cycle)
     strain, stress = test.sign * test.strain[rows], test.sign * test.stress_MPa[rows]
     size = np.abs(strain) if test.loading == "both" else strain
@@ -204,7 +205,7 @@ def _regression(test: StressStrain, strain: FloatArray, stress: FloatArray, stra
 
 
 def _u_dimensions(test: StressStrain, modulus: float) -> float | None:
-    """Part of the dimensions: of the area where force was divided by it, of the length where displacement was."""
+    """Return the uncertainty from the dimensions by which force and displacement were divided."""
     parts = [test.specimen.u_area] if test.area_used else []
     parts += [test.specimen.u_length] if test.from_displacement else []
     known = [part for part in parts if part is not None]

@@ -1,12 +1,12 @@
-"""A specimen's dimensions, what they are uncertain by, and what rough platens do to a squat one.
+"""Dimensions of a specimen, their uncertainties, and the effect of rough platens on a squat specimen.
 
-The idea: stress and strain need an area and a length. They come from the user's options before the file's own
-statement, and their uncertainty is the modulus's: E ∝ length/area. A block that is pressed between platens which hold
-its ends cannot widen there, bulges, and appears stiffer than its material; how much depends on the shape factor, one
-loaded area over the area that is free to bulge.
+Stress and strain require an area and a length. The user's options have priority over the file's statement, and their
+uncertainties enter the modulus: E ∝ length/area. A block pressed between platens that hold its ends cannot widen there,
+bulges, and appears stiffer than its material; the effect depends on the shape factor, one loaded area over the area
+that is free to bulge.
 
-The interface: `Dimensions` are what is stated, `specimen_of` makes a `Specimen` of them and of a file's metadata;
-`held_ends` is the apparent over the true modulus of a block that does not slip.
+The interface is `Dimensions` as stated, `specimen_of`, which makes a `Specimen` from them and a file's metadata, and
+`held_ends`, which returns the apparent over the true modulus of a block that does not slip.
 """
 
 import math
@@ -24,9 +24,10 @@ from solen.units import factor
 
 _SHAPE_FACTORS = (0.0, 1 / 12, 1 / 8, 1 / 5.6, 1 / 4, 1 / 2.8, 1 / 2, 1 / 1.6)
 _HELD = (1.0, 1.066, 1.102, 1.153, 1.232, 1.387, 1.668, 1.985)
-"""Apparent over true modulus of an incompressible square block of that shape factor, ends held: finite elements at
-small strain, extrapolated to a fine mesh, good to 0.3 %, which a test computes again. Gent and Lindley's formula of
-1959, 1 + 2S², is made for flat pads and gives 1.125 for a cube."""
+"""Apparent over true modulus of an incompressible square block with held ends, by shape factor: finite elements at
+small strain, extrapolated to a fine mesh, accurate to 0.3 %, which a test recomputes. Gent and Lindley's formula
+of 1959, 1 + 2S², is made for flat pads and gives 1.125 for a cube.
+"""
 
 _NUMBER = re.compile(r"([-+]?\d+(?:[.,]\d+)?(?:e[-+]?\d+)?)\s*([^\d\s].*)?", re.IGNORECASE)
 _HEADED = re.compile(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]\s*")
@@ -45,22 +46,22 @@ _FILE_SECTIONS = (("width", "thickness"), ("diameter",), ("area",))
 
 
 class Dimensions(Options):
-    """Stated sizes of a specimen."""
+    """Stated dimensions of a specimen."""
 
     cube_mm: Finite | None = Field(None, gt=0.0)
     """Side of a compressed cube, instead of all of the following."""
     length_mm: Finite | None = Field(None, gt=0.0)
-    """Gauge length, or height in compression, that the displacement is divided by; overrules the file's strain."""
+    """Gauge length, or height in compression, by which the displacement is divided; overrides the file's strain."""
     area_mm2: Finite | None = Field(None, gt=0.0)
-    """Cross-section before the test."""
+    """Cross-section before the test in mm²."""
     strip_width_mm: Finite | None = Field(None, gt=0.0)
-    """Its width, with --thickness-mm."""
+    """Width of the cross-section, with --thickness-mm."""
     thickness_mm: Finite | None = Field(None, gt=0.0)
-    """Its thickness."""
+    """Thickness of the cross-section, with --strip-width-mm."""
     diameter_mm: Finite | None = Field(None, gt=0.0)
-    """Or its diameter."""
+    """Diameter of a round cross-section."""
     u_geometry_mm: Finite | None = Field(None, ge=0.0)
-    """Standard uncertainty of each of these lengths, each read on its own."""
+    """Standard uncertainty of each of these lengths, assuming independent errors."""
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -70,28 +71,28 @@ class Dimensions(Options):
         if (self.strip_width_mm is None) != (self.thickness_mm is None):
             raise refused("strip_width_mm", "a cross-section needs both --strip-width-mm and --thickness-mm")
         if self.cube_mm is not None and self.length_mm is not None:
-            raise refused("length_mm", "a cube's length is its side", remedy="drop one of the two")
+            raise refused("length_mm", "a cube's length is its side", remedy="remove one of the two")
         return self
 
 
 @dataclass(frozen=True)
 class Specimen:
-    """Dimensions that stress and strain are made with; None for what neither the user nor the file states.
+    """Dimensions for stress and strain; None for those that neither the user nor the file states.
 
     Attributes
     ----------
     length_mm, area_mm2
-        Before the test.
+        Length and cross-section before the test.
     perimeter_mm
-        Around the cross-section; that of a square where only the area is known.
+        Perimeter of the cross-section; that of a square if only the area is known.
     u_length, u_area
         Relative standard uncertainties; None if not known.
     source
-        Where the numbers come from, in words.
+        Origin of the numbers, in words.
     area_error_per_mm
-        How much of the area 1 mm of error in each of its sides or its diameter is, as a fraction.
+        Relative error of the area per 1 mm of error in each of its sides or its diameter.
     is_cube, length_by_user
-        Whether the user says so, and states the length.
+        Whether the user states a cube, and a length.
     """
 
     length_mm: float | None
@@ -114,7 +115,7 @@ class Specimen:
 
 @dataclass(frozen=True)
 class _Section:
-    """Area, perimeter, and how much of the area 1 mm of error in each of its lengths is, as a fraction."""
+    """Area, perimeter, and relative error of the area per 1 mm of error in each of its lengths."""
 
     area_mm2: float
     perimeter_mm: float
@@ -122,12 +123,12 @@ class _Section:
 
 
 def specimen_of(stated: Dimensions, metadata: Mapping[str, str] | None = None) -> Specimen:
-    """Specimen from the user's statements, completed by the file's metadata.
+    """Return the specimen from the user's statements, completed by the file's metadata.
 
     Raises
     ------
     DataError
-        If the file states no positive length or area.
+        If a length or area stated by the file is not positive.
     """
     in_file = _from_metadata(metadata or {})
     length, section = stated.cube_mm or stated.length_mm, _stated_section(stated)
@@ -154,14 +155,14 @@ def specimen_of(stated: Dimensions, metadata: Mapping[str, str] | None = None) -
 
 
 def held_ends(shape_factor: float) -> float | None:
-    """Apparent over true Young's modulus of a block whose ends cannot widen; None for a flat pad beyond the table."""
+    """Return apparent over true Young's modulus of a block with held ends; None for a flat pad beyond the table."""
     if not 0 < shape_factor <= _SHAPE_FACTORS[-1]:
         return None
     return float(np.interp(shape_factor, _SHAPE_FACTORS, _HELD))
 
 
 def number_in(text: str, unit: str, heading: str = "") -> float | None:
-    """Number stated in metadata, in a unit; None if there is none.
+    """Return the number stated in metadata, in a unit; None if there is none.
 
     The unit follows the number (``11.4 mm``), or is in its heading (``Width (mm)``); default: ``unit``.
     """
@@ -174,7 +175,7 @@ def number_in(text: str, unit: str, heading: str = "") -> float | None:
 
 
 def _from_metadata(metadata: Mapping[str, str]) -> dict[str, tuple[float, str]]:
-    """Dimensions that a file states, each with the words it does so."""
+    """Return the dimensions that a file states, each with its heading."""
     plain = {_plain(heading): (heading, text) for heading, text in metadata.items()}
     dimensions: dict[str, tuple[float, str]] = {}
     for dimension, words in _WORDS.items():
@@ -204,7 +205,7 @@ def _stated_section(stated: Dimensions) -> _Section | None:
 def _section(
     width: float | None = None, thickness: float | None = None, diameter: float | None = None, area: float | None = None
 ) -> _Section | None:
-    """Cross-section by its sides, its diameter, or its area, which is taken as that of a square."""
+    """Return the cross-section from its sides, its diameter, or its area, which is assumed to be square."""
     if area is not None:
         width = thickness = math.sqrt(area)
     if width is not None and thickness is not None:
@@ -215,7 +216,7 @@ def _section(
 
 
 def _options(stated: Dimensions) -> list[str]:
-    """The user's options, as on the command line."""
+    """Return the user's options, written as on the command line."""
     given = stated.model_dump(exclude_none=True, exclude={"u_geometry_mm"})
     words = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in given.items())
     return [words] if words else []

@@ -1,11 +1,11 @@
-"""Where a hyperelastic model is stable in Drucker's sense.
+"""Range in which a hyperelastic model is stable in Drucker's sense.
 
-The idea: a material must not give energy back when it is loaded further: for every small change of the strains,
-Σ dτᵢ dεᵢ > 0 with Kirchhoff stresses and logarithmic strains. With the volume kept, that is a positive definite matrix
-of second derivatives of W by ln λ₁ and ln λ₂. A fit that follows its data to the last digit may still fail this
-beside them, or in a deformation that was not measured; a finite-element program then stops there.
+A material must not release energy when it is loaded further: for every small change of the strains, Σ dτᵢ dεᵢ > 0 with
+Kirchhoff stresses and logarithmic strains. At constant volume, this requires a positive definite matrix of second
+derivatives of W with respect to ln λ₁ and ln λ₂. A fit that follows its data exactly may still violate this near them,
+or in a deformation that was not measured; a finite-element program then stops there.
 
-The interface: `stable_range` of a model along one mode.
+The interface is `stable_range` of a model in one mode.
 """
 
 from dataclasses import dataclass
@@ -18,24 +18,24 @@ from solen.material.stiffness.models import Model
 from solen.material.stiffness.modes import Mode
 
 SCANNED = (0.1, 10.0)
-"""Stretches between which stability is checked, and farther where data reach farther."""
+"""Stretches between which stability is checked; the range is extended if the data exceed it."""
 _STEPS = 800
 
 
 @dataclass(frozen=True)
 class StableRange:
-    """Stretches around 1 over which a model is stable along one mode; None for an end that was not found."""
+    """Stretches around 1 over which a model is stable in one mode; None for a limit beyond the checked range."""
 
     low: float | None
     high: float | None
 
     def covers(self, low: float, high: float) -> bool:
-        """Whether stretches from ``low`` to ``high``, looked at, lie inside."""
+        """Whether checked stretches from ``low`` to ``high`` are within the range."""
         return (self.low is None or self.low <= low) and (self.high is None or high <= self.high)
 
 
 def margin(model: Model, parameters: ArrayLike, mode: Mode, stretch: FloatArray) -> FloatArray:
-    """Lowest eigenvalue, in MPa, of the second derivatives of W by ln λ₁, ln λ₂ at each stretch; stable above 0."""
+    """Return the lowest eigenvalue, in MPa, of the second derivatives of W by ln λ₁, ln λ₂; stable above 0."""
     first, second, _ = mode.principal(np.asarray(stretch, dtype=float))
     return np.asarray(np.linalg.eigvalsh(model.hessian(parameters, first, second))[..., 0])
 
@@ -43,9 +43,9 @@ def margin(model: Model, parameters: ArrayLike, mode: Mode, stretch: FloatArray)
 def stable_range(
     model: Model, parameters: ArrayLike, mode: Mode, reached: tuple[float, float] = (1.0, 1.0)
 ) -> StableRange:
-    """Stretches from and to which a model is stable along a mode; (1, 1) where it is not even undeformed.
+    """Return the lowest and highest stable stretch of a model in a mode; (1, 1) if it is unstable even undeformed.
 
-    Looked at between the ends of `SCANNED`, or of ``reached`` where that is wider.
+    Stability is checked between the ends of `SCANNED`, or of ``reached`` if that is wider.
     """
     low, high = min(SCANNED[0], reached[0]), max(SCANNED[1], reached[1])
     below = _end(model, parameters, mode, np.geomspace(1.0, low, _STEPS))
@@ -54,7 +54,7 @@ def stable_range(
 
 
 def _end(model: Model, parameters: ArrayLike, mode: Mode, stretches: FloatArray) -> float | None:
-    """Last stable stretch of a way that starts at 1; None if all of it is stable."""
+    """Return the last stable stretch of a sequence that starts at 1; None if all of it is stable."""
     from scipy.optimize import brentq
 
     unstable = np.flatnonzero(margin(model, parameters, mode, stretches) <= 0)

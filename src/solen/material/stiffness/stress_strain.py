@@ -1,12 +1,13 @@
 """Engineering and true stress and strain from the records of a testing machine.
 
-The idea: an engineering stress is force over the area before the test, an engineering strain displacement over the
-length before it; compression is negative in both, regardless of the machine's sign. Stress or strain stated in the file
-is used unchanged. True stress and strain assume constant volume, λA = A₀: σ = Pλ, ε = ln λ, in
-all three modes. This is an approximation (rubbers: ν > 0.499; printed parts with voids less), and does not hold for a
-specimen that barrels or necks.
+Engineering stress is force over the area before the test, engineering strain displacement over the length before it;
+compression is negative in both, regardless of the machine's sign. Stress or strain stated in the file is used
+unchanged. True stress and strain assume constant volume, λA = A₀: σ = Pλ, ε = ln λ, in all three modes. This is an
+approximation (rubbers: ν > 0.499; printed parts with voids less), and does not hold for a specimen that barrels or
+necks.
 
-The interface: `as_test` makes a `StressStrain` of arrays, `solen.material.stiffness.columns` of a recording.
+The interface is `as_test`, which converts arrays to a `StressStrain`; `solen.material.stiffness.columns` does so for a
+recording.
 """
 
 from dataclasses import dataclass, field, replace
@@ -31,30 +32,30 @@ _PERCENT_BY_MISTAKE = 20.0  # a strain without unit beyond this: 2000 %
 
 @dataclass(frozen=True, eq=False)
 class StressStrain:
-    """One test, in the order it was recorded.
+    """One test, in the order of recording.
 
     Attributes
     ----------
     mode
-        How the specimen is deformed.
+        Mode of deformation.
     loading
-        ``tension``, ``compression``, or ``both`` where a file holds both.
+        ``tension``, ``compression``, or ``both`` if a file contains both.
     strain, stress_MPa
-        Engineering, shape (n,); compression is negative.
+        Engineering strain and stress, shape (n,); compression is negative.
     specimen
-        Its dimensions.
+        Dimensions of the specimen.
     made_from
-        Which columns stress and strain are, or are made of.
+        Columns that contain stress and strain, or from which they are computed.
     area_used
         Whether the stress is a force over the specimen's area.
     from_displacement
-        Whether the strain is a displacement over a length, with slack and the machine's compliance in it.
+        Whether the strain is a displacement over a length, including slack and the machine's compliance.
     compliance_removed
-        Whether the machine's has been subtracted.
+        Whether the machine's compliance has been subtracted.
     preload
         Preload at which strain was set to zero, as the file states it; empty if it states none.
     notes, warnings
-        Decisions taken, and warnings, in sentences.
+        Decisions and warnings, in sentences.
     """
 
     mode: Mode = field(metadata=HIDDEN)
@@ -95,11 +96,11 @@ class StressStrain:
 
     @property
     def sign(self) -> int:
-        """+1 where loading raises the strain, -1 in compression."""
+        """+1 if loading raises the strain, -1 in compression."""
         return -1 if self.loading == "compression" else 1
 
     def shifted(self, zero_strain: float) -> "StressStrain":
-        """The same test with strain counted from ``zero_strain`` (of the present count)."""
+        """Return the same test with strain counted from ``zero_strain`` (a strain of this test)."""
         return replace(self, strain=self.strain - zero_strain)
 
 
@@ -112,18 +113,18 @@ def as_test(
     name: str = "test",
     assumed: bool = False,
 ) -> StressStrain:
-    """Test from engineering strain and stress in MPa, of either sign, shape (n,) each.
+    """Return a test from engineering strain and stress in MPa, of either sign, shape (n,) each.
 
     Parameters
     ----------
     strain, stress_MPa, specimen
-        As above; trailing NaNs are dropped.
+        As in `StressStrain`; trailing NaNs are dropped.
     mode
         None to infer it from the signs.
     name
-        Its name in errors.
+        Name of the test in errors.
     assumed
-        Whether the mode is inferred rather than stated; then uncertainties are reported in warnings.
+        Whether the mode is inferred rather than stated; ambiguities are then reported in warnings.
 
     Raises
     ------
@@ -138,7 +139,10 @@ def as_test(
     if (lowest := float(strain.min())) <= -1:
         remedy = "check the length and the unit of the displacement or strain"
         raise DataError(
-            f"{name}: strain", value=lowest, limit="must stay above -1, as no length is left there", remedy=remedy
+            f"{name}: strain",
+            value=lowest,
+            limit="must remain above -1, because no length remains there",
+            remedy=remedy,
         )
     if strain.max() > _PERCENT_BY_MISTAKE:
         warnings = (
@@ -157,7 +161,7 @@ def as_test(
 
 
 def _without_gaps(strain: FloatArray, stress: FloatArray, name: str) -> tuple[FloatArray, FloatArray]:
-    """Both without missing rows at their end; `DataError` for gaps, too few points or no deformation."""
+    """Return both without missing rows at their end; `DataError` for gaps, too few points or no deformation."""
     if strain.shape != stress.shape or strain.ndim != 1:
         raise DataError(name, limit=f"strain and stress differ in length: {strain.shape} and {stress.shape}")
     there = np.isfinite(strain) & np.isfinite(stress)
@@ -177,19 +181,19 @@ def _without_gaps(strain: FloatArray, stress: FloatArray, name: str) -> tuple[Fl
 
 
 def _check_size(what: str, values: FloatArray, unit: str, limits: tuple[float, float]) -> None:
-    """`DataError` for values that do not change, or are of a size that no specimen shows."""
+    """Raise `DataError` for values that do not change, or have a magnitude that no specimen shows."""
     least, most = limits
     largest = float(values[int(np.argmax(np.abs(values)))])
     if abs(largest) > most:
         limit = f"is beyond {most:g}{unit}, which no specimen shows"
         raise DataError(what, value=largest, limit=limit, remedy="check the column and its unit")
     if float(np.ptp(values)) <= least:
-        remedy = "check that the right columns were taken, with enough digits"
+        remedy = "check that the right columns were used, with enough digits"
         raise DataError(what, value=float(values[0]), limit="is the same in every row", remedy=remedy)
 
 
 def sense(values: FloatArray) -> int:
-    """Sign of the value furthest from zero."""
+    """Return the sign of the value furthest from zero."""
     return -1 if values[int(np.argmax(np.abs(values)))] < 0 else 1
 
 
@@ -204,7 +208,7 @@ def _loading(
     name: str,
     assumed: bool,
 ) -> tuple[Loading, tuple[str, ...], tuple[Caution, ...]]:
-    """Direction of loading, what was decided, and what to beware of."""
+    """Return the direction of loading, the decision in words, and warnings."""
     if mode in {None, "uniaxial"} and _two_sided(strain):
         return _both_ways(strain, stress, name)
     exported = (sense(strain), sense(stress))
@@ -218,21 +222,22 @@ def _loading(
         limit = f"is {signs}, which may be tension or compression"
         raise DataError(name, limit=limit, remedy="state it: --mode tension or --mode compression")
     if exported[0] < 0:
-        return "compression", (f"compression, by its signs: {signs}",), ()
+        return "compression", (f"compression, inferred from its signs: {signs}",), ()
     warnings: tuple[Caution, ...] = ()
     if assumed:
         warnings = (
             look_at(
-                "tension is assumed: the file states no mode and its signs are positive; else state --mode compression"
+                "tension is assumed: the file states no mode and its signs are positive; otherwise "
+                "state --mode compression"
             ),
         )
-    return "tension", (f"tension, by its signs: {signs}",), warnings
+    return "tension", (f"tension, inferred from its signs: {signs}",), warnings
 
 
 def _both_ways(
     strain: FloatArray, stress: FloatArray, name: str
 ) -> tuple[Loading, tuple[str, ...], tuple[Caution, ...]]:
     if float(np.sum(np.sign(strain) * np.sign(stress))) <= 0:
-        remedy = "state --mode, or turn the sign of one column"
+        remedy = "state --mode, or change the sign of one column"
         raise DataError(name, limit="stress and strain have opposite signs on both sides of zero", remedy=remedy)
-    return "both", ("tension and compression in one file, by its signs",), ()
+    return "both", ("tension and compression in one file, inferred from its signs",), ()

@@ -1,19 +1,19 @@
-"""Toe compensation: where a test really begins.
+"""Toe compensation: the strain at which a test really begins.
 
-The idea: before the platens touch, or while a strip's slack is taken up, displacement grows and force hardly does. That
-part is no property of the material and moves the strain's zero. The annexes of ASTM D695 and D638 draw the tangent to
-the first straight part, or to the steepest part after the toe, down to zero stress and count strains from there.
+Before the platens touch, or while a strip's slack is removed, displacement grows and force hardly does. That part is no
+property of the material and shifts the zero of strain. The annexes of ASTM D695 and D638 extrapolate the tangent to the
+first straight part, or to the steepest part after the toe, to zero stress and count strains from there.
 
 A rubber has no straight part, so the tangent here is a neo-Hookean curve: stress is plotted over the neo-Hookean
-measure g = P/E of the strain, which is the strain itself where it is small, so that a plastic is treated as the annexes
-say. The loading branch is cut into equal steps of stress; the toe ends at the first step from which the slope no longer
-rises by more than 5 % a step. Through that step and the next a line is drawn to zero stress. The shift is made
-where it exceeds twice its uncertainty, which holds the scatter and what the first of the two steps alone would give;
-backwards only where the record begins under load.
+measure g = P/E of the strain, which equals the strain if it is small, so that a plastic is treated as in the annexes.
+The loading branch is divided into equal steps of stress; the toe ends at the first step from which the slope no longer
+rises by more than 5 % per step. A line through that step and the next is extrapolated to zero stress. The shift is made
+if it exceeds twice its uncertainty, which includes the scatter and the change when only the first of the two steps is
+used; a backward shift is made only if the record begins under load.
 
-A slope that keeps rising cannot be distinguished from a toe: then nothing is shifted, and the note says so.
+A slope that keeps rising cannot be distinguished from a toe: then nothing is shifted, and the note states this.
 
-The interface: `find_toe` of a test.
+The interface is `find_toe` of a test.
 """
 
 from dataclasses import dataclass
@@ -41,11 +41,11 @@ class Toe:
     Attributes
     ----------
     shift
-        Strain, of the test's sign, from which strains are counted; 0 where nothing is shifted.
+        Strain, with the test's sign, from which strains are counted; 0 if nothing is shifted.
     u_shift
-        Its standard uncertainty; None if no line could be drawn.
+        Standard uncertainty of the shift; None if no line could be drawn.
     end
-        Strain, counted from the shift, at which the toe ends: below it stresses are not the material's.
+        Strain, counted from the shift, at which the toe ends; stresses below it are not the material's.
     note
         The correction made, in a sentence.
     """
@@ -57,9 +57,9 @@ class Toe:
 
 
 def find_toe(test: StressStrain) -> Toe:
-    """Toe of the first loading branch of a test in one direction."""
+    """Return the toe of the first loading branch of a test in one direction."""
     if test.loading == "both":
-        return Toe(0.0, None, 0.0, "no toe compensation: the file holds both directions")
+        return Toe(0.0, None, 0.0, "no toe compensation: the file contains both directions")
     rows = loading_branch(test)
     strain, stress = test.sign * test.strain[rows], test.sign * test.stress_MPa[rows]
     steps = _steps(stress)
@@ -69,20 +69,20 @@ def find_toe(test: StressStrain) -> Toe:
 
 
 def measure(mode: Mode, strain: FloatArray) -> FloatArray:
-    """Neo-Hookean engineering stress over Young's modulus at a strain; to first order, uniaxially, the strain."""
+    """Return neo-Hookean engineering stress over Young's modulus; uniaxially, this is the strain to first order."""
     stretch = np.maximum(1 + strain, 1e-3)
     return np.asarray(sum(2 * c * stretch ** (2 * c - 1) for c in mode.powers) / (6 * mode.directions))
 
 
 def _shifted(test: StressStrain, strain: FloatArray, stress: FloatArray, steps: list[slice]) -> Toe:
-    """Toe by the line through the first step after it; the measure depends on the shift, hence the rounds."""
+    """Return the toe from the line through the first step after it, iterated as the measure depends on the shift."""
     shift, u_shift, slope = 0.0, 0.0, 0.0
     at: int | None = None
     for _ in range(_ROUNDS):
         over = test.sign * measure(test.mode, test.sign * (strain - shift))
         at = _end_of_toe(over, stress, steps)
         if at is None:
-            return Toe(0.0, None, 0.0, "no toe compensation: the slope keeps rising, by a toe or by the material")
+            return Toe(0.0, None, 0.0, "no toe compensation: the slope keeps rising, because of a toe or the material")
         both = slice(steps[at].start, steps[at + 1].stop)
         zero, u_zero, slope = _zero(over[both], stress[both])
         curved = zero - _zero(over[steps[at]], stress[steps[at]])[0]  # what another choice of points would have given
@@ -100,7 +100,7 @@ def _shifted(test: StressStrain, strain: FloatArray, stress: FloatArray, steps: 
 
 
 def _steps(stress: FloatArray) -> list[slice]:
-    """Rows of equal steps of stress while loading, each of at least some rows."""
+    """Return rows of equal steps of stress while loading, with a minimum number of rows each."""
     highest = np.maximum.accumulate(stress)
     edges = np.searchsorted(highest, np.linspace(0, float(highest[-1]), _STEPS + 1)[1 : _LOOKED + 4])
     steps, start = [], 0
@@ -112,7 +112,7 @@ def _steps(stress: FloatArray) -> list[slice]:
 
 
 def _end_of_toe(over: FloatArray, stress: FloatArray, steps: list[slice]) -> int | None:
-    """First step whose slope is not much exceeded in the next two; None if there is none."""
+    """Return the first step whose slope is not much exceeded in the next two; None if there is none."""
     slopes = [_slope(over[rows], stress[rows]) for rows in steps]
     for at, now in enumerate(slopes[:-2]):
         if now > 0 and slopes[at + 1] <= _RISE * now and slopes[at + 2] <= _RISE**2 * now:
@@ -127,7 +127,7 @@ def _slope(over: FloatArray, stress: FloatArray) -> float:
 
 
 def _zero(over: FloatArray, stress: FloatArray) -> tuple[float, float, float]:
-    """Strain at which a line through points reaches zero stress, its standard uncertainty, and the slope."""
+    """Return the strain at which a line through points reaches zero stress, its standard uncertainty, and the slope."""
     rows = np.column_stack([np.ones_like(over), over])
     start, slope = np.linalg.lstsq(rows, stress, rcond=None)[0]
     residual = scatter([rows], [stress - rows @ np.array([start, slope])])
