@@ -39,7 +39,7 @@ def test_lines_name_the_mode_and_the_warnings(tmp_path: Path, capfd: pytest.Capt
     assert run_command([*COMMAND, layer(tmp_path), *options]) == 0
     printed = capfd.readouterr().out
     assert "mode as-published, NO MEASUREMENT" in printed
-    assert "do not use: as published, refused as a measurement" in printed
+    assert "do not use: as published, not valid as a measurement" in printed
     assert "at, mean wavelength 500 nm: n = 1.3" in printed
 
 

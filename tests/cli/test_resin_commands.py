@@ -151,7 +151,7 @@ def test_a_guide_that_loses_more_than_the_layer_allows_is_reported(shell: Shell)
     cutback = CUTBACK | {"u_absorption_per_mm": 0.001}
     Path("cutback.json").write_text(json.dumps(cutback), encoding="utf-8")
     found = shell.json("resin", "build", "r.toml", *WHO, "--index", "index.json", "--cutback", "cutback.json")
-    assert any("above what the layer's spectra allow, 0.2 dB/cm" in text for text in found["warnings"])
+    assert any("above the upper bound from the layer's spectra, 0.2 dB/cm" in text for text in found["warnings"])
 
 
 FORMULA = {"kind": "cauchy", "A": 1.48, "B_um2": 0.005, "C_um4": 0.0, "covariance": [[1e-6, 0, 0], [0] * 3, [0] * 3]}
@@ -220,8 +220,11 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
             list,
             "solen resin build; ... --index, --cutback, --cure, --stiffness, --refractometer or --formulation",
         ),
-        (lambda: ["--index", "cure.json"], "cure.json: kind = 'cure'; --index takes index or refractometer; it is for"),
-        (lambda: ["--cure", "index.json"], "index.json: kind = 'index'; --cure takes cure; it is for"),
+        (
+            lambda: ["--index", "cure.json"],
+            "cure.json: kind = 'cure'; --index takes index or refractometer; use it with",
+        ),
+        (lambda: ["--cure", "index.json"], "index.json: kind = 'index'; --cure takes cure; use it with"),
         (lambda: ["--cure", "none.json"], "none.json; no such file"),
         (damaged("cure", kind="spectra"), "bad.json: kind = 'spectra'; --cure takes cure"),
         (holding(b"{}"), "bad.json: kind; ... solen resin index --out"),
@@ -250,7 +253,10 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (damaged("stiffness", modulus_MPa="1.5"), "bad.json: modulus_MPa = '1.5'; must be a number"),
         (lambda: ["--formulation", "a:75,b:20"], "formulation = '95 %'; must add up to 100 % by weight, to within 0.1"),
         (lambda: ["--formulation", "a:75,b"], "--formulation = 'b'; is not of the form name:number"),
-        (lambda: ["--formulation", "a:50,a:50"], "formulation = 'a'; each component may occur once; add its shares up"),
+        (
+            lambda: ["--formulation", "a:50,a:50"],
+            "formulation = 'a'; each component may occur once; add up its fractions",
+        ),
         (lambda: ["--formulation", "a:120,b:-20"], "--formulation: wt_percent = -20.0; must be greater than 0"),
         (lambda: ["--cure", "cure.json", "--orientation", "flat"], "--orientation = 'flat'; is of --cutback; add it"),
         (lambda: ["--cure", "cure.json", "--label", "PU"], "--label = 'PU'; is of --stiffness; add it"),
@@ -260,7 +266,7 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         ),
         (
             lambda: ["--stiffness", "stiffness.json", "--label", "PU"],
-            "stiffness.json: --label = 'PU'; the result holds",
+            "stiffness.json: --label = 'PU'; the result contains",
         ),
     ],
 )
@@ -344,13 +350,13 @@ def test_a_mixture_is_weighed_in_both_readings(shell: Shell) -> None:
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [
-        ((), "mixture = 0; takes at least 2 components"),
+        ((), "mixture = 0; requires at least 2 components"),
         (("a:50", "b"), "component = 'b'; is not of the form name:number"),
         (("a:50", "b:nan"), "component = 'b:nan'; is not of the form"),
-        (("a:50", "b:40"), "mixture = '90 %'; the shares must add up to 100 %"),
+        (("a:50", "b:40"), "mixture = '90 %'; the fractions must add up to 100 %"),
         (
             ("a:50", "b:50", "--total-g", "1", "--base-g", "1"),
-            "--base-g; give the mass of the whole or that of the base",
+            "--base-g; state the mass of the whole or that of the base",
         ),
         (("a:50", "b:50", "--total-g", "0"), "--total-g = '0'; must be greater than 0"),
         (("a:50", "b:50", "--resolution-g", "-1"), "--resolution-g = '-1'; must be at least"),
@@ -420,7 +426,7 @@ def test_what_the_commands_leave_is_what_a_resin_takes(shell: Shell) -> None:
         "s.json",
     )
     given = ("--cutback", "c.json", "--cure", "k.json", "--stiffness", "s.json")
-    assert "the result holds base, mix" in shell.refused("resin", "build", "r.toml", *WHO, *given)
+    assert "the result contains base, mix" in shell.refused("resin", "build", "r.toml", *WHO, *given)
     chosen = (
         "--orientation",
         "upright",

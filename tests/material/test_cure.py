@@ -222,7 +222,7 @@ def test_the_test_of_fit_alarms_at_its_rate() -> None:
         ([10.0, 20.0, 0.0], [1.0, 2.0, 3.0], r"dose = '0 \(row 3\)'; must be from 1e-06"),
         ([10.0, 20.0, 30.0], [1.0, -2.0, 3.0], r"thickness = '-2 \(row 2\)'; must be 0 to 1e"),
         ([10.0, 10.0, 10.0], [1.0, 2.0, 3.0], "3 discs at 1 doses"),
-        ([10.0, 20.0, 30.0], [0.0, 20.0, 30.0], r"2 discs at 2 doses \(1 left out\)"),
+        ([10.0, 20.0, 30.0], [0.0, 20.0, 30.0], r"2 discs at 2 doses \(1 omitted\)"),
         ([10.0, 20.0, 30.0, 40.0], [40.0, 30.0, 20.0, 10.0], "thickness must grow with dose"),
     ],
 )
@@ -236,7 +236,7 @@ def test_what_gives_no_curve_is_refused(dose: list[float], thick: list[float], t
     [
         ([10.0, 10.0, 40.0, 40.0], [27.0, 26.0, 193.0, 194.0], "two doses"),
         ([10.0, 20.0, 40.0, 80.0], [27.0, 109.0, 194.0, 276.0], "no dose was repeated"),
-        ([10.0, 20.0, 40.0], [27.0, 110.0, 193.0], "1 more points than numbers sought"),
+        ([10.0, 20.0, 40.0], [27.0, 110.0, 193.0], "the fit has 1 degrees of freedom"),
         ([80.0, 80.0, 90.0, 90.0, 120.0, 120.0], [276.0, 277.0, 290.0, 291.0, 325.0, 324.0], "an extrapolation"),
         ([12.0, 12.0, 20.0, 20.0, 40.0, 40.0, 80.0], [7.0, 9.0, 39.0, 41.0, 123.0, 125.0, 254.0], "a disc set at 12"),
     ],

@@ -47,7 +47,7 @@ def test_a_table_is_linear_between_its_points() -> None:
 @pytest.mark.parametrize("wavelength_nm", [299.9, 2500.1, math.nan, math.inf, -500])
 def test_outside_its_range_an_index_is_not_known(wavelength_nm: float) -> None:
     for ask in (BK7.index, BK7.u_index):
-        with pytest.raises(DataError, match=r"known from 300 to 2500 nm only; take a wavelength inside"):
+        with pytest.raises(DataError, match=r"known only from 300 to 2500 nm; choose a wavelength inside"):
             ask(wavelength_nm)
 
 
@@ -61,7 +61,7 @@ def test_a_tables_range_is_its_extent_or_less() -> None:
     points: dict[str, Any] = {"wavelength_nm": (400, 500), "n": (1.5, 1.4)}
     assert Tabulated(**points).range_nm == (400, 500)
     assert Tabulated(**points, valid_nm=(420, 480)).range_nm == (420, 480)
-    with pytest.raises(DataError, match="known from 420 to 480 nm"):
+    with pytest.raises(DataError, match="known only from 420 to 480 nm"):
         Tabulated(**points, valid_nm=(420, 480)).index(410)
     line = told(Tabulated, **points, valid_nm=(390, 480))
     assert line == "index.valid_nm = [390.0, 480.0]; must lie within the table, 400 to 500"

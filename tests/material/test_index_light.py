@@ -67,7 +67,7 @@ def test_masked_wavelengths_are_bridged_and_reported() -> None:
 def test_light_that_was_not_measured_is_not_guessed_at() -> None:
     found = index_in(spectrum(), led(1000.0, 30.0))
     assert found.n is None
-    assert found.reason == "50% of the light lies outside 700 to 1000 nm, where n is known"
+    assert found.reason == "50% of the light is outside 700 to 1000 nm, where n is known"
     assert index_in(spectrum(dead=slice(0, None)), led(850.0, 30.0)).reason == "n is masked at all wavelengths"
 
 
@@ -96,7 +96,7 @@ def test_fringes_wider_than_the_bandwidth_are_warned_of() -> None:
     assert line.startswith(
         "do not use: fringes of a layer of 25 µm are 6.6 nm apart at 700 nm and 13 nm at 1000 nm, and from 772 nm"
     )
-    assert "more than the bandwidth of 8 nm" in line
+    assert "wider than the bandwidth of 8 nm" in line
     (coarse,) = fringe_warnings(NM[::4], N[::4], 25.0, 2.0)[1:]
     assert coarse.startswith("do not use: its wavelengths are 8 nm apart, too far to show the fringes")
     (unknown,) = fringe_warnings(NM, N, 25.0, None)

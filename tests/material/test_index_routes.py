@@ -48,7 +48,7 @@ def test_without_a_stated_uncertainty_none_is_claimed() -> None:
     found = measured(NM, reading(t), reading(r, 0.001), H)
     assert np.isnan(found.n.u).all()
     assert np.isnan(found.k.u).all()
-    assert "state it with --u-T, or give repeats" in only(found, "no uncertainty of T is known")
+    assert "state it with --u-T, or provide repeats" in only(found, "no uncertainty of T is known")
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -141,9 +141,9 @@ def test_more_light_than_went_in_is_reported_where_only_all_wavelengths_together
     rng = np.random.default_rng(6)
     r, t = (rng.normal(value, 2e-3, (5, nm.size)) for value in forward(1.5, 0.0, 25.0, nm))
     fine, bright = (measured(nm, reading(t + off), reading(r), Length(25.0)) for off in (0.0, 2e-3))
-    assert not any("below 0" in text and "together" in text for text in fine.warnings)
-    assert only(bright, "together")
-    assert "below 0" in only(bright, "together")
+    assert not any("below 0" in text and "mean over all wavelengths" in text for text in fine.warnings)
+    assert only(bright, "mean over all wavelengths")
+    assert "below 0" in only(bright, "mean over all wavelengths")
 
 
 def test_an_opaque_layer_has_a_lower_bound_of_k() -> None:
@@ -160,7 +160,7 @@ def test_light_that_never_came_through_is_masked() -> None:
     r, t = forward(1.5, 5.0, 25.0, [600.0])
     assert float(t[0]) == 0.0
     found = measured([600.0, 600.0], reading([0.0, 1e-310]), reading([float(r[0])] * 2), Length(25.0))
-    assert found.reason == ("n, k: T is not above 0", "n, k: R does not exceed R_F: no light came through")
+    assert found.reason == ("n, k: T is not above 0", "n, k: R does not exceed R_F: no light was transmitted")
 
 
 def test_masks_tell_their_reason() -> None:
@@ -203,7 +203,7 @@ def test_where_no_uncertainty_is_stated_that_of_usual_instruments_judges(excess:
 def test_two_indices_that_fit_are_reported() -> None:
     r, t = forward(0.95, 0.3, 2.0, [9000.0])
     found = measured([9000.0], reading(t), reading(r), Length(2.0))
-    assert found.reason == ("n: two indices fit as well, as happens inside strong absorption bands",)
+    assert found.reason == ("n: two indices fit equally well, as happens inside strong absorption bands",)
     assert found.k.value[0] == pytest.approx(0.3, abs=1e-12)
 
 
@@ -215,7 +215,7 @@ def test_the_published_numbers_are_reproduced_and_labelled() -> None:
     assert "not valid as a measurement" in AS_PUBLISHED
     assert np.isnan(found.n.u).all()
     assert np.isnan(found.k.value).all()
-    assert found.reason == ("k: no measurement: R was made of T alone",) * 3
+    assert found.reason == ("k: no measurement: R was computed from T alone",) * 3
     # what the same transmittances would be of clear layers: nothing like it, and falling with the wavelength too
     assert found.lossless.value == pytest.approx(lossless_index([0.8473, 0.8685, 0.8889]))
 
@@ -242,7 +242,7 @@ def test_an_absorbance_is_no_absorptance(kind: str, base: float) -> None:
     _, t = forward(1.49, 1e-5, 25.0, NM)
     a = np.round(-np.log(t + rng.normal(0.0, 2e-4, NM.size)) / base, 4)
     assert is_absorbance(a, t, base)
-    line = f"this A: it is an absorbance, −{kind} T, .* n\\(650 nm\\) = 1.5.*; measure R; or take --mode lossless"
+    line = f"this A: it is an absorbance, −{kind} T, .* n\\(650 nm\\) = 1.5.*; measure R; or use --mode lossless"
     with pytest.raises(DataError, match=line):
         absorptance(NM, reading(t), reading(a), H)
 
@@ -277,9 +277,11 @@ def test_a_lossless_estimate_is_an_upper_bound() -> None:
     found = lossless(NM, reading(t, 1e-3))
     assert (found.n.value > 1.5).all()
     assert set(found.reason) == {"k: not measured: this route assumes k = 0"}
-    assert "upper bound; 0.1 % of the light absorbed or scattered raises it by 0.004" in only(found, "lossless")
+    assert "upper bound; if 0.1 % of the light is absorbed or scattered, n is too high by 0.004" in only(
+        found, "lossless"
+    )
     assert lossless(NM, reading(np.full(NM.shape, 1.004))).reason[0] == (
-        "n, k: T is not below 1: no reflection is left for an index"
+        "n, k: T is not below 1: no reflection remains to determine an index"
     )
 
 
@@ -326,8 +328,11 @@ def test_nothing_uncertain_has_no_uncertainty() -> None:
         (lambda: Length(0.0), "thickness = '0 µm'; must be finite and above 0"),
         (lambda: Length(float("nan")), "thickness = 'nan µm'"),
         (lambda: Length(25.0, 30.0), "uncertainty of the thickness = '30 µm'; must be at least 0 and below"),
-        (lambda: reading([0.9], 1.5, name="T"), "stated uncertainty of T = '1.5'; must be at least 0 and below 1"),
-        (lambda: reading([0.9], -0.1, name="R"), "stated uncertainty of R = '0.1'; must be at least 0"),
+        (
+            lambda: reading([0.9], 1.5, name="T"),
+            "stated uncertainty of T = '1.5'; must be a fraction of at least 0 and below 1",
+        ),
+        (lambda: reading([0.9], -0.1, name="R"), "stated uncertainty of R = '0.1'; must be a fraction of at least 0"),
     ],
 )
 def test_bad_numbers_are_refused(make: object, line: str) -> None:

@@ -89,9 +89,9 @@ def test_a_clear_layer_has_no_extinction_and_its_index_is_sharper_than_from_poin
     ("change", "line"),
     [
         ({"bare_reflectance": ()}, "bare_reflectance; is missing"),
-        ({"substrate": "pet-drawn"}, "substrate; is known and measured"),
-        ({"mode": "measured"}, "mode = 'measured'; cannot go with a bare sheet"),
-        ({"baseline": None}, "baseline; is missing beside the traces"),
+        ({"substrate": "pet-drawn"}, "substrate; is given both as known and as measured"),
+        ({"mode": "measured"}, "mode = 'measured'; cannot be combined with a bare sheet"),
+        ({"baseline": None}, "baseline; is required with traces"),
     ],
 )
 def test_what_is_missing_of_a_bare_sheet_is_refused(change: dict[str, Any], line: str) -> None:

@@ -136,7 +136,7 @@ def test_an_index_outside_the_band_is_reported_with_its_numbers() -> None:
     assert line.startswith(
         "n = 1.3510 at 500 nm is 0.127 below the literature of acrylates and photoresins, 1.478 (poly"
     )
-    assert "and 1 of 2 wavelengths lie outside it" in line
+    assert "and 1 of 2 wavelengths are outside it" in line
     (above,) = check_index([600.0], [1.7], [0.01], package=False)
     assert above.startswith("n = 1.7000 ± 0.01 at 600 nm is 0.141 above ")
     edge = float(band([600.0], package=False).high[0]) + MARGIN

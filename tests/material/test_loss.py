@@ -186,7 +186,7 @@ def test_an_orientation_of_one_length_has_no_loss_and_that_is_said() -> None:
     assert one.p_orientation is None
     both = cut_back(lengths, level, guides, ["upright"] * 3 + ["flat"] * 12)
     assert [line.orientation for line in both.by_orientation] == ["flat"]
-    assert any("loss of its own: upright" in told for told in both.warnings)
+    assert any("separate loss: upright" in told for told in both.warnings)
 
 
 def test_guides_of_one_name_in_two_orientations_are_two() -> None:
@@ -215,8 +215,8 @@ def test_a_background_that_was_not_taken_off_bends_the_line() -> None:
 @pytest.mark.parametrize(
     ("lengths", "guides", "ways", "told"),
     [
-        ([20.0, 20.0, 20.0], ["a", "b", "c"], None, "20 mm'; one length has no slope"),
-        ([10.0, 20.0], ["a", "b"], None, "pieces = 2; 2 numbers are sought"),
+        ([20.0, 20.0, 20.0], ["a", "b", "c"], None, "20 mm'; one length determines no slope"),
+        ([10.0, 20.0], ["a", "b"], None, "pieces = 2; 2 parameters are fitted"),
         ([10.0, 20.0, 10.0, 20.0], ["a", "b", "a", "b"], None, "readings of one guide count once"),
         ([10.0, 20.0, 30.0], None, ["x", "y", "z"], "one in each orientation"),
         ([10.0, -20.0, 30.0], None, None, r"length = '-20 \(reading 2\)'; must be from 0.001 to 1e.06 mm"),

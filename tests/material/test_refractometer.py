@@ -105,7 +105,7 @@ def test_values_that_no_polymer_has_are_reported_or_refused() -> None:
 def test_what_a_single_wavelength_leaves_open_is_reported() -> None:
     (line,) = refractometer(1.487, 0.0005).warnings
     assert "one wavelength was measured" in line
-    assert "u(n) 0.0033 at 450 nm and 0.0024 at 860 nm" in line
+    assert "u(n) = 0.0033 at 450 nm and 0.0024 at 860 nm" in line
 
 
 def test_temperature_and_calibration_shift_all_wavelengths_together() -> None:

@@ -76,7 +76,7 @@ def test_a_file_holds_an_index_of_each_kind(index: str, kind: type, at_500_nm: f
         (f"{HEAD}{N}[stiffness]\nmodulus_MPa = true", "stiffness.modulus_MPa = True; must be a number"),
         (
             f"{HEAD}{N}[stiffness]\nmodulus_MPa = 1\nprony = [[0.1, 2.0]]",
-            "stiffness.prony; a modulus that falls with time is not computed",
+            "stiffness.prony; relaxation of the modulus is not modelled",
         ),
         (
             f'{HEAD}{N}[stiffness]\nmodulus_MPa = 1\n[stiffness.parameters]\nmu = "1"',
@@ -205,7 +205,7 @@ def test_the_example_design_takes_the_loss_of_the_resin_that_replaces_its_index(
 
 
 def test_a_wavelength_that_the_resin_does_not_know_is_reported(tmp_path: Path) -> None:
-    line = "^resin mine: index at 950 nm; known from 400 to 900 nm only; take a wavelength inside"
+    line = "^resin mine: index at 950 nm; known only from 400 to 900 nm; choose a wavelength inside"
     with pytest.raises(SolenError, match=line):
         optical(designed(tmp_path, 'resin = "mine.toml"', wavelength_nm=950))
 

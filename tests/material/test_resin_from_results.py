@@ -53,7 +53,7 @@ def test_without_a_formula_a_table_is_kept() -> None:
     unsure = IndexResult(**spectrum([1.52, 1.51], u_n=[None, 0.004])).as_table()
     assert unsure.u_index(401.0) is None
     assert unsure.warnings[-1] == (
-        "1 of 2 indices state no uncertainty, the first at 400 nm: the resin's index keeps none"
+        "1 of 2 indices state no uncertainty, the first at 400 nm: the resin's index is stored without uncertainty"
     )
 
 
@@ -87,12 +87,12 @@ def test_a_range_without_an_index_is_reported() -> None:
     n: list[float | None] = [1.5] * 100
     n[40:70] = [None] * 30
     kept = IndexResult(**spectrum(n)).as_table()
-    assert kept.warnings == ("no index from 478 to 540 nm: it is interpolated linearly there",)
+    assert kept.warnings == ("no index is known from 478 to 540 nm: it is interpolated linearly there",)
     assert gaps([450.0, 500.0, 860.0]) == ()  # as wide as the others, or seen at a glance
 
 
 def test_an_index_at_fewer_than_two_wavelengths_is_none() -> None:
-    with pytest.raises(DataError, match=r"^n = 'known at 1'; an index at 2 wavelengths at least is needed"):
+    with pytest.raises(DataError, match=r"^n = 'known at 1'; an index at 2 or more wavelengths is required"):
         IndexResult(**spectrum([None, 1.5, None])).as_table()
 
 
@@ -246,7 +246,7 @@ def test_of_several_materials_one_is_named() -> None:
     found = StiffnessResult(**groups[0], groups=groups, sources=[{"file": "a.csv"}, {"file": "m.csv"}])
     assert found.as_table(Selection(label="ma-PU")).modulus_MPa == 1.5
     assert [one.file for one in found.found_from(Selection(label="ma-PU"))] == ["m.csv"]
-    with pytest.raises(DataError, match="the result holds a-PU, ma-PU; name the material"):
+    with pytest.raises(DataError, match="the result contains a-PU, ma-PU; name the material"):
         found.as_table()
     with pytest.raises(DataError, match="--label = 'PU'"):
         found.as_table(Selection(label="PU"))

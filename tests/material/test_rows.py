@@ -172,8 +172,8 @@ def test_specimens_of_one_material_are_not_taken_for_one(tmp_path: Path) -> None
     [
         ({"where": ("resin",)}, "--where = 'resin'; "),
         ({"where": ("resin=C",)}, "resin is A, B"),
-        ({"where": ("lamp=1",)}, "--where lamp; no such column; there are resin"),
-        ({"ignore": ("lamp",)}, "--ignore lamp; no such column"),
+        ({"where": ("lamp=1",)}, "--where lamp; there is no such column; the columns are resin"),
+        ({"ignore": ("lamp",)}, "--ignore lamp; there is no such column"),
     ],
 )
 def test_a_wrong_choice_of_rows_is_refused(options: dict[str, tuple[str, ...]], line: str, tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ def test_the_lossless_index_drifts_over_the_repeats_and_that_is_reported(raw: Pa
     together = index(raw, IndexOptions(transmittance=REPEATS))
     assert together["mode"] == "lossless"
     assert together["repeats_lossless_n"] == pytest.approx([one["n"][at(one, 1775.0)] for one in alone])
-    assert any("lossless n(1775 nm) of the 5 repeats, in their order: 3.472 … 3.463" in w for w in together["warnings"])
+    assert any("lossless n(1775 nm) of the 5 repeats, in order: 3.472 … 3.463" in w for w in together["warnings"])
     assert any("5 repeats of T drift in one direction" in line for line in together["warnings"])
     # the uncertainty is that of one repeat: it spans the drift and does not shrink with their number
     here = at(together, 1775.0)

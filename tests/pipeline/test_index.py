@@ -251,7 +251,7 @@ def test_files_without_usable_spectra_are_reported(tmp_path: Path, columns: dict
         ({"u_T": "0.3"}, "u_T = '0.3'; must be a fraction or a percentage, 0 to 10%; write 0.003 or 0.3%"),
         ({"u_R": "nothing"}, "u_R = 'nothing'"),
         ({"u_R": "1%%"}, "u_R = '1%%'"),
-        ({"mode": "absorptance"}, "--mode absorptance; needs the absorptance, measured"),
+        ({"mode": "absorptance"}, "--mode absorptance; needs a measured absorptance"),
         ({"u_thickness_um": 60.0}, "uncertainty of the thickness = '60 µm'"),
         ({"led": "TEMT7100X01"}, "--led = 'TEMT7100X01'; is not an emitter"),
     ],
@@ -275,7 +275,7 @@ def test_in_an_led_and_at_a_wavelength(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
     found = index(file, options(u_T="0.1%", u_R="0.1%", at_nm=(600.0, 655.0, 1000.0), led="VSMY1850"))
     assert [one["n"] for one in found["at"][:2]] == pytest.approx([1.48 + 5e3 / 600**2, 1.48 + 5e3 / 655**2], abs=1e-5)
-    assert found["at"][2]["reason"] == "100% of the light lies outside 500 to 900 nm, where n is known"
+    assert found["at"][2]["reason"] == "100% of the light is outside 500 to 900 nm, where n is known"
     assert found["led"]["source"] == "VSMY1850, peak at 850 nm, 30 nm wide"
     assert found["led"]["n"] == pytest.approx(1.48 + 5e3 / 850**2, abs=1e-4)
 
@@ -288,7 +288,7 @@ def test_in_a_measured_spectrum(tmp_path: Path) -> None:
     assert found["led"]["source"] == "spectrum of led.csv"
     assert found["led"]["n"] == pytest.approx(float(np.average(N, weights=lamp)), abs=1e-5)
     two = table(tmp_path, {"wavelength_nm": NM, "a": lamp, "b": lamp}, "two.csv")
-    with pytest.raises(DataError, match="needs one column of power beside the wavelength; it has a, b"):
+    with pytest.raises(DataError, match="needs one column of power in addition to the wavelength; it has a, b"):
         index(file, options(led=str(two)))
 
 

@@ -95,11 +95,11 @@ def test_loss_read_as_index_is_warned_of(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "line"),
     [
-        ({"baseline": "substrate"}, "substrate; is missing beside --baseline substrate; add --substrate pet"),
-        ({"substrate": "pet-drawn"}, "baseline; is missing beside --substrate"),
-        ({"substrate": "pet-drawn", "baseline": "air"}, "substrate_thickness_um; is missing beside --substrate"),
-        ({"side": "layer"}, "side; is of a layer on a substrate"),
-        ({"u_substrate_n": 0.1}, "u_substrate_n; is of a layer on a substrate"),
+        ({"baseline": "substrate"}, "substrate; is required with --baseline substrate; add --substrate pet"),
+        ({"substrate": "pet-drawn"}, "baseline; is required with --substrate"),
+        ({"substrate": "pet-drawn", "baseline": "air"}, "substrate_thickness_um; is required with --substrate"),
+        ({"side": "layer"}, "side; describes a layer on a substrate"),
+        ({"u_substrate_n": 0.1}, "u_substrate_n; describes a layer on a substrate"),
         ({**ON_PET, "mode": "as-published"}, "mode = 'as-published'; does not support a substrate"),
         ({**ON_PET, "mode": "measured"}, "--mode measured; needs a measured R"),
         ({**ON_PET, "substrate": "5"}, "--substrate = 5.0; must be a name, a file, or an index above 1"),
@@ -176,7 +176,7 @@ def test_what_is_no_measurement_gets_a_formula_without_uncertainty(tmp_path: Pat
 def test_a_formula_that_cannot_be_is_refused_with_its_reason(tmp_path: Path) -> None:
     n = 1.5 - 0.01 / (NM * 1e-3) ** 2
     r, t = forward(n, 5e-5, 25.0, NM)
-    with pytest.raises(DataError, match="sellmeier fit of 1 term; has no resonance that would make this index"):
+    with pytest.raises(DataError, match="sellmeier fit of 1 term; has no resonance that would produce this index"):
         found(tmp_path, {"T": t, "R": r}, fit="sellmeier")
     assert warned(found(tmp_path, {"T": t, "R": r}, fit="cauchy"), "rises with the wavelength")
 

@@ -83,10 +83,10 @@ def test_files_are_both_written_or_neither(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "error", "line"),
     [
-        ({"n": (1.5, 1.49)}, SpecError, "--wavelength-nm; is missing; state it once for each index, in their order"),
-        ({"abbe": 50.0}, SpecError, "u_abbe; is missing beside --abbe; state both"),
-        ({"u_abbe": 5.0}, SpecError, "abbe; is missing beside --u-abbe; state both"),
-        ({"abbe": 50.0, "u_abbe": 5.0, "polymer": ("acrylate",)}, SpecError, "polymer; cannot go with --abbe"),
+        ({"n": (1.5, 1.49)}, SpecError, "--wavelength-nm; is missing; state it once for each index, in the same order"),
+        ({"abbe": 50.0}, SpecError, "u_abbe; is required with --abbe; state both"),
+        ({"u_abbe": 5.0}, SpecError, "abbe; is required with --u-abbe; state both"),
+        ({"abbe": 50.0, "u_abbe": 5.0, "polymer": ("acrylate",)}, SpecError, "polymer; cannot be combined with --abbe"),
         ({"polymer": ("rubber",)}, SpecError, "polymer = 'rubber'; must be 'acrylate'"),
         ({"at_nm": (300.0,)}, SpecError, "at_nm = 300.0; must be at least 400"),
         ({"u": (0.0,)}, DataError, "u_n = 0.0; must be above 0 and below 0.5"),

@@ -37,7 +37,7 @@ _EXACT = 1e-10  # residuals below this share of the data are rounding
 
 @dataclass(frozen=True, eq=False)
 class Components:
-    """Estimated variances: derivatives of the covariance with respect to them, (k, p, p), and their covariance, (k, k)."""
+    """Estimated variances: derivatives of the covariance by each, (k, p, p), and their covariance, (k, k)."""
 
     gradients: FloatArray
     variances: FloatArray

@@ -98,7 +98,7 @@ def test_first_and_last_loading() -> None:
 
 def test_a_strain_that_only_falls_is_refused() -> None:
     falling = np.linspace(0.5, 0, 60)
-    with pytest.raises(DataError, match=r"falls from 0\.5 to 0 and never rises; give the loading too"):
+    with pytest.raises(DataError, match=r"falls from 0\.5 to 0 and never rises; include the loading"):
         loading_branch(as_test(falling, falling, BARE, "tension"))
 
 

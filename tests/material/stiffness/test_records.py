@@ -116,7 +116,7 @@ def test_the_files_strain_is_used_unless_the_user_states_a_length() -> None:
     found = of(made, Dimensions(area_mm2=100))
     np.testing.assert_allclose(found.strain, STRAIN)
     assert not found.from_displacement
-    assert "strain is displacement over 80 mm, the file states a length of 832 mm" in " ".join(found.warnings)
+    assert "strain is displacement over 80 mm, but the file states a length of 832 mm" in " ".join(found.warnings)
     stated = of(made, Dimensions(area_mm2=100, length_mm=40))
     np.testing.assert_allclose(stated.strain, 2 * STRAIN)
 

@@ -124,7 +124,7 @@ class Table:
         return np.column_stack([self._starts(keep), -self.cm[keep]])
 
     def apart(self, keep: BoolArray) -> FloatArray:
-        """Return the design matrix for several slopes: a start for each of `ways`, then a slope for each of `sloped`."""
+        """Return the design matrix of several slopes: a start for each of `ways`, then a slope for each `sloped`."""
         slopes = [-self.cm[keep] * (self.way[keep] == way) for way in self.sloped(keep)]
         return np.column_stack([self._starts(keep), *slopes])
 

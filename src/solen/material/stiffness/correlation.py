@@ -79,7 +79,7 @@ def scatter(jacobians: Sequence[FloatArray], residuals: Sequence[FloatArray]) ->
 
 
 def log_likelihood(residuals: Sequence[FloatArray], lag_one: float) -> float:
-    """Return the log-likelihood of residuals that are autoregressive along each curve, maximised over their variance."""
+    """Return the log-likelihood of residuals, autoregressive along each curve, maximised over their variance."""
     points = sum(len(r) for r in residuals)
     power = sum((1 - lag_one**2) * r[0] ** 2 + float(np.sum((r[1:] - lag_one * r[:-1]) ** 2)) for r in residuals)
     if power <= 0:
