@@ -325,7 +325,7 @@ def test_the_figure_says_what_is_published_or_simulated(shell: Shell) -> None:
 
 def test_what_cannot_be_shown_is_reported(shell: Shell) -> None:
     assert "did you mean pmma?" in shell.refused("resin", "show", "PMA")
-    assert "known from 436.8 to 1052 nm only" in shell.refused("resin", "show", "pmma", "--at-nm", "1200")
+    assert "known only from 436.8 to 1052 nm" in shell.refused("resin", "show", "pmma", "--at-nm", "1200")
     assert "--at-nm = nan" in shell.refused("resin", "show", "pmma", "--at-nm", "nan")
     assert "a figure must end in" in shell.refused("resin", "show", "pmma", "--figure", "r.jpg")
     assert "no such file" in shell.refused("resin", "show", "./none.toml")

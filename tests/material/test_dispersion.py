@@ -64,7 +64,7 @@ def test_a_tables_range_is_its_extent_or_less() -> None:
     with pytest.raises(DataError, match="known only from 420 to 480 nm"):
         Tabulated(**points, valid_nm=(420, 480)).index(410)
     line = told(Tabulated, **points, valid_nm=(390, 480))
-    assert line == "index.valid_nm = [390.0, 480.0]; must lie within the table, 400 to 500"
+    assert line == "index.valid_nm = [390.0, 480.0]; must be within the table, 400 to 500"
 
 
 @pytest.mark.parametrize(

@@ -318,11 +318,11 @@ def test_penetration_from_a_transmittance(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("lamp", "told"),
     [
-        ({"led_nm": 300.0}, "known from 360 to 440 nm only"),
+        ({"led_nm": 300.0}, "known only from 360 to 440 nm"),
         ({"led_fwhm_nm": 10.0}, "led_fwhm_nm"),
         ({"led_nm": -5.0}, "led_nm = -5.0"),
         ({"led": "VSMY1850", "led_nm": 385.0}, "led"),
-        ({"led": "VSMY1850"}, "known from 360 to 440 nm only"),
+        ({"led": "VSMY1850"}, "known only from 360 to 440 nm"),
     ],
 )
 def test_penetration_refuses_a_lamp_that_is_none(tmp_path: Path, lamp: dict[str, Any], told: str) -> None:

@@ -164,7 +164,7 @@ def test_a_substrate_as_baseline_is_no_free_standing_layer(tmp_path: Path) -> No
     found = index(file, options())
     assert found["masked_n"] == NM.size
     assert "if so, state --baseline substrate" in warned(found, "T exceeds 1 at 100% of the wavelengths")
-    with pytest.raises(SolenError, match="substrate; is missing"):
+    with pytest.raises(SolenError, match="substrate; is required with"):
         index(file, options(baseline="substrate"))
 
 

@@ -56,7 +56,7 @@ def test_light_beyond_the_formula_gets_no_index(tmp_path: Path) -> None:
     spectrum.write_text("wavelength_nm,power\n" + "\n".join(f"{nm},1" for nm in range(950, 1060, 5)), encoding="utf-8")
     result = found(1.487, led=str(spectrum))
     assert result["led"]["n"] is None
-    assert "lies outside 400 to 1000 nm" in result["led"]["reason"]
+    assert "is outside 400 to 1000 nm" in result["led"]["reason"]
 
 
 def test_temperature_goes_into_the_uncertainty() -> None:
