@@ -9,7 +9,7 @@ import pytest
 from solen.analysis import AnalysisOptions, SensorResponse, sensor_response
 from solen.analysis.diagnosis import Diagnosis, Response, diagnosed
 from solen.analysis.diagnosis.design_response import INDEX
-from solen.analysis.diagnosis.emitter_places import light_by_place
+from solen.analysis.diagnosis.light_by_position import light_by_place
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
 from tests.analysis.made_support import made

@@ -19,7 +19,7 @@ import pytest
 from solen.analysis import SignalOptions
 from solen.analysis.calibration import Decoding
 from solen.analysis.calibration import file as saved
-from solen.analysis.calibration.decoding import COLUMNS
+from solen.analysis.calibration.stream_decoder import COLUMNS
 from solen.bench.clock import SimulatedClock, WallClock
 from solen.bench.follow import Following
 from solen.bench.journal import Journal

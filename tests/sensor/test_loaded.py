@@ -232,7 +232,10 @@ def test_the_numbers_of_holds_and_fingers_have_derivatives() -> None:
 @pytest.mark.parametrize(
     ("design", "says"),
     [
-        (turned(ENDS.replace("receiver", "reciever")), r"mount\.face = 'reciever-\*'; is not the name of a face; the faces are lens"),
+        (
+            turned(ENDS.replace("receiver", "reciever")),
+            r"mount\.face = 'reciever-\*'; is not the name of a face; the faces are lens",
+        ),
         (turned(ENDS + "from_mm = 30\n"), r"mount\.from_mm = 30\.0; covers no part of receiver-"),
         (
             turned(ENDS + "to_mm = 1000\n"),

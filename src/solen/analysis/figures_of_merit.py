@@ -193,11 +193,11 @@ def receiver_response(
         resolution_deg=_resolution(noise_V, slope),
         resolution_near_zero_deg=_resolution(noise_V, middle),
         clipped_samples=clipped_samples,
-        clipped_angles_deg=_stretches(angle, np.asarray(passes.clipped[..., 0].any(axis=(0, 1)))),
+        clipped_angles_deg=_hidden_intervals(angle, np.asarray(passes.clipped[..., 0].any(axis=(0, 1)))),
     )
 
 
-def _stretches(angle_deg: FloatArray, hidden: BoolArray) -> tuple[tuple[float, float], ...]:
+def _hidden_intervals(angle_deg: FloatArray, hidden: BoolArray) -> tuple[tuple[float, float], ...]:
     """First and last angle of each hidden interval."""
     return tuple((float(angle_deg[first]), float(angle_deg[stop - 1])) for first, stop in stretches(hidden))
 

@@ -23,11 +23,11 @@ from solen.ranks import Caution, look_at, note
 from solen.recording.column_roles import left_right
 
 _MOST = 1 << 20
-_ALIKE = 0.5  # smallest autocorrelation after one cycle
-_WHOLE = 0.7  # smallest correlation of a cycle with the protocol, relative to the best
+_LEAST_AUTOCORRELATION = 0.5  # smallest autocorrelation after one cycle
+_LEAST_LIKENESS = 0.7  # smallest correlation of a cycle with the protocol, relative to the best
 _CELLS = 40
 _MEDIAN_OF_SQUARES = 0.4549  # of a normal variable of variance 1
-_ELSEWHERE = 0.1  # largest fraction of a signal's variance that an angle may not explain
+_MOST_UNEXPLAINED = 0.1  # largest fraction of a signal's variance that an angle may not explain
 _SLACK = 0.05  # fraction by which the protocol may be longer than a cycle
 
 
@@ -97,7 +97,7 @@ def angle_by_protocol(
     angle = _angle(time_s, starts, protocol.corners(period, first))
     inside = (grid >= starts[0]) & (grid < starts[-1] + period)
     turn = np.searchsorted(starts, grid[inside], side="right")
-    _check_goes_with(_less_means(even[inside], turn), np.interp(grid[inside], time_s, angle), protocol)
+    _check_matches(_without_means(even[inside], turn), np.interp(grid[inside], time_s, angle), protocol)
     rest = period - protocol.shortest_s
     unrecorded = (
         f"no angle was recorded: cycles of {period:.4g} s were detected in the voltages, and the angle is assumed "
@@ -125,12 +125,12 @@ def angle_by_protocol(
     return ProtocolAngle(angle, period, starts, tuple(warnings))
 
 
-def _less_means(signal: FloatArray, turn: IndexArray) -> FloatArray:
+def _without_means(signal: FloatArray, turn: IndexArray) -> FloatArray:
     """A signal minus its mean over each cycle, which removes changes from one cycle to the next."""
     return np.asarray(signal - (np.bincount(turn, signal) / np.maximum(np.bincount(turn), 1))[turn])
 
 
-def _check_goes_with(signal: FloatArray, angle_deg: FloatArray, protocol: Protocol) -> None:
+def _check_matches(signal: FloatArray, angle_deg: FloatArray, protocol: Protocol) -> None:
     """Raise `DataError` if a signal does not follow the angle of a protocol, beyond its noise."""
     edges = np.linspace(-1.0, 1.0, _CELLS + 1)[1:-1] * protocol.amplitude_deg
     cell = np.digitize(angle_deg, edges)
@@ -139,7 +139,7 @@ def _check_goes_with(signal: FloatArray, angle_deg: FloatArray, protocol: Protoc
     noise = float(np.median(np.diff(signal, 2) ** 2)) / (6.0 * _MEDIAN_OF_SQUARES)
     whole = float(signal.var()) - noise
     rest = float(apart @ apart) / signal.size - noise
-    if whole > 0.0 and rest > _ELSEWHERE * whole:
+    if whole > 0.0 and rest > _MOST_UNEXPLAINED * whole:
         limit = (
             f"does not match ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of "
             f"{protocol.hold_s:g} s: that motion does not explain {100.0 * rest / whole:.0f} % of its variance"
@@ -160,7 +160,7 @@ def _period(even: FloatArray, even_s: float, protocol: Protocol) -> float:
     part = share[first:last]
     peaks = np.flatnonzero((part[1:-1] > part[:-2]) & (part[1:-1] >= part[2:])) + 1
     strong = peaks[part[peaks] >= 0.9 * part[peaks].max(initial=-1.0)] if peaks.size else peaks
-    if not strong.size or part[strong[0]] < _ALIKE:
+    if not strong.size or part[strong[0]] < _LEAST_AUTOCORRELATION:
         limit = f"is not periodic with a period of {protocol.shortest_s:.3g} s or more"
         remedy = "check the receivers, and --amplitude-deg, --speed-deg-per-s and --hold-s"
         raise DataError("recording", limit=limit, remedy=remedy)
@@ -193,7 +193,7 @@ def _starts(even: FloatArray, even_s: float, corners: tuple[FloatArray, FloatArr
     for sign in (-1, 1):
         place = best
         while (near := _nearest(likeness, place + sign * step, step // 8)) is not None:
-            if likeness[near] < _WHOLE * likeness[best] or near in found:
+            if likeness[near] < _LEAST_LIKENESS * likeness[best] or near in found:
                 break
             found.append(near)
             place = near

@@ -12,10 +12,10 @@ readings with it, and `StreamDecoder` decodes a stream.
 from solen.analysis.calibration.calibrate import CalibrationOptions, SensorCalibrations, calibrated_sensors
 from solen.analysis.calibration.cross_validation import Check, leave_one_cycle_out, leave_one_sensor_out
 from solen.analysis.calibration.decoder import Decoder
-from solen.analysis.calibration.decoding import DecodeOptions, Decoding, StreamDecoder
 from solen.analysis.calibration.estimate import Calibration, calibrated, pooled
 from solen.analysis.calibration.file import CalibrationFile
 from solen.analysis.calibration.heading import Tracker
+from solen.analysis.calibration.stream_decoder import DecodeOptions, Decoding, StreamDecoder
 from solen.analysis.calibration.training import Training, training_of
 
 __all__ = [

@@ -243,7 +243,7 @@ class Decoder:
         piece = place % self.pieces
         best = metric.constant[piece] + self._law(distance, piece, metric.size)
         if any(marks):
-            best = best + self._beyond(volts[row], self._point(place, along), piece, marks)
+            best = best + self._log_clipping(volts[row], self._point(place, along), piece, marks)
         top = np.full(len(volts), -np.inf)
         np.maximum.at(top, row, best)
         kept = best >= top[row] - _DROP
@@ -252,7 +252,7 @@ class Decoder:
         nearest, limit = np.zeros(len(volts)), np.zeros(len(volts))
         nearest[row[first]], limit[row[first]] = distance[first], self._limit[place[first] % self.pieces]
         return self._decoded(
-            volts, marks, metric, self._stretches(row, place, along, distance, top, metric), nearest, limit
+            volts, marks, metric, self._intervals(row, place, along, distance, top, metric), nearest, limit
         )
 
     def _near(
@@ -288,7 +288,9 @@ class Decoder:
         start, step = self._start.reshape(-1, 2)[place], self._step.reshape(-1, 2)[place]
         return np.asarray(start + np.clip(along, 0.0, 1.0)[..., None] * step)
 
-    def _beyond(self, volts: FloatArray, curve: FloatArray, piece: IndexArray, marks: tuple[int, int]) -> FloatArray:
+    def _log_clipping(
+        self, volts: FloatArray, curve: FloatArray, piece: IndexArray, marks: tuple[int, int]
+    ) -> FloatArray:
         """Log-probability that clipped receivers would read their limit."""
         found = np.zeros(piece.shape)
         for place, mark in enumerate(marks):
@@ -297,7 +299,7 @@ class Decoder:
                 found = found + log_ndtr(mark * (curve[..., place] - volts[..., place]) / sd)
         return found
 
-    def _stretches(
+    def _intervals(
         self,
         row: IndexArray,
         place: IndexArray,
@@ -326,11 +328,11 @@ class Decoder:
         volts: FloatArray,
         marks: tuple[int, int],
         metric: _Metric,
-        stretches: tuple[IndexArray, FloatArray, FloatArray],
+        intervals: tuple[IndexArray, FloatArray, FloatArray],
         distance: FloatArray,
         limit: FloatArray,
     ) -> Decoded:
-        row, low, high = stretches
+        row, low, high = intervals
         grid = low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, _POINTS)
         density = self._density(volts, row, grid, marks, metric)
         mass = (density.sum(axis=1) - 0.5 * (density[:, 0] + density[:, -1])) * (high - low)  # trapezoidal rule
@@ -378,7 +380,7 @@ class Decoder:
             distance += metric.square[place] * over * over
             law = constant - 0.5 * (freedom + metric.size) * np.log1p(distance / freedom)
             if any(marks):
-                law += self._beyond(volts[row][:, None], self._point(place, held), piece, marks)
+                law += self._log_clipping(volts[row][:, None], self._point(place, held), piece, marks)
             both.append(law)
         highest = np.full(len(volts), -np.inf)
         np.maximum.at(highest, row, np.maximum(both[0].max(axis=1), both[1].max(axis=1)))

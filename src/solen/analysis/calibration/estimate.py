@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from solen.analysis.calibration.steady import OUT
+from solen.analysis.calibration.force_smoothing import OUT
 from solen.analysis.calibration.training import Samples, Training, mean_curves
 from solen.arrays import FloatArray, rows_of
 from solen.errors import DataError
@@ -24,7 +24,7 @@ from solen.errors import DataError
 _WIDTHS = (0.05, 0.1, 0.2, 1.0)  # fraction of the range, on each side, over which products are averaged
 _LEAST_SAMPLES = 30.0
 _MOST_CYCLES = 60  # largest number of cycles that are compared with the others
-_HELD = 4.0  # largest weight of an angle with a long hold, in units of the usual number of samples
+_MOST_WEIGHT = 4.0  # largest weight of an angle with a long hold, in units of the usual number of samples
 _FLOOR = 1e-9  # smallest variance, relative to the squared range
 _ENDLESS = 1e9
 _LEAST_FREEDOM = 2.0
@@ -147,7 +147,7 @@ def calibrated(training: Training) -> Calibration:
     products, steps = np.zeros((0, 4)), np.zeros((0, 4))
     for cycle in chosen:
         own = rows_of(training.samples, training.samples.cycle == cycle)
-        rest = _apart(training, int(cycle), own)
+        rest = _deviations(training, int(cycle), own)
         products = np.vstack([products, np.column_stack([own.angle_deg, _squares(rest)])])
         moved = np.flatnonzero(own.follows[1:]) + 1
         steps = np.vstack(
@@ -158,14 +158,14 @@ def calibrated(training: Training) -> Calibration:
         raise DataError(f"sensor {training.label}", limit=limit, remedy="sample faster, or record more cycles")
     floor = _FLOOR * float(np.nanmax(np.ptp(training.curves_V(), axis=1))) ** 2 * np.eye(2)
     total, count = _smooth(products, training.angle_deg)
-    noise, rest_of_it = _parted(_smooth(steps, training.angle_deg)[0], total + floor)
+    noise, rest_of_it = _split(_smooth(steps, training.angle_deg)[0], total + floor)
     n = float(cycles)
     repeat = rest_of_it * (n * n - 1.0) / (n * n)  # the mean of the other cycles does not contain the cycle left out
     return Calibration(
         angle_deg=training.angle_deg,
         curves_V=training.curves_V(),
         noise=noise,
-        repeat=_rounder(repeat, 1.0 / (n - 1.0) ** 2),
+        repeat=_shrunk(repeat, 1.0 / (n - 1.0) ** 2),
         between=np.zeros_like(repeat),
         samples=count,
         cycles=cycles,
@@ -175,7 +175,7 @@ def calibrated(training: Training) -> Calibration:
     )
 
 
-def _apart(training: Training, cycle: int, own: Samples) -> FloatArray:
+def _deviations(training: Training, cycle: int, own: Samples) -> FloatArray:
     """Difference of a cycle's samples from the mean of the other cycles, (n, 2)."""
     others = mean_curves(np.delete(training.cycles_V, cycle, axis=0))
     held = np.isfinite(others).all(axis=(0, 2))
@@ -198,7 +198,7 @@ def _smooth(rows: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]
     place = np.clip(np.rint((rows[:, 0] - grid[0]) / (grid[1] - grid[0])).astype(int), 0, grid.size - 1)
     count = np.bincount(place, minlength=grid.size).astype(float)
     sums = np.column_stack([np.bincount(place, one, grid.size) for one in rows[:, 1:].T])
-    most = _HELD * float(np.median(count[count > 0.0]))
+    most = _MOST_WEIGHT * float(np.median(count[count > 0.0]))
     weight = np.minimum(1.0, most / np.maximum(count, 1.0))
     sums, count = sums * weight[:, None], count * weight
     smooth, used = np.full((grid.size, 3), np.nan), np.zeros(grid.size)
@@ -214,7 +214,7 @@ def _smooth(rows: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]
     return smooth[:, [0, 1, 1, 2]].reshape(-1, 2, 2), used
 
 
-def _parted(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _split(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray]:
     """A component limited to the total in every direction, and the remainder of the total, both (g, 2, 2)."""
     root = np.linalg.cholesky(whole)
     inverse = np.linalg.inv(root)
@@ -272,10 +272,10 @@ def _between(curves: FloatArray) -> FloatArray:
     """Covariance (g, 2, 2) of the curves (p, g, 2) of several prints."""
     apart = curves - curves.mean(axis=0)
     found = np.einsum("pgi,pgj->gij", apart, apart) / (len(curves) - 1)
-    return _rounder(found, 1.0 / (len(curves) - 1))
+    return _shrunk(found, 1.0 / (len(curves) - 1))
 
 
-def _rounder(covariance: FloatArray, share: float) -> FloatArray:
+def _shrunk(covariance: FloatArray, share: float) -> FloatArray:
     """Covariances shrunk towards equal variances, because few cycles or prints hardly determine a correlation."""
     level = np.trace(covariance, axis1=1, axis2=2) / 2.0
     return np.asarray((1.0 - share) * covariance + share * level[:, None, None] * np.eye(2))

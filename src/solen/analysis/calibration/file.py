@@ -109,7 +109,7 @@ class Curves(Strict):
     samples: tuple[NotNegative, ...] = Field(description="Number of samples used for the covariances at each angle.")
 
     @model_validator(mode="after")
-    def _is_one(self) -> Self:
+    def _check_consistent(self) -> Self:
         size = len(self.angle_deg)
         for name in ("rising_V", "falling_V", "noise_V2", "repeat_V2", "between_V2", "samples"):
             if len(getattr(self, name)) != size:

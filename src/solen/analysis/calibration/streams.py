@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from solen.analysis.calibration.csv_lines import STDIN, lines_of
 from solen.analysis.calibration.file import Ambient
-from solen.analysis.calibration.lines import STDIN, lines_of
 from solen.analysis.samples import receiver_scale, receivers_unit, time_scale
 from solen.analysis.signals import AngleSource, SignalOptions, Waveforms
 from solen.analysis.waveforms import waveforms

@@ -149,15 +149,15 @@ class BoardTable:
     @cached_property
     def python(self) -> str:
         """Source code for MicroPython and Python."""
-        return _PYTHON.format(rows=self._rows("    ({}),\n", ""), **self._said)
+        return _PYTHON.format(rows=self._rows("    ({}),\n", ""), **self._named_values)
 
     @cached_property
     def c(self) -> str:
         """Source code in C99, as a header file."""
-        return _C.format(rows=self._rows("    {{{}}},\n", "f"), count=len(self.pieces), **self._said)
+        return _C.format(rows=self._rows("    {{{}}},\n", "f"), count=len(self.pieces), **self._named_values)
 
     @property
-    def _said(self) -> dict[str, Any]:
+    def _named_values(self) -> dict[str, Any]:
         texts = {"name": self.name, "readings": self.readings, "version": self.version}
         drive = {"what": self.stimulus.name, "plural": self.stimulus.plural.title(), "unit": self.stimulus.unit}
         return drive | {"limit": self.limit} | {key: re.sub(r"[^\w .,()+-]", "", text) for key, text in texts.items()}

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from solen.analysis.calibration.steady import OUT, smoothed
+from solen.analysis.calibration.force_smoothing import OUT, smoothed
 from solen.analysis.motion import Motion
 from solen.analysis.response import DIRECTIONS, Passes, common_range, passes
 from solen.analysis.run import Run

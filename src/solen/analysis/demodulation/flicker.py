@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from solen.analysis.demodulation.slots import OFF
-from solen.arrays import BoolArray, FloatArray, IntArray
+from solen.arrays import BoolArray, FloatArray, IntArray, rows_of
 from solen.results import HIDDEN, Result
 
 MAINS_HZ = (50.0, 60.0)
@@ -87,16 +87,16 @@ def find_flicker(
     off = (state == OFF) & np.isfinite(values).all(axis=1)
     if used is not None:
         off &= used
-    room = _Room(time_s[off], values[off], _late(state)[off])
-    found = [_fitted(room, nominal, rate_hz) for nominal in mains_hz]
+    off_samples = _OffSamples(time_s[off], values[off], _late(state)[off])
+    found = [_fitted(off_samples, nominal, rate_hz) for nominal in mains_hz]
     best = max((one for one in found if one is not None), key=lambda one: one.clearness, default=None)
     if best is None:
         return None
     flicker, multiples = best.at(time_s), best.orders
     for order in ORDERS:
-        drift = abs(_beside(order * best.mains_hz, rate_hz)) * float(np.ptp(time_s))
+        drift = abs(_distance_hz(order * best.mains_hz, rate_hz)) * float(np.ptp(time_s))
         if order % LAMP == 0 and LAMP in multiples and order not in best.free:
-            more = best.multiple(time_s, room, order // LAMP, drift > TURNED)
+            more = best.multiple(time_s, off_samples, order // LAMP, drift > TURNED)
             flicker, multiples = flicker + more, (*multiples, order)
     return Flicker(best.mains_hz, tuple(sorted(multiples)), best.heights.max(axis=0), flicker)
 
@@ -109,13 +109,13 @@ def _late(state: IntArray) -> BoolArray:
     return np.asarray(inside >= SETTLING * np.repeat(lengths, lengths))
 
 
-def _beside(hz: float, rate_hz: float) -> float:
+def _distance_hz(hz: float, rate_hz: float) -> float:
     """Signed distance of a frequency from the nearest multiple of a rate."""
     return (hz + 0.5 * rate_hz) % rate_hz - 0.5 * rate_hz
 
 
 @dataclass(frozen=True, eq=False)
-class _Room:
+class _OffSamples:
     """Off samples, (n,) and (n, C), and a mask of those not at the beginning of a slot."""
 
     time_s: FloatArray
@@ -134,7 +134,7 @@ class _Room:
         middles = 0.5 * (starts + ends)
         return [(float(t), slice(int(a), int(b))) for t, a, b in zip(middles, *places, strict=True)]
 
-    def less_windows(self, values: FloatArray) -> FloatArray:
+    def without_means(self, values: FloatArray) -> FloatArray:
         """Values at the off samples (n, k) minus their mean over each half window."""
         place = ((self.time_s - self.time_s[0]) / (0.5 * WINDOW_S)).astype(np.int64)
         count = np.maximum(np.bincount(place), 1)
@@ -169,16 +169,16 @@ class _Fit:
         """Sum of all orders at given times, (n, C)."""
         return np.asarray(sum(self.order(time_s, order).real for order in self.orders))
 
-    def multiple(self, time_s: FloatArray, room: _Room, times: int, drifts: bool) -> FloatArray:
+    def multiple(self, time_s: FloatArray, off_samples: _OffSamples, times: int, drifts: bool) -> FloatArray:
         """Fitted multiple of the lamp's phase at given times, with the amplitude variation of the lamp, (n, C)."""
         if not drifts:
-            room = _Room(room.time_s[room.late], room.values[room.late], room.late[room.late])
-        left = room.less_windows(room.values - self.at(room.time_s))
-        basis = _powers(self.order(room.time_s, LAMP), times)
+            off_samples = rows_of(off_samples, off_samples.late)
+        left = off_samples.without_means(off_samples.values - self.at(off_samples.time_s))
+        basis = _powers(self.order(off_samples.time_s, LAMP), times)
         wanted = _powers(self.order(time_s, LAMP), times)
         found = []
         for place in range(left.shape[1]):
-            columns = room.less_windows(np.column_stack([basis[:, place].real, basis[:, place].imag]))
+            columns = off_samples.without_means(np.column_stack([basis[:, place].real, basis[:, place].imag]))
             numbers = np.linalg.lstsq(columns, left[:, place], rcond=None)[0]
             found.append(np.column_stack([wanted[:, place].real, wanted[:, place].imag]) @ numbers)
         return np.column_stack(found)
@@ -190,24 +190,24 @@ def _powers(sine: _Complex, times: int) -> _Complex:
     return np.asarray(height * (sine / np.where(height > 0.0, height, 1.0)) ** times)
 
 
-def _fitted(room: _Room, nominal: float, rate_hz: float) -> _Fit | None:
+def _fitted(off_samples: _OffSamples, nominal: float, rate_hz: float) -> _Fit | None:
     """Significant sines at multiples of a nominal mains frequency; None if there are none."""
-    free = tuple(order for order in ORDERS if abs(_beside(order * nominal, rate_hz)) > NEAR_RATE_HZ)
-    sines, mains = _sines(room, nominal, free), nominal
+    free = tuple(order for order in ORDERS if abs(_distance_hz(order * nominal, rate_hz)) > NEAR_RATE_HZ)
+    sines, mains = _sines(off_samples, nominal, free), nominal
     if sines is None:
         return None
     for _ in range(2):
         clear = sines.clear()
         order = free[int(np.argmax(clear))]
         mains += _drift_hz(sines, free.index(order)) / order
-        refined = _sines(room, mains, free)
+        refined = _sines(off_samples, mains, free)
         sines = sines if refined is None else refined
     clear, power = sines.clear(), sines.power()
     strong = power.max(axis=1) > SHARE**2 * power.max()
     orders = tuple(order for order, high, ok in zip(free, clear, strong, strict=True) if high > CLEAR and ok)
     if not orders:
         return None
-    last = _sines(room, mains, orders) or sines
+    last = _sines(off_samples, mains, orders) or sines
     return _Fit(mains, free, orders, last.middle_s, last.heights, last.power(), float(clear.max()))
 
 
@@ -229,16 +229,16 @@ class _Sines:
         return np.asarray((self.power() / np.where(u > 0.0, u, np.inf)).max(axis=1))
 
 
-def _sines(room: _Room, mains_hz: float, orders: tuple[int, ...]) -> _Sines | None:
+def _sines(off_samples: _OffSamples, mains_hz: float, orders: tuple[int, ...]) -> _Sines | None:
     """Sines of the orders in each window with enough samples."""
     numbers = 2 + 2 * len(orders)
     hz = mains_hz * np.array(orders)
     middles, heights, variances = [], [], []
-    for middle, part in room.windows():
+    for middle, part in off_samples.windows():
         samples = part.stop - part.start
         if samples < FEWEST * numbers:
             continue
-        times, values = room.time_s[part], room.values[part]
+        times, values = off_samples.time_s[part], off_samples.values[part]
         turn = 2.0 * np.pi * hz * times[:, None]
         columns = np.column_stack([np.ones(samples), times - middle, np.cos(turn), -np.sin(turn)])
         inverse = np.linalg.inv(columns.T @ columns)

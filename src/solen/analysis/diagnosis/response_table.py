@@ -18,7 +18,7 @@ from functools import cached_property
 
 import numpy as np
 
-from solen.analysis.diagnosis.emitter_places import Places, light_by_place
+from solen.analysis.diagnosis.light_by_position import Places, light_by_place
 from solen.arrays import FloatArray, IndexArray
 from solen.geometry import are_mirrored
 from solen.progress import Progress, on_threads

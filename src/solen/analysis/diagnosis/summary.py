@@ -20,7 +20,7 @@ NAMES = {
     "offset right": "the right receiver's offset",
     "offset left": "the left receiver's offset",
 }
-SAYS = 0.8
+UNINFORMATIVE = 0.8
 """Ratio of the uncertainty to that of the prior above which a recording adds no information."""
 ALIKE = 0.05
 """Relative difference below which two gains count as equal."""
@@ -61,7 +61,7 @@ def _pm(value: float, half: float, unit: str) -> str:
 def _decentre(diagnosis: Diagnosis) -> Iterator[str]:
     one = diagnosis.estimates["emitter_offset_mm"]
     if one.value is None or one.low is None or one.high is None:
-        yield f"the emitter's decentre cannot be determined from this recording{_apart(diagnosis, OFFSET)}"
+        yield f"the emitter's decentre cannot be determined from this recording{_because(diagnosis, OFFSET)}"
         return
     side = "right" if one.value >= 0.0 else "left"
     half = 0.5 * (one.high - one.low)
@@ -72,7 +72,7 @@ def _decentre(diagnosis: Diagnosis) -> Iterator[str]:
 def _chip(diagnosis: Diagnosis) -> Iterator[str]:
     one = diagnosis.estimates["chip_width_mm"]
     if one.value is None or one.high is None or one.low is None:
-        yield f"the chip's width cannot be determined from this recording{_apart(diagnosis, SPREAD)}"
+        yield f"the chip's width cannot be determined from this recording{_because(diagnosis, SPREAD)}"
     elif one.low <= 0.0 or one.u_value is None:
         yield f"chip at most {one.high:.2g} mm wide; it may be a point"
     else:
@@ -93,7 +93,7 @@ def _beside_design(estimate: ParameterEstimate) -> str:
 
 def _zero(diagnosis: Diagnosis) -> Iterator[str]:
     one = diagnosis.estimates["angle_zero_deg"]
-    if one.u_value is not None and one.u_prior is not None and one.u_value > SAYS * one.u_prior:
+    if one.u_value is not None and one.u_prior is not None and one.u_value > UNINFORMATIVE * one.u_prior:
         yield (
             f"the recording adds no information on the zero of the angle, whose prior uncertainty is {one.u_prior:g}°"
         )
@@ -120,7 +120,7 @@ def _loss(diagnosis: Diagnosis) -> Iterator[str]:
 def _others(diagnosis: Diagnosis) -> Iterator[str]:
     for key in diagnosis.fitted.model.response.changes:
         one = diagnosis.estimates[key]
-        if one.u_value is not None and one.u_prior is not None and one.u_value > SAYS * one.u_prior:
+        if one.u_value is not None and one.u_prior is not None and one.u_value > UNINFORMATIVE * one.u_prior:
             yield (f"the recording adds no information on {key}, which is assumed to be the design's ± {one.u_prior:g}")
         else:
             yield f"{key} differs from the design's by {pm(one)}"
@@ -138,7 +138,7 @@ def _gains(diagnosis: Diagnosis) -> Iterator[str]:
         )
 
 
-def _apart(diagnosis: Diagnosis, name: str) -> str:
+def _because(diagnosis: Diagnosis, name: str) -> str:
     others = ", ".join(NAMES.get(other, other) for other in diagnosis.held.get(name, ()))
     return f", because it is correlated with {others}" if others else ": the curves hardly depend on it"
 

@@ -13,7 +13,7 @@ from solen.analysis.network.decoder import NetworkDecoded, NetworkDecoder
 from solen.analysis.network.file import NetworkCalibration, load_network
 from solen.analysis.network.recorded import NetworkReadings, holds_network, network_readings
 from solen.analysis.network.states import NetworkStates, analysed_network
-from solen.analysis.network.stream import NetworkDecoding
+from solen.analysis.network.stream_decoder import NetworkDecoding
 
 __all__ = [
     "NetworkCalibration",

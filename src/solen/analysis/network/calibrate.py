@@ -30,7 +30,7 @@ from solen.sensor.network.motions import Determination, determined, in_words
 
 FOLDS, ROWS = 10, 15
 """Number of parts of the states that are left out in turn, and of the rows of each stop that are then decoded."""
-LOOKED_AT = 200
+CHECKED_STATES = 200
 """Number of states in which the separation of the motions is checked."""
 WIDE = 4.0
 """Ratio of the standard deviation of a combination of motions to its range above which it is not separated."""
@@ -194,7 +194,7 @@ def _lost(motions: Sequence[str], forward: ForwardMap, decoder: NetworkDecoder) 
 
     The states are between the recorded ones, where the slopes are those of the map.
     """
-    angle = np.random.default_rng(0).uniform(forward.low, forward.high, (LOOKED_AT, len(motions)))
+    angle = np.random.default_rng(0).uniform(forward.low, forward.high, (CHECKED_STATES, len(motions)))
     slopes, covariance = decoder.slopes(angle), decoder.covariance(angle)
     span = np.maximum(forward.high - forward.low, 1e-12)
     _, variance = forward.at(angle)

@@ -73,7 +73,7 @@ class NetworkCalibration(Strict):
     warnings: tuple[Caution, ...] = Field(description="Limits of the calibration.")
 
     @model_validator(mode="after")
-    def _is_one(self) -> Self:
+    def _check_consistent(self) -> Self:
         motions, readings = len(self.motions), len(self.emitters) * len(self.receivers)
         states = len(self.angle_deg)
         for name, shape in (

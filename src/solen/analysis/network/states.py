@@ -20,9 +20,9 @@ from solen.ranks import Caution, look_at
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, in_unit
 
-AHEAD = 5
+REST_ROWS = 5
 """Number of rows over which a motion at rest must not move."""
-STILL, OVER_NOISE = 1e-3, 5.0
+REST_MOVEMENT, REST_NOISES = 1e-3, 5.0
 """Largest movement at rest, as a fraction of the range of the motion, or in units of the noise of its angle."""
 SHORTEST, SETTLING = 8, 2
 """Smallest number of rows of a stop, and number of rows omitted at both ends."""
@@ -58,7 +58,7 @@ class States:
     def merged(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Distinct states: angles (n, motions), means (n, K) over all stops in the same state, and their variances."""
         span = np.maximum(np.ptp(self.angle_deg, axis=0), 1e-9)
-        rounded = np.rint(self.angle_deg / (2.0 * STILL * span))
+        rounded = np.rint(self.angle_deg / (2.0 * REST_MOVEMENT * span))
         _, which = np.unique(rounded, axis=0, return_inverse=True)
         count = np.bincount(which).astype(float)
 
@@ -200,12 +200,12 @@ def _held(rows: FloatArray) -> int:
 
 def _stops(angle_deg: FloatArray) -> list[slice]:
     """Slices of rows over which no motion moves, without a few rows at both ends."""
-    if len(angle_deg) <= AHEAD:
+    if len(angle_deg) <= REST_ROWS:
         return []
     span, noise = np.ptp(angle_deg, axis=0), _noise_deg(angle_deg)
-    limit = np.maximum(STILL * span, OVER_NOISE * noise)
-    still: BoolArray = (np.abs(angle_deg[AHEAD:] - angle_deg[:-AHEAD]) <= limit + 1e-9).all(axis=1)
-    bounds = [(begin, end + AHEAD) for begin, end in stretches(still)]
+    limit = np.maximum(REST_MOVEMENT * span, REST_NOISES * noise)
+    at_rest: BoolArray = (np.abs(angle_deg[REST_ROWS:] - angle_deg[:-REST_ROWS]) <= limit + 1e-9).all(axis=1)
+    bounds = [(begin, end + REST_ROWS) for begin, end in stretches(at_rest)]
     return [slice(begin + SETTLING, end - SETTLING) for begin, end in bounds if end - begin >= SHORTEST + 2 * SETTLING]
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from solen.analysis import Study, study
 from solen.analysis.network import NetworkStates, analysed_network, holds_network, network_readings
-from solen.analysis.network.stream import unused
+from solen.analysis.network.stream_decoder import unused
 from solen.errors import OutputError, SpecError
 from solen.pipeline.bench.recorded import ANALYSED, Analysed, split_files
 from solen.pipeline.options import FLAT, Out

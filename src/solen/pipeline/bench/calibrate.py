@@ -9,7 +9,7 @@ from solen.analysis.calibration.calibrate import place_of
 from solen.analysis.calibration.file import text_of
 from solen.analysis.network import NetworkCalibrations, calibrated_network, holds_network, network_readings
 from solen.analysis.network.file import text_of as network_text
-from solen.analysis.network.stream import unused
+from solen.analysis.network.stream_decoder import unused
 from solen.errors import OutputError
 from solen.pipeline.outputs import check_outputs, drawn, named
 from solen.report.options import FigureOptions

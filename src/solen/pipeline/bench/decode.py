@@ -11,8 +11,8 @@ from typing import Any, TextIO, TypeVar
 from solen import files
 from solen.analysis import SignalOptions
 from solen.analysis.calibration import DecodeOptions, Decoding, StreamDecoder
+from solen.analysis.calibration.csv_lines import STDIN
 from solen.analysis.calibration.file import CalibrationFile, load
-from solen.analysis.calibration.lines import STDIN
 from solen.analysis.calibration.streams import (
     Batch,
     Stream,
@@ -23,7 +23,7 @@ from solen.analysis.calibration.streams import (
 )
 from solen.analysis.network.file import NetworkCalibration, is_network_file, load_network
 from solen.analysis.network.recorded import chosen_network, places_of
-from solen.analysis.network.stream import (
+from solen.analysis.network.stream_decoder import (
     NetworkDecoding,
     NetworkStream,
     Turns,

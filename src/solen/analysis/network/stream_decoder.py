@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from solen.analysis.calibration.counted_stream import CountedStream
+from solen.analysis.calibration.csv_lines import STDIN, Lines, lines_of
 from solen.analysis.calibration.file import Ambient
-from solen.analysis.calibration.lines import STDIN, Lines, lines_of
 from solen.analysis.network.calibrate import LeftOut, checks_of
 from solen.analysis.network.columns import power_columns
 from solen.analysis.network.decoder import NetworkDecoded
@@ -21,8 +22,7 @@ from solen.analysis.network.recorded import network_readings, times_of
 from solen.analysis.network.states import at_rest
 from solen.arrays import BoolArray, FloatArray, IntArray, rows_of
 from solen.errors import DataError, SpecError
-from solen.files import SIMULATED_DATA
-from solen.ranks import DO_NOT_USE, Caution, do_not_use, look_at, of, rank_of
+from solen.ranks import DO_NOT_USE, Caution, do_not_use, of, rank_of
 from solen.recording import Provenance
 from solen.results import Result
 from solen.spec.strict import Options
@@ -30,7 +30,6 @@ from solen.units import factor
 
 BANDS = ("low68", "high68", "low95", "high95")
 FLAGS = ("outside", "ambiguous", "at_end")
-_TOLD = 0.5  # smallest percentage of the readings with a flag that causes a warning
 _MEANING = {
     "outside": "are outside the calibrated map, so their motions are meaningless",
     "ambiguous": "are consistent with several states",
@@ -100,7 +99,7 @@ class NetworkDecoding(Result):
     warnings: tuple[Caution, ...]
 
 
-class NetworkStream:
+class NetworkStream(CountedStream[NetworkCalibration]):
     """Decoder of a stream of turns that also counts them.
 
     Parameters
@@ -121,13 +120,11 @@ class NetworkStream:
         provenance: Provenance | None,
         warnings: tuple[Caution, ...] = (),
     ) -> None:
-        self._known, self._file, self._source, self._provenance = known, file, source, provenance
-        self._largest = float(np.abs(np.array(known.signal_V)).max())
-        self._times_s = (math.nan, math.nan)
+        largest = float(np.abs(np.array(known.signal_V)).max())
+        super().__init__(known, file, source, provenance, largest, (*FLAGS, "clipped"))
         self._ends = np.array([[math.inf, -math.inf]] * len(known.motions))
         self._held: list[LeftOut] = []
-        self.counts = dict.fromkeys(("readings", "missing", *FLAGS, "clipped"), 0)
-        self.warnings = (*warnings, *self._doubts())
+        self.warnings = (*warnings, *self._calibration_warnings())
 
     @property
     def header(self) -> str:
@@ -135,24 +132,9 @@ class NetworkStream:
         columns = (f"{one}_deg" for name in self._known.motions for one in (name, *(f"{name}_{b}" for b in BANDS)))
         return ",".join(["time_s", *columns, "flags", "probability", "other"]) + "\n"
 
-    @property
-    def heading(self) -> str:
-        """First lines of a file of rows: notes on simulated data and on reasons not to use it, then the header."""
-        doubts = "".join(f"# {line}\n" for line in self.warnings if rank_of(line) == DO_NOT_USE)
-        return SIMULATED_DATA * self._simulated + doubts + self.header
-
-    @property
-    def _simulated(self) -> bool:
-        return self._known.simulated or (self._provenance is not None and self._provenance.simulated)
-
     def rows(self, turns: Turns) -> str:
         """Decode turns into lines of CSV; `DataError` if the readings are about a thousand times too large."""
-        most = np.abs(turns.signal).max(axis=(1, 2))
-        largest = float(np.median(most[np.isfinite(most)])) if np.isfinite(most).any() else 0.0
-        if largest > 100.0 * self._largest:
-            unit = self._known.unit
-            limit = f"reads {largest:.4g} {unit}, but the calibration only reaches {self._largest:.3g} {unit}"
-            raise DataError(self._source, limit=limit, remedy="state the unit in the header, as in a.end_mV")
+        self._check_scale(turns.signal, "a.end_mV")
         decoded = self._known.decoder.decode(turns.signal)
         self._count(turns, decoded)
         return "".join(_rows(turns.time_s, decoded))
@@ -173,27 +155,17 @@ class NetworkStream:
             simulated=self._simulated,
             interrupted=interrupted,
             sources=() if self._provenance is None else (self._provenance,),
-            warnings=(*self.warnings, *self._flagged()),
+            warnings=(*self.warnings, *self._flag_warnings(_MEANING, always=("missing", "clipped"))),
         )
 
-    def _doubts(self) -> Iterator[Caution]:
+    def _calibration_warnings(self) -> Iterator[Caution]:
         yield from (of("calibration", line) for line in self._known.warnings if rank_of(line) == DO_NOT_USE)
         if self._known.simulated and self._provenance is not None and not self._provenance.simulated:
             yield do_not_use("the calibration is simulated, but the recording is not")
 
-    def _flagged(self) -> Iterator[Caution]:
-        for name, meaning in _MEANING.items():
-            count = self.counts[name]
-            percent = 100.0 * count / max(self.counts["readings"], 1)
-            if count and (name in {"missing", "clipped"} or percent >= _TOLD):
-                yield look_at(f"{count} readings ({percent:.3g} %) {meaning}")
-
     def _count(self, turns: Turns, decoded: NetworkDecoded) -> None:
         good = ~decoded.missing
-        self.counts["readings"] += int(good.sum())
-        self.counts["missing"] += int((~good).sum())
-        for name in FLAGS:
-            self.counts[name] += int(getattr(decoded, name).sum())
+        self._count_readings(turns.time_s, good, {name: getattr(decoded, name) for name in FLAGS})
         if turns.clipped is not None:
             self.counts["clipped"] += int((turns.clipped.any(axis=(1, 2)) & good).sum())
         if not good.any():
@@ -201,9 +173,6 @@ class NetworkStream:
         inside = decoded.angle_deg[good & ~decoded.outside]
         self._ends[:, 0] = np.minimum(self._ends[:, 0], inside.min(axis=0, initial=math.inf))
         self._ends[:, 1] = np.maximum(self._ends[:, 1], inside.max(axis=0, initial=-math.inf))
-        first = self._times_s[0]
-        times = turns.time_s[good]
-        self._times_s = (first if math.isfinite(first) else float(times[0])), float(times[-1])
         if turns.angle_deg is not None:
             low, high = np.array(self._known.range_deg).T
             slack = 1e-6 * (high - low)

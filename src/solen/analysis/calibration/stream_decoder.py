@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from solen.analysis.calibration.conditions import ConditionOptions, conditions
+from solen.analysis.calibration.counted_stream import CountedStream
 from solen.analysis.calibration.cross_validation import merged, part_of
 from solen.analysis.calibration.decoder import Decoded, Decoder
 from solen.analysis.calibration.file import CalibrationFile, Part, differences
@@ -20,7 +21,6 @@ from solen.analysis.calibration.heading import WINDOW_S, Headings, Tracker
 from solen.analysis.calibration.streams import Batch, Stream
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
-from solen.files import SIMULATED_DATA
 from solen.ranks import DO_NOT_USE, Caution, do_not_use, look_at, note, of, rank_of
 from solen.recording import Provenance
 from solen.recording.stimulus import ANGLE, STIMULI, Name
@@ -45,8 +45,6 @@ COLUMNS = (
 SIDES = ("direction", "probability")
 """Columns that apply to angles only, because a force or depth has no sides."""
 FLAGS = ("outside", "ambiguous", "clipped", "at_end")
-_MILLI = 100.0  # ratio to the largest calibrated voltage above which a reading is not in volts
-_TOLD = 0.5  # smallest percentage of the readings with a flag that causes a warning
 _MEANING = {
     "outside": "are outside the calibrated curve, so their {plural} are meaningless",
     "ambiguous": "are consistent with several {plural}",
@@ -124,7 +122,7 @@ class Decoding(Result):
         return STIMULI[self.stimulus].keyed(super().to_dict())
 
 
-class StreamDecoder:
+class StreamDecoder(CountedStream[CalibrationFile]):
     """Decoder of a stream that also counts its readings.
 
     Parameters
@@ -168,15 +166,15 @@ class StreamDecoder:
             )
             raise DataError(source, value=stream.unit, limit=limit, remedy=remedy)
         calibration = known.calibration
-        self._known, self._file, self._stream, self._source, self._scale = known, file, stream, source, scale
+        largest = float(np.abs(calibration.curves_V).max())
+        super().__init__(known, file, source, stream.provenance, largest, FLAGS)
+        self._stream, self._scale = stream, scale
         self._decoder = Decoder(calibration, gain_percent=options.gain_percent, dark_V=known.dark_V or 0.0)
         self._tracker = Tracker(1e-3 * options.window_ms)
-        self._largest_V = float(np.abs(calibration.curves_V).max())
         self._middle_V = calibration.curves_V.mean(axis=(0, 1))
         self._rails = calibration.rails_V if rails is None else np.array([rails] * 2)
-        self._range_deg, self._times_s = (math.inf, -math.inf), (math.nan, math.nan)
+        self._range_deg = (math.inf, -math.inf)
         self._parts: list[Part] = []
-        self.counts = dict.fromkeys(("readings", "missing", *FLAGS), 0)
         self.warnings = (*stream.warnings, *_condition_warnings(known, stream, options))
 
     @property
@@ -186,34 +184,16 @@ class StreamDecoder:
         names = [name for name in COLUMNS if stimulus is ANGLE or name not in SIDES]
         return ",".join(stimulus.keyed(dict.fromkeys(names))) + "\n"
 
-    @property
-    def heading(self) -> str:
-        """First lines of a file of rows: notes on simulated data and on reasons not to use it, then the header."""
-        doubts = dict.fromkeys(line for line in self.warnings if rank_of(line) == DO_NOT_USE)
-        return SIMULATED_DATA * self._simulated + "".join(f"# {line}\n" for line in doubts) + self.header
-
-    @property
-    def _simulated(self) -> bool:
-        return self._known.simulated or self._stream.simulated
-
     def rows(self, batch: Batch) -> str:
         """Decode a batch into lines of CSV with the columns `COLUMNS`; `DataError` if it is in another unit."""
         batch = replace(batch, volts=self._scale * batch.volts)
         good = np.asarray(np.isfinite(batch.volts).all(axis=1))
-        self._check_scale(batch.volts[good])
+        self._check_scale(batch.volts[good], "left_mV")
         decoded = self._decoder.decode(batch.volts[good], self._marks(batch, good))
         noise = self._decoder.noise_deg(decoded.angle_deg)
         headings = self._tracker.of(batch.time_s[good], decoded.angle_deg, noise)
         self._count(batch, good, decoded)
         return "".join(_rows(batch.time_s, good, decoded, headings, sides=self._known.stimulus_of is ANGLE))
-
-    def _check_scale(self, volts: FloatArray) -> None:
-        """Raise `DataError` if readings are about a thousand times the calibrated voltages."""
-        largest = float(np.median(np.abs(volts).max(axis=1))) if len(volts) else 0.0
-        if largest > _MILLI * self._largest_V:
-            unit = self._known.unit
-            limit = f"reads {largest:.4g} {unit}, but the calibration only reaches {self._largest_V:.3g} {unit}"
-            raise DataError(self._source, limit=limit, remedy="state the unit in the header, as in left_mV")
 
     def _marks(self, batch: Batch, good: BoolArray) -> NDArray[np.int8]:
         """1 for a reading at the upper limit of the recorder, −1 at the lower limit, otherwise 0."""
@@ -227,17 +207,12 @@ class StreamDecoder:
         return marks
 
     def _count(self, batch: Batch, good: BoolArray, decoded: Decoded) -> None:
-        self.counts["readings"] += int(good.sum())
-        self.counts["missing"] += int((~good).sum())
-        for name in FLAGS:
-            self.counts[name] += int(getattr(decoded, name).sum())
+        self._count_readings(batch.time_s, good, {name: getattr(decoded, name) for name in FLAGS})
         if not good.any():
             return
         inside = decoded.angle_deg[~decoded.outside]
         low, high = self._range_deg
         self._range_deg = float(inside.min(initial=low)), float(inside.max(initial=high))
-        times, first = batch.time_s[good], self._times_s[0]
-        self._times_s = (first if math.isfinite(first) else float(times[0])), float(times[-1])
         if batch.angle_deg is not None:
             true, (start, end) = batch.angle_deg[good], self._decoder.range_deg
             kept = (true >= start) & (true <= end)
@@ -249,7 +224,7 @@ class StreamDecoder:
         if not self.counts["readings"]:
             raise DataError(self._source, limit="holds no reading", remedy="check its columns")
         low, high = self._range_deg
-        provenance = self._stream.provenance
+        meanings = {name: text.format_map(vars(self._known.stimulus_of)) for name, text in _MEANING.items()}
         return Decoding(
             **self.counts,
             from_s=self._times_s[0],
@@ -263,8 +238,8 @@ class StreamDecoder:
             sensor=self._stream.sensor,
             simulated=self._simulated,
             interrupted=interrupted,
-            sources=() if provenance is None else (provenance,),
-            warnings=(*self.warnings, *self._flag_warnings(), *self._cell_notes()),
+            sources=() if self._provenance is None else (self._provenance,),
+            warnings=(*self.warnings, *self._flag_warnings(meanings, always=("missing",)), *self._cell_notes()),
         )
 
     def _cell_notes(self) -> Iterator[Caution]:
@@ -272,14 +247,6 @@ class StreamDecoder:
         cell = self._known.load_cell
         if self._parts and cell is not None and cell.u_scale is not None:
             yield note(cell.shared)
-
-    def _flag_warnings(self) -> Iterator[Caution]:
-        for name, meaning in _MEANING.items():
-            count = self.counts[name]
-            percent = 100.0 * count / max(self.counts["readings"], 1)
-            if count and (name == "missing" or percent >= _TOLD):
-                words = meaning.format_map(vars(self._known.stimulus_of))
-                yield look_at(f"{count} readings ({percent:.3g} %) {words}")
 
 
 def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[Caution]:

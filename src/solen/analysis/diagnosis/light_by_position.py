@@ -41,7 +41,7 @@ NEAR_MM, FAR = 0.35, 4.0
 MOST_TOLERANCE = 2e-3
 MISSED = 10.0
 """Largest uncertainty of a strip whose integration ended early, in units of the tolerance."""
-SEEN, SEEN_IN_SPACE = (0.01, 2**11), (0.05, 2**13)
+STRIPS, STRIPS_IN_SPACE = (0.01, 2**11), (0.05, 2**13)
 """Width in mm of the strips that are traced for directional receivers, and number of rays for each."""
 
 Curve = Callable[[FloatArray], FloatArray]
@@ -142,8 +142,8 @@ class _Chip:
             between = shares_at(middles)
             bend = np.abs(between - 0.5 * (shares[suspects] + shares[suspects + 1])).max(axis=1, initial=0.0)
             places, shares = np.insert(places, suspects + 1, middles), np.insert(shares, suspects + 1, between, axis=0)
-            suspects = _beside(places, middles[bend * step > BEND_MM])
-        return Places(places, PchipInterpolator(places, shares * self.seen(places)).antiderivative())
+            suspects = _adjoining(places, middles[bend * step > BEND_MM])
+        return Places(places, PchipInterpolator(places, shares * self.directional_factors(places)).antiderivative())
 
     def in_strips(self, like: Places | None) -> Places:
         """Integral over the positions, computed from strips in space."""
@@ -167,17 +167,17 @@ class _Chip:
             right = parts[suspects] - left
             parts[suspects] = left
             places, parts = np.insert(places, suspects + 1, middles), np.insert(parts, suspects + 1, right, axis=0)
-            suspects = _beside(places, middles[bend > most * _room(middles)])
+            suspects = _adjoining(places, middles[bend > most * _tolerance_factor(middles)])
         beyond = curve(places, parts)
         return Places(places, lambda at: np.asarray(known(at) + beyond(at)))
 
     def parts(self, low_mm: FloatArray, high_mm: FloatArray) -> FloatArray:
         """Integrals (n, 2) over strips between positions (n,)."""
         middles, widths = 0.5 * (low_mm + high_mm), high_mm - low_mm
-        tolerance = np.clip(STRIP_MM * _room(middles) / widths, 0.0, MOST_TOLERANCE)
+        tolerance = np.clip(STRIP_MM * _tolerance_factor(middles) / widths, 0.0, MOST_TOLERANCE)
         rows = zip(middles.tolist(), widths.tolist(), tolerance.tolist(), strict=True)
         shares = np.array([self._share(*row) for row in rows]).reshape(-1, len(SIDES))
-        return np.asarray(shares * widths[:, None] * self.seen(middles))
+        return np.asarray(shares * widths[:, None] * self.directional_factors(middles))
 
     def _share(self, place_mm: float, width_mm: float, tolerance: float) -> list[float]:
         trace = integrate(replace(self.scene, sources=(self.strip(place_mm, width_mm),)), "power", tolerance)
@@ -191,7 +191,7 @@ class _Chip:
         count = 2 * math.ceil(self.reach_mm / step_mm)
         return np.linspace(-self.reach_mm, self.reach_mm, count + 1)
 
-    def seen(self, places_mm: FloatArray) -> FloatArray:
+    def directional_factors(self, places_mm: FloatArray) -> FloatArray:
         """Factors of directional receivers for the fractions (p, 2) at positions (p,); 1 for flat windows."""
         if self.acceptance.is_flat:
             return np.ones((places_mm.size, len(SIDES)))
@@ -201,19 +201,19 @@ class _Chip:
     @cached_property
     def _factors(self) -> tuple[FloatArray, FloatArray]:
         """Positions (n,), and the fraction of the light from each that directional receivers detect, (n, 2)."""
-        step, rays = SEEN if self.scene.extrusion is None else SEEN_IN_SPACE
+        step, rays = STRIPS if self.scene.extrusion is None else STRIPS_IN_SPACE
         places = np.linspace(-self.reach_mm, self.reach_mm, 2 * math.ceil(self.reach_mm / step) + 1)
         lights = (self.strip(place, step).with_rays(rays) for place in places.tolist())
         scenes = (replace(self.scene, sources=(light,)) for light in lights)
         return places, np.array([self.acceptance.factors(scene) for scene in scenes])
 
 
-def _beside(places: FloatArray, bent: FloatArray) -> IndexArray:
+def _adjoining(places: FloatArray, bent: FloatArray) -> IndexArray:
     """The intervals on both sides of the positions with a curved response."""
     at = np.searchsorted(places, bent)
     return np.unique(np.concatenate([at - 1, at])).astype(np.intp)
 
 
-def _room(places_mm: FloatArray) -> FloatArray:
+def _tolerance_factor(places_mm: FloatArray) -> FloatArray:
     """Factor of the tolerances at given positions."""
     return np.where(np.abs(places_mm) <= NEAR_MM, 1.0, FAR)

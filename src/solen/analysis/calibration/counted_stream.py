@@ -1,0 +1,111 @@
+"""Common part of the decoders of streams: counts of readings and their flags, and warnings about them.
+
+The interface: `CountedStream`, the base class of `solen.analysis.calibration.stream_decoder.StreamDecoder` and
+`solen.analysis.network.stream_decoder.NetworkStream`.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from solen.arrays import BoolArray, FloatArray
+from solen.errors import DataError
+from solen.files import SIMULATED_DATA
+from solen.ranks import DO_NOT_USE, Caution, look_at, rank_of
+from solen.recording import Provenance
+
+_MILLI = 100.0  # ratio to the largest calibrated reading above which a reading is in another unit
+_LEAST_PERCENT = 0.5  # smallest percentage of the readings with a flag that causes a warning
+
+
+class _Known(Protocol):
+    """What streams use of the calibration of a sensor or a network."""
+
+    @property
+    def simulated(self) -> bool: ...
+
+    @property
+    def unit(self) -> str: ...
+
+
+K = TypeVar("K", bound=_Known)
+
+
+class CountedStream(Generic[K]):
+    """Counts of a stream's readings, decoded with a calibration.
+
+    Parameters
+    ----------
+    known, file
+        The calibration, and the name of its file.
+    source, provenance
+        Name of the stream in error messages, and its file; None for lines.
+    largest
+        Largest calibrated reading.
+    flags
+        Names of the flags that are counted.
+    """
+
+    warnings: tuple[Caution, ...]
+
+    def __init__(
+        self,
+        known: K,
+        file: str,
+        source: str,
+        provenance: Provenance | None,
+        largest: float,
+        flags: tuple[str, ...],
+    ) -> None:
+        self._known, self._file, self._source, self._provenance, self._largest = (
+            known,
+            file,
+            source,
+            provenance,
+            largest,
+        )
+        self._times_s = (math.nan, math.nan)
+        self.counts = dict.fromkeys(("readings", "missing", *flags), 0)
+
+    @property
+    def header(self) -> str:
+        """Header line with the names of the columns."""
+        raise NotImplementedError
+
+    @property
+    def heading(self) -> str:
+        """First lines of a file of rows: notes on simulated data and on reasons not to use it, then the header."""
+        reasons = dict.fromkeys(line for line in self.warnings if rank_of(line) == DO_NOT_USE)
+        return SIMULATED_DATA * self._simulated + "".join(f"# {line}\n" for line in reasons) + self.header
+
+    @property
+    def _simulated(self) -> bool:
+        return self._known.simulated or (self._provenance is not None and self._provenance.simulated)
+
+    def _check_scale(self, readings: FloatArray, example: str) -> None:
+        """Raise `DataError` if readings (n, ...) are about a thousand times the calibrated ones."""
+        most = np.abs(readings).max(axis=tuple(range(1, readings.ndim)))
+        largest = float(np.median(most[np.isfinite(most)])) if np.isfinite(most).any() else 0.0
+        if largest > _MILLI * self._largest:
+            unit = self._known.unit
+            limit = f"reads {largest:.4g} {unit}, but the calibration only reaches {self._largest:.3g} {unit}"
+            raise DataError(self._source, limit=limit, remedy=f"state the unit in the header, as in {example}")
+
+    def _count_readings(self, time_s: FloatArray, good: BoolArray, flags: Mapping[str, BoolArray]) -> None:
+        self.counts["readings"] += int(good.sum())
+        self.counts["missing"] += int((~good).sum())
+        for name, flag in flags.items():
+            self.counts[name] += int(flag.sum())
+        if good.any():
+            times, first = time_s[good], self._times_s[0]
+            self._times_s = (first if math.isfinite(first) else float(times[0])), float(times[-1])
+
+    def _flag_warnings(self, meanings: Mapping[str, str], always: tuple[str, ...]) -> Iterator[Caution]:
+        """Warnings about flags of many readings, or of any reading for those to be reported always."""
+        for name, meaning in meanings.items():
+            count = self.counts[name]
+            percent = 100.0 * count / max(self.counts["readings"], 1)
+            if count and (name in always or percent >= _LEAST_PERCENT):
+                yield look_at(f"{count} readings ({percent:.3g} %) {meaning}")
