@@ -139,7 +139,7 @@ def test_what_it_refuses_and_silence_are_reported() -> None:
             volts_per_count=1.0,
         )
     wire.faults.gone = True
-    with pytest.raises(BenchError, match="the line is gone"):
+    with pytest.raises(BenchError, match="disconnected"):
         board.read()
 
 
@@ -198,7 +198,7 @@ def test_a_motor_on_the_board_makes_its_ramp_by_the_board_s_clock() -> None:
     assert (homes.referenced, stage.position()) == (True, 0.5)
     board.start()
     stage.begin_move(3.5, 15.0)
-    with pytest.raises(BenchError, match="move: cannot be done that way"):
+    with pytest.raises(BenchError, match="move: cannot be done"):
         stage.begin_move(0.0, 15.0)
     assert arrived(stage, clock) == pytest.approx(3.0 / 15.0 + 15.0 / 200.0, abs=0.02)
     assert stage.position() == 3.5
@@ -217,7 +217,7 @@ def test_a_motor_on_the_board_makes_its_ramp_by_the_board_s_clock() -> None:
     number = board.read().number
     assert number.tolist() == list(range(len(number)))  # it sampled all the while
     assert len(number) > 80
-    with pytest.raises(BenchError, match="move: cannot be done that way"):
+    with pytest.raises(BenchError, match="move: cannot be done"):
         stage.begin_move(0.0, 1e4)
     for target, velocity, name in ((3e7, 1.0, "position"), (0.0, 1e5, "velocity"), (math.nan, 1.0, "position")):
         with pytest.raises(BenchError, match=f"{name} must be .* 32 bits"):

@@ -129,9 +129,9 @@ def test_a_servo_on_a_board_of_its_own_is_a_stage(tmp_path: Path) -> None:
 def test_a_motor_s_board_is_stated_once() -> None:
     motor = {"driver": "board", "steps_per_unit": 11.1}
     assert rig_with(**motor).stage.port is None  # that of the board that samples, COM3
-    with pytest.raises(BenchError, match=r"stage\.port = 'COM3'; is the port of \[board\]"):
+    with pytest.raises(BenchError, match=r"stage\.port = 'COM3'; is also the port of \[board\]"):
         rig_with(**motor, port="COM3")
-    with pytest.raises(BenchError, match="baud = 9600; means nothing without a port"):
+    with pytest.raises(BenchError, match="baud = 9600; is not used without a port"):
         rig_with(**motor, baud=9600)
     with pytest.raises(BenchError, match="needs a port, or"):
         Rig(name="x", stage=motor, daq={"driver": "nidaqmx", "device": "Dev1"}, sensor=(SENSOR,))

@@ -400,12 +400,12 @@ def test_without_counters_or_a_sync_the_signal_tells_when_its_emitter_is_on(made
     ("change", "told"),
     [
         (("[daq]", "[board]\n[daq]"), r"daq; cannot be combined with \[board\]; keep the one in the rig"),
-        (("[daq]", '[daq]\ndriver = "nidaqmx"'), "device; is for a real instrument, and a real instrument needs it"),
+        (("[daq]", '[daq]\ndriver = "nidaqmx"'), "device; is for a real instrument, and a real instrument requires it"),
         (("[daq]", '[daq]\nmodel = "USB-1"'), "model = 'USB-1'; must be one of USB-6218"),
-        (("[daq]", "[daq]\nrate_hz = 80000.0"), r"other\.toml: daq\.rate_hz = 80000\.0; of 4 inputs are 320000"),
-        (("[daq]", '[daq]\nchannels = ["ai0"]'), "names 1 inputs; the sensors are on 4"),
+        (("[daq]", "[daq]\nrate_hz = 80000.0"), r"other\.toml: daq\.rate_hz = 80000\.0; for 4 inputs is 320000"),
+        (("[daq]", '[daq]\nchannels = ["ai0"]'), "names 1 inputs; the sensors use 4"),
         (('switching = "counter"', 'switching = "external"'), "sync; is needed with 2 alternating emitters"),
-        (("[daq]", '[daq]\nsync = "ai9"'), "sync = 'ai9'; cannot be combined with what runs by the clock"),
+        (("[daq]", '[daq]\nsync = "ai9"'), "sync = 'ai9'; cannot be combined with outputs that follow the clock"),
         (("[daq]", '[daq]\ndriver = "nidaqmx"\ndevice = "Dev1"'), "ambient; is for a simulated rig"),
     ],
 )

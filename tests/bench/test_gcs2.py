@@ -154,7 +154,7 @@ def test_another_stage_another_instrument_and_an_unknown_one() -> None:
     clock = SimulatedClock()
     with pytest.raises(BenchError, match=r"set up for M-111\.1DG, not M-060\.DG"):
         Gcs2Stage(Wire(Gcs2Controller(clock, stage="M-111.1DG"), clock), clock, stage="M-060.DG")
-    with pytest.raises(BenchError, match=r"^stage = 'M-1'; .*those of M-060\.DG, M-111\.1DG are"):
+    with pytest.raises(BenchError, match=r"^stage = 'M-1'; .*known are M-060\.DG, M-111\.1DG"):
         Gcs2Stage(Wire(Gcs2Controller(clock), clock), clock, stage="M-1")
     link = Written([(b"ERR?\n", b"0\n"), (b"*IDN?\n", b"ACME, 1, 2\n")])
     with pytest.raises(BenchError, match=r"'ACME, 1, 2' .*; .*PI"):
@@ -176,7 +176,7 @@ def test_silence_garbage_and_a_pulled_plug_are_reported_in_one_line() -> None:
     with pytest.raises(BenchError, match=r"answered '%&\$' to POS\?"):
         stage.position()
     wire.faults.gone = True
-    with pytest.raises(BenchError, match="the line is gone"):
+    with pytest.raises(BenchError, match="disconnected"):
         stage.position()
 
 
@@ -205,7 +205,7 @@ def test_over_a_socket_as_over_a_port() -> None:
         assert stage.position() == 0.5
         faults.gone = True
         clock.sleep(0.1)
-        with pytest.raises(BenchError, match=r"the line is gone|no answer"):
+        with pytest.raises(BenchError, match=r"disconnected|no answer"):
             stage.position()
         link.close()
 

@@ -102,7 +102,7 @@ def test_homing_is_waited_for_and_a_stop_on_the_way_is_seen() -> None:
     clock.sleep(0.1)
     assert not stage.on_target()  # it may not have begun yet
     clock.sleep(0.1)
-    with pytest.raises(BenchError, match=r"rests at .*, sent to 3"):
+    with pytest.raises(BenchError, match=r"rests at .*, but was sent to 3"):
         stage.on_target()
     controller.locked = True
     with pytest.raises(BenchError, match="state Alarm"):
@@ -116,7 +116,7 @@ def test_what_is_no_grbl_is_refused() -> None:
         GrblStage(Written(other), clock)
     with pytest.raises(BenchError, match=r"\$10=1"):
         GrblStage(Written([(b"?", b"<Idle|WPos:0.000,0.000,0.000>\r\n")] * 200), clock)
-    with pytest.raises(BenchError, match=r"hello.* and no state"):
+    with pytest.raises(BenchError, match=r"hello.* not a state"):
         GrblStage(_Chatty(), _Hasty())
     _, _, clock, wire = driven()
     wire.faults.deaf = True

@@ -107,7 +107,7 @@ def test_what_is_typed_is_where_it_stands() -> None:
     stage.begin_move(-3.1, 1.0)  # it stands there
     assert len(said) == 3
     stage.begin_move(0.0, 1.0)
-    with pytest.raises(BenchError, match="nobody answers"):
+    with pytest.raises(BenchError, match="the input has ended"):
         answered(stage)
 
 

@@ -143,7 +143,7 @@ def test_a_full_disk_leaves_room_to_say_so(tmp_path: Path, monkeypatch: pytest.M
     with Journal.create(tmp_path / "a.journal", {}, {"board": ROW}) as journal:
         for first in range(0, 90, 10):
             journal.rows("board", rows(first, 10))
-        with pytest.raises(BenchError, match=r"a\.journal; .*No space left on device; make room"):
+        with pytest.raises(BenchError, match=r"a\.journal; .*No space left on device; free some space"):
             journal.rows("board", rows(90, 10))
         journal.event(1.0, "fault", reason="no room")
     found = read_journal(tmp_path / "a.journal")

@@ -249,7 +249,7 @@ def test_a_second_run_and_a_recovery_are_kept_from_a_journal_in_use(bench: Path)
         while not (journal.exists() and journal.stat().st_size > 20_000):
             assert child.poll() is None
             time.sleep(0.01)
-        in_use = r"one\.journal; is in use by another run; let it end first"
+        in_use = r"one\.journal; is in use by another run; wait until it has ended"
         with pytest.raises(BenchError, match=in_use):
             recorded(bench, "one", resume=True)
         with pytest.raises(BenchError, match=in_use):

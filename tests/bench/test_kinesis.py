@@ -103,7 +103,7 @@ def test_it_is_homed_when_allowed_moved_and_stopped(kind: dict[str, object]) -> 
     assert -3.0 < stage.position() == here < 3.0
     with pytest.raises(BenchError, match="from its target"):
         stage.on_target()
-    with pytest.raises(BenchError, match=rf"takes {controller.highest:g} deg/s for 60 deg/s"):
+    with pytest.raises(BenchError, match=rf"sets {controller.highest:g} deg/s instead of 60 deg/s"):
         stage.begin_move(0.0, 60.0)
 
 
@@ -162,7 +162,7 @@ def test_faults_of_the_stage_and_of_the_line_end_in_a_line() -> None:
 
 
 def test_a_controller_that_is_not_known_is_refused() -> None:
-    with pytest.raises(BenchError, match=r"is a TIM101 27000001; known are TDC001, .*; use one of these"):
+    with pytest.raises(BenchError, match=r"is a TIM101 27000001; supported are TDC001, .*; use one of these"):
         driven(model=b"TIM101")
     with pytest.raises(BenchError, match="answered 12 bytes for 84"):
         KinesisStage(Written([HELLO[0], (HELLO[1][0], said(6, bytes(12)))]), SimulatedClock(), counts_per_unit=1.0)
@@ -188,9 +188,9 @@ def test_a_rig_opens_it_by_its_table() -> None:
         stage.close()
     with pytest.raises(BenchError, match=r"steps_per_unit; is needed by the driver kinesis"):
         rig_with(driver="kinesis", port="COM4")
-    with pytest.raises(BenchError, match=r"axis = '2'; means nothing to the driver kinesis"):
+    with pytest.raises(BenchError, match=r"axis = '2'; is not used by the driver kinesis"):
         rig_with(driver="kinesis", port="COM4", steps_per_unit=1.0, axis="2")
-    with pytest.raises(BenchError, match=r"port = 'COM4'; means nothing to the driver hand"):
+    with pytest.raises(BenchError, match=r"port = 'COM4'; is not used by the driver hand"):
         rig_with(driver="hand", port="COM4")
 
 

@@ -115,12 +115,12 @@ def lamps(_: Levels) -> Any:
         (cut, [r"A left \(input 2\): do not use: responds to no emitter"]),
         (crossed, [r"A left .* responds to emitter 2, not to 1", r"B left \(input 3\): .* emitter 1, not to 2"]),
         (crossed_and_leaking, ["A left .* emitter 2, not to 1", "B left .* emitter 1, not to 2"]),
-        (dead, ["B right .* no emitter", "B left .* no emitter", "no input sees emitter 2"]),
+        (dead, ["B right .* no emitter", "B left .* no emitter", "no input responds to emitter 2"]),
         (short, [r"A right \(input 1\): do not use: .* near 0 V"]),
-        (swapped, ["B right .* rises with its emitter on"]),
-        (bright, [r"A right .* 1.5 times the light.* less load"]),
-        (dim, [r"A right .*: note: .* more load"]),
-        (beyond, [r"B left .* upper end of the range in \d\d % of the readings"]),
+        (swapped, ["B right .* rises when its emitter is on"]),
+        (bright, [r"A right .* 1.5 times the light.* smaller load"]),
+        (dim, [r"A right .*: note: .* greater load"]),
+        (beyond, [r"B left .* upper limit of the range in \d\d % of the readings"]),
         (lamps, ["varies by 21. mV with the emitters off; shade it"] * 4),
     ],
 )  # fmt: skip
@@ -293,9 +293,9 @@ def test_a_stage_is_jogged_within_its_travel(tmp_path: Path) -> None:
         begun = len(device.axis.moves)
         assert jog(rig).stands_deg == -0.5
         for options in (JogOptions(to=3.5), JogOptions(by=4.0)):
-            with pytest.raises(BenchError, match=r"3\.5; is beyond travel in the rig, -3 to 3"):
+            with pytest.raises(BenchError, match=r"3\.5; is outside the travel of the rig, -3 to 3"):
                 jog(rig, options)
-        with pytest.raises(SpecError, match="give one of them"):
+        with pytest.raises(SpecError, match="one of the two"):
             jog(rig, JogOptions(to=1.0, by=1.0))
         assert len(device.axis.moves) == begun
         rig.write_text(rig.read_text(encoding="utf-8").replace("-3.0, 3.0", "0.0, 3.0"), encoding="utf-8")
@@ -313,7 +313,7 @@ def test_a_jog_takes_finite_numbers(key: str, value: float) -> None:
 def test_several_wires_are_all_named_to_a_reader() -> None:
     found = ranked(looked(dead).warnings)
     assert len(found) == 2
-    assert any("no input sees emitter 2" in line for line in found)
+    assert any("no input responds to emitter 2" in line for line in found)
 
     def all_dead(at: Levels) -> None:
         at.pull[:] = 0.0

@@ -121,7 +121,7 @@ def test_it_has_a_position_at_rest_only_and_stops() -> None:
     make_known(stage, True, 0.0)
     board.soft = 2.0
     stage.begin_move(3.0, 15.0)
-    with pytest.raises(BenchError, match=r"rests at 2, sent to 3; .*M211"):
+    with pytest.raises(BenchError, match=r"rests at 2, but was sent to 3; .*M211"):
         arrived(stage, clock)
 
 

@@ -320,13 +320,13 @@ def test_without_the_driver_one_line_says_so(monkeypatch: pytest.MonkeyPatch) ->
         (lambda: setup(range_v=3.0), r"range_v = 3\.0; USB-6218 has ±0\.2, 1, 5, 10 V"),
         (
             lambda: setup(emitters=3),
-            "take turns; USB-6218 has 2 counters that put out pulses, and its other outputs are not timed",
+            "too many .*; USB-6218 has 2 counters that generate pulses, and its other outputs are not timed",
         ),
         (lambda: setup(emitters=2, switching="external"), "sync; is needed with 2 alternating emitters"),
         (lambda: setup(enable="port0/line0"), "static outputs, port1/line0 to port1/line7"),
         (lambda: setup(alive="port0/line0"), r"daq\.alive = 'port0/line0'; .*static outputs"),
         (lambda: setup(enable="port1/line7", alive="port1/line7"), r"daq\.alive = 'port1/line7'; .*daq\.enable"),
-        (lambda: setup(enable="port1/line0"), "is the line on which a counter lights an emitter"),
+        (lambda: setup(enable="port1/line0"), "a counter switches an emitter"),
     ],
 )
 def test_what_the_instrument_cannot_do_is_refused_before_it_is_asked(
@@ -384,13 +384,13 @@ def test_a_device_says_what_it_can_and_is_used_so(
 @pytest.mark.parametrize(
     ("kind", "more", "told"),
     [
-        ("USB-6001", {"rate_hz": 15e3}, r"takes 20000; 10000 or less"),
+        ("USB-6001", {"rate_hz": 15e3}, r"rate is 20000; 10000 or less"),
         ("USB-6001", {"range_v": 5.0}, r"USB-6001 has ±10 V"),
         ("USB-6001", {"terminal": "nrse"}, "is not a wiring of USB-6001, which has rse, differential"),
         (
             "USB-6009",
             {"switching": "counter"},
-            "USB-6009 has no counters that put out pulses, .*; switch them externally",
+            "USB-6009 has no counters that generate pulses, .*; switch them externally",
         ),
         (
             "USB-6009",
@@ -398,7 +398,7 @@ def test_a_device_says_what_it_can_and_is_used_so(
             "'ai4'; is not among .* USB-6009: ai0 to ai3",
         ),
         ("USB-6009", {"enable": "port2/line0"}, r"USB-6009's static outputs, port0/line0 to port1/line3"),
-        ("USB-6211", {"switching": "counter", "enable": "port1/line0"}, "is the line on which a counter lights"),
+        ("USB-6211", {"switching": "counter", "enable": "port1/line0"}, "a counter switches"),
         ("myDAQ", {}, "'rse'; is not a wiring of myDAQ, which has differential"),
         ("myDAQ", {"terminal": "differential", "range_v": 5.0}, r"range_v = 5\.0; myDAQ has ±2, 10 V"),
         (
@@ -406,13 +406,13 @@ def test_a_device_says_what_it_can_and_is_used_so(
             {"terminal": "differential", "range_v": 2.0, "switching": "counter", "emitters": 2},
             "myDAQ has 1 count",
         ),
-        ("USB-6356", {"terminal": "differential", "rate_hz": 2e6}, "an input of USB-6356 takes 1250000 samples"),
+        ("USB-6356", {"terminal": "differential", "rate_hz": 2e6}, "an input of USB-6356 is 1250000 samples"),
         (
             "USB-6356",
             {"terminal": "differential", "switching": "counter", "emitters": 5},
-            "has 4 counters that put out pulses, and its other outputs follow a clock; switching = .lines. takes these",
+            "has 4 counters that generate pulses, and its other outputs follow a clock; switching = .lines. uses these",
         ),
-        ("USB-6289", {}, "has a converter of 18 bits, and counts of 16 are kept; take"),
+        ("USB-6289", {}, "has a converter of 18 bits; counts have at most 16 bits; use"),
         ("USB-6289", {"switching": "counter", "emitters": 3}, "USB-6289 has 2 counters"),
         ("USB-6501", {}, "is not a wiring of USB-6501, which has no analog inputs"),
     ],
@@ -511,13 +511,13 @@ def test_lines_that_follow_the_samples_light_emitters_in_turn(tmp_path: Path, mo
         (
             "USB-6218",
             {"lines": ("port1/line0",), "terminal": "rse"},
-            "USB-6218 .BNC. follow only the program",
+            "USB-6218 .BNC. are set by the program only",
         ),
         ("USB-6356", {"lines": ("port3/line0",)}, r"daq\.lines = 'port3/line0'; must be one of USB-6356's"),
         (
             "USB-6356",
             {"lines": ("port0/line0",), "enable": "port0/line0"},
-            "line0'; must be .* not taken",
+            "line0'; must be .* not in use",
         ),
         (
             "USB-6356",
@@ -526,7 +526,7 @@ def test_lines_that_follow_the_samples_light_emitters_in_turn(tmp_path: Path, mo
         ),
         ("USB-6356", {"lines": ("port0/line0",), "emitters": 2}, "must be one for each of 2 emitters"),
         ("USB-6356", {"lines": ("port0/line0",), "rate_hz": 10_100.0}, "must be a multiple of 400 Hz"),
-        ("USB-6356", {"lines": ()}, 'are required with switching = "lines", and refused otherwise'),
+        ("USB-6356", {"lines": ()}, 'are required with switching = "lines", and not allowed otherwise'),
         ("USB-6356", {"lines": ("port0/line0",), "switching": "counter"}, 'are required with switching = "lines"'),
     ],
 )

@@ -100,8 +100,8 @@ def test_a_rig_in_another_unit_is_looked_over_in_it(bench: Path) -> None:
 @pytest.mark.parametrize(
     ("board", "told"),
     [
-        ('unit = "pF"', "per_count; must say what one count is in pF"),
-        ("per_count = 2.0", r"per_count = 2\.0.*other units than V"),
+        ('unit = "pF"', "per_count; must state the size of one count in pF"),
+        ("per_count = 2.0", r"per_count = 2\.0.*units other than V"),
         (
             'driver = "serial"\nport = "COM3"\nunit = "lux"\nper_count = 1.0\nrange_v = 5.0',
             r"range_v = 5\.0.*not for lux",

@@ -137,12 +137,12 @@ def test_the_emitters_own_light_puts_a_video_on_the_recording_s_clock(tmp_path: 
     assert plain.time_s[0] == pytest.approx(-plain.glow_s[0])
     at = motion_of(tmp_path / "lit.avi", VideoOptions(glow=GLOW, recording=tmp_path / "run.nc"))
     assert at.time_s[0] == pytest.approx(BEGAN_S - ON_S, abs=2.0 * plain.u_start_s)
-    assert not [one for one in at.warnings if "is it of this video" in one]
-    with pytest.raises(DataError, match="holds no times of its root"):
+    assert not [one for one in at.warnings if "belongs to this video" in one]
+    with pytest.raises(DataError, match="contains no times in its root"):
         motion_of(tmp_path / "lit.avi", VideoOptions(glow=GLOW, recording=tmp_path / "lit.avi"))
     recorded(tmp_path / "run.nc", 20.0)
     other = motion_of(tmp_path / "lit.avi", VideoOptions(glow=GLOW, recording=tmp_path / "run.nc"))
-    assert re.search(r"emitters are seen for 1\.9\d s, and the recording lasts 20\.00 s", " ".join(other.warnings))
+    assert re.search(r"emitters are visible for 1\.9\d s, and the recording lasts 20\.00 s", " ".join(other.warnings))
     stated = motion_of(tmp_path / "lit.avi", VideoOptions(offset_s=3.0))
     assert stated.time_s[0] == pytest.approx(3.0)
     slow = motion_of(tmp_path / "lit.avi", VideoOptions(offset_s=3.0, readout_ms=30.0))
@@ -152,7 +152,7 @@ def test_the_emitters_own_light_puts_a_video_on_the_recording_s_clock(tmp_path: 
 def test_glow_that_is_not_seen_or_always_on_and_options_that_do_not_go_together(tmp_path: Path) -> None:
     path = tmp_path / "lit.avi"
     lit_video(path, always=True)
-    with pytest.raises(DataError, match="shows no glow there"):
+    with pytest.raises(DataError, match="shows no glow in this area"):
         motion_of(path, VideoOptions(glow=GLOW))
     with pytest.raises(SpecError, match=r"--glow = '310 210 20 20'; must lie within the picture, of 320 by 240"):
         motion_of(path, VideoOptions(glow=(310, 210, 20, 20)))

@@ -175,10 +175,10 @@ def test_frames_lost_doubled_and_garbled_and_a_restart_are_counted_and_reported(
 
 
 FAULTS: dict[str, tuple[str, Callable[[Wires], Any], float]] = {
-    "board deaf": ("has said nothing for 2", lambda on: setattr(on.to_board.faults, "deaf", True), 3.0),
-    "board unplugged": ("the line is gone", lambda on: setattr(on.to_board.faults, "gone", True), 0.5),
+    "board deaf": ("has sent nothing for 2", lambda on: setattr(on.to_board.faults, "deaf", True), 3.0),
+    "board unplugged": ("the line is disconnected", lambda on: setattr(on.to_board.faults, "gone", True), 0.5),
     "stage deaf": ("no answer within 1 s", lambda on: setattr(on.to_stage.faults, "deaf", True), 0.0),
-    "stage unplugged": ("the line is gone", lambda on: setattr(on.to_stage.faults, "gone", True), 0.0),
+    "stage unplugged": ("the line is disconnected", lambda on: setattr(on.to_stage.faults, "gone", True), 0.0),
     "stage blocked": ("error 1024, motion error", lambda on: on.stage.stall(), 0.0),
     "garbage from the stage": (
         "which is not text",

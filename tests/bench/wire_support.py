@@ -88,7 +88,7 @@ class Wire:
 
     def _check(self) -> None:
         if self.faults.gone:
-            raise BenchError(self.name, limit="the line is gone", remedy="check cable and power")
+            raise BenchError(self.name, limit="the line is disconnected", remedy="check the cable and the power")
 
 
 class Served:

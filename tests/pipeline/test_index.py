@@ -305,7 +305,7 @@ def test_other_wavelengths_are_interpolated_and_reported(tmp_path: Path) -> None
     rows += [f"{a},{t},{a + 5},{r}" for a, t, r in zip(NM, T, later, strict=True)]
     file.write_text("\n".join(rows) + "\n", encoding="utf-8")
     found = index(file, options())
-    assert "R has other wavelengths" in warned(found, "other wavelengths")
+    assert "R has different wavelengths" in warned(found, "different wavelengths")
     assert found["reason"][0] == "n, k: no number was measured here"
     assert np.abs(np.array(found["n"][1:], dtype=float) - N[1:]).max() < 1e-4
 

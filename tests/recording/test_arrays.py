@@ -105,7 +105,7 @@ def test_what_has_another_length_is_named(tmp_path: Path) -> None:
     write_matlab(path)
     found = read(path)
     assert found.provenance.metadata["fs"] == "200"
-    assert any("different length are left out: short" in warning for warning in found.warnings)
+    assert any("different length are omitted: short" in warning for warning in found.warnings)
 
 
 def test_a_tdms_file_that_was_cut_is_refused_and_prints_nothing(
@@ -180,7 +180,7 @@ def test_columns_of_a_matrix_are_named_by_the_caller(tmp_path: Path) -> None:
     found = read(path, columns=("time_s", "left_mV", "right_mV"))
     assert [(one.name, one.unit) for one in found.channels] == [("time", "s"), ("left", "mV"), ("right", "mV")]
     assert found.channels[1].values.tolist() == LEFT.tolist()
-    with pytest.raises(DataError, match=r"no matrices of 4 columns; it holds data 3 by 400"):
+    with pytest.raises(DataError, match=r"no matrices of 4 columns; it contains data 3 by 400"):
         read(path, columns=("a", "b", "c", "d"))
 
 

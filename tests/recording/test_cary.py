@@ -185,7 +185,7 @@ def test_a_trace_without_points_is_kept(tmp_path: Path) -> None:
     recording = read(saved(tmp_path, cary([("a", "%T", 0), ("never scanned", "%T", 40)], log=False)))
     empty = recording.channel("never scanned")
     assert (empty.values.size, recording.channel(empty.axis).values.size) == (0, 0)
-    assert "holds no points" in empty.note
+    assert "contains no points" in empty.note
 
 
 def test_a_mode_that_is_not_known_keeps_its_numbers_without_a_unit(tmp_path: Path) -> None:

@@ -183,7 +183,7 @@ TEST = FILES["testxpert"].decode("cp1252").splitlines(keepends=True)
 FOUND = {
     "the end of a line and the next one's beginning lost, within one column": (
         edited("testxpert", ("5\t0.813333\t785.607\n1.27\t0.423333\t0.749616", "74961")),
-        "digits where other numbers have at most 6",
+        "digits, but other numbers have at most 6",
     ),
     "a part of two lines doubled, so that a cell is empty": (
         "".join([*TEST[:14], TEST[13].replace("0.230331", ""), *TEST[14:]]).encode("cp1252"),
@@ -202,9 +202,12 @@ FOUND = {
     "the file ends among the parameters": ("".join(TEST[:4]).encode("cp1252"), "line 1"),
     "the name of the time damaged, and lines changed about": (
         "".join([*TEST[:10], TEST[10].replace("zeit", "zeFt"), *TEST[11:20], TEST[30], *TEST[21:]]).encode("cp1252"),
-        "the time of a test moves on",
+        "the time of a test must increase",
     ),
-    "a byte of a decimal comma": (FILES["testxpert, decimal comma"].replace(b"0,34", b"0.34", 1), "another mark"),
+    "a byte of a decimal comma": (
+        FILES["testxpert, decimal comma"].replace(b"0,34", b"0.34", 1),
+        "another decimal mark",
+    ),
     "a letter of UTF-8 broken": (
         FILES["testxpert, decimal comma"].replace("ü".encode(), b"\xc3", 1),
         "is not a character",

@@ -117,7 +117,7 @@ def test_wavenumbers_become_wavelengths(tmp_path: Path) -> None:
         ("##DATA TYPE=UV/VIS SPECTRUM", "##DATA TYPE=LINK", "several blocks"),
         ("##XUNITS=NANOMETERS", "##XUNITS=SECONDS", "SECONDS"),
         ("(X++(Y..Y))", "(X++(R..R))", r"X\+\+\(R"),
-        ("418.000 ", "436.000 ", "418 comes next"),
+        ("418.000 ", "436.000 ", "418 is expected"),
         ("##FIRSTY=0.5", "##FIRSTY=0.7", "FIRSTY"),
     ],
 )

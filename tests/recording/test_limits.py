@@ -72,7 +72,7 @@ def test_a_lone_cell_far_out_is_no_table(tmp_path: Path) -> None:
     book.worksheets[0].cell(20_000, 16_000, 1.0)
     path = tmp_path / "book.xlsx"
     book.save(path)
-    with pytest.raises(DataError, match="reaches to row 20000 and column 16000"):
+    with pytest.raises(DataError, match="extends to row 20000 and column 16000"):
         read(path)
 
 

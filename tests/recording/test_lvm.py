@@ -81,12 +81,12 @@ def test_numbers_are_those_of_a_plain_reading(
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        ("Samples\t12\t12", "Samples\t13\t13", "12 rows, where 13 samples"),
-        ("0.004000\t", "0.014000\t", "line 27; has another time"),
+        ("Samples\t12\t12", "Samples\t13\t13", "12 rows, but 13 samples"),
+        ("0.004000\t", "0.014000\t", "line 27; has a different time"),
         ("1.540000", "1.54x", "line 27, column 2 = '1.54x'"),
-        ("Channels\t2", "Channels\t3", "names 2 channels, where 3 channels"),
-        ("Voltage_1\tComment", "", "names 1 channel, where 2 channels"),
-        ("X0\t0.000000\t0.000000", "X0\t0.000000\t0.500000", "times of their own"),
+        ("Channels\t2", "Channels\t3", "names 2 channels, but 3 channels"),
+        ("Voltage_1\tComment", "", "names 1 channel, but 2 channels"),
+        ("X0\t0.000000\t0.000000", "X0\t0.000000\t0.500000", "have different times"),
     ],
 )
 def test_what_a_packet_states_is_held_against_it(tmp_path: Path, before: str, after: str, words: str) -> None:
@@ -118,7 +118,7 @@ def test_a_file_that_was_appended_to_counts_from_its_stamps(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("times", [("10:00:00", "10:00:00.002"), ("10:00:00", "09:00:00"), ("10:00:00", "then")])
 def test_packets_that_overlap_in_time_are_refused(tmp_path: Path, times: tuple[str, ...]) -> None:
-    with pytest.raises(DataError, match="begin again in time"):
+    with pytest.raises(DataError, match="restart their times"):
         read(saved(tmp_path, appended(lvm(8), times)))
 
 

@@ -54,13 +54,13 @@ def test_avantes_converted_text(tmp_path: Path, mark: str) -> None:
 @pytest.mark.parametrize(
     ("name", "before", "after", "words"),
     [
-        ("jasco", "NPOINTS\t40", "NPOINTS\t41", "40 rows, where 41"),
+        ("jasco", "NPOINTS\t40", "NPOINTS\t41", "40 rows, but 41"),
         ("jasco", "XUNITS\tNANOMETERS", "XUNITS\tSeconds", "Seconds"),
-        ("jasco", "410.0000\t", "411.0000\t", "410 comes next"),
+        ("jasco", "410.0000\t", "411.0000\t", "410 is expected"),
         ("jasco", "MAXY\t89.9", "MAXY\t98.9", "MAXY"),
         ("jasco", "\r\n##### Ext", "\r\n410.0\t85.1\r\n##### Ext", "below their end"),
         ("PerkinElmer .asc", "410.000000\t", "410.000000", "line 36"),
-        ("PerkinElmer .asc", "\r\n2.0\r\n40\r\n", "\r\n2.0\r\n39\r\n", "40 rows, where 39"),
+        ("PerkinElmer .asc", "\r\n2.0\r\n40\r\n", "\r\n2.0\r\n39\r\n", "40 rows, but 39"),
         ("PerkinElmer .asc", "#DATA", "#DATE", "begins its numbers"),
         ("Thorlabs", "[EndOfFile]", "", "ends its numbers"),
         ("Thorlabs", "nm_vac", "THz", "THz"),
@@ -98,7 +98,7 @@ def test_two_bare_columns_of_wavelengths_and_values(tmp_path: Path, separator: s
     (one,) = spectra(found)
     assert (one.wavelength_nm.tolist(), one.channel.values.tolist()) == (WAVES, PERCENT)
     assert one.channel.quantity == ""
-    assert any("400 to 478 are taken for nm" in warning for warning in found.warnings)
+    assert any("400 to 478 are assumed to be in nm" in warning for warning in found.warnings)
 
 
 def test_two_bare_columns_that_are_no_spectrum_are_refused(tmp_path: Path) -> None:
@@ -160,8 +160,8 @@ def test_several_specimens_are_not_read_as_one(tmp_path: Path) -> None:
         ("Bluehill", "0.5,0.25", "0.5;0.25", "belong to no table"),
         ("MTS 793, two acquisitions", "2.0\t1.0\t", "2.0\t1.0", "belong to no table"),
         ("testXpert side by side", "\t0.5\t0.25\t", "\t0.5\tx\t", "belong to no table"),
-        ("MTS TestSuite", '"0.5"\r\n', '"0.2"\r\n', "the time of a test moves on"),
-        ("Lloyd NEXYGEN", "\r\n0.5,", "\r\n0.05,", "the time of a test moves on"),
+        ("MTS TestSuite", '"0.5"\r\n', '"0.2"\r\n', "the time of a test must increase"),
+        ("Lloyd NEXYGEN", "\r\n0.5,", "\r\n0.05,", "the time of a test must increase"),
     ],
 )
 def test_damage_in_a_specimen_is_refused(tmp_path: Path, name: str, before: str, after: str, words: str) -> None:

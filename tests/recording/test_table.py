@@ -160,7 +160,7 @@ def test_a_header_may_be_the_axis_unit_alone(tmp_path: Path) -> None:
 
 def test_a_header_that_lacks_names_is_replaced_by_the_callers(tmp_path: Path) -> None:
     path = saved(tmp_path, "time_s,left_V\n0.0,1.0,2.0\n0.1,1.1,2.1\n")
-    with pytest.raises(DataError, match=r"has 3 numbers, where the header in line 1 has 2 names"):
+    with pytest.raises(DataError, match=r"has 3 numbers, but the header in line 1 has 2 names"):
         read(path)
     found = read(path, columns=("time_s", "left_V", "right_V"))
     assert [one.values.tolist() for one in found.channels] == [[0.0, 0.1], [1.0, 1.1], [2.0, 2.1]]
@@ -230,11 +230,11 @@ def test_numbers_with_words_in_them_are_refused_not_taken_for_text(tmp_path: Pat
         (b"\xd0\xcf\x11\xe0\xa1\xb1", "damaged workbook"),
         (b"%PDF-1.7 ...", "is a PDF"),
         (b"PK\x03\x04rest", "damaged archive"),
-        (b"a,b\n1,2\n\x81,3\n", "line 3; holds a byte"),
-        ("Dicke (µm),µ\n1,2\n".encode() + b"\xe4,3\n", "line 3; holds a byte"),
+        (b"a,b\n1,2\n\x81,3\n", "line 3; contains a byte"),
+        ("Dicke (µm),µ\n1,2\n".encode() + b"\xe4,3\n", "line 3; contains a byte"),
         (b"only words\n", "line 1"),
         (b"a,b\n", "line 1"),
-        (b"# nothing\n", "holds no table"),
+        (b"# nothing\n", "contains no table"),
     ],
 )
 def test_other_files_are_refused_in_one_line(tmp_path: Path, data: bytes, told: str) -> None:
@@ -277,7 +277,7 @@ def test_a_bad_cell_of_a_workbook_is_named_as_excel_names_it(tmp_path: Path) -> 
 
 
 def test_a_formula_without_a_stored_result_is_not_an_empty_cell(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="cell B4; holds a formula"):
+    with pytest.raises(DataError, match="cell B4; contains a formula"):
         read(workbook(tmp_path, {"data": [*ROWS, [60, "=2*B3", 3]]}))
 
 
@@ -347,7 +347,7 @@ def test_an_instrument_s_export_in_a_workbook_is_the_same(tmp_path: Path, text: 
 def test_a_comma_that_may_stand_before_thousands_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="line 3, column 2 = '1,250'; may be a thousand"):
         read(saved(tmp_path, "time_s\tforce_N\n1\t980\n2\t1,250\n"))
-    with pytest.raises(DataError, match=r"line 3, column 2 = '1,250\.5'; marks its thousands"):
+    with pytest.raises(DataError, match=r"line 3, column 2 = '1,250\.5'; has a thousands separator"):
         read(saved(tmp_path, "time_s\tforce_N\n1\t980.5\n2\t1,250.5\n"))
     assert read(saved(tmp_path, "time_s\tforce_N\n1\t0,980\n2\t1,250\n")).need("force").values.tolist() == [0.98, 1.25]
     assert read(saved(tmp_path, "time_s\tforce_N\n1\t1,125\n2\t1,250\n")).need("force").values.tolist() == [1.125, 1.25]

@@ -1,1 +1,1 @@
-"""The bench: instruments, real or simulated, a protocol that moves them, and what they say, on disk as it comes."""
+"""The bench: real or simulated instruments, the protocol that moves them, and recordings written as the data arrive."""

@@ -1,6 +1,6 @@
-"""Axes of a run: each stage by the motion that it makes, where it was seen, and whether it has arrived.
+"""Axes of a run: the stage that makes each motion, its recorded positions, and whether it has arrived.
 
-The interface: `Axis`; `stream_of` a motion is the name of its stage's positions in a journal.
+The interface: `Axis`; `stream_of` returns the name of the stream of a stage's positions in a journal.
 """
 
 from collections.abc import Mapping
@@ -15,16 +15,18 @@ from solen.bench.roles import Stage
 from solen.errors import BenchError
 
 SETTLE_S = 0.5
-"""After a move's shortest time, a stage that does not come to rest is asked all the same whether it has arrived."""
+"""Time in s after the shortest duration of a move at which a stage is asked whether it has arrived, even if it still
+moves.
+"""
 OVERSHOOT = 1e-3
-"""Fraction of the travel by which a stage at its end may overshoot."""
+"""Fraction of the travel by which a stage may overshoot at the end of its travel."""
 RESTING = 0.01
 """Fraction of its velocity below which a stage counts as at rest."""
 STREAM = "stage"
 
 
 def stream_of(motion: str) -> str:
-    """Stream of a journal for positions of the stage of a motion; the only one of a run has no name."""
+    """Return the name of a journal's stream of positions for a motion's stage; empty for the only stage of a run."""
     return f"{STREAM} {motion}" if motion else STREAM
 
 
@@ -35,11 +37,11 @@ class Axis:
     Attributes
     ----------
     motion
-        The motion it makes; empty for the only axis.
+        The motion that the stage makes; empty for the only axis.
     stage, clock, part
-        The stage, the run's clock and its part.
+        The stage, the run's clock and the part of the protocol for this stage.
     travel
-        Lowest and highest allowed position; None for the stage's own limits only.
+        Lowest and highest allowed position; None if only the stage's own limits apply.
     """
 
     motion: str
@@ -52,11 +54,11 @@ class Axis:
 
     @property
     def name(self) -> str:
-        """Its name in a message that it does not stop."""
+        """Name of the stage in a message that it does not stop."""
         return f"stage of {self.motion}" if self.motion else "stage"
 
     def look(self) -> float:
-        """Ask the stage where it is; question and answer are stamped."""
+        """Ask the stage for its position; question and answer are timestamped."""
         sent_s = self.clock.now_s()
         position = self.stage.position()
         at_s = self.clock.now_s()
@@ -65,24 +67,26 @@ class Axis:
         return position
 
     def write(self, journal: Journal) -> None:
-        """Record the positions seen since the last call."""
+        """Record the positions received since the last call."""
         looks, self._looks = self._looks, []
         stream = stream_of(self.motion)
         journal.rows(stream, np.array(looks, journal.dtype(stream)))
 
     def check_travel(self, step: Step, start: float, target: float) -> None:
-        """Refuse a way that is not within the rig's travel from end to end."""
+        """Raise an error if a part of the planned path is outside the rig's travel."""
         if self.travel is None:
             return
         low, high = self.travel
         slack = OVERSHOOT * (high - low)
         for what, position in (("stands at", start), ("is sent to", target)):
             if position < low - slack or position > high + slack:
-                limit = f"{what} {position:g} {step.unit}, and travel in the rig is {low:g} to {high:g}"
-                raise BenchError(self.stage.name, limit=limit, remedy="move it back by hand, or widen travel")
+                limit = f"{what} position {position:g} {step.unit}, and the rig's travel is {low:g} to {high:g}"
+                raise BenchError(
+                    self.stage.name, limit=limit, remedy="move it back by hand, or widen the travel in the rig file"
+                )
 
     def arrived(self, step: Step, arrives_s: float) -> bool:
-        """Whether the stage has arrived; queried from the earliest possible time, and only if it seems to rest."""
+        """Whether the stage has arrived; asked only after the shortest possible duration, and if it seems at rest."""
         now_s = self.clock.now_s()
         if now_s < arrives_s:
             return False
@@ -99,7 +103,7 @@ def axes_of(
     part: int,
     travel: Mapping[str, tuple[float, float] | None] | tuple[float, float] | None,
 ) -> dict[str, Axis]:
-    """Axes of a run by motion; ``travel`` is that of each stage, or of all."""
+    """Return the axes of a run by motion; ``travel`` applies to each stage by name, or to all of them."""
     named = stages if isinstance(stages, Mapping) else {"": stages}
     return {
         motion: Axis(motion, stage, clock, part, travel.get(motion) if isinstance(travel, Mapping) else travel)

@@ -1,27 +1,21 @@
 """The emitter board over a serial line: commands out, frames in.
 
-The idea: the host sets the number of emitters and inputs and the period, starts and stops; each command
-is a frame (`solen.bench.frames`), answered by a frame with the command's kind, a status and words. Between
-answers, periods arrive unsolicited. When the line is closed, or the host is silent for a second, the board switches its
-emitters off. A board may also drive a motor (`BoardStage`), timed by the clock that stamps its periods.
+The idea: the host sets the number of emitters and inputs and the period, and starts and stops the board. Each command
+is a frame (`solen.bench.frames`), answered by a frame with the command's kind, a status and a text. Between answers,
+periods arrive unsolicited. If the line is closed, or the host is silent for a second, the board switches its emitters
+off. A board may also drive a motor (`BoardStage`), timed by the clock that stamps its periods.
 
-====== ========= ==============================================================
-kind   name      payload
-====== ========= ==============================================================
-16     identify  none; answered by the board's name in UTF-8
-17     configure period in µs (4 bytes), emitters, inputs (1 byte each)
-18     start     none
-19     stop      none; emitters off
-20     alive     none; the watchdog's food, not answered
-21     time      none; answered by the board's clock in µs (4 bytes, wraps), as it stamps periods
-22     move      steps (4 bytes, signed), steps per 1000 s, steps/s² (4 bytes each)
-23     halt      none; the motor slows down and stops
-24     where     none; answered by the board's clock in µs, steps (4 bytes each), and whether it moves (1 byte)
-25     place     what it calls the place where it stands, in steps (4 bytes, signed)
-2      answer    kind of the command, status (0 done, else an error), words
+====== ========= ============================================================== kind   name      payload ======
+========= ============================================================== 16     identify  none; answered by the board's
+name in UTF-8 17     configure period in µs (4 bytes), emitters, inputs (1 byte each) 18     start     none 19     stop
+none; emitters off 20     alive     none; resets the watchdog, not answered 21     time      none; answered by the
+board's clock in µs (4 bytes, wraps), which also stamps periods 22     move      steps (4 bytes, signed), steps per 1000
+s, steps/s² (4 bytes each) 23     halt      none; the motor slows down and stops 24     where     none; answered by the
+board's clock in µs, steps (4 bytes each), and whether it moves (1 byte) 25     place     the value to assign to the
+current position, in steps (4 bytes, signed) 2      answer    kind of the command, status (0 done, else an error), text
 ====== ========= ==============================================================
 
-The interface: `SerialBoard`, an `EmitterBoard`; `BoardStage`, the motor on one, a `Stage`.
+The interface: `SerialBoard`, an `EmitterBoard`; `BoardStage`, the motor of a board, a `Stage`.
 """
 
 import math
@@ -38,14 +32,14 @@ CONFIGURATION = struct.Struct("<IBB")
 _TIME, _MOVE, _WHERE, _PLACE = struct.Struct("<I"), struct.Struct("<iII"), struct.Struct("<IiB"), struct.Struct("<i")
 STATUSES = {
     1: "unknown command",
-    2: "cannot be done that way",
+    2: "cannot be done with these settings",
     3: "not configured",
-    4: "an emitter is at fault",
+    4: "an emitter is faulty",
     5: "has no motor",
 }
 ALIVE_EVERY_S = 0.25
 WAKES_S = 3.0
-"""Time for which an Arduino may not answer after its port was opened."""
+"""Time in s for which an Arduino may not answer after its port was opened."""
 _NAMES = {
     IDENTIFY: "identify",
     CONFIGURE: "configure",
@@ -68,9 +62,9 @@ class SerialBoard:
     layout, period_s
         Emitters and inputs used, and their period.
     volts_per_count
-        Step of its converter.
+        Voltage step of the board's converter.
     answer_s
-        Longest time for an answer.
+        Longest time to wait for an answer.
 
     Raises
     ------
@@ -103,17 +97,17 @@ class SerialBoard:
 
     @property
     def losses(self) -> Losses:
-        """Losses so far."""
+        """Losses since the last start."""
         return self._reader.losses
 
     def start(self) -> None:
-        """Start lighting and sampling."""
+        """Start switching the emitters and sampling."""
         self._renew()
         self.command(START)
         self._fed_s = self._clock.now_s()
 
     def read(self) -> Periods:
-        """Periods that arrived since the last call."""
+        """Return the periods that arrived since the last call."""
         now = self._clock.now_s()
         if now - self._fed_s >= ALIVE_EVERY_S:
             self._send(ALIVE)
@@ -125,9 +119,9 @@ class SerialBoard:
         return Periods.joined(parts, self.layout)
 
     def time_s(self) -> float | None:
-        """Its own time; NaN of a board that does not know the question, whose answer still bounds the line's delay.
+        """Return the board's own time in s, or NaN if the board does not know the command.
 
-        A board that does not answer at all is not asked again.
+        Even an answer without a time bounds the line's delay. A board that does not answer at all is not asked again.
         """
         answer = self._answer(TIME) if self._keeps_time else None
         if answer is None:
@@ -137,25 +131,28 @@ class SerialBoard:
         return 1e-6 * self._reader.unwrapped_us(_TIME.unpack(answer[1])[0]) if stated else math.nan
 
     def stop(self) -> None:
-        """Emitters off, no more samples."""
+        """Switch the emitters off and stop sampling."""
         self.command(STOP)
 
     def close(self) -> None:
-        """Emitters off, and the line closed."""
+        """Switch the emitters off and close the line."""
         try:
             self.stop()
         finally:
             self._link.close()
 
     def _wake(self) -> None:
-        """Stop it, as it may be running from before; one that its port's opening has reset answers after a while."""
+        """Stop the board, which may still be running.
+
+        A board that was reset when its port was opened answers after a while.
+        """
         due = self._clock.now_s() + WAKES_S
         while self._answer(STOP) is None:
             if self._clock.now_s() > due:
                 self.command(STOP)
 
     def _renew(self) -> None:
-        """Drop what is in transit, and count losses from here."""
+        """Discard the data in transit, and start counting losses."""
         while self._link.read(65_536, 0.0):
             pass
         self._reader, self._waiting = FrameReader(self.layout), []
@@ -165,11 +162,11 @@ class SerialBoard:
         self._sent += 1
 
     def command(self, kind: int, payload: bytes = b"") -> bytes:
-        """Answer to a command; `BenchError` if it was not obeyed."""
+        """Return the answer to a command; raise `BenchError` if the board did not execute it."""
         answer = self._answer(kind, payload)
         if answer is None:
             limit = f"no answer to {_NAMES[kind]} within {self._answer_s:g} s"
-            raise BenchError(self.name, limit=limit, remedy="check cable, power and baud rate")
+            raise BenchError(self.name, limit=limit, remedy="check the cable, the power and the baud rate")
         status, words = answer
         if status != 0:
             meaning = words.decode("utf-8", "replace") or STATUSES.get(status, f"status {status}")
@@ -177,7 +174,10 @@ class SerialBoard:
         return words
 
     def _answer(self, kind: int, payload: bytes = b"") -> tuple[int, bytes] | None:
-        """Status and words of the answer to a command, None for no answer; periods that come before it are kept."""
+        """Return status and text of the answer to a command, or None if there was none.
+
+        Periods that arrive first are kept.
+        """
         self._send(kind, payload)
         due = self._clock.now_s() + self._answer_s
         while (left := due - self._clock.now_s()) > 0.0:
@@ -190,9 +190,9 @@ class SerialBoard:
 
 
 class BoardStage:
-    """The motor on a board: a stepper, or a hobby servo, whose steps are microseconds of its pulse.
+    """The motor on a board: a stepper, or a hobby servo whose steps are microseconds of its pulse.
 
-    The commanded position is known, not the actual one: nothing measures it.
+    Only the commanded position is known; nothing measures the actual one.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ class BoardStage:
     steps_per_unit, unit
         Steps per deg or mm.
     acceleration
-        In its unit per s².
+        Acceleration in the stage's unit per s².
     """
 
     def __init__(
@@ -222,17 +222,17 @@ class BoardStage:
 
     @property
     def referenced(self) -> bool:
-        """Whether it was given a zero since it was connected."""
+        """Whether a zero was set since the board was connected."""
         return self._referenced
 
     @property
     def search(self) -> str:
-        """Do nothing: there is no reference to search for."""
-        return "It has no switch to find it with."
+        """Do nothing: there is no reference switch to search for."""
+        return "It has no switch that marks its zero."
 
     def reference(self) -> None:
-        """Refused: there is no switch."""
-        raise BenchError(self.name, limit="has no switch to find its zero with", remedy='home = "here" in [stage]')
+        """Raise `BenchError`: there is no reference switch."""
+        raise BenchError(self.name, limit="has no switch that marks its zero", remedy='home = "here" in [stage]')
 
     def set_position(self, position: float) -> None:
         """Define the current position as a given value; nothing moves."""
@@ -248,14 +248,16 @@ class BoardStage:
         self._target = to
 
     def position(self) -> float:
-        """Where it is, in deg or mm, by the steps that were made."""
+        """Return the position in deg or mm, computed from the steps that were made."""
         return self._where()[1] / self._per_unit
 
     def on_target(self) -> bool:
-        """Whether it has come to rest where it was sent; `BenchError` if it rests elsewhere."""
+        """Whether the motor has come to rest at its target; raise `BenchError` if it rests elsewhere."""
         _, at, moving = self._where()
         if not moving and at != self._target:
-            raise BenchError(self.name, limit=f"rests at step {at}, sent to {self._target}", remedy="was it reset?")
+            raise BenchError(
+                self.name, limit=f"rests at step {at}, but was sent to step {self._target}", remedy="was it reset?"
+            )
         return not moving
 
     def stop(self) -> None:
@@ -275,7 +277,7 @@ class BoardStage:
             self.board.close()
 
     def _steps(self, what: str, value: float, scale: float, *, signed: bool = True) -> int:
-        """A number as the board takes it; `BenchError` if 32 bits do not hold it."""
+        """Return a number as the board's integer; raise `BenchError` if it does not fit in 32 bits."""
         low, high = (-(2**31), 2**31 - 1) if signed else (0, 2**32 - 1)
         if not low <= value * scale <= high:
             limit = f"{what} must be {low / scale:.6g} to {high / scale:.6g} {self.unit}: steps have 32 bits"

@@ -1,7 +1,7 @@
-"""The catalogue of a folder of recordings: one row for each closed run, in an SQLite file beside them.
+"""The catalogue of a folder of recordings: one row for each completed run, in an SQLite file in the same folder.
 
-The idea: the files are authoritative; the catalogue only indexes them. A row is what the file states; a file that was
-moved away is listed as missing, and a new one is entered at the next look.
+The idea: the files are authoritative; the catalogue only indexes them. A row repeats what the file states. A file that
+was moved away is listed as missing, and a new one is entered at the next scan of the folder.
 
 The interface: `Catalogue`; `CatalogueEntry`.
 """
@@ -32,7 +32,7 @@ _TAKE_IN = """insert or replace into recordings values
 
 @dataclass(frozen=True)
 class CatalogueEntry:
-    """Description of a recording; ``sensors`` are their names, ``there`` whether the file still exists."""
+    """Description of a recording; ``sensors`` are their names, ``there`` is whether the file still exists."""
 
     file: str
     sha256: str
@@ -58,7 +58,7 @@ class RecordingList(Result):
     recordings
         Entries of the catalogue, by date.
     journals
-        Names of journals of runs that are under way or were not closed.
+        Names of journals of runs that are in progress or were not closed.
     strangers
         Names of .nc files that are not recordings of a run.
     """
@@ -70,19 +70,19 @@ class RecordingList(Result):
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
-        """The files that are not recordings."""
+        """Warn of each .nc file that is not a recording."""
         return tuple(look_at(f"{name} is not a recording of solen bench run") for name in self.strangers)
 
 
 def list_recordings(folder: Path, *, look: bool = False) -> RecordingList:
-    """Recordings of a folder, and journals in it that were left.
+    """List the recordings of a folder, and the journals of unfinished runs in it.
 
     Parameters
     ----------
     folder
         The folder.
     look
-        Look for recordings that were put there by hand; done anyway where there is no catalogue yet.
+        Search the folder for recordings that were copied there; always done if there is no catalogue yet.
     """
     if not folder.is_dir():
         raise SpecError(str(folder), limit="is not a folder", remedy="name the folder of the recordings")
@@ -97,7 +97,7 @@ def list_recordings(folder: Path, *, look: bool = False) -> RecordingList:
 
 
 def _read(folder: Path) -> tuple[tuple[CatalogueEntry, ...], tuple[str, ...]]:
-    """Recordings of a folder that no catalogue can be written to, by their dates, and files that are none."""
+    """Return the recordings of a folder without a writable catalogue, and the .nc files that are not recordings."""
     entries, strangers = [], []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
         try:
@@ -108,7 +108,7 @@ def _read(folder: Path) -> tuple[tuple[CatalogueEntry, ...], tuple[str, ...]]:
 
 
 class _ReadOnlyError(OutputError):
-    """A catalogue that cannot be written, though its files may be read."""
+    """Raised if a catalogue cannot be written, although its files may be readable."""
 
 
 class Catalogue:
@@ -127,7 +127,7 @@ class Catalogue:
         return row
 
     def entries(self) -> tuple[CatalogueEntry, ...]:
-        """All recordings, by their dates."""
+        """Return all recordings by date."""
         if not (self.folder / NAME).exists():
             return ()
         with self._open() as table:
@@ -136,7 +136,7 @@ class Catalogue:
             return tuple(self._row(dict(zip(names, values, strict=True))) for values in found)
 
     def look(self) -> tuple[str, ...]:
-        """Enter files that are new or changed; returns the names of those that are not recordings."""
+        """Enter files that are new or changed; return the names of those that are not recordings."""
         known, strange = {row.file: row.sha256 for row in self.entries()}, []
         for path in sorted(self.folder.glob(f"*{SUFFIX}")):
             if known.get(path.name) != _sha256(path):
@@ -159,14 +159,17 @@ class Catalogue:
                 table.execute(_TABLE)
                 yield table
         except sqlite3.DatabaseError as bad:
-            remedy = "remove it; solen bench recordings --look makes a new one"
+            remedy = "remove it; solen bench recordings --look creates a new one"
             name = getattr(bad, "sqlite_errorname", "")
             error = _ReadOnlyError if name.startswith(("SQLITE_READONLY", "SQLITE_CANTOPEN")) else OutputError
             raise error(str(path), limit=f"cannot be used: {bad}", remedy=remedy) from None
 
 
 def header_of(path: Path) -> dict[str, Any]:
-    """Header of a recording, as its journal began with it; `DataError` if a file is not one."""
+    """Return the header that a recording took over from its journal.
+
+    Raises `DataError` if the file is not a recording.
+    """
     with _reading(path) as file:
         return dict(json.loads(file.attrs["header"]))
 
@@ -181,13 +184,13 @@ def _reading(path: Path) -> Iterator[Any]:
             yield file
     except SolenError:
         raise
-    except Exception as bad:  # a damaged file raises whatever fits what the reader stumbled over
+    except Exception as bad:  # a damaged file may raise any exception
         reason = " ".join(str(bad).split())
         raise DataError(str(path), limit=f"is not a recording of solen bench run: {reason}") from None
 
 
 def entry_of(path: Path) -> CatalogueEntry:
-    """Entry of a recording; `DataError` if a file is not one."""
+    """Return the catalogue entry of a recording; raise `DataError` if the file is not a recording."""
     with _reading(path) as file:
         header = json.loads(file.attrs["header"])
         times = file.variables["time_s"]

@@ -1,10 +1,11 @@
-"""A check of a rig at rest before a run: wires, emitters, rails, noise, light of the room, trimmers.
+"""A check of a rig at rest before a run: wiring, emitters, saturation, noise, ambient light and trimmers.
 
-The idea: every emitter is lit and every input read. An input that answers to no emitter, or to another one than the
-rig file has it, is a wire; one that stands at an end of the range is a rail; how far light pulls a receiver down says
-which way its trimmer should go, as in a bent sensor one receiver gets up to twice the light that it has at rest.
+The idea: every emitter is switched on in turn and every input is read. An input that responds to no emitter, or to
+another one than the rig file states, is wired wrongly; one at a limit of its range is saturated. The drop that light
+causes at a receiver shows how to turn its trimmer, because in a bent sensor one receiver gets up to twice the light
+that it gets at rest.
 
-The interface: `check` gives a `RigCheck`; `jog` a `Jogged`.
+The interface: `check` returns a `RigCheck`; `jog` returns a `Jogged`.
 """
 
 import math
@@ -32,26 +33,28 @@ from solen.results import HIDDEN, Result, in_unit, reported
 from solen.spec.strict import Options
 
 ANSWERS_SD, ANSWERS = 6.0, 0.0004
-"""Least response of an input to an emitter, in standard errors of the mean and as a share of the range."""
+"""Least response of an input to an emitter, in standard errors of the mean and as a fraction of the range."""
 SHORTED = 0.005
-"""Share of the range below which a level is that of a short."""
+"""Fraction of the range below which a level indicates a short circuit."""
 BOTTOM = 0.05
-"""Share of the level with the emitters off below which a receiver is saturated."""
+"""Fraction of the level with the emitters off below which a receiver is saturated."""
 GROWS = 1.5
-"""Least factor by which a receiver's light grows in a bent sensor: 1.5 to 2.1 in the shipped designs."""
+"""Least factor by which a receiver's light increases in a bent sensor: 1.5 to 2.1 in the shipped designs."""
 WANTED, LEAST, MOST = 0.4, 0.12, (1.0 - BOTTOM) / GROWS
-"""Share of the level with the emitters off that light should pull down at rest; less than the second is little of the
-range, more than the third saturates in any motion."""
+"""Desired, least and greatest drop that light should cause at rest, as fractions of the level with the emitters off.
+
+Below the least, little of the range is used; above the greatest, the receiver saturates in any motion.
+"""
 ROOM = 0.1
-"""Share of a signal by which light of the room may vary."""
+"""Fraction of a signal by which ambient light may vary."""
 PIECE_S = 0.8
-"""Noise is taken from stretches as long as the paper's protocol holds."""
+"""Length in s of the pieces from which noise is computed: the hold time of the paper's protocol."""
 LOOK_S = 0.1
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class CheckOptions(Options):
-    """How long to look."""
+    """Options of a rig check."""
 
     seconds: Annotated[float, Field(ge=0.5, le=600)] = 2.0
     """Duration of the check in s."""
@@ -71,9 +74,9 @@ class InputCheck(Result):
     noise_V
         Standard deviation of a reading, as in `solen bench analyse`.
     room_V
-        Standard deviation of its level with all emitters off: varying room light, and noise.
+        Standard deviation of its level with all emitters off, caused by varying ambient light and by noise.
     load_factor
-        Recommended factor on the load set by its trimmer; null if the load is right, or there is no signal.
+        Recommended factor for the load set by its trimmer; null if the load is right, or if there is no signal.
     """
 
     input: int
@@ -93,9 +96,9 @@ class CellCheck(Result):
     input
         Its number in the rig.
     level_V, noise_V
-        Its mean, and the standard deviation of a reading.
+        Its mean level, and the standard deviation of a reading.
     noise_N
-        The same as a force.
+        The standard deviation as a force.
     """
 
     input: int
@@ -105,26 +108,26 @@ class CellCheck(Result):
 
 
 class RigCheck(Result):
-    """A rig at rest.
+    """Result of the check of a rig at rest.
 
     Attributes
     ----------
     rig
-        Its name.
+        Name of the rig.
     unit
-        Unit of its receivers; keys name it in place of V.
+        Unit of its receivers; keys have it in place of V.
     periods
-        How many were looked at.
+        Number of periods that were recorded.
     sensors
-        Of each sensor its receivers, right and left.
+        Right and left receiver of each sensor.
     answers_V
-        By how much each emitter pulls each input down: a row for each emitter.
+        Drop that each emitter causes at each input: one row for each emitter.
     simulated
-        Whether the rig is.
+        Whether the rig is simulated.
     load_cell
-        Its load cell; null where it has none.
+        Its load cell; null if it has none.
     faults
-        Problems, a line each.
+        Problems, one line each.
     """
 
     rig: str
@@ -142,17 +145,17 @@ class RigCheck(Result):
         return self.faults
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as plain data; keys that end in V name the unit of the receivers in its place."""
+        """Return the result as plain data; keys that end in V have the unit of the receivers in its place."""
         return in_unit(super().to_dict(), self.unit)
 
 
 def of_noise(value: float, unit: str) -> str:
-    """A small value for a reader: mV, or in the unit of the receivers."""
+    """Format a small value for a reader: in mV, or in the unit of the receivers."""
     return f"{1e3 * value:.3g} mV" if unit == "V" else f"{value:.3g} {unit}"
 
 
 def clock_for(rig: Rig) -> Clock:
-    """Time of a look at a rig."""
+    """Return the clock for a check of a rig."""
     return SimulatedClock() if rig.sampler.driver == "simulated" else WallClock()
 
 
@@ -175,12 +178,12 @@ def check(rig_file: Path, options: CheckOptions = CheckOptions()) -> RigCheck:
                 parts.append(glance)
         name = sampler.name
     if not parts:
-        raise BenchError(name, limit="has said nothing", remedy="check its cable and power")
+        raise BenchError(name, limit="has said nothing", remedy="check the cable and the power")
     return judged(rig, Glance.joined(parts))
 
 
 def judged(rig: Rig, glance: Glance) -> RigCheck:
-    """Problems of a rig that a glance shows."""
+    """Return the problems of a rig that its levels at rest show."""
     signal = glance.signal
     mean, error = signal.mean(axis=0), signal.std(axis=0) / math.sqrt(max(len(signal), 1))
     answers = np.abs(mean) > np.maximum(ANSWERS_SD * error, ANSWERS * (glance.high_V - glance.low_V))
@@ -188,7 +191,7 @@ def judged(rig: Rig, glance: Glance) -> RigCheck:
     faults = [line for one in rig.sensor for line in _faults(rig, one, inputs[one.name], glance, mean, answers)]
     if dark := [str(number) for number, seen in enumerate(answers.any(axis=1).tolist(), 1) if not seen]:
         wire = "check its wire, its transistor and its supply"
-        faults.append(do_not_use(f"no input sees emitter {' and '.join(dark)}; {wire}"))
+        faults.append(do_not_use(f"no input responds to emitter {' and '.join(dark)}; {wire}"))
     rows = tuple(tuple(row) for row in mean.tolist())
     cell = None if rig.load_cell is None else _cell(rig.load_cell, glance)
     faults += [] if cell is None else _cell_faults(cell, glance)
@@ -196,7 +199,7 @@ def judged(rig: Rig, glance: Glance) -> RigCheck:
 
 
 def _cell(stated: LoadCell, glance: Glance) -> CellCheck:
-    """The load cell: its level is the mean of on and off."""
+    """Check the load cell; its level is the mean over emitters on and off."""
     place = (stated.input or 1) - 1
     level = glance.off[:, 0, place] - 0.5 * glance.signal[:, 0, place]
     noise_V = _noise(glance.time_s, level)
@@ -227,12 +230,15 @@ def _input(rig: Rig, sensor: SensorOf, side: str, glance: Glance) -> InputCheck:
 
 
 def _brightest(sensor: SensorOf, number: int, mean: FloatArray) -> int:
-    """Emitter of a sensor that an input sees most of; of most sensors the only one."""
+    """Return the emitter of a sensor to which an input responds most; most sensors have only one."""
     return max(sensor.lit_by.values(), key=lambda emitter: abs(float(mean[emitter - 1, number - 1])))
 
 
 def _load_factor(sensor: SensorOf, off_V: float, signal_V: float) -> float | None:
-    """What brings a receiver to the wanted share; without a lens its light hardly changes as the sensor moves."""
+    """Return the factor that brings a receiver to the desired drop.
+
+    Without a lens the light of a receiver hardly changes as the sensor moves.
+    """
     if signal_V <= ANSWERS * off_V or LEAST <= signal_V / off_V <= (MOST if sensor.lens else 1.0 - BOTTOM):
         return None
     return WANTED * off_V / signal_V
@@ -247,61 +253,63 @@ def _noise(time_s: FloatArray, signal: FloatArray) -> float:
 def _faults(
     rig: Rig, sensor: SensorOf, inputs: dict[str, InputCheck], glance: Glance, mean: FloatArray, answers: FloatArray
 ) -> Iterator[Caution]:
-    """Problems of a sensor; the name of the receiver stands before the colon."""
+    """Return the problems of a sensor; the name of the receiver precedes the colon."""
     short_V, circuit = SHORTED * (glance.high_V - glance.low_V), rig.unit == "V"
     for side, own in inputs.items():
         what = f"{sensor.name} {side} (input {own.input})"
         mine, emitter = answers[:, own.input - 1], _brightest(sensor, own.input, mean)
         strongest = int(np.argmax(np.where(mine, np.abs(mean[:, own.input - 1]), 0.0))) + 1
         if circuit and own.on_V < short_V and own.off_V < short_V:
-            yield of(what, do_not_use("is near 0 V, lit or unlit: a short circuit, or far too much light"))
+            yield of(
+                what, do_not_use("is near 0 V with its emitter on and off: a short circuit, or far too much light")
+            )
         elif not mine.any():
             yield of(what, do_not_use("responds to no emitter; check its wire and its receiver"))
         elif strongest not in sensor.lit_by.values():
-            wires = f"responds to emitter {strongest}, not to {emitter}; check rig file and wires"
+            wires = f"responds to emitter {strongest}, not to {emitter}; check the rig file and the wires"
             yield of(what, do_not_use(wires))
         elif circuit and mean[emitter - 1, own.input - 1] < 0.0:
-            yield of(what, do_not_use("rises with its emitter on; load and receiver are swapped"))
+            yield of(what, do_not_use("rises when its emitter is on: its load and its receiver are swapped"))
         else:
             yield from (of(what, line) for line in _settings(own, glance, emitter - 1, rig))
 
 
 def _settings(own: InputCheck, glance: Glance, emitter: int, rig: Rig) -> Iterator[Caution]:
-    """Possible improvements of a working receiver."""
+    """Return possible improvements for a working receiver."""
     clipped = float(glance.clipped[:, emitter, own.input - 1].mean())
     if clipped > 0.0:
         upper = glance.high_V - own.off_V < own.on_V - glance.low_V
         phase, end = ("off", "upper") if upper else ("on", "lower")
         yield look_at(
-            f"with its emitter {phase} it is at the {end} end of the range in {100 * clipped:.3g} % of the "
-            "readings; what lies beyond is cut off"
+            f"with its emitter {phase} it is at the {end} limit of the range in {100 * clipped:.3g} % of the "
+            "readings; values beyond the limit are cut off"
         )
     ends = None if rig.daq is not None else rig.board.straight_v
     if ends is not None and not ends[0] <= own.on_V <= own.off_V <= ends[1]:
-        yield look_at(f"its levels reach beyond {ends[0]:g} to {ends[1]:g}, where the converter is not linear")
+        yield look_at(f"its levels extend beyond {ends[0]:g} to {ends[1]:g}, where the converter is not linear")
     if rig.unit == "V" and own.on_V < BOTTOM * own.off_V:
-        yield look_at("is saturated with its emitter on; turn its trimmer to less load")
+        yield look_at("is saturated with its emitter on; turn its trimmer to a smaller load")
     elif own.load_factor is not None and own.load_factor < 1.0:
-        bent = f"{GROWS:g} times the light, as in a bent sensor, would saturate it; turn its trimmer to less load"
+        bent = f"{GROWS:g} times the light, as in a bent sensor, would saturate it; turn its trimmer to a smaller load"
         yield look_at(bent)
     elif own.load_factor is not None:
-        yield note(f"light pulls it down by less than {100 * LEAST:.0f} %; more load would use more of the range")
+        yield note(f"light pulls it down by less than {100 * LEAST:.0f} %; a greater load would use more of the range")
     if own.room_V > ROOM * abs(own.signal_V) and own.room_V > 3.0 * own.noise_V:
         varies = f"varies by {of_noise(own.room_V, rig.unit)} with the emitters off; shade it, or switch lamps off"
         yield look_at(varies)
 
 
 class JogOptions(Options):
-    """Where to, how fast."""
+    """Options of a manual move: its target, its velocity and its stage."""
 
     to: Finite | None = None
-    """Position to go to, in deg or mm."""
+    """Target position in deg or mm."""
     by: Finite | None = None
     """Relative move in deg or mm."""
     velocity: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
     """Velocity in deg/s or mm/s."""
     motion: str | None = None
-    """Motion whose stage it is, of a rig with several."""
+    """Motion whose stage is to move, required if the rig has several stages."""
 
 
 class Jogged(Result):
@@ -310,11 +318,11 @@ class Jogged(Result):
     Attributes
     ----------
     stage
-        Its name.
+        Name of the stage.
     begun_deg, stands_deg
         Position before and after; null if unknown, and for a linear stage.
     begun_mm, stands_mm
-        The same for a linear stage.
+        Position before and after of a linear stage.
     """
 
     stage: str
@@ -330,15 +338,15 @@ def jog(rig_file: Path, options: JogOptions = JogOptions(), *, confirm: Confirm 
     Raises
     ------
     BenchError, SpecError
-        If options, rig file or stage are faulty, or the target lies beyond the rig's travel.
+        If options, rig file or stage are faulty, or the target is outside the rig's travel.
     """
     if options.to is not None and options.by is not None:
-        raise SpecError("--to", value=options.to, limit="cannot be combined with --by", remedy="give one of them")
+        raise SpecError("--to", value=options.to, limit="cannot be combined with --by", remedy="use one of the two")
     rig, clock = load_rig(rig_file), WallClock()
     if rig.stages:
         rig = rig.as_one(_named_stage(rig, options.motion))
     elif options.motion is not None:
-        raise SpecError("--motion", value=options.motion, limit="names no motion: the rig has one stage")
+        raise SpecError("--motion", value=options.motion, limit="cannot be used: the rig has only one stage")
     with ended_by_signals(), stage_of(rig, clock) as stage:
         if options.to is not None or options.by is not None:
             make_known(stage, rig.stage.home, rig.stage.zero, confirm)
@@ -352,7 +360,9 @@ def jog(rig_file: Path, options: JogOptions = JogOptions(), *, confirm: Confirm 
             stage.begin_move(target, options.velocity)
             while not stage.on_target():
                 if clock.now_s() > due:
-                    raise BenchError(stage.name, limit=f"has not arrived at {target:g}", remedy="is it free to move?")
+                    raise BenchError(
+                        stage.name, limit=f"has not arrived at {target:g}", remedy="check that it is free to move"
+                    )
                 clock.sleep(0.02)
         places = {f"begun_{stage.unit}": begun, f"stands_{stage.unit}": begun if target is None else stage.position()}
         return Jogged(stage.name, **{key: at for key, at in places.items() if math.isfinite(at)})
@@ -360,7 +370,7 @@ def jog(rig_file: Path, options: JogOptions = JogOptions(), *, confirm: Confirm 
 
 def _named_stage(rig: Rig, motion: str | None) -> StageOf:
     if motion not in rig.stages:
-        limit = f"must be one of {', '.join(rig.stages)}: the rig has a stage for each"
+        limit = f"must be one of {', '.join(rig.stages)}: the rig has a stage for each motion"
         raise SpecError("--motion", value=motion, limit=limit)
     return rig.stages[motion]
 
@@ -370,4 +380,4 @@ def _check_way(rig: Rig, name: str, target: float) -> None:
         raise SpecError("--by", limit="its position is unknown", remedy="use --to")
     if rig.stage.travel is not None and not rig.stage.travel[0] <= target <= rig.stage.travel[1]:
         low, high = rig.stage.travel
-        raise BenchError(name, value=target, limit=f"is beyond travel in the rig, {low:g} to {high:g}")
+        raise BenchError(name, value=target, limit=f"is outside the travel of the rig, {low:g} to {high:g}")

@@ -1,9 +1,10 @@
-"""The time of a run: that of the wall, or a simulated one that passes only while something waits.
+"""The time of a run: real time, or a simulated time that passes only while something waits.
 
-The idea: nothing on the bench asks the system for the time or sleeps by itself, but uses a given clock. With a
-`SimulatedClock` a protocol of a minute runs as fast as its numbers can be computed, and twice the same.
+The idea: no part of the bench asks the system for the time or sleeps by itself; each uses a given clock. With a
+`SimulatedClock` a protocol of a minute runs as fast as its numbers can be computed, and always with the same result.
 
-A clock that advances in steps hides up to one step: `Clock.resolution_s` states it, and it goes into every recording.
+A clock that advances in steps hides up to one step: `Clock.resolution_s` states the step, and every recording stores
+it.
 
 The interface: `Clock`; `WallClock`, `SimulatedClock`.
 """
@@ -16,29 +17,29 @@ from solen.errors import BenchError
 
 
 class Clock(Protocol):
-    """Seconds since some beginning, never going back, and a way to wait."""
+    """Monotonic seconds since an arbitrary beginning, and a function that waits."""
 
     def now_s(self) -> float:
-        """Seconds since the clock's beginning."""
+        """Return the seconds since the clock's beginning."""
 
     def sleep(self, duration_s: float) -> None:
         """Wait."""
 
     @property
     def resolution_s(self) -> float:
-        """Its step: an event that is stamped t took place between t and t plus this."""
+        """Step of the clock in s: an event that is stamped t took place between t and t plus this step."""
 
 
 class WallClock:
-    """The computer's finest steady time, counted from what it is when the clock is made.
+    """The computer's finest monotonic clock, which counts from the moment it is created.
 
     Parameters
     ----------
     at_s
         Initial time of the clock.
     source
-        Seconds that never go back. `time.perf_counter` is the finest everywhere; `time.monotonic` advances in steps of
-        15.6 ms on Windows before Python 3.13.
+        Function that returns monotonic seconds. `time.perf_counter` is the finest on every system; `time.monotonic`
+        advances in steps of 15.6 ms on Windows before Python 3.13.
     """
 
     def __init__(self, at_s: float = 0.0, source: Callable[[], float] = time.perf_counter) -> None:
@@ -47,7 +48,7 @@ class WallClock:
         self._begun = source() - at_s
 
     def now_s(self) -> float:
-        """Seconds since the clock's beginning."""
+        """Return the seconds since the clock's beginning."""
         return self._source() - self._begun
 
     def sleep(self, duration_s: float) -> None:
@@ -64,18 +65,18 @@ class SimulatedClock:
         self._at_s = at_s
 
     def now_s(self) -> float:
-        """Seconds since the clock's beginning."""
+        """Return the seconds since the clock's beginning."""
         return self._at_s
 
     def sleep(self, duration_s: float) -> None:
-        """Pass the time at once."""
+        """Advance the time at once."""
         if duration_s < 0.0:
             raise BenchError("time to wait", value=duration_s, limit="must not be negative")
         self._at_s += duration_s
 
 
 def step_of(source: Callable[[], float], steps: int = 5) -> float:
-    """Finest step of a clock in s: the least difference that it shows between two of a few changes."""
+    """Return the step of a clock in s: the least difference between successive readings, from a few changes."""
     least, before = float("inf"), source()
     while steps:
         now = source()

@@ -1,15 +1,15 @@
-"""The board's clock on the run's: a period is known to be over when it has come, and never before.
+"""The board's clock on the run's clock: a period has certainly ended when its frame arrives.
 
-The idea: the board stamps its periods by its own clock, which runs a little fast or slow and began at another moment.
-What came at a time had been sent before it, by an unknown delay that is never negative and sometimes next to nothing.
-So the line that lies below all points (board's time, time it came) and nearest to them is the board's clock on the
-run's, but for the least delay: an edge of the points' lower convex hull. Of a short run the edge's slope says more of
-the delays than of the clocks; it counts by what it is worth beside what is known of any quartz.
+The idea: the board stamps its periods with its own clock, which runs a little fast or slow and began at another moment.
+A frame that arrives at a given time was sent earlier, by an unknown delay that is never negative and sometimes nearly
+zero. The line below all points (board's time, time of arrival) that is nearest to them therefore is the board's clock
+on the run's clock, except for the least delay: it is an edge of the points' lower convex hull. In a short run the slope
+of the edge depends more on the delays than on the clocks; it is weighted against the known accuracy of quartzes.
 
-Received messages alone do not show the least delay. An exchange says more: the instrument read its clock after it was
-asked and before its answer came. What all exchanges leave open is the line's bound.
+Received messages alone do not show the least delay. An exchange tells more: the instrument read its clock after it was
+asked and before its answer arrived. The range that all exchanges allow is the bound of the line's error.
 
-The interface: `fit_clock` gives the line of one stretch without a break.
+The interface: `fit_clock` returns the line of one segment without a break.
 """
 
 from dataclasses import dataclass, replace
@@ -19,11 +19,11 @@ import numpy as np
 from solen.arrays import FloatArray
 
 LEAST_SPAN_S = 5.0
-"""Over a shorter span delays hide the rate, and the two clocks are taken to run alike."""
+"""Span in s below which delays hide the rate, and the two clocks are assumed to run at the same rate."""
 MOST_PPM = 1000.0
-"""Largest relative error of a quartz."""
+"""Largest relative error of a quartz in ppm."""
 USUAL_PPM = 50.0
-"""Usual relative error of a quartz."""
+"""Usual relative error of a quartz in ppm."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class ClockLine:
     begin_s, rate
         Offset and rate.
     delay_s
-        Median delay of arrivals beyond the shortest.
+        Median delay of arrivals beyond the shortest delay.
     bound_s
-        Bound of the error of the fit, to either side; None without exchanges.
+        Bound on the error of the fit in either direction; None without exchanges.
     """
 
     begin_s: float
@@ -46,20 +46,20 @@ class ClockLine:
     bound_s: float | None = None
 
     def at(self, board_s: FloatArray) -> FloatArray:
-        """Time of the run at times of the board."""
+        """Convert times of the board to times of the run."""
         return np.asarray(self.begin_s + self.rate * board_s)
 
 
 def fit_clock(board_s: FloatArray, came_s: FloatArray, exchanges: FloatArray | None = None) -> ClockLine:
-    """Line of times of the board and the times of the run at which they had come; both ascending.
+    """Fit the line between times of the board and times of arrival in the run; both are ascending.
 
     Parameters
     ----------
     board_s, came_s
-        Times of the board, and of the run, (N,).
+        Times of the board, and of their arrival in the run, (N,).
     exchanges
-        Time of the run when the board was asked for its time, time when its answer had come, and the board's time in
-        it, in s, (K, 3); NaN for a board's time that it did not state.
+        Time of the run when the board was asked for its time, time of the run when its answer arrived, and the board's
+        time in the answer, in s, (K, 3); NaN if the board did not state its time.
     """
     rate = 1.0
     if len(board_s) > 2 and board_s[-1] - board_s[0] >= LEAST_SPAN_S:
@@ -76,9 +76,9 @@ def fit_clock(board_s: FloatArray, came_s: FloatArray, exchanges: FloatArray | N
 
 
 def _between(line: ClockLine, exchanges: FloatArray) -> ClockLine:
-    """The line midway between the bounds that the exchanges set; received messages bound it from above as well.
+    """Return the line midway between the bounds that the exchanges set; received messages also bound it from above.
 
-    An answer without a time bounds the least delay of what came by the shortest of all round trips.
+    An answer without a time bounds the least delay of the messages by the shortest of all round trips.
     """
     asked_s, answered_s, board_s = exchanges.T
     low = line.begin_s - float((answered_s - asked_s).min())
@@ -91,14 +91,17 @@ def _between(line: ClockLine, exchanges: FloatArray) -> ClockLine:
 
 
 def _credible(rate: float, delay: FloatArray, edge_s: float) -> float:
-    """A rate by an edge so long, weighed against that of a quartz: what delays may turn the edge by."""
+    """Return the rate from an edge of given length, weighted against the accuracy of a quartz.
+
+    The weight is how far delays can turn the edge.
+    """
     u_ppm = 1e6 * float(np.median(delay) - delay.min()) / (np.sqrt(len(delay)) * edge_s)
     off = float(np.clip(rate - 1.0, -1e-6 * MOST_PPM, 1e-6 * MOST_PPM))
     return float(1.0 + off * USUAL_PPM**2 / (USUAL_PPM**2 + u_ppm**2))
 
 
 def _below(x: FloatArray, y: FloatArray) -> list[int]:
-    """Indices of the corners of the lower convex hull of points with ascending x."""
+    """Return the indices of the corners of the lower convex hull of points with ascending x."""
     hull: list[int] = []
     for place in range(len(x)):
         while len(hull) > 1:

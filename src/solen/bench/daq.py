@@ -1,12 +1,12 @@
-"""Setup, samples and losses of a data acquisition, whichever instrument it is.
+"""Setup, samples and losses of a data acquisition, independent of the instrument.
 
-The idea: it samples the receivers as they are, many times in each phase of the emitters, and knows nothing of phases.
-One converter is switched from input to input, so that a sample of the second input is a little later than that of the
-first. What switches the emitters is stated separately: something outside, or the instrument's own counters, which run
-by the clock of the samples. When an emitter is on is found afterwards (`solen.bench.phases`).
+The idea: the instrument samples the receivers many times in each phase of the emitters, without regard to the phases.
+One converter is switched from input to input, and a sample of the second input is therefore a little later than that of
+the first. The source that switches the emitters is stated separately: something external, or the instrument's own
+counters, which follow the clock of the samples. `solen.bench.phases` determines afterwards when an emitter was on.
 
-The interface: `Setup`; `Model`, what an instrument can do, which checks a setup before the hardware is touched;
-`Samples` that came, `DaqLosses` that did not; `MODELS` are known without asking.
+The interface: `Setup`; `Model`, the capabilities of an instrument, which checks a setup before the hardware is used;
+`Samples` that arrived, `DaqLosses` that did not; `MODELS` are the known instruments.
 """
 
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ Terminal = Literal["rse", "nrse", "differential"]
 
 OUTSIDE = 'switch them externally (switching = "external"), with a sync input if there are several'
 LEAST_IN_PHASE = 2
-"""Settled samples of a phase of the emitters, at the least."""
+"""Least number of settled samples in a phase of the emitters."""
 ENDS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
 """Least and greatest count."""
 
@@ -37,15 +37,15 @@ class Model:
     name
         Name reported by the instrument.
     rate_hz, alone_hz
-        Highest sampling rate: for all inputs in total, or for each if it samples simultaneously; and for
-        a single input.
+        Highest sampling rate: in total for all inputs, or of each input if the instrument samples simultaneously; and
+        of a single input.
     ranges_v
-        Ends of its ranges, ± V.
+        Limits of its ranges, ± V.
     inputs
         Number of inputs for each kind of wiring.
     switches
-        Counters that generate pulses, each with its output terminal and the static line on the same
-        terminal; empty if the driver chooses the terminal, or there is no such line.
+        Counters that generate pulses, each with its output terminal and the static line on the same terminal; empty if
+        the driver chooses the terminal, or if there is no such line.
     lines
         Static digital outputs.
     simultaneous
@@ -65,18 +65,18 @@ class Model:
     timed_hz: float = 0.0
 
     def check(self, setup: "Setup") -> None:
-        """`BenchError` if it cannot do what is requested."""
+        """Raise `BenchError` if the instrument cannot do what the setup requests."""
         self._check_channels(setup)
         self._check_rate(setup)
         if setup.range_v not in self.ranges_v:
-            ranges = ", ".join(f"{one:g}" for one in self.ranges_v) or "no range that is even about 0"
+            ranges = ", ".join(f"{one:g}" for one in self.ranges_v) or "no range that is symmetric about 0"
             raise BenchError("daq.range_v", value=setup.range_v, limit=f"{self.name} has ±{ranges} V")
         for key, line in setup.static_lines.items():
             if line not in self.lines:
                 which = (
                     f"one of {self.name}'s static outputs, {self.lines[0]} to {self.lines[-1]}" if self.lines else ""
                 )
-                limit = f"must be {which}" if which else f"is not a line of {self.name}, which has no static outputs"
+                limit = f"must be {which}" if which else (f"is not a line of {self.name}, which has no static outputs")
                 raise BenchError(f"daq.{key}", value=line, limit=limit)
         if setup.switching == "counter":
             self._check_counters(setup)
@@ -84,7 +84,7 @@ class Model:
             self._check_lines(setup)
 
     def highest_hz(self, channels: int) -> float:
-        """Highest sampling rate of each of a number of inputs."""
+        """Return the highest sampling rate of each input for a number of inputs."""
         if channels == 1:
             return self.alone_hz
         return self.rate_hz if self.simultaneous else self.rate_hz / channels
@@ -105,38 +105,39 @@ class Model:
         highest = self.highest_hz(channels)
         if setup.rate_hz <= highest:
             return
-        limit = f"is too fast: an input of {self.name} takes {highest:.0f} samples per second"
+        limit = f"is too fast: the highest rate of an input of {self.name} is {highest:.0f} samples per second"
         if channels > 1 and not self.simultaneous:
             limit = (
-                f"of {channels} inputs are {setup.rate_hz * channels:.0f} samples per second; one converter serves all "
-                f"inputs of {self.name} and takes {self.rate_hz:.0f}"
+                f"for {channels} inputs is {setup.rate_hz * channels:.0f} samples per second in total; one converter "
+                f"serves all inputs of {self.name}, and its highest rate is {self.rate_hz:.0f}"
             )
         raise BenchError("daq.rate_hz", value=setup.rate_hz, limit=limit, remedy=f"{highest:.0f} or less")
 
     def _check_counters(self, setup: "Setup") -> None:
         if setup.emitters > len(self.switches):
-            has = f"{len(self.switches) or 'no'} counters that put out pulses"
+            has = f"{len(self.switches) or 'no'} counters that generate pulses"
             others = "follow a clock" if self.timed_hz else "are not timed"
-            limit = f"take turns; {self.name} has {has}, and its other outputs {others}"
-            remedy = 'switching = "lines" takes these' if self.timed_hz else OUTSIDE
+            limit = f"is too many alternating emitters; {self.name} has {has}, and its other outputs {others}"
+            remedy = 'switching = "lines" uses these' if self.timed_hz else OUTSIDE
             raise BenchError("sensor.emitter", value=setup.emitters, limit=limit, remedy=remedy)
         taken = [line for _, _, line in self.switches[: setup.emitters]]
         for key, line in setup.static_lines.items():
             if line in taken:
-                raise BenchError(f"daq.{key}", value=line, limit="is the line on which a counter lights an emitter")
+                raise BenchError(f"daq.{key}", value=line, limit="is the line on which a counter switches an emitter")
 
     def _check_lines(self, setup: "Setup") -> None:
-        """Lines that light emitters follow the clock of the samples."""
+        """Check that the lines that switch emitters can follow the clock of the samples."""
         if setup.rate_hz > self.timed_hz:
             follow = (
-                f"follow a clock of {self.timed_hz:g} Hz at the most" if self.timed_hz else "follow only the program"
+                f"follow a clock of at most {self.timed_hz:g} Hz" if self.timed_hz else "are set by the program only"
             )
-            limit = f"cannot be: the digital outputs of {self.name} {follow}"
+            limit = f"is not possible: the digital outputs of {self.name} {follow}"
             raise BenchError("daq.switching", value="lines", limit=limit, remedy=OUTSIDE)
         for line in setup.lines:
             if line not in self.lines or line in setup.static_lines.values():
                 limit = (
-                    f"must be one of {self.name}'s digital outputs, {self.lines[0]} to {self.lines[-1]}, and not taken"
+                    f"must be one of {self.name}'s digital outputs, {self.lines[0]} to {self.lines[-1]}, "
+                    "that is not in use"
                 )
                 raise BenchError("daq.lines", value=line, limit=limit)
 
@@ -146,8 +147,8 @@ def _named(*numbers: range) -> tuple[str, ...]:
 
 
 MODELS = {
-    # National Instruments, USB-621x user manual and specifications: one 16-bit converter, 250 kS/s in all; AI 0 to 31,
-    # of which n and n + 8 make a pair; P1.0 to P1.7 on PFI 4 to 7 and 12 to 15 put out static levels or counters.
+    # National Instruments, USB-621x user manual and specifications: one 16-bit converter, 250 kS/s in total; AI 0 to
+    # 31, of which n and n + 8 form a pair; P1.0 to P1.7 on PFI 4 to 7 and 12 to 15 output static levels or counters.
     "USB-6218": Model(
         "USB-6218",
         250_000.0,
@@ -162,7 +163,7 @@ MODELS = {
         tuple(f"port1/line{number}" for number in range(8)),
     )
 }
-"""Instruments that can be simulated, and whose rigs are checked as they are read."""
+"""Instruments that can be simulated, and whose rigs are checked when they are read."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +173,7 @@ class Setup:
     Attributes
     ----------
     channels
-        Its analogue inputs by the instrument's names, in the order of the rig's inputs; a sync comes last.
+        Its analogue inputs by the instrument's names, in the order of the rig's inputs; the sync input is last.
     synced
         Whether the last channel records the switching signal: high while emitter 1 is on.
     rate_hz
@@ -180,8 +181,8 @@ class Setup:
     emitters, switch_hz
         Number of alternating emitters, and the frequency of each.
     switching, lines
-        ``external``, ``counter`` for the instrument's own, or ``lines``: digital outputs, one for each emitter, that
-        follow the clock of the samples.
+        ``external``, ``counter`` for the instrument's own counters, or ``lines``: digital outputs, one for each
+        emitter, that follow the clock of the samples.
     model, range_v, terminal
         The instrument (empty: query it), its range ± V, and the wiring of its inputs.
     enable
@@ -189,14 +190,14 @@ class Setup:
     alive
         A static digital output that toggles with each reading, for an external watchdog.
     settle_us
-        Time left out after each switch.
+        Time that is omitted after each switch.
     buffer_s
         Size of the computer's buffer.
 
     Raises
     ------
     BenchError
-        If the instrument cannot do it.
+        If the instrument does not support the settings.
     """
 
     channels: tuple[str, ...]
@@ -223,9 +224,13 @@ class Setup:
         self._check_slots()
         if self.switching == "external" and self.emitters > 1 and not self.synced:
             limit = f"is needed with {self.emitters} alternating emitters: nothing else shows which of them is on"
-            raise BenchError("daq.sync", limit=limit, remedy="record what lights emitter 1, or light all at once")
+            raise BenchError(
+                "daq.sync",
+                limit=limit,
+                remedy="record the signal that switches emitter 1, or switch all emitters at once",
+            )
         if self.alive is not None and self.alive == self.enable:
-            raise BenchError("daq.alive", value=self.alive, limit="is the line of daq.enable")
+            raise BenchError("daq.alive", value=self.alive, limit="is also the line of daq.enable")
 
     @property
     def static_lines(self) -> dict[str, str]:
@@ -244,9 +249,9 @@ class Setup:
         return max(1, round(self.rate_hz / self.switch_hz))
 
     def _check_slots(self) -> None:
-        """Lines that follow the samples: one for each emitter, and whole samples in each half of a slot."""
+        """Check the lines that follow the samples: one for each emitter, and whole samples in each half of a slot."""
         if (self.switching == "lines") != bool(self.lines):
-            limit = 'are required with switching = "lines", and refused otherwise'
+            limit = 'are required with switching = "lines", and not allowed otherwise'
             raise BenchError("daq.lines", value=", ".join(self.lines), limit=limit)
         if self.switching != "lines":
             return
@@ -255,8 +260,8 @@ class Setup:
             raise BenchError("daq.lines", value=", ".join(self.lines), limit=limit)
         halves = 2 * self.emitters * self.switch_hz
         if abs(self.rate_hz / halves - round(self.rate_hz / halves)) > 1e-9:
-            limit = f"must be a multiple of {halves:g} Hz, of the halves of slots"
-            raise BenchError("daq.rate_hz", value=self.rate_hz, limit=limit, remedy="lines change with a sample")
+            limit = f"must be a multiple of {halves:g} Hz, the rate of the halves of slots"
+            raise BenchError("daq.rate_hz", value=self.rate_hz, limit=limit, remedy="lines change only with a sample")
 
     def _check_phase(self) -> None:
         phase_s = 0.5 / (self.switch_hz * self.emitters)
@@ -276,9 +281,9 @@ class Samples:
     Attributes
     ----------
     stretch
-        One more after each gap, from 0.
+        Number of the gapless segment, from 0; it increases by one after each gap.
     first
-        Number of the first sample since the stretch began.
+        Number of the first sample since the segment began.
     counts
         Shape (N, channels).
     remarks
@@ -298,9 +303,10 @@ class DaqLosses:
     Attributes
     ----------
     samples
-        Of each channel, by the clock of the run: as many as fit between the last that came and the next stretch.
+        Lost samples of each channel: as many as fit, by the clock of the run, between the last that arrived and the
+        next segment.
     overruns
-        How often the instrument or its buffer was full, so that a new stretch began.
+        How often the instrument or its buffer was full, after which a new segment began.
     """
 
     samples: int = 0
@@ -308,7 +314,10 @@ class DaqLosses:
 
 
 def volts_of(counts: NDArray[np.int16], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Volts (N, channels) of counts by each channel's polynomial (channels, order + 1), lowest power first."""
+    """Convert counts to volts (N, channels) with each channel's polynomial, lowest power first.
+
+    The polynomials are (channels, order + 1).
+    """
     volts = np.broadcast_to(coefficients[:, -1], counts.shape).astype(float)
     for power in range(coefficients.shape[1] - 2, -1, -1):
         volts = volts * counts + coefficients[:, power]
@@ -316,7 +325,7 @@ def volts_of(counts: NDArray[np.int16], coefficients: NDArray[np.float64]) -> ND
 
 
 def ends_of(coefficients: NDArray[np.float64], limits_V: ArrayLike | None = None) -> NDArray[np.float64]:
-    """Lowest and highest volts of each channel, (2, channels): of its counts, or of its range if that ends before."""
+    """Return the lowest and highest volts (2, channels) of its counts, or of its range if that is narrower."""
     counts = np.repeat(ENDS, len(coefficients), axis=1)
     low, high = volts_of(counts, coefficients)
     stated = np.stack([low, high], axis=1) if limits_V is None else np.asarray(limits_V)

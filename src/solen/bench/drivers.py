@@ -1,7 +1,7 @@
-"""Drivers of real instruments, by the name that a rig file gives them.
+"""Drivers of real instruments, by the name that a rig file uses.
 
-The idea: a driver plays one of the roles of `solen.bench.roles`. Opening it needs the rig, which says what it is
-connected to, and the clock of the run. Another package adds a `Driver` by an entry point of ``solen.instruments``.
+The idea: a driver plays one of the roles of `solen.bench.roles`. Opening it needs the rig, which states its connection,
+and the clock of the run. Another package adds a `Driver` with an entry point of ``solen.instruments``.
 
 The interface: `Driver`; `DRIVERS`; `open_instruments` of a rig.
 """
@@ -28,7 +28,7 @@ KINDS = {
     "stage": ("model", "port", "baud", "axis", "address", "steps_per_unit"),
     "meter": ("ask", "unit", "channels", "sync", "switch_hz", "settle_us"),
 }
-"""Keys of a table that mean something to some of its drivers."""
+"""Keys of a rig file's table that only some of its drivers use."""
 _LINE, _SCOPE = ("port", "baud", "axis"), ("channels", "sync", "switch_hz", "settle_us")
 
 
@@ -41,13 +41,13 @@ class Driver:
     role
         The table of the rig file that may name it.
     open
-        Opens the instrument of a rig, with the clock that its waiting follows; raises `BenchError` if it cannot.
+        Opens the instrument of a rig with the clock that its waiting follows; raises `BenchError` if it cannot.
     needs
-        Key of that table which the driver cannot do without: ``port``, ``device``, ``address``, or none.
+        Key of that table which the driver requires: ``port``, ``device``, ``address``, or none.
     takes
-        Of `KINDS`, the keys that mean something to it; None for all.
+        Keys of `KINDS` that the driver uses; None for all.
     stops
-        Whether the position of its stage is known at rest alone.
+        Whether the position of its stage is known only at rest.
     """
 
     role: Literal["stage", "board", "daq", "meter"]
@@ -68,7 +68,7 @@ def on_failure(undo: Callable[[], object]) -> Iterator[None]:
 
 
 def _on_its_line(rig: "Rig", made: "Callable[[StageOf, Link], Stage]") -> Stage:
-    """A stage with its own line, which is closed if the stage cannot be driven."""
+    """Return a stage with its own line, which is closed if the stage cannot be driven."""
     from solen.bench.link import open_link
 
     link = open_link(str(rig.stage.port), baud=rig.stage.baud)
@@ -86,7 +86,7 @@ def _gcs2(rig: "Rig", clock: Clock) -> Stage:
 
 
 def _letter(table: "StageOf") -> str:
-    """The axis of a stepper's board, which are letters."""
+    """Return the axis of a stepper's board, which is a letter."""
     return table.axis if "axis" in table.model_fields_set else "X"
 
 
@@ -120,14 +120,14 @@ def _kinesis(rig: "Rig", clock: Clock) -> Stage:
     )
 
 
-def _hand(rig: "Rig", clock: Clock) -> Stage:  # noqa: ARG001  a hand needs no clock
+def _hand(rig: "Rig", clock: Clock) -> Stage:  # noqa: ARG001  a stage turned by hand needs no clock
     from solen.bench.hand import HandStage
 
     return HandStage(rig.stage.moves_in)
 
 
 def _motor(rig: "Rig", clock: Clock) -> Stage:
-    """The motor of the board that samples, or of one of its own, whose emitters and inputs stay unused."""
+    """Open the motor of the board that samples, or of a separate board whose emitters and inputs stay unused."""
     from solen.bench.board import BoardStage
     from solen.bench.frames import Layout
 
@@ -212,13 +212,15 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
     },
     Driver,
 )
-"""Drivers by name; ``simulated`` is none of them, as a simulated rig is made as a whole."""
+"""Drivers by name; ``simulated`` is not one of them, because a simulated rig is created with all its instruments."""
 
 
 def open_instruments(rig: "Rig", clock: Clock) -> tuple[dict[str, Stage], Sampler]:
-    """Stages by motion, and the sampler, of a real rig; where one cannot be opened, those before it are closed.
+    """Open the stages by motion, and the sampler, of a real rig.
 
-    A stage that is the motor of the board that samples brings it with it.
+    If one cannot be opened, those already open are closed.
+
+    A stage that is the motor of the board that samples also provides that board as the sampler.
     """
     stages: dict[str, Stage] = {}
     sampler: Sampler | None = None

@@ -1,10 +1,11 @@
 """The journal of a run while it grows: readings of a sensor as soon as their period is written.
 
-The idea: a journal's records are whole or missing, so that reading on from the last whole one misses nothing and
-repeats nothing. A period is demodulated with the one before it, whose last off phase the first emitter needs.
-Times are those of the board from the first period of its part on: the run's own clock is only known when it is over.
+The idea: a journal's records are either complete or missing; reading on from the last complete one misses nothing and
+repeats nothing. A period is demodulated together with the one before it, because the first emitter needs the last off
+phase of that period. Times are those of the board, counted from the first period of the part, because the run's own
+clock is known only after the end of the run.
 
-The interface: `Following` a journal; `Following.readings` gives what is new.
+The interface: `Following` a journal; `Following.readings` returns the new readings.
 """
 
 from collections.abc import Iterator
@@ -24,9 +25,9 @@ from solen.errors import DataError
 
 @dataclass(frozen=True, eq=False)
 class Fresh:
-    """Readings that came: times (n,), left and right (n, 2), which of them are clipped.
+    """Readings that arrived: times (n,), left and right (n, 2), and which of them are clipped.
 
-    Of a network, signals and marks are (n, emitters, receivers), NaN where a reading is missing.
+    For a network, signals and marks are (n, emitters, receivers), NaN if a reading is missing.
     """
 
     time_s: FloatArray
@@ -35,7 +36,13 @@ class Fresh:
 
 
 class Following:
-    """A journal that is read as it grows; `DataError` if it is not a journal, or contains a waveform."""
+    """A journal that is read while it grows.
+
+    Raises
+    ------
+    DataError
+        If the file is not a journal, or contains a waveform.
+    """
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -43,7 +50,7 @@ class Following:
         self.header = read_journal(path).header
         self._dtypes = dtypes_of(self.header, path)
         if "board" not in self._dtypes:
-            limit = "holds a waveform, whose readings are made when the run is closed"
+            limit = "contains a waveform, whose readings are computed when the run is closed"
             raise DataError(
                 str(path), limit=limit, remedy="close it with solen bench recover, and decode the recording"
             )
@@ -53,14 +60,14 @@ class Following:
         self._begun_us: dict[int, int] = {}
 
     def readings(self, sensor: str) -> Iterator[Fresh]:
-        """Readings of a sensor that are new since the last call, a piece for each part of the run."""
+        """Return the readings of a sensor that are new since the last call, one piece for each part of the run."""
         view = next(one for one in views_of(self.header) if one.name == sensor)
         for rows in self._fresh():
             found = self._under(*self._with_before(rows), view)  # right before left
             yield Fresh(found.time_s, found.volts[:, ::-1], found.clipped[:, ::-1])
 
     def turns(self, sensor: str) -> Iterator[Fresh]:
-        """Turns of a network's emitters that are new since the last call, a piece for each part of the run."""
+        """Return the new cycles of a network's emitters since the last call, one piece for each part of the run."""
         views = [one for one in views_of(self.header) if one.sensor["name"] == sensor]
         for rows in self._fresh():
             both, time_s, new = self._with_before(rows)
@@ -73,7 +80,7 @@ class Following:
             yield Fresh(time_s[new:], signal, clipped)
 
     def _fresh(self) -> list[Rows]:
-        """Periods that are new, part by part; a journal that is gone was closed, so that its run has ended."""
+        """Return the new periods, part by part; a journal that no longer exists was closed, and its run has ended."""
         try:
             records, self._place = read_on(self._path, self._place)
         except OSError:
@@ -85,7 +92,7 @@ class Following:
         return np.split(fresh, edges) if len(fresh) else []
 
     def _with_before(self, rows: Rows) -> tuple[Rows, FloatArray, int]:
-        """Periods with the one before them, if there is one, their times, and how many came before."""
+        """Return the periods with the one before them, if any, their times, and the number of earlier ones."""
         part = int(rows["part"][0])
         before = self._last if self._last is not None and int(self._last["part"][0]) == part else rows[:0]
         self._last = rows[-1:]
@@ -94,7 +101,7 @@ class Following:
         return both, 1e-6 * (both["board_us"] - begun).astype(np.float64), len(before)
 
     def _under(self, both: Rows, time_s: FloatArray, new: int, view: View) -> Fresh:
-        """Readings under an emitter in periods from a place on, receivers in their order."""
+        """Return the readings under an emitter in periods from an index on, with the receivers in their order."""
         inputs, converter = [one - 1 for one in view.inputs.values()], Converter.of(self.header)
         readings = subtracted(both["counts"], time_s, view.emitter, inputs, converter)
         kept = readings.of(view.emitter) & (readings.time_s >= time_s[new])

@@ -1,29 +1,24 @@
-"""The wire of the emitter board: frames with a checksum and a number, read from a stream that may lose or garble some.
+"""The wire format of the emitter board: frames with a checksum and a number, read from an unreliable stream.
 
-The idea: in each period the board lights its emitters one after the other and samples every receiver with the emitter
-on and with it off again. One frame carries one period, so a lost frame is a lost period, and the frame numbers show it.
-A frame counts only if its checksum is right; a reader that lost its place looks for the next two
-bytes that begin a frame. All numbers are little-endian:
+The idea: in each period the board switches its emitters on one after the other and samples every receiver with the
+emitter on and with it off again. One frame contains one period; a lost frame is a lost period, and the frame numbers
+show it. A frame counts only if its checksum is right; after an error the reader searches for the next two bytes that
+begin a frame. All numbers are little-endian:
 
-====== ===== ==========================================================================================
-offset bytes what
-====== ===== ==========================================================================================
-0      2     A5 5A, the beginning
-2      1     version of this table, 1
-3      1     kind: 1 samples, 2 answer, 16 and above commands
-4      2     length of the payload, n
-6      4     number of the frame, one more each time, from 0 again after 2³² − 1
-10     n     payload
-10 + n 2     CRC-16/CCITT-FALSE (polynomial 1021h, from FFFFh) of bytes 2 to 9 + n
+====== ===== ========================================================================================== offset bytes
+content ====== ===== ========================================================================================== 0      2
+A5 5A, the beginning 2      1     version of this table, 1 3      1     kind: 1 samples, 2 answer, 16 and above commands
+4      2     length of the payload, n 6      4     number of the frame, increased by one for each frame, from 0 again
+after 2³² − 1 10     n     payload 10 + n 2     CRC-16/CCITT-FALSE (polynomial 1021h, from FFFFh) of bytes 2 to 9 + n
 ====== ===== ==========================================================================================
 
 The payload of samples: time of the period's start by the board's clock in µs (4 bytes, wraps), number of emitters E,
-number of receivers R, flags (1 where a period was late, 2 where an emitter is at fault; a reader adds 4 to the first
-period after a restart, where the board's clock begins anew), one byte of nought, then for
-each emitter R samples with it on and R with it off, 2 bytes each, as the converter counts.
+number of receivers R, flags (1 for a late period, 2 for a faulty emitter; a reader adds 4 to the first period after a
+restart, at which the board's clock begins again at 0), one zero byte, then for each emitter R samples with it on and R
+with it off, 2 bytes each, in counts of the converter.
 
-The interface: `Layout`; `sample_frames` makes frames of many periods at once, `frame` any one; `FrameReader.feed` takes
-bytes as they come and gives `Periods`; `Losses` counts what was not believed or not there.
+The interface: `Layout`; `sample_frames` makes frames of many periods at once, `frame` a single one; `FrameReader.feed`
+accepts bytes as they arrive and returns `Periods`; `Losses` counts the frames that were corrupt or missing.
 """
 
 import binascii
@@ -44,11 +39,11 @@ LATE, FAULT, ANEW = 1, 2, 4
 UNSOUND = LATE | FAULT
 """Periods with these flags give no readings."""
 LONGEST_PAYLOAD = 4096
-"""More than 16 emitters and 64 receivers need; a length beyond it is a garbled one."""
+"""Longest payload in bytes, more than 16 emitters and 64 receivers need; a greater length is corrupt."""
 Other = tuple[int, bytes]
 """Kind and payload of a frame, unprocessed."""
 RESTART_AFTER = 3
-"""Frames with numbers that were there before, each one more than the last, that make a restart of the board."""
+"""Number of consecutive frames with repeated numbers that indicates a restart of the board."""
 HEAD = struct.Struct("<2sBBHI")
 PERIOD = struct.Struct("<IBBBx")
 _CRC = struct.Struct("<H")
@@ -62,7 +57,7 @@ class Layout:
     Raises
     ------
     BenchError
-        If there are none, or more than a frame can hold.
+        If one of the numbers is 0, or there are more than a frame can contain.
     """
 
     emitters: int
@@ -73,12 +68,15 @@ class Layout:
             if not 1 <= value <= 255:
                 raise BenchError(name, value=value, limit="must be 1 to 255")
         if self.payload_bytes > LONGEST_PAYLOAD:
-            limit = f"with {self.receivers} receivers need {self.payload_bytes} bytes; a frame holds {LONGEST_PAYLOAD}"
+            limit = (
+                f"with {self.receivers} receivers need {self.payload_bytes} bytes; a frame "
+                f"has at most {LONGEST_PAYLOAD}"
+            )
             raise BenchError("emitters", value=self.emitters, limit=limit, remedy="use fewer")
 
     @property
     def values(self) -> int:
-        """Samples of a period: on and off, of each receiver, at each emitter."""
+        """Number of samples in a period: on and off, of each receiver, for each emitter."""
         return 2 * self.emitters * self.receivers
 
     @property
@@ -89,16 +87,16 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Periods:
-    """Periods in order, each once.
+    """Periods in order, without duplicates.
 
     Attributes
     ----------
     number
         Number of the period since the first, shape (N,), continued when the transmitted number wraps.
     board_us
-        Start by the board's clock in µs, shape (N,), continued likewise, but reset when the board restarts.
+        Start by the board's clock in µs, shape (N,), continued when it wraps, but reset when the board restarts.
     flags
-        `LATE`, `FAULT`, and `ANEW` at the first period after a restart of the board, shape (N,).
+        `LATE`, `FAULT`, and `ANEW` for the first period after a restart of the board, shape (N,).
     counts
         Shape (N, emitters, 2, receivers): 0 with the emitter on, 1 with it off again.
     """
@@ -112,12 +110,12 @@ class Periods:
         return len(self.number)
 
     def __getitem__(self, which: Any) -> "Periods":
-        """Some of the periods."""
+        """Return some of the periods."""
         return Periods(self.number[which], self.board_us[which], self.flags[which], self.counts[which])
 
     @staticmethod
     def joined(parts: Sequence["Periods"], layout: "Layout") -> "Periods":
-        """Concatenated parts; empty without any."""
+        """Return the concatenated parts; an empty result if there are none."""
         nothing = np.zeros((0, layout.emitters, 2, layout.receivers), np.uint16)
         return Periods(
             np.concatenate([np.zeros(0, np.int64), *(part.number for part in parts)]),
@@ -129,20 +127,20 @@ class Periods:
 
 @dataclass
 class Losses:
-    """Losses of a stream, all counted.
+    """Numbers of losses in a stream.
 
     Attributes
     ----------
     dropped
-        Periods whose numbers never came.
+        Periods whose numbers never arrived.
     garbled
-        Beginnings of frames whose checksum is wrong; their periods are among the dropped.
+        Beginnings of frames whose checksum is wrong; their periods also count as dropped.
     doubled
-        Periods that came again, or late, and were not taken twice.
+        Periods that arrived again or late, and were discarded.
     restarts
-        How often the board restarted and counted from 0; how long it was away is unknown.
+        How often the board restarted and counted from 0; how long it was off is unknown.
     other
-        Whole frames of another layout or version.
+        Complete frames of another layout or version.
     skipped_bytes
         Bytes that belong to no frame.
     """
@@ -156,20 +154,20 @@ class Losses:
 
 
 def checksum(data: bytes | memoryview) -> int:
-    """CRC-16/CCITT-FALSE; of ``b"123456789"`` it is 29B1h."""
+    """Return the CRC-16/CCITT-FALSE; for ``b"123456789"`` it is 29B1h."""
     return binascii.crc_hqx(data, 0xFFFF)
 
 
 def frame(kind: int, number: int, payload: bytes) -> bytes:
-    """One frame around a payload."""
+    """Return one frame around a payload."""
     if len(payload) > LONGEST_PAYLOAD:
-        raise BenchError("payload", value=len(payload), limit=f"a frame holds {LONGEST_PAYLOAD} bytes")
+        raise BenchError("payload", value=len(payload), limit=f"a frame has at most {LONGEST_PAYLOAD} bytes")
     body = HEAD.pack(SYNC, VERSION, kind, len(payload), number % _WRAP) + payload
     return body + _CRC.pack(checksum(memoryview(body)[2:]))
 
 
 def sample_frames(layout: Layout, periods: Periods) -> bytes:
-    """Frames of many periods, one after the other, as the board sends them."""
+    """Return the frames of many periods, one after the other, as the board sends them."""
     heads = zip(periods.number.tolist(), periods.board_us.tolist(), periods.flags.tolist(), strict=True)
     samples = np.ascontiguousarray(periods.counts, "<u2").reshape(len(periods), layout.values)
     counts = layout.emitters, layout.receivers
@@ -181,18 +179,18 @@ def sample_frames(layout: Layout, periods: Periods) -> bytes:
 
 @dataclass
 class FrameReader:
-    """Reads frames from bytes as they come, in pieces of any length.
+    """Reads frames from bytes as they arrive, in pieces of any length.
 
     Attributes
     ----------
     layout
         Layout of the expected periods; others are counted as `Losses.other`.
     losses
-        Losses so far.
+        Losses since the reader was created.
     answers
-        Payloads of `ANSWER` frames that nobody has taken yet.
+        Payloads of `ANSWER` frames that have not been fetched yet.
     every_kind
-        Keep all frames as they are in ``others``, kind and payload: how a board reads commands.
+        Keep all frames unprocessed in ``others``, with kind and payload; a board reads commands in this way.
     """
 
     layout: Layout
@@ -207,7 +205,7 @@ class FrameReader:
     _us: int | None = field(default=None, init=False)
 
     def feed(self, data: bytes) -> Periods:
-        """Periods that are complete with these bytes."""
+        """Return the periods that these bytes complete."""
         self._waiting += data
         numbers: list[int] = []
         times: list[int] = []
@@ -243,7 +241,7 @@ class FrameReader:
         return self.layout.emitters, self.layout.receivers
 
     def _frames(self) -> Iterator[tuple[int, int, bytes]]:
-        """Kind, number and payload of each whole frame; other bytes are counted and dropped."""
+        """Return kind, number and payload of each complete frame; other bytes are counted and discarded."""
         data, at = bytes(self._waiting), 0
         while (found := self._begin(data, at)) + HEAD.size + _CRC.size <= len(data):
             at = found
@@ -268,7 +266,7 @@ class FrameReader:
         del self._waiting[:at]
 
     def _begin(self, data: bytes, at: int) -> int:
-        """Where the next frame begins, or the end but for a byte that may be its first."""
+        """Return the position of the next frame, or the end of the bytes except one that may begin a frame."""
         if data[at : at + 2] == SYNC:
             return at
         found = data.find(SYNC, at)
@@ -278,12 +276,12 @@ class FrameReader:
         return found
 
     def _skip(self, at: int) -> int:
-        """Past two bytes that only looked like a beginning."""
+        """Skip two bytes that resembled the beginning of a frame."""
         self.losses.skipped_bytes += 2
         return at + 2
 
     def _unwrapped(self, wire_number: int) -> int | None:
-        """Number since the first, counting what is missing; None for a number that came before."""
+        """Return the number since the first, including missing ones; None for a number that has occurred before."""
         if self._next is None:
             self._next = wire_number
         ahead = (wire_number + self._shift - self._next) % _WRAP
@@ -298,7 +296,7 @@ class FrameReader:
         return number
 
     def _restarted(self, wire_number: int) -> bool:
-        """Whether numbers that came before follow one another: then the board has restarted."""
+        """Whether repeated numbers follow one another, which means that the board has restarted."""
         before, run = self._again
         run = run + 1 if wire_number == before + 1 else 1
         self._again = (wire_number, run)
@@ -309,12 +307,12 @@ class FrameReader:
         return True
 
     def unwrapped_us(self, us: int) -> int:
-        """A time of the board on the count of its last period's."""
+        """Return a time of the board in µs on the unwrapped count of its last period."""
         if self._us is None:
             return us
         return self._us + (us - self._us + _WRAP // 2) % _WRAP - _WRAP // 2
 
     def _time(self, us: int) -> int:
-        """Time of the board, continued where its counter wraps around."""
+        """Return the time of the board, continued when its counter wraps around."""
         self._us = us if self._us is None else self._us + (us - self._us) % _WRAP
         return self._us

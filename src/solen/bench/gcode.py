@@ -1,4 +1,4 @@
-"""Common part of boards that take G-code: an axis by its letter, and lines that are answered by ``ok``.
+"""Common part of boards that execute G-code: an axis named by a letter, and lines that are answered with ``ok``.
 
 The interface: `GcodeStage`, the base of drivers.
 """
@@ -25,21 +25,21 @@ class GcodeStage(LineStage):
     link, clock
         Line to the board, and the clock that time-outs follow.
     unit
-        Unit of the axis, as its steps per unit are configured: G-code says mm for both.
+        Unit of the axis, for which its steps per unit are configured: G-code uses mm for both.
     axis
-        Its letter.
+        Letter of the axis.
     answer_s, home_s
-        How long an answer, and homing, may take.
+        Longest duration of an answer, and of homing.
 
     Raises
     ------
     BenchError
-        If the board does not answer, or not as its firmware would.
+        If the board does not answer, or the answer is not one of its firmware.
     """
 
     firmware: ClassVar[str]
     wakes_s: ClassVar[float]
-    """A board that is reset as its port is opened answers after some seconds."""
+    """Time in s for which a board may not answer because opening its port reset it."""
 
     def __init__(
         self,

@@ -21,7 +21,7 @@ ERRORS = {
     1: "the command's parameters are wrong",
     2: "unknown command",
     3: "the command is too long",
-    5: "a move without a reference, or with the servo off",
+    5: "the move requires a reference and an active servo",
     7: "the position is out of limits",
     8: "the velocity is out of limits",
     10: "stopped by command",
@@ -36,7 +36,7 @@ ERRORS = {
     49: "the move to the limit switch failed",
     54: "unknown parameter",
     89: "not allowed in this mode of motion",
-    1024: "motion error: the axis did not follow, its servo is off",
+    1024: "motion error: the axis did not follow, and its servo is off",
 }
 """Meaning of the controller's error codes; others are shown by number."""
 STOPPED = 10
@@ -49,10 +49,10 @@ STAGES: dict[str, Unit] = {"M-060.DG": "deg", "M-111.1DG": "mm"}
 
 
 def unit_of(stage: str, unit: Unit | None) -> Unit:
-    """Unit of a stage: as stated, or from `STAGES`; `BenchError` if neither is known, or both differ."""
+    """Return the unit of a stage: as stated, or from `STAGES`; raise `BenchError` if it is unknown, or both differ."""
     known = STAGES.get(stage)
     if unit is None and known is None:
-        limit = f"is a stage whose unit is not known; those of {', '.join(STAGES)} are"
+        limit = f"is a stage whose unit is not known; known are {', '.join(STAGES)}"
         raise BenchError("stage", value=stage, limit=limit, remedy='state its unit = "deg" or "mm"')
     if unit is not None and known is not None and unit != known:
         raise BenchError("unit", value=unit, limit=f"{stage} moves in {known}")
@@ -71,11 +71,11 @@ class Gcs2Stage(LineStage):
     stage
         Name of the stage on that axis; the controller must have it configured.
     unit
-        Unit of its positions; default: that of one of `STAGES`.
+        Unit of its positions; by default that of the stage in `STAGES`.
     axis, address
-        The axis' name, and the controller's address where several share a line.
+        Name of the axis, and address of the controller if several share a line.
     answer_s, reference_s
-        How long an answer, and finding the reference, may take.
+        Longest duration of an answer, and of the search for the reference.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class Gcs2Stage(LineStage):
 
     def _connect(self, stage: str) -> None:
         self._lines.forget()
-        self._error()  # one may wait from before
+        self._error()  # an earlier error may be pending
         self.identity = self.ask("*IDN?")[0]
         if "physik instrumente" not in self.identity.lower():
             raise self._refusal(f"answered {self.identity!r} as its name", "it is not a controller of PI")
@@ -118,14 +118,14 @@ class Gcs2Stage(LineStage):
 
     @property
     def referenced(self) -> bool:
-        """Whether the controller knows where zero is."""
+        """Whether the controller knows the zero position."""
         return self._value("FRF?") == "1"
 
     @property
     def search(self) -> str:
-        """How far it may move to find its zero; the controller does not report the position of the switch."""
+        """Range of the move that finds the zero; the controller does not report the position of the switch."""
         low, high = self.limits
-        return f"It drives to its reference switch, by up to {high - low:g} {self.unit} to either side."
+        return f"It moves to its reference switch, by up to {high - low:g} {self.unit} in either direction."
 
     def set_position(self, position: float) -> None:
         """Define the current position as a given value; nothing moves."""
@@ -133,31 +133,31 @@ class Gcs2Stage(LineStage):
         self.command(f"POS {self._axis} {position:.6f}")
 
     def reference(self) -> None:
-        """Drive to the reference switch, unless that was done since the controller was switched on."""
+        """Move to the reference switch, unless that was done since the controller was switched on."""
         if self.referenced:
             return
         self.command(f"FRF {self._axis}")
         self._come_home(self._ready, self._reference_s)
         self._check("FRF")
         if not self.referenced:
-            raise self._refusal("found no reference", "is the stage free to move?")
+            raise self._refusal("found no reference", "check that the stage is free to move")
 
     def begin_move(self, target: float, velocity: float) -> None:
         """Begin to move to a position at a velocity, in deg and deg/s or mm and mm/s."""
         low, high = self.limits
         if not low <= target <= high:
-            raise self._refusal(f"{target:g} {self.unit} is out of its limits {low:g} to {high:g}", "move less far")
+            raise self._refusal(f"{target:g} {self.unit} is outside its limits {low:g} to {high:g}", "move less far")
         if velocity != self._velocity:
             self.command(f"VEL {self._axis} {velocity:.6f}")
             self._velocity = velocity
         self.command(f"MOV {self._axis} {target:.6f}")
 
     def position(self) -> float:
-        """Where the axis is, in deg or mm."""
+        """Return the position of the axis in deg or mm."""
         return float(self._value("POS?"))
 
     def on_target(self) -> bool:
-        """Whether it has come to rest where it was sent; `BenchError` if the controller gave up."""
+        """Whether the axis has come to rest at its target; raise `BenchError` if the controller stopped the move."""
         if self._value("ONT?") == "1":
             return True
         if self._moving():
@@ -166,7 +166,7 @@ class Gcs2Stage(LineStage):
         return self._value("ONT?") == "1"
 
     def stop(self) -> None:
-        """Stop at once; the controller reports that as an error, which is taken from it."""
+        """Stop at once; the controller reports that as an error, which is cleared."""
         self._cut_in(self._to.encode() + STOP_ALL)
         self._say(STOP_ALL)
         code = self._error()
@@ -175,12 +175,12 @@ class Gcs2Stage(LineStage):
         self._come_to_rest(lambda: not self._moving())
 
     def command(self, text: str) -> None:
-        """Send a command and ask whether it was taken; `BenchError` with the controller's reason where it was not."""
+        """Send a command and check that it was accepted; raise `BenchError` with the controller's reason if not."""
         self._say(f"{text}\n".encode("ascii"))
         self._check(text)
 
     def ask(self, text: str) -> list[str]:
-        """Lines that answer a question, without addresses and the blanks that join them."""
+        """Return the lines that answer a question, without addresses and without the blanks that join them."""
         self._say(f"{text}\n".encode("ascii"))
         lines = [self._lines.next()]
         while lines[-1].endswith(" "):
@@ -194,13 +194,13 @@ class Gcs2Stage(LineStage):
         self._send(self._to.encode() + data)
 
     def _value(self, question: str) -> str:
-        """Value of this axis in the answer to a question."""
+        """Return the value of this axis in the answer to a question."""
         answer = self.ask(f"{question} {self._axis}")
         for line in answer:
             name, sign, value = line.partition("=")
             if sign and name.strip() == self._axis:
                 return value.strip()
-        raise self._refusal(f"answered {answer[0]!r} to {question}", "is the axis' name right?")
+        raise self._refusal(f"answered {answer[0]!r} to {question}", "check the name of the axis")
 
     def _error(self) -> int:
         answer = self.ask("ERR?")[0]

@@ -1,7 +1,7 @@
-"""Live readings of a rig's receivers, without a run: each input with each emitter on and off.
+"""Live readings of a rig's receivers without a run: each input with each emitter on and off.
 
-The idea: before a run the wiring may differ from the rig file, so
-all inputs are read with every emitter. Phases of a data acquisition are determined as after a run.
+The idea: before a run the wiring may differ from the rig file; all inputs therefore are read with every emitter. Phases
+of a data acquisition are determined as after a run.
 
 The interface: `sampler_of` a rig, started; `Glances`, whose `read` returns a `Glance`; `stage_of` a rig.
 """
@@ -30,11 +30,13 @@ from solen.bench.simulated.stage import SimulatedStage
 from solen.errors import BenchError
 
 REACH = {"deg": 3.0, "mm": 2.0}
-"""How far from zero a simulated rig is traced where no protocol says so."""
+"""Largest distance from zero to which a simulated rig is traced if no protocol states one."""
 SHALLOW_MM = 0.1
-"""The same for a finger's depth: nothing presses on the sensor during a glance."""
+"""The same distance for the depth of a finger: nothing presses on the sensor during live readings."""
 LEAST_PERIODS = 3.0
-"""Periods of the switching in which its clock is sought: they hold two rises of a sync, and a fall after the first."""
+"""Number of switching periods from which the clock is determined: they contain two rises of a sync, and a fall after
+the first.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +48,11 @@ class Glance:
     time_s
         Times by the instrument's clock, (N,).
     signal, off
-        Drop of each input by each emitter, and the level without it, in V: (N, emitters, inputs).
+        Drop of each input caused by each emitter, and the level without it, in V: (N, emitters, inputs).
     clipped
-        Readings with a sample at an end of the range, (N, emitters, inputs).
+        Readings with a sample at a limit of the range, (N, emitters, inputs).
     low_V, high_V
-        Ends of the converter's range.
+        Limits of the converter's range.
     """
 
     time_s: FloatArray
@@ -67,7 +69,7 @@ class Glance:
 
     @classmethod
     def of(cls, rows: Sequence[Sequence[Demodulated]], ends_V: tuple[float, float]) -> "Glance | None":
-        """Glance at the readings of each emitter, of one group of inputs after the other; None without any."""
+        """Combine the readings of each emitter, one group of inputs after the other; None if there are none."""
         chosen = [
             [np.flatnonzero(one.of(emitter) & ~one.one_sided) for one in row] for emitter, row in enumerate(rows, 1)
         ]
@@ -86,7 +88,7 @@ class Glance:
 
     @classmethod
     def joined(cls, parts: Sequence["Glance"]) -> "Glance":
-        """Glances one after the other."""
+        """Concatenate live readings."""
         time_s, signal, off, clipped = (
             np.concatenate([getattr(one, name) for one in parts]) for name in ("time_s", "signal", "off", "clipped")
         )
@@ -94,7 +96,7 @@ class Glance:
 
 
 class Glances:
-    """Glances at a sampler that has been started."""
+    """Live readings from a sampler that has been started."""
 
     def __init__(self, sampler: EmitterBoard | Daq, rig: Rig) -> None:
         self._sampler, self._rig = sampler, rig
@@ -102,11 +104,11 @@ class Glances:
         self._periods: Periods | None = None
 
     def read(self) -> Glance | None:
-        """Data since the last call; None if there are none, or they show no switching."""
+        """Return the readings since the last call; None if there are none, or if they show no switching."""
         return self._of_samples(self._sampler) if isinstance(self._sampler, Daq) else self._of_periods(self._sampler)
 
     def _of_periods(self, board: EmitterBoard) -> Glance | None:
-        """Readings of sound periods; the last of those that came before lends its off phases."""
+        """Return the readings of sound periods; the last period of the previous call supplies its off phases."""
         came = board.read()
         periods = came if self._periods is None else Periods.joined([self._periods, came], board.layout)
         self._periods = periods[-1:]
@@ -139,7 +141,7 @@ class Glances:
         return Glance.of([readings] * setup.emitters, (float(low.max()), float(high.min())))
 
     def _with_kept(self, samples: Samples) -> Samples:
-        """Samples joined to a previous block that was too short, unless some are missing in between."""
+        """Return the samples joined to a previous block that was too short, unless some are missing in between."""
         kept, self._samples = self._samples, None
         if kept is None or kept.stretch != samples.stretch or kept.first + len(kept.counts) != samples.first:
             return samples
@@ -148,12 +150,12 @@ class Glances:
 
 @contextmanager
 def sampler_of(rig: Rig, folder: Path, clock: Clock) -> Iterator[EmitterBoard | Daq]:
-    """Board or data acquisition of a rig, its emitters taking turns; dark and closed on exit."""
+    """Board or data acquisition of a rig with alternating emitters; its emitters are off and it is closed on exit."""
     if rig.meter is not None:
-        limit = "has a meter, which lights no emitter: its wires cannot be checked"
-        raise BenchError(f"rig {rig.name}", limit=limit, remedy="look at the meter itself")
+        limit = "has a meter, which switches no emitter: its wires cannot be checked"
+        raise BenchError(f"rig {rig.name}", limit=limit, remedy="look at the display of the meter")
     if rig.sampler.driver == "simulated":
-        from solen.bench.simulated.instruments import simulated_instruments  # the tracer is loaded where it is needed
+        from solen.bench.simulated.instruments import simulated_instruments  # the tracer is loaded only if needed
 
         unit = rig.moves_in
         reach = rig.stage.zero + SHALLOW_MM if rig.stage.drives == "depth" else REACH[unit]

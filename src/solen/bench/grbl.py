@@ -1,10 +1,10 @@
 """Stepper motors on a board with GRBL 1.1, as in small mills and on bare Arduinos with a CNC shield.
 
-The idea: a move is a jog in machine coordinates, which changes no state of the controller and can be
-cancelled at any time by one byte. ``?`` is answered at once, also while the axis moves. The controller
-counts steps without feedback: after power-up, or a reset by opening its port, its position is unknown, so
-a run begins by homing or by defining the current position. Commands, settings and codes: Grbl v1.1 wiki,
-"Commands", "Jogging", "Configuration" and "Interface".
+The idea: a move is a jog in machine coordinates, which changes no state of the controller and can be cancelled at any
+time by one byte. ``?`` is answered at once, also while the axis moves. The controller counts steps without feedback:
+after power-up, or a reset caused by opening its port, its position is unknown, and a run begins by homing or by
+defining the current position. Commands, settings and codes: Grbl v1.1 wiki, "Commands", "Jogging", "Configuration" and
+"Interface".
 
 The interface: `GrblStage`, a `Stage` that `solen.bench.roles.Homes`.
 """
@@ -18,13 +18,13 @@ from solen.bench.link import Link
 
 CANCEL, STATUS = b"\x85", b"?"
 BEGINS_S = 0.25
-"""Time after its command within which a move may not have begun yet."""
+"""Time in s after a command within which a move may not have begun yet."""
 AT_REST = {"Idle", "Alarm", "Check", "Sleep"}
 ERRORS = {
     5: "homing is not enabled ($22)",
     8: "it is not idle",
     9: "it is locked after an alarm",
-    15: "the target is beyond its soft limits ($130 to $132)",
+    15: "the target is outside its soft limits ($130 to $132)",
     16: "it does not support this jog command",
     22: "no feed rate",
 }
@@ -34,7 +34,7 @@ _SETTING = re.compile(r"\$(\d+)=([-\d.]+)")
 
 
 class GrblStage(GcodeStage):
-    """One axis of a controller, the step of which is set up by ``$100``; it must report machine positions."""
+    """One axis of a controller, whose step is configured by ``$100``; it must report machine positions."""
 
     firmware, wakes_s = "GRBL", 5.0
 
@@ -54,18 +54,18 @@ class GrblStage(GcodeStage):
 
     @property
     def referenced(self) -> bool:
-        """Whether its zero was found or set since it was connected."""
+        """Whether the zero was set or searched for since the controller was connected."""
         return self._zero is not None
 
     @property
     def search(self) -> str:
-        """How far it may move to find its zero."""
+        """Range of the move that finds the zero."""
         if not self._setting(22):
-            return "It has no switch to find it with ($22=0)."
-        return f"It drives to its limit switch, by up to {self._setting(130 + self._place):g} {self.unit}."
+            return "It has no switch that marks its zero ($22=0)."
+        return f"It moves to its limit switch, by up to {self._setting(130 + self._place):g} {self.unit}."
 
     def reference(self) -> None:
-        """Drive to the limit switch, unless its zero is known."""
+        """Move to the limit switch, unless the zero is known."""
         if self.referenced:
             return
         self._command("$H", self._home_s)
@@ -91,11 +91,11 @@ class GrblStage(GcodeStage):
         self._command(f"$J=G21 G90 G53 {self._axis}{self._target:.4f} F{60.0 * velocity:.3f}")
 
     def position(self) -> float:
-        """Where the axis is, in deg or mm, by the steps that were sent to its motor."""
+        """Return the position of the axis in deg or mm, computed from the steps that were sent to its motor."""
         return self._status()[1] - (self._zero or 0.0)
 
     def on_target(self) -> bool:
-        """Whether it has come to rest where it was sent; `BenchError` if it rests elsewhere."""
+        """Whether the axis has come to rest at its target; raise `BenchError` if it rests elsewhere."""
         state, at = self._status()
         if state not in AT_REST:
             return False
@@ -103,18 +103,18 @@ class GrblStage(GcodeStage):
         if state != "Alarm" and abs(at - self._target) <= 0.5 * step + 2e-3:
             return True
         if state == "Alarm" or self._clock.now_s() > self._begun_s + BEGINS_S:
-            limit = f"rests at {at:g}, sent to {self._target:g} (state {state})"
-            raise self._refusal(limit, "did a limit switch or the reset button stop it?")
+            limit = f"rests at {at:g}, but was sent to {self._target:g} (state {state})"
+            raise self._refusal(limit, "check whether a limit switch or the reset button stopped it")
         return False
 
     def stop(self) -> None:
-        """Stop at once, with its acceleration; what was still to be done is dropped."""
+        """Stop with the axis' deceleration; the remaining motion is discarded."""
         self._link.write(CANCEL)
         self._lines.forget()
         self._come_to_rest(lambda: self._status()[0] in AT_REST)
 
     def _status(self) -> tuple[str, float]:
-        """State and machine position."""
+        """Return state and machine position."""
         self._send(STATUS)
         for _ in range(10):
             line = self._lines.next().strip()
@@ -127,10 +127,12 @@ class GrblStage(GcodeStage):
                     raise self._refusal(f"answered {line!r}", "let it report machine positions: $10=1")
                 self._lines.owed = False
                 return found[1], float(places[self._place])
-        raise self._refusal(f"says {line[:40]!r} and no state", "is it GRBL? check the baud rate")
+        raise self._refusal(
+            f"answered {line[:40]!r}, which is not a state", "check that it runs GRBL, and the baud rate"
+        )
 
     def _ends(self, line: str, text: str) -> bool:
-        """Whether a line ends an answer; `BenchError` if it is the controller's reason against it."""
+        """Whether a line ends an answer; raise `BenchError` if it is an error of the controller."""
         if line.startswith(("error:", "ALARM:")):
             raise self._refusal(f"{text}: {_meaning(line)}", "see the wiki of GRBL")
         return line == "ok"

@@ -1,8 +1,8 @@
-"""A stage turned by hand from stop to stop: the program prompts, the operator turns it and presses Enter.
+"""A stage turned by hand from stop to stop: the program prompts, and the operator turns it and presses Enter.
 
-The idea: while the stage is turned its position is unknown, so readings of that time have no angle and are left
-out. At a stop it is at the position of the protocol, or at the one read from its scale, which the operator may type
-before Enter. Between stops the operator may take any time; emitters remain driven and sampled.
+The idea: the position is unknown while the stage is turned; readings of that time have no angle and are omitted. At a
+stop it is at the position of the protocol, or at the one read from its scale, which the operator may type before Enter.
+The operator may take any time between stops; the emitters remain driven and sampled.
 
 The interface: `HandStage`, a `Stage`.
 """
@@ -17,7 +17,7 @@ from typing import Literal
 from solen.errors import BenchError
 
 PATIENCE_S = 3600.0
-"""Longest time that a person may take for a move."""
+"""Longest time in s that a person may take for a move."""
 
 
 def _said(line: str) -> None:
@@ -37,9 +37,10 @@ class HandStage:
     unit
         Unit of its positions.
     say
-        Shows a line to the operator; default: stderr.
+        Shows a line to the operator; by default on stderr.
     answer
-        Waits for a line of theirs, and gives it with its end; empty if nobody can answer any more. Default: stdin.
+        Waits for a line from the operator and returns it with its line end; empty if the input has ended. By default
+        reads stdin.
     """
 
     patience_s = PATIENCE_S
@@ -57,10 +58,10 @@ class HandStage:
         self._target, self._position = math.nan, math.nan
 
     def reference(self) -> None:
-        """Always true: the operator knows where its zero is."""
+        """Do nothing: the operator knows where the zero is."""
 
-    def begin_move(self, target: float, velocity: float) -> None:  # noqa: ARG002  a hand has its own
-        """Ask for a move; a target that it has already reached needs no move."""
+    def begin_move(self, target: float, velocity: float) -> None:  # noqa: ARG002  the operator chooses the velocity
+        """Prompt for a move; none is needed if the stage is at the target already."""
         if target == self._position:
             return
         self._target, self._position = target, math.nan
@@ -68,11 +69,11 @@ class HandStage:
         self._ask()
 
     def position(self) -> float:
-        """Its position; NaN while it is moved, and before the first move."""
+        """Return the position; NaN while the stage is moved, and before the first move."""
         return self._position
 
     def on_target(self) -> bool:
-        """Whether the operator has confirmed that it rests."""
+        """Whether the operator has confirmed that the stage is at rest."""
         if math.isfinite(self._position):
             return True
         try:
@@ -82,12 +83,14 @@ class HandStage:
         if question != self._question:
             return False
         if not line:
-            raise BenchError(self.name, limit="nobody answers: the input has ended", remedy="run it at a terminal")
+            raise BenchError(
+                self.name, limit="is not answered: the input has ended", remedy="start the run in a terminal"
+            )
         self._take(line.strip())
         return math.isfinite(self._position)
 
     def stop(self) -> None:
-        """Nothing moves by itself; a hand that is at it is no longer waited for, and what is typed now is dropped."""
+        """End the wait for the operator, and discard what is typed now; nothing moves by itself."""
         with self._lock:
             self._question += 1
 
@@ -95,7 +98,7 @@ class HandStage:
         """Do nothing: no port is open."""
 
     def _take(self, text: str) -> None:
-        """The target for Enter alone, or what was typed; asks again until it is a number."""
+        """Return the target for Enter alone, or the typed number; prompt again until it is a number."""
         try:
             position = float(text.replace(",", ".")) if text else self._target
         except ValueError:
@@ -107,7 +110,7 @@ class HandStage:
             self._ask()
 
     def _ask(self) -> None:
-        """Wait for a line, unless a wait is already under way: two prompts need only one answer."""
+        """Wait for a line, unless a wait is already in progress: two prompts need only one answer."""
         with self._lock:
             self._question += 1
             waiting, self._waiting = self._waiting, True
@@ -115,7 +118,7 @@ class HandStage:
             threading.Thread(target=self._hear, daemon=True).start()
 
     def _hear(self) -> None:
-        """Assign a line to the question that it answers: the last one when it arrived."""
+        """Assign a line to the prompt that it answers: the last one when it arrived."""
         line = self._answer()
         with self._lock:
             self._waiting = False

@@ -1,8 +1,8 @@
 """Homing of stages that do not know their zero: never without permission.
 
-The idea: a search for the reference switch may move the stage to its limits, with a sensor mounted on it. It is
-done if the rig file allows it (``home = true``), or if the operator at the terminal, warned of the range,
-agrees. ``home = "here"`` defines the current position as the rig's zero, and nothing moves.
+The idea: a search for the reference switch may move the stage to its limits, with a sensor mounted on it. It is done if
+the rig file allows it (``home = true``), or if the operator at the terminal, warned of the range, agrees. ``home =
+"here"`` defines the current position as the rig's zero, and nothing moves.
 
 The interface: `make_known`; `knows_zero`.
 """
@@ -15,7 +15,7 @@ from solen.errors import BenchError
 
 Home = bool | Literal["here"]
 Confirm = Callable[[str], bool]
-"""Asks the operator; true if the answer was yes."""
+"""Asks the operator; returns True if the answer was yes."""
 
 
 def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = None, *, resumed: bool = False) -> None:
@@ -24,9 +24,9 @@ def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = 
     Parameters
     ----------
     stage
-        A stage without `Homes` finds its zero by its own means.
+        The stage; one without `Homes` finds its zero by its own means.
     home
-        Whether it may move for that, or is at its zero.
+        Whether the stage may move to find its zero, or ``"here"`` if it is at its zero.
     zero
         Position at which the sensor is straight.
     confirm
@@ -56,10 +56,10 @@ def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = 
 
 
 def knows_zero(stage: Stage) -> bool:
-    """Whether positions of a stage mean anything now; nothing moves."""
+    """Whether the stage's positions are valid now; nothing moves."""
     return not _moves_to_know(stage) or stage.referenced
 
 
 def _moves_to_know(stage: object) -> TypeGuard[Homes]:
-    """Whether a stage is a `Homes`; its properties, which may ask the instrument, are not looked at."""
+    """Whether a stage is a `Homes`; its properties, which may query the instrument, are not evaluated."""
     return hasattr(type(stage), "search") and hasattr(type(stage), "set_position")

@@ -1,11 +1,11 @@
 """Ending a run from outside: Ctrl-C, a signal, or a closed terminal, all treated alike.
 
-The idea: any request to end must leave emitters off and the stage at rest. Each such request raises
-`Ended`, a `KeyboardInterrupt`, in the main thread, once; later ones are ignored, so that they cannot interrupt the
-shutdown. Within `uninterrupted` a request waits until the work is done. SIGKILL and a power cut cannot be caught.
+The idea: any request to end must leave the emitters off and the stage at rest. Each such request raises `Ended`, a
+`KeyboardInterrupt`, in the main thread, once; later ones are ignored, because they could interrupt the shutdown. Within
+`uninterrupted` a request waits until the work is done. SIGKILL and a power cut cannot be caught.
 
-The interface: `ended_by_signals` around a run; `uninterrupted` around work that must be completed;
-`pass_over` further ones; `Ended`.
+The interface: `ended_by_signals` around a run; `uninterrupted` around work that must be completed; `pass_over` further
+requests; `Ended`.
 """
 
 import signal
@@ -17,13 +17,13 @@ from dataclasses import dataclass
 from types import FrameType
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
-"""Signals to catch, where the system has them; SIGBREAK is Ctrl-Break on Windows, SIGHUP a terminal that went away."""
+"""Signals to catch, if the system has them; SIGBREAK is Ctrl-Break on Windows, SIGHUP a closed terminal."""
 CLOSING_S = 4.5
-"""Windows ends a program 5 s after its console was closed."""
+"""Time in s within which closing must end: Windows ends a program 5 s after its console was closed."""
 
 
 class Ended(KeyboardInterrupt):
-    """A request to end: its line says what is kept; ``exit_code`` is that of a shell for the signal."""
+    """A request to end: its message states what is kept; ``exit_code`` is that of a shell for the signal."""
 
     def __init__(self, line: str, exit_code: int = 130) -> None:
         super().__init__(line)
@@ -32,7 +32,7 @@ class Ended(KeyboardInterrupt):
 
 @dataclass
 class _State:
-    """The request, and whether it may be answered now."""
+    """The request, and whether it may be raised now."""
 
     held: int = 0
     ended: bool = False
@@ -63,7 +63,7 @@ def ended_by_signals() -> Iterator[None]:
 
 
 def pass_over() -> None:
-    """Pass over every further request: for a program that is about to end, and still has something to report."""
+    """Ignore every further request: for a program that is about to end and still has something to report."""
     for name in NAMES:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -71,7 +71,7 @@ def pass_over() -> None:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Let requests wait until the body is done; they are lost only if it raises an error."""
+    """Delay requests until the body is done; they are lost only if it raises an error."""
     _STATE.held += 1
     try:
         yield
@@ -97,7 +97,7 @@ def _end(number: int) -> None:
 
 @contextmanager
 def _console_watched() -> Iterator[None]:
-    """On Windows, a console that is closed interrupts the main thread, and is kept until the body is done."""
+    """On Windows, interrupt the main thread if the console is closed, and keep the console until the body is done."""
     if sys.platform != "win32":
         yield
         return

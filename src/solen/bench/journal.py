@@ -1,14 +1,14 @@
-"""The journal of a run: samples on disk as they arrive, so that a kill or disk damage loses only the records it hits.
+"""The journal of a run: samples are on disk as they arrive, and a kill or disk damage loses only the records it hits.
 
-The idea: a file that only ever grows, of records (`solen.bench.records`) that are handed to the operating system whole,
-in one call, before anything else is done with them. A killed process leaves at most one unfinished record at the end;
-a damage costs the records it hits, and the reader names what is missing. The header, which nothing can be read without,
-is written again now and then. Records of a stream are rows of a table whose columns the header names, so that the
-journal knows nothing of boards or stages. Streams that the header names as ``bulky`` are not held in memory but read
+The idea: a journal is a file that only grows. Its records (`solen.bench.records`) are passed to the operating system
+whole, in one call, before anything else is done with them. A killed process leaves at most one unfinished record at the
+end; damage costs the records it hits, and the reader names the missing ones. The header, without which nothing can be
+read, is repeated from time to time. Records of a stream are rows of a table whose columns the header names; the journal
+itself is independent of boards and stages. Streams that the header names as ``bulky`` are not kept in memory but read
 again, record by record.
 
-The interface: `Journal.create` or `Journal.resume`, then `rows`, `event`, `end`; `read_journal` gives its content,
-`read_on` what is new.
+The interface: `Journal.create` or `Journal.resume`, then `rows`, `event`, `end`; `read_journal` returns the content,
+`read_on` the part that is new.
 """
 
 import json
@@ -29,15 +29,17 @@ from solen.errors import BenchError, DataError
 
 SUFFIX = ".journal"
 FIRST_GAP, LONGEST_GAP = 1 << 14, 1 << 20
-"""Bytes after which the header is written again: at first, and at most, as the gap doubles each time."""
+"""Bytes after which the header is repeated: the first and the largest gap, which doubles each time."""
 RESERVE_BYTES = 1 << 16
-"""Kept free beside a journal that is written, so that a full disk leaves room to say why the run ended."""
+"""Bytes kept free on the disk while a journal is written, so that the reason for the end of a run can be written to
+a full disk.
+"""
 _NEAR = 20
-"""Records on either side of a gap that are searched for a time."""
+"""Number of records on either side of a gap that are searched for a time."""
 
 
 class Journal:
-    """A journal that is being written. Use it in a ``with`` statement, or `close` it."""
+    """A journal that is being written; use it in a ``with`` statement, or `close` it."""
 
     def __init__(self, path: Path, file: BinaryIO, header: Mapping[str, Any], number: int = 0) -> None:
         self.path = path
@@ -47,12 +49,12 @@ class Journal:
         self._header, self._number = _json(header), number
         self._since, self._gap = 0, FIRST_GAP
         self._reserve = reserve_of(path)
-        with suppress(OSError):  # a disk that is full already says so at the first record
+        with suppress(OSError):  # if the disk is full already, the first record raises the error
             self._reserve.write_bytes(os.urandom(RESERVE_BYTES))
 
     @classmethod
     def create(cls, path: Path, header: Mapping[str, Any], dtypes: Mapping[str, np.dtype[np.void]]) -> Self:
-        """A new journal; `BenchError` if there is one already or none can be written.
+        """Create a new journal; raise `BenchError` if it exists already or cannot be written.
 
         ``dtypes`` are structured, one for each stream.
         """
@@ -76,7 +78,7 @@ class Journal:
 
     @classmethod
     def resume(cls, path: Path) -> tuple[Self, JournalContent]:
-        """A journal that was left, to be continued after its last whole record, and its content."""
+        """Continue an unfinished journal after its last complete record; return it and its content."""
         journal_content = read_journal(path)
         if journal_content.end is not None or journal_content.version == 1:
             limit = "was ended" if journal_content.version > 1 else "was begun by an older solen"
@@ -90,7 +92,7 @@ class Journal:
         return journal, journal_content
 
     def dtype(self, stream: str) -> np.dtype[np.void]:
-        """Columns of a stream."""
+        """Return the columns of a stream."""
         return self._dtypes[stream]
 
     def rows(self, stream: str, rows: Rows) -> None:
@@ -105,12 +107,12 @@ class Journal:
         self._put(EVENT, 0, _json({"t_s": t_s, "what": what, **more}))
 
     def end(self, **more: Any) -> None:
-        """Append the end, and have it on the disk itself."""
+        """Append the end, and flush the journal to the disk."""
         self._put(END, 0, _json(more))
         self.sync()
 
     def sync(self) -> None:
-        """Flush everything to the disk, so that not even a power cut loses it."""
+        """Flush everything to the disk; not even a power cut loses it afterwards."""
         os.fsync(self._file.fileno())
 
     def close(self) -> None:
@@ -132,7 +134,7 @@ class Journal:
         return record(kind, stream, number, payload)
 
     def _put(self, kind: int, stream: int, payload: bytes) -> None:
-        """Append a record, and now and then the header again."""
+        """Append a record, and repeat the header from time to time."""
         self._write(self._next(kind, stream, payload))
         self._since += len(payload)
         if self._since >= self._gap:
@@ -140,7 +142,7 @@ class Journal:
             self._write(self._next(HEADER, 0, self._header))
 
     def _write(self, data: bytes) -> None:
-        """Append a record, or none of it."""
+        """Append a record completely or not at all."""
         begin: int | None = None
         try:
             begin = self._file.seek(0, os.SEEK_END)
@@ -148,22 +150,22 @@ class Journal:
             while left:
                 left = left[self._file.write(left) :]
         except OSError as bad:
-            with suppress(OSError):  # room to say how the run ended
+            with suppress(OSError):  # space for the reason of the end
                 self._reserve.unlink(missing_ok=True)
                 if begin is not None:
                     self._file.truncate(begin)
                 self._number -= 1
-            remedy = "make room; what is written stays"
+            remedy = "free some space; the records written so far are kept"
             raise BenchError(str(self.path), limit=f"cannot be written: {bad.strerror}", remedy=remedy) from None
 
 
 def reserve_of(path: Path) -> Path:
-    """File whose bytes are given up where the disk of a journal is full; a kill leaves it."""
+    """Return the file whose bytes are released if the journal's disk is full; a kill leaves it behind."""
     return path.with_name(f".{path.name}.reserve")
 
 
 def read_journal(path: Path) -> JournalContent:
-    """Everything that is whole in a journal, whether it was ended or killed.
+    """Read all complete records of a journal, whether its run ended or was killed.
 
     Raises
     ------
@@ -178,7 +180,7 @@ def read_journal(path: Path) -> JournalContent:
 
 
 def _read(file: BinaryIO, path: Path) -> JournalContent:
-    """Two passes, so that a long journal needs little more memory than its rows: what there is, then the rows."""
+    """Read first the structure and then the rows: a long journal needs little more memory than its rows."""
     size = file.seek(0, os.SEEK_END)
     version, intact = _version(file, path)
     records: list[Record] = []
@@ -216,7 +218,10 @@ def _read(file: BinaryIO, path: Path) -> JournalContent:
 
 
 def _version(file: BinaryIO, path: Path) -> tuple[int, bool]:
-    """Version of a journal, and whether its first bytes say so; where they are damaged it is known by its records."""
+    """Return the version of a journal, and whether its first bytes state it.
+
+    If they are damaged, its records show it.
+    """
     file.seek(0)
     begun = file.read(len(MAGIC))
     if len(begun) < len(MAGIC) and (MAGIC.startswith(begun) or MAGIC_1.startswith(begun)):
@@ -231,7 +236,7 @@ def _version(file: BinaryIO, path: Path) -> tuple[int, bool]:
 def _streams(
     file: BinaryIO, records: Sequence[Record], header: Mapping[str, Any], path: Path
 ) -> tuple[dict[str, Rows], dict[str, int]]:
-    """Rows of each stream that is not bulky, and how many each has."""
+    """Return the rows of each stream that is not bulky, and the number of rows of each stream."""
     streams, counts = {}, {}
     for number, (name, dtype) in enumerate(dtypes_of(header, path).items()):
         mine = [one for one in records if (one.kind, one.stream) == (ROWS, number)]
@@ -247,7 +252,7 @@ def _streams(
 
 
 def _missing(file: BinaryIO, records: Sequence[Record], dtypes: Mapping[str, np.dtype[np.void]]) -> Iterator[Missing]:
-    """Numbers that no record has, and the times of those beside them."""
+    """Return the numbers that no record has, and the times of the records next to them."""
     kinds = list(dtypes.values())
 
     def time_s(near: Iterable[Record], place: int) -> float | None:
@@ -267,7 +272,10 @@ def _missing(file: BinaryIO, records: Sequence[Record], dtypes: Mapping[str, np.
 
 
 def read_on(path: Path, begin: int) -> tuple[list[tuple[int, int, bytes]], int]:
-    """Complete records from an offset on (0 for the first): kind, stream and payload of each; and the next offset."""
+    """Return the complete records from an offset on (0 for the first), and the next offset.
+
+    Each record is its kind, stream and payload.
+    """
     with path.open("rb") as file:
         version, _ = _version(file, path)
         size = file.seek(0, os.SEEK_END)
@@ -277,11 +285,11 @@ def read_on(path: Path, begin: int) -> tuple[list[tuple[int, int, bytes]], int]:
 
 
 def _nothing(path: Path) -> DataError:
-    return DataError(str(path), limit="holds nothing: its run was killed as it began", remedy="remove it")
+    return DataError(str(path), limit="is empty: its run was killed at the beginning", remedy="remove it")
 
 
 def _headless(path: Path, records: int) -> DataError:
-    limit = f"is damaged: {records} of its records are whole, but none is the header that says what they hold"
+    limit = f"is damaged: {records} of its records are complete, but the header that describes their content is lost"
     return DataError(str(path), limit=limit, remedy="restore it from a copy")
 
 

@@ -17,7 +17,7 @@ Rows = NDArray[np.void]
 
 @dataclass(frozen=True)
 class Missing:
-    """Records that a journal has lost: the numbers of the first and the last, and between which times they lie."""
+    """Records that a journal has lost: the numbers of the first and the last, and the times before and after."""
 
     first: int
     last: int
@@ -46,19 +46,19 @@ class JournalContent:
     end
         Entries at its end; None if the run was killed.
     whole_bytes, lost_bytes
-        Where the last whole record ends, and the length of the unfinished one after it.
+        Offset at which the last complete record ends, and the length of the unfinished one after it.
     damaged_bytes
-        Bytes that belong to no whole record and to no unfinished one.
+        Bytes that belong neither to a complete record nor to the unfinished one.
     missing
-        Content of those, as far as the numbers of the others show.
+        Records lost in the damaged bytes, as far as the numbers of the others show.
     version
         Version of the file.
     path
-        The journal itself.
+        The journal file.
     records
-        Its whole records in their order, each once.
+        Its complete records in their order, without duplicates.
     counts
-        Rows of each stream.
+        Number of rows of each stream.
     """
 
     header: dict[str, Any]
@@ -76,17 +76,17 @@ class JournalContent:
 
     @property
     def damaged(self) -> bool:
-        """Whether something is lost that was written."""
+        """Whether records that were written are lost."""
         return bool(self.damaged_bytes or self.missing)
 
     @property
     def parts(self) -> int:
-        """How often the run was begun."""
+        """Number of times that the run was started."""
         return sum(event["what"] == "begun" for event in self.events)
 
     @property
     def cycles(self) -> int:
-        """Whole cycles."""
+        """Number of complete cycles."""
         return sum(event["what"] == "cycle done" for event in self.events)
 
     @property
@@ -110,7 +110,7 @@ class JournalContent:
         return next((stream for key, stream in streams.items() if key in self.header), "board")
 
     def blocks(self, stream: str) -> Iterator[Rows]:
-        """Rows of a stream, record by record, from the disk."""
+        """Read the rows of a stream from the disk, record by record."""
         dtypes = dtypes_of(self.header, self.path)
         number, dtype = list(dtypes).index(stream), dtypes[stream]
         with self.path.open("rb") as file:
@@ -120,22 +120,24 @@ class JournalContent:
 
 
 def described(dtype: np.dtype[np.void]) -> list[list[Any]]:
-    """Columns of a structured type as plain data: name, type, shape."""
+    """Return the columns of a structured type as plain data: name, type, shape."""
     fields = [(name, dtype[name]) for name in dtype.names or ()]
     return [[name, field.base.newbyteorder("<").str, list(field.shape)] for name, field in fields]
 
 
 def dtypes_of(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.void]]:
-    """Columns of each stream, by stream number; `DataError` if a header does not state them."""
+    """Return the columns of each stream, by stream number; raise `DataError` if a header does not state them."""
     try:
         return {
             name: np.dtype([(column, kind, tuple(shape)) for column, kind, shape in columns])
             for name, columns in header["streams"].items()
         }
     except (KeyError, TypeError, ValueError):
-        raise DataError(f"{path}: streams", limit="have no description that a journal of this version has") from None
+        raise DataError(
+            f"{path}: streams", limit="have no description, which a journal of this version must have"
+        ) from None
 
 
 def signal_unit(header: Mapping[str, Any]) -> str:
-    """Unit of the receivers, as a journal's header states it."""
+    """Return the unit of the receivers that a journal's header states."""
     return str(header.get("meter", {}).get("unit") or header.get("signal_unit", "V"))

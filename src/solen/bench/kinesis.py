@@ -1,13 +1,14 @@
-"""Motorised stages of Thorlabs: one axis of a K-Cube, a T-Cube or a stage with its own controller, by the APT protocol.
+"""Motorised stages of Thorlabs with the APT protocol: one axis of a K-Cube, a T-Cube or an integrated controller.
 
-The idea: messages are binary. Six bytes state the message, two parameters or the length of the data that follow, to
-whom and from whom. Some are questions; what the controller says unasked, such as that a move has ended, is passed over,
-and the status is asked instead. Positions are counts of the stage's encoder or microsteps of its motor; velocities are
-counts per second times a factor of the kind of controller, which says what it is. Messages, factors and counts per
-degree or mm: Thorlabs Motion Controllers, Host-Controller Communications Protocol, sections 3 and 8.
+The idea: messages are binary. Six bytes state the message, two parameters or the length of the data that follow, the
+destination and the source. Some messages are questions. Unsolicited messages of the controller, for example that a move
+has ended, are ignored; the status is queried instead. Positions are counts of the stage's encoder or microsteps of its
+motor; velocities are counts per second times a factor that depends on the kind of controller, which reports its model.
+Messages, factors and counts per degree or mm: Thorlabs Motion Controllers, Host-Controller Communications Protocol,
+sections 3 and 8.
 
-A move that goes back to take up play would pass its target: that is set to none while the stage is driven, and so its
-play shows.
+A move that goes back to take up backlash would pass its target; this correction is disabled while the stage is driven,
+and the recording shows the backlash.
 
 The interface: `KinesisStage`, a `Stage` that `solen.bench.roles.Homes`.
 """
@@ -27,7 +28,7 @@ HOME, MOVE, STOP = 0x0443, 0x0453, 0x0465
 ASK_STATUS, ASK_SERVO_STATUS = 0x0480, 0x0490
 BAD, BAD_WITH_WORDS = 0x0080, 0x0081
 PROFILED = 2
-"""A stop that slows down."""
+"""Mode of a stop with deceleration."""
 _HEADER, _INFO, _STATUS = struct.Struct("<HBBBB"), struct.Struct("<I8s72s"), struct.Struct("<Hi4xI")
 _VELOCITY, _POSITION = struct.Struct("<Hiii"), struct.Struct("<Hi")
 
@@ -35,14 +36,14 @@ MOVING, HOMING, HOMED = 0xF0, 0x200, 0x400
 FAULTS = {
     0x4000: "motion error: it does not follow, or cannot move",
     0x2_0000: "it is overheated",
-    0x4_0000: "its supply's voltage is out of range",
+    0x4_0000: "its supply voltage is out of range",
     0x8_0000: "commutation error",
     0x100_0000: "its current is at the limit",
 }
-"""Meaning of the bits of the status that end a move."""
+"""Meaning of the status bits that end a move."""
 
 SERVO, BRUSHLESS, STEPPER = 65536 * 2048 / 6e6, 65536 * 102.4e-6, 53.68
-"""Velocity value for one count per second: 65536 times the servo's period; for a stepper as stated."""
+"""Velocity value for one count per second: 65536 times the servo's period; for a stepper as stated in the protocol."""
 CONTROLLERS = {
     "TDC001": SERVO,
     "KDC101": SERVO,
@@ -53,17 +54,17 @@ CONTROLLERS = {
     "LTS150": STEPPER,
     "LTS300": STEPPER,
 }
-"""Controllers whose factor is known, by the beginning of the model that they state."""
+"""Controllers whose factor is known, by the beginning of the model name that they report."""
 BEGINS_S = 0.25
-"""Time after its command within which a move may not have begun yet."""
+"""Time in s after a command within which a move may not have begun yet."""
 NEAR = 0.01
-"""Largest distance from its target, in deg or mm, at which a servo may rest."""
+"""Largest distance in deg or mm from its target at which a servo may rest."""
 CLOSE = 2.0
-"""So many counts from its target, a move has ended that nothing shows to have begun."""
+"""Distance in counts from the target within which a move has ended even if nothing shows that it began."""
 
 
 def message_of(data: bytes) -> tuple[bytes, bytes] | None:
-    """The first whole message, and the rest."""
+    """Return the first complete message, and the remaining bytes."""
     if len(data) < _HEADER.size:
         return None
     _, low, high, to, _ = _HEADER.unpack_from(data)
@@ -83,12 +84,12 @@ class KinesisStage(LineStage):
     unit
         Unit of its positions.
     answer_s, home_s
-        How long an answer, and homing, may take.
+        Longest duration of an answer, and of homing.
 
     Raises
     ------
     BenchError
-        If the controller does not answer, is none of `CONTROLLERS`, refuses a command, or reports a fault.
+        If the controller does not answer, is not one of `CONTROLLERS`, rejects a command, or reports a fault.
     """
 
     def __init__(
@@ -112,24 +113,24 @@ class KinesisStage(LineStage):
         self.identity = f"{model.split(bytes(1))[0].decode('ascii', 'replace')} {serial}"
         known = [name for name in CONTROLLERS if self.identity.startswith(name)]
         if not known:
-            raise self._refusal(f"is a {self.identity}; known are {', '.join(CONTROLLERS)}", "use one of these")
+            raise self._refusal(f"is a {self.identity}; supported are {', '.join(CONTROLLERS)}", "use one of these")
         self._scale = CONTROLLERS[known[0]]
         self._tell(ENABLE, 1, 1)
         self._tell(SET_BACKLASH, data=_POSITION.pack(1, 0))
 
     @property
     def referenced(self) -> bool:
-        """Whether it was homed since it was switched on, or given a zero since it was connected."""
+        """Whether the stage was homed since it was switched on, or its zero set since it was connected."""
         return self._zero is not None or bool(self._status()[1] & HOMED)
 
     @property
     def search(self) -> str:
-        """How far it may move to find its zero."""
-        far = "by up to 360 deg" if self.unit == "deg" else "as far as that is"
-        return f"It drives to its home switch, {far}."
+        """Range of the move that finds the zero."""
+        far = "by up to 360 deg" if self.unit == "deg" else "over an unknown distance"
+        return f"It moves to its home switch, {far}."
 
     def reference(self) -> None:
-        """Drive to the home switch, unless its zero is known."""
+        """Move to the home switch, unless the zero is known."""
         if self.referenced:
             return
         self._tell(HOME, 1)
@@ -147,11 +148,14 @@ class KinesisStage(LineStage):
         self._tell(MOVE, data=_POSITION.pack(1, self._whole(self._target)))
 
     def position(self) -> float:
-        """Where it is, in deg or mm: as its encoder has it, or by the steps that were sent to a stepper."""
+        """Return the position in deg or mm: from the encoder, or for a stepper from the steps that were sent to it."""
         return (self._status()[0] - (self._zero or 0.0)) / self._per_unit
 
     def on_target(self) -> bool:
-        """Whether it has come to rest where it was sent; `BenchError` if it rests elsewhere or reports a fault."""
+        """Whether the stage has come to rest at its target.
+
+        Raises `BenchError` if it rests elsewhere or reports a fault.
+        """
         at, bits = self._status()
         self._check(bits)
         if bits & (MOVING | HOMING):
@@ -161,17 +165,19 @@ class KinesisStage(LineStage):
         if abs(away) <= max(NEAR if begun else 0.0, CLOSE / self._per_unit):
             return True
         if begun:
-            raise self._refusal(f"rests {away:g} {self.unit} from its target", "did a limit switch stop it?")
+            raise self._refusal(
+                f"rests {away:g} {self.unit} from its target", "check whether a limit switch stopped it"
+            )
         return False
 
     def stop(self) -> None:
-        """Stop at once, with its deceleration."""
+        """Stop with the stage's deceleration."""
         self._cut_in(_HEADER.pack(STOP, 1, PROFILED, USB, HOST))
         self._tell(STOP, 1, PROFILED)
         self._come_to_rest(lambda: not self._status()[1] & (MOVING | HOMING))
 
     def _set_velocity(self, velocity: float) -> None:
-        """Set a velocity at the present acceleration; `BenchError` if the controller rejects it."""
+        """Set a velocity at the present acceleration; raise `BenchError` if the controller rejects it."""
         value = self._whole(round(self._scale * velocity * self._per_unit))
         _, lowest, acceleration, now = self._asked(_VELOCITY, ASK_VELOCITY)
         if value == now:
@@ -180,11 +186,13 @@ class KinesisStage(LineStage):
         taken = self._asked(_VELOCITY, ASK_VELOCITY)[3]
         if abs(taken - value) > 1e-3 * value:
             highest = taken / (self._scale * self._per_unit)
-            raise self._refusal(f"takes {highest:g} {self.unit}/s for {velocity:g} {self.unit}/s", "move more slowly")
+            raise self._refusal(
+                f"sets {highest:g} {self.unit}/s instead of {velocity:g} {self.unit}/s", "move more slowly"
+            )
 
     def _whole(self, value: int) -> int:
         if abs(value) >= 1 << 31:
-            raise self._refusal(f"{value} does not go into 32 bits", "check steps_per_unit in [stage]")
+            raise self._refusal(f"{value} does not fit in 32 bits", "check steps_per_unit in [stage]")
         return value
 
     def _homed(self) -> bool:
@@ -193,7 +201,7 @@ class KinesisStage(LineStage):
         return bool(bits & HOMED) and not bits & (MOVING | HOMING)
 
     def _status(self) -> tuple[int, int]:
-        """Position in counts, and the status bits."""
+        """Return the position in counts, and the status bits."""
         question = ASK_STATUS if self._scale == STEPPER else ASK_SERVO_STATUS
         _, at, bits = self._asked(_STATUS, question)
         return at, bits
@@ -201,7 +209,7 @@ class KinesisStage(LineStage):
     def _check(self, bits: int) -> None:
         for bit, meaning in FAULTS.items():
             if bits & bit:
-                raise self._refusal(meaning, "is it free to move? switch its controller off and on")
+                raise self._refusal(meaning, "check that it is free to move; switch its controller off and on")
 
     def _tell(self, what: int, first: int = 0, second: int = 0, *, data: bytes = b"") -> None:
         to = USB
@@ -210,11 +218,16 @@ class KinesisStage(LineStage):
         self._send(_HEADER.pack(what, first, second, to, HOST) + data)
 
     def _asked(self, values: struct.Struct, question: int) -> tuple[Any, ...]:
-        """Values of the answer, whose number is the question's plus one; what was said unasked is passed over."""
+        """Return the values of the answer, whose message number is the question's plus one.
+
+        Unsolicited messages are ignored.
+        """
         self._tell(question, 0 if question == INFO else 1)
         data = self._answer(question + 1)
         if len(data) != values.size:
-            raise self._refusal(f"answered {len(data)} bytes for {values.size}", "is its firmware up to date?")
+            raise self._refusal(
+                f"answered {len(data)} bytes instead of {values.size}", "check that its firmware is up to date"
+            )
         return values.unpack(data)
 
     def _answer(self, expected: int) -> bytes:
@@ -229,6 +242,6 @@ class KinesisStage(LineStage):
 
     def _complaint(self, number: int, said: bytes) -> BenchError:
         if number not in {BAD, BAD_WITH_WORDS}:
-            return self._refusal(f"said {said[:20]!r}, which is not APT", "is it the right port?")
+            return self._refusal(f"sent {said[:20]!r}, which is not APT", "check that it is the right port")
         words = said[_HEADER.size + 4 :].split(bytes(1))[0].decode("ascii", "replace")
-        return self._refusal(f"reports an error: {words or 'without words'}", "see its manual")
+        return self._refusal(f"reports an error: {words or 'without description'}", "see its manual")

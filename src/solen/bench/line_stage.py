@@ -1,4 +1,4 @@
-"""Common part of stages at the end of a line: a stop that is waited for, a line that is closed whatever happens.
+"""Common part of stages at the end of a line: a stop that is waited for, and a line that is closed whatever happens.
 
 The interface: `LineStage`, the base of drivers.
 """
@@ -14,18 +14,18 @@ STOPS_S, STOP_LOOK_S, HOME_LOOK_S = 2.0, 0.01, 0.05
 
 
 class LineStage(ABC):
-    """Base of a stage that is spoken to over a link.
+    """Base of a stage that is controlled over a link.
 
     Parameters
     ----------
     name
-        Name of the stage, with its link's.
+        Name of the stage, with that of its link.
     link, clock
-        Line to it, and the clock that time-outs follow.
+        Line to the stage, and the clock that time-outs follow.
     answer_s
-        How long an answer may take.
+        Longest duration of an answer.
     cut
-        Form of an answer that is not a line.
+        Splits off an answer that is not a line.
     """
 
     def __init__(self, name: str, link: Link, clock: Clock, answer_s: float = 1.0, cut: Cut = line_of) -> None:
@@ -35,7 +35,7 @@ class LineStage(ABC):
 
     @abstractmethod
     def stop(self) -> None:
-        """Stop at once; what was still to be done, and a late answer to an earlier question, are dropped."""
+        """Stop at once; the remaining motion, and a late answer to an earlier question, are discarded."""
 
     def close(self) -> None:
         """Stop and close the line."""
@@ -45,7 +45,7 @@ class LineStage(ABC):
             self._link.close()
 
     def _send(self, data: bytes) -> None:
-        """Send bytes; an answer that came too late is not taken for theirs."""
+        """Send bytes, after discarding late answers to earlier questions."""
         if self._lines.owed:
             self._lines.forget()
         self._lines.owed = True
@@ -58,7 +58,7 @@ class LineStage(ABC):
             self._lines.settle()
 
     def _came_true(self, done: Callable[[], bool], within_s: float, every_s: float) -> bool:
-        """Poll until a condition holds; False after a time-out."""
+        """Poll until a condition is true; return False after a time-out."""
         due = self._clock.now_s() + within_s
         while not done():
             if self._clock.now_s() > due:
@@ -67,15 +67,15 @@ class LineStage(ABC):
         return True
 
     def _come_to_rest(self, resting: Callable[[], bool]) -> None:
-        """Wait for rest after a stop; `BenchError` if it keeps moving."""
+        """Wait for rest after a stop; raise `BenchError` if the stage keeps moving."""
         if not self._came_true(resting, STOPS_S, STOP_LOOK_S):
             raise self._refusal("does not stop", "cut its supply")
 
     def _come_home(self, there: Callable[[], bool], within_s: float) -> None:
-        """Wait for the end of homing; stop it and raise `BenchError` after a time-out."""
+        """Wait for the end of homing; after a time-out, stop it and raise `BenchError`."""
         if not self._came_true(there, within_s, HOME_LOOK_S):
             self.stop()
-            raise self._refusal(f"no reference found within {within_s:g} s", "is the stage free to move?")
+            raise self._refusal(f"no reference found within {within_s:g} s", "check that the stage is free to move")
 
     def _refusal(self, limit: str, remedy: str) -> BenchError:
         return BenchError(self.name, limit=limit, remedy=remedy)

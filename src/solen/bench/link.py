@@ -1,10 +1,10 @@
-"""A line to an instrument: bytes out, bytes in, and a limit to how long one waits.
+"""A line to an instrument: bytes out, bytes in, and a limit on the waiting time.
 
-The idea: a driver knows what to say, a link how it gets there. Drivers are given a link, so that the same driver speaks
-to a serial port, to a controller that is simulated behind a socket, and to a written-down conversation.
+The idea: a driver knows the commands, a link transports them. Drivers are given a link; the same driver therefore
+speaks to a serial port, to a controller that is simulated behind a socket, and to a scripted conversation.
 
-The interface: `Link`; `open_link` makes one of a name such as ``COM3``, ``/dev/ttyUSB0`` or ``socket://127.0.0.1:5000``
-(pyserial's names; extra ``bench``). `Lines` reads whole lines from a link, or messages that end otherwise.
+The interface: `Link`; `open_link` opens one by a name such as ``COM3``, ``/dev/ttyUSB0`` or ``socket://127.0.0.1:5000``
+(pyserial's names; extra ``bench``). `Lines` reads complete lines from a link, or messages with another end.
 """
 
 from collections.abc import Callable
@@ -21,28 +21,28 @@ class Link(Protocol):
     name: str
 
     def write(self, data: bytes) -> None:
-        """Send bytes; `BenchError` if the line is gone."""
+        """Send bytes; raise `BenchError` if the line is disconnected."""
 
     def read(self, most: int, timeout_s: float) -> bytes:
-        """Bytes received, up to ``most``; waits for the first, none after the time is up."""
+        """Return up to ``most`` received bytes; wait for the first, and return none after the time-out."""
 
     def close(self) -> None:
         """Close the line."""
 
 
 class SerialLink:
-    """A line by pyserial: a serial port, or a socket."""
+    """A line opened with pyserial: a serial port, or a socket."""
 
     def __init__(self, port: Any, name: str) -> None:
         self.name = name
         self._port = port
 
     def write(self, data: bytes) -> None:
-        """Send bytes; `BenchError` if the line is gone."""
+        """Send bytes; raise `BenchError` if the line is disconnected."""
         self._tried(self._port.write, data)
 
     def read(self, most: int, timeout_s: float) -> bytes:
-        """Bytes received, up to ``most``; waits for the first, none after the time is up."""
+        """Return up to ``most`` received bytes; wait for the first, and return none after the time-out."""
         return bytes(self._tried(self._read, most, timeout_s))
 
     def close(self) -> None:
@@ -50,7 +50,7 @@ class SerialLink:
         socket = getattr(self._port, "_socket", None)
         self._port.close()
         if socket is not None:
-            socket.close()  # pyserial leaves it open where the other side is gone
+            socket.close()  # pyserial leaves it open if the other side is disconnected
 
     def _read(self, most: int, timeout_s: float) -> bytes:
         self._port.timeout = timeout_s
@@ -66,11 +66,16 @@ class SerialLink:
         try:
             return call(*given)
         except (serial.SerialException, OSError) as bad:
-            raise BenchError(self.name, limit=f"the line is gone: {bad}", remedy="check cable and power") from None
+            raise BenchError(
+                self.name, limit=f"the line is disconnected: {bad}", remedy="check the cable and the power"
+            ) from None
 
 
 def open_link(name: str, *, baud: int = 115_200) -> SerialLink:
-    """Serial port by its name in pyserial; `BenchError` if pyserial is not installed, or there is no such port."""
+    """Open a serial port by its name in pyserial.
+
+    Raises `BenchError` if pyserial is not installed, or there is no such port.
+    """
     need("serial", what=name, error=BenchError)
     import serial
 
@@ -89,11 +94,13 @@ def _ports() -> str:
 
 
 Cut = Callable[[bytes], tuple[bytes, bytes] | None]
-"""The first whole message of what came, and the rest; None if none is whole."""
+"""Splits off the first complete message of the bytes; returns it and the remaining bytes, or None if none is
+complete.
+"""
 
 
 def line_of(data: bytes) -> tuple[bytes, bytes] | None:
-    """The first line without its end, and the rest."""
+    """Return the first line without its end, and the remaining bytes."""
     line, end, rest = data.partition(b"\n")
     return (line, rest) if end else None
 
@@ -108,10 +115,12 @@ class Lines:
         self._cut = cut
         self._waiting = b""
         self.owed = False
-        """Whether something was sent whose answer was not taken, so that it may come yet, as if it were another's."""
+        """Whether the answer to an earlier command was not read and may still arrive, where it could be mistaken for
+        the answer to another one.
+        """
 
     def next(self) -> str:
-        """One line; `BenchError` if none came in time, or what came is not text."""
+        """Return one line; raise `BenchError` if none arrived in time, or it is not text."""
         line = self.next_bytes()
         try:
             return line.decode("ascii")
@@ -120,25 +129,25 @@ class Lines:
             raise BenchError(self._link.name, limit=limit, remedy="check the baud rate") from None
 
     def next_bytes(self) -> bytes:
-        """One line as it came; `BenchError` if none came in time."""
+        """Return one line as bytes; raise `BenchError` if none arrived in time."""
         due = self._clock.now_s() + self._timeout_s
         while (found := self._cut(self._waiting)) is None:
             left = due - self._clock.now_s()
             if left <= 0.0:
                 came = f"only {self._waiting!r} came" if self._waiting else "nothing came"
                 limit = f"no answer within {self._timeout_s:g} s ({came})"
-                raise BenchError(self._link.name, limit=limit, remedy="check cable, power and baud rate")
+                raise BenchError(self._link.name, limit=limit, remedy="check the cable, the power and the baud rate")
             self._waiting += self._link.read(4096, left)
         line, self._waiting = found
         return line
 
     def there(self) -> str | None:
-        """A line that has come already; None if none is whole."""
+        """Return a line that has arrived already; None if none is complete."""
         self._waiting += self._link.read(4096, 0.0)
         return None if self._cut(self._waiting) is None else self.next().strip()
 
     def forget(self) -> bytes:
-        """Drop what came and was not asked for, and give it."""
+        """Discard input that was not requested, and return it."""
         dropped = self._waiting
         while came := self._link.read(4096, 0.0):
             dropped += came
@@ -146,7 +155,7 @@ class Lines:
         return dropped
 
     def settle(self) -> None:
-        """Drop what came and what may come yet: nothing does once the line was silent for an answer's time."""
+        """Discard input that has arrived or still arrives, until the line is silent for the duration of an answer."""
         due = self._clock.now_s() + 2.0 * self._timeout_s
         while self._link.read(4096, self._timeout_s) and self._clock.now_s() < due:
             pass

@@ -1,9 +1,9 @@
 """A lock file held by one process at a time, released whenever that process ends.
 
-The idea: SQLite locks files on every system, so no system calls are needed: an exclusive transaction
-on an empty database is the lock. A killed process leaves an empty hidden file, which the next one reuses.
+The idea: SQLite locks files on every system, and no system calls are needed: an exclusive transaction on an empty
+database is the lock. A killed process leaves an empty hidden file, which the next one reuses.
 
-The interface: `locked` for as long as a ``with`` statement lasts.
+The interface: `locked`, which lasts as long as its ``with`` statement.
 """
 
 import contextlib
@@ -33,7 +33,7 @@ def locked(path: Path) -> Iterator[None]:
             leftover.callback(_remove, file)
         except sqlite3.Error as bad:
             if getattr(bad, "sqlite_errorname", "").startswith("SQLITE_BUSY"):
-                limit, remedy = "is in use by another run", "let it end first"
+                limit, remedy = "is in use by another run", "wait until it has ended"
                 raise BenchError(str(path), limit=limit, remedy=remedy) from None
         yield
 

@@ -1,12 +1,12 @@
 """Sub-pixel position of a square marker in pictures, and its rotation between them.
 
-The idea: OpenCV detects an ArUco or AprilTag marker and its corners to a pixel. Each side of its black square is
-then located again: along its normals, the area under the grey profile gives the position of the step from white to
-black, independent of blur; a line is fitted through these points, and two lines intersect in a corner.
+The idea: OpenCV detects an ArUco or AprilTag marker and its corners to a pixel. Each side of its black square is then
+located again: along its normals, the area under the grey profile gives the position of the step from white to black,
+independent of blur; a line is fitted through these points, and two lines intersect in a corner.
 
-A marker that turns in a plane keeps its shape there, even if seen obliquely: one projection from that plane to
-the picture, common to all pictures, and a rotation and a shift for each. Both are fitted to all corners, and the
-corners' misfit gives the uncertainty of an angle. The camera is fixed and free of distortion.
+A marker that turns in a plane keeps its shape in that plane, even if it is seen obliquely: the model has one projection
+from the plane to the picture, common to all pictures, and a rotation and a shift for each picture. Both are fitted to
+all corners, and the corners' misfit gives the uncertainty of an angle. The camera must be fixed and free of distortion.
 
 The interface: `Finder` of markers in a picture; `turns` of corners returns `Turns`.
 """
@@ -33,19 +33,21 @@ DICTIONARIES: dict[Dictionary, str] = {
     "apriltag-36h11": "DICT_APRILTAG_36h11",
 }
 SQUARE = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]])
-"""Corners of the marker in its plane, y up, in the order in which they are found."""
+"""Corners of the marker in its plane, y up, in the order in which they are detected."""
 MARGIN, PLACES, STEP_PX = 0.12, 40, 0.5
-"""Share of a side left out at each end, most points along it, and spacing of samples across it."""
+"""Fraction of a side omitted at each end, largest number of points along it, and spacing of samples across it."""
 REACH = 0.09
-"""How far across a side one looks, as a share of it: less than the black border and the white one are wide."""
+"""Half-length of the profiles across a side, as a fraction of the side: less than the width of the black and of the
+white border.
+"""
 LEAST_PX = 24.0
-"""Sides of fewer pixels have no border that could be followed."""
+"""Least length of a side in pixels; shorter sides have no border that could be located."""
 ROUNDS, FITTED = 6, 400
-"""Rounds of the fit; pictures that the projection is fitted to, at the most."""
+"""Rounds of the fit, and largest number of pictures to which the projection is fitted."""
 
 
 class Finder:
-    """Markers of one dictionary in pictures; `DataError` if OpenCV is not installed."""
+    """Markers of one dictionary in pictures; raises `DataError` if OpenCV is not installed."""
 
     def __init__(self, dictionary: Dictionary) -> None:
         need("cv2", what="video", doing="reading pictures", error=DataError)
@@ -55,7 +57,7 @@ class Finder:
         self._detector: Any = cv2.aruco.ArucoDetector(found)
 
     def __call__(self, picture: FloatArray) -> list[tuple[int, FloatArray]]:
-        """Number and corners (4, 2) of each marker in a grey picture, x to the right and y down, in pixels."""
+        """Return number and corners (4, 2) of each marker in a grey picture, x to the right and y down, in pixels."""
         corners, numbers, _ = self._detector.detectMarkers(picture.astype(np.uint8))
         if numbers is None:
             return []
@@ -66,7 +68,7 @@ class Finder:
 
 
 def refined(picture: FloatArray, corners: FloatArray) -> FloatArray | None:
-    """Corners (4, 2) by the lines of the marker's sides; None if a side cannot be followed."""
+    """Return corners (4, 2) from the lines of the marker's sides; None if a side cannot be located."""
     for _ in range(2):
         sides = [_line(picture, corners[place], corners[(place + 1) % 4]) for place in range(4)]
         lines = [side for side in sides if side is not None]
@@ -77,7 +79,7 @@ def refined(picture: FloatArray, corners: FloatArray) -> FloatArray | None:
 
 
 def _line(picture: FloatArray, begin: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """A point of a side's line, and its direction."""
+    """Return a point on the line of a side, and its direction."""
     along = end - begin
     length = float(np.hypot(*along))
     if length < LEAST_PX:
@@ -93,7 +95,7 @@ def _line(picture: FloatArray, begin: FloatArray, end: FloatArray) -> tuple[Floa
     white, black = np.median(grey[:, :ends]), np.median(grey[:, -ends:])
     if white - black < 1.0:
         return None
-    # the area under a step is its height times how far it goes
+    # the area under a step is its height times its width
     step = across[0] - 0.5 * STEP_PX + STEP_PX * ((grey - black) / (white - black)).sum(axis=1)
     points = begin + places[:, None] * along + step[:, None] * inward
     kept = np.abs(step - np.median(step)) <= max(0.5, 4.0 * float(np.median(np.abs(step - np.median(step)))))
@@ -109,18 +111,18 @@ def _meet(one: tuple[FloatArray, FloatArray], other: tuple[FloatArray, FloatArra
 
 @dataclass(frozen=True, eq=False)
 class Turns:
-    """How a marker turned.
+    """Rotation of a marker.
 
     Attributes
     ----------
     angle_deg
-        Angle of each picture, from the first, counter-clockwise, (N,).
+        Angle in each picture, relative to the first, counter-clockwise, (N,).
     u_angle_deg
-        Of each, as far as the corners' misfit shows it.
+        Standard uncertainty of each angle, from the misfit of the corners.
     row
-        Where its centre is, in rows of the picture, (N,).
+        Position of the centre, in rows of the picture, (N,).
     misfit_px
-        Root mean square, of a coordinate of a corner.
+        Root mean square misfit of one coordinate of a corner.
     """
 
     angle_deg: FloatArray
@@ -130,7 +132,7 @@ class Turns:
 
 
 def turns(corners: FloatArray) -> Turns:
-    """Turns of a marker by its corners (N, 4, 2) in pictures, in which x is to the right and y down."""
+    """Compute the rotation of a marker from its corners (N, 4, 2) in pictures; x is to the right and y down."""
     flat = _projection(SQUARE, corners[0])
     chosen = np.linspace(0, len(corners) - 1, min(FITTED, len(corners))).astype(int)
     for _ in range(ROUNDS):
@@ -141,13 +143,13 @@ def turns(corners: FloatArray) -> Turns:
     free = max(5 * len(corners) - 8, 1)
     sd = float(np.sqrt((off**2).sum() / free))
     side_px = float(np.hypot(*np.moveaxis(np.diff(corners, axis=1), -1, 0)).mean())
-    # a turn moves each corner by its distance from the centre, whose squares add up to 2
+    # a rotation moves each corner by its distance from the centre; the squares add up to 2
     u_deg = float(np.degrees(sd / np.sqrt(2.0)))
     return Turns(np.degrees(np.unwrap(angle)), u_deg, corners[:, :, 1].mean(axis=1), sd * side_px)
 
 
 def _placed(flat: FloatArray, corners: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Angle of each marker in its plane, and its corners as a square has them."""
+    """Return the angle of each marker in its plane, and its corners aligned with those of the square."""
     seen = _projected(_back(flat), corners)
     middle = seen.mean(axis=1, keepdims=True)
     around = seen - middle
@@ -168,7 +170,7 @@ def _projected(matrix: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _projection(plane: FloatArray, picture: FloatArray) -> FloatArray:
-    """Projection (3, 3) of points of a plane to those of a picture, (n, 2) each, by least squares."""
+    """Return the projection (3, 3) of points of a plane to those of a picture, (n, 2) each, by least squares."""
     middle, scale = picture.mean(axis=0), float(picture.std())
     x, y = plane.T
     u, v = ((picture - middle) / scale).T

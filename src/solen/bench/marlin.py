@@ -1,9 +1,9 @@
 """Stepper motors on a board with Marlin, the firmware of many 3D printers.
 
-The idea: a command is answered by ``ok`` as soon as it is queued, long before the motor arrives; ``M400`` when all
-motion has ended. In between Marlin reports the target, not the position, so that a position is
-known at rest only, as for a stage turned by hand. ``M410`` stops at once and loses the step count.
-Commands: Marlin's G-code reference, G1, G28, G90, G92, M114, M115, M400, M410, M503.
+The idea: a command is answered with ``ok`` as soon as it is queued, long before the motor arrives; ``M400`` is answered
+when all motion has ended. In between Marlin reports the target, not the position; the position therefore is known only
+at rest, as for a stage turned by hand. ``M410`` stops at once and loses the step count. Commands: Marlin's G-code
+reference, G1, G28, G90, G92, M114, M115, M400, M410, M503.
 
 The interface: `MarlinStage`, a `Stage` that `solen.bench.roles.Homes`.
 """
@@ -18,9 +18,9 @@ from solen.bench.link import Link
 
 
 class MarlinStage(GcodeStage):
-    """One axis of a board, the step of which is set up by ``M92``.
+    """One axis of a board, whose step is configured by ``M92``.
 
-    `BenchError` also where nothing could stop a move (no ``EMERGENCY_PARSER``).
+    Raises `BenchError` also if nothing could stop a move (no ``EMERGENCY_PARSER``).
     """
 
     firmware, wakes_s, patience_s = "Marlin", 8.0, 30.0
@@ -34,11 +34,11 @@ class MarlinStage(GcodeStage):
 
     @property
     def search(self) -> str:
-        """Unknown: Marlin does not report it."""
-        return f"It drives to the switch of its {self._axis} axis, as far as that is."
+        """Range of the move that finds the zero, which Marlin does not report."""
+        return f"It moves to the switch of its {self._axis} axis, over an unknown distance."
 
     def reference(self) -> None:
-        """Drive to the limit switch, unless its zero is known."""
+        """Move to the limit switch, unless the zero is known."""
         if not self.referenced:
             self._command(f"G28 {self._axis}", self._home_s)
             self.referenced = True
@@ -57,25 +57,30 @@ class MarlinStage(GcodeStage):
         self._owed, self._target = 1, target
 
     def position(self) -> float:
-        """Where it is at rest, in deg or mm, by the steps that were sent to its motor; NaN while it moves."""
+        """Return the position at rest in deg or mm, computed from the steps that were sent to the motor.
+
+        The result is NaN while it moves.
+        """
         if not self._settled():
             return math.nan
         text = " ".join(self._command("M114"))
         found = re.search(rf"\b{self._axis}:(-?[\d.]+)", text)
         if found is None:
-            raise self._refusal(f"answered {text!r} to M114", "is it Marlin? check the baud rate")
+            raise self._refusal(f"answered {text!r} to M114", "check that it runs Marlin, and the baud rate")
         return float(found[1])
 
     def on_target(self) -> bool:
-        """Whether it has come to rest at the target; `BenchError` if its limits prevented that."""
+        """Whether the axis has come to rest at the target; raise `BenchError` if its limits prevented that."""
         if not self._settled():
             return False
         if abs((at := self.position()) - self._target) > 0.01:
-            raise self._refusal(f"rests at {at:g}, sent to {self._target:g}", "do its soft endstops (M211) stop it?")
+            raise self._refusal(
+                f"rests at {at:g}, but was sent to {self._target:g}", "check whether its soft endstops (M211) stop it"
+            )
         return True
 
     def stop(self) -> None:
-        """Stop at once; if it moved, its zero is lost."""
+        """Stop at once; if the axis moved, its zero is lost."""
         moved = not self._settled()
         self._link.write(b"M410\n")
         self._owed += 1
@@ -90,13 +95,13 @@ class MarlinStage(GcodeStage):
             raise self._refusal(limit, "build its firmware with EMERGENCY_PARSER")
 
     def _settled(self) -> bool:
-        """Whether nothing is owed any more, with what has come."""
+        """Whether no answer is outstanding any more, after reading the input."""
         while self._owed and (line := self._lines.there()) is not None:
             self._owed -= self._ends(line, "M400")
         return not self._owed
 
     def _ends(self, line: str, text: str) -> bool:
-        """Whether a line ends an answer; `BenchError` if it is the board's reason against it."""
+        """Whether a line ends an answer; raise `BenchError` if it is an error of the board."""
         if line.startswith("Error:") or "Unknown command" in line:
             raise self._refusal(f"{text}: {line}", "see the board's display, and reset it")
         return line == "ok" or line.startswith("ok ")

@@ -1,8 +1,8 @@
 """Meters as receivers: instruments that return a reading on request, with switched or steady light.
 
-The idea: a multimeter or an oscilloscope samples at its own pace. A thread requests one
-reading after another and stamps request and arrival: it was measured in between,
-and the recording states that. Readings are queued until the run fetches them.
+The idea: a multimeter or an oscilloscope samples at its own pace. A thread requests one reading after another and
+stamps request and arrival; the measurement took place between these two times, which the recording states. Readings are
+queued until the run fetches them.
 
 The interface: `Reading` of all inputs; `AskingMeter`, a `Meter` for anything that measures on request.
 """
@@ -19,7 +19,7 @@ from solen.bench.clock import Clock
 from solen.errors import BenchError, DataError, SolenError
 
 STOPS_S = 10.0
-"""A reading that is under way may take so long to end."""
+"""Longest time in s until a reading in progress ends."""
 MOST_MISSED = 5
 """Number of consecutive failed readings that ends the run."""
 
@@ -66,7 +66,7 @@ class AskingMeter(ABC):
     """
 
     silent_s = 20.0
-    no_watchdog = "emitters are lit by something that solen does not switch, and stay lit however a run ends"
+    no_watchdog = "emitters are not switched by solen, and stay on however a run ends"
 
     def __init__(self, name: str, clock: Clock, *, inputs: int, unit: str, switched: bool) -> None:
         self.name, self.inputs, self.unit, self.switched = name, inputs, unit, switched
@@ -83,18 +83,18 @@ class AskingMeter(ABC):
 
     @abstractmethod
     def release(self) -> None:
-        """Let go of the instruments."""
+        """Release the instruments."""
 
     def start(self) -> None:
-        """Begin to ask."""
+        """Start requesting readings."""
         self._made, self._fault = SimpleQueue(), None
         self._ended.clear()
         self._thread = threading.Thread(target=self._ask, daemon=True)
         self._thread.start()
 
     def read(self) -> list[Reading]:
-        """Readings since the last call; `BenchError` with what ended them."""
-        found, fault = [], self._fault  # looked at first: what was read before it is then in the queue
+        """Return the readings since the last call; raise `BenchError` with the reason if they have ended."""
+        found, fault = [], self._fault  # read first: all earlier readings are then in the queue
         while True:
             try:
                 found.append(self._made.get_nowait())
@@ -133,12 +133,12 @@ class AskingMeter(ABC):
                 if not isinstance(bad, DataError) or missed >= MOST_MISSED:
                     self._fault = bad
                     return
-            except Exception as bad:  # the thread would end in silence
+            except Exception as bad:  # otherwise the thread would end silently
                 words = " ".join(f"{type(bad).__name__}: {bad}".split())
                 self._fault = BenchError(self.name, limit=f"cannot be read: {words}")
                 return
 
 
 def steady(sent_s: float, t_s: float, values: FloatArray, clipped: BoolArray) -> Reading:
-    """A reading in steady light."""
+    """Return a reading in steady light."""
     return Reading(sent_s, t_s, values, np.full(len(values), np.nan), clipped)

@@ -1,7 +1,7 @@
 """Multimeters as receivers: one for each input, by VISA and SCPI, in steady light.
 
-The idea: all are asked at once and then heard one after the other, so that they measure side by side. A reading beyond
-the range is what SCPI says it is, 9.9E37, and clipped (SCPI-1999, volume 1, 7.2.1.5).
+The idea: all meters are queried at once and read one after the other, and thus measure simultaneously. A reading beyond
+the range is 9.9E37 in SCPI, and counts as clipped (SCPI-1999, volume 1, 7.2.1.5).
 
 The interface: `Multimeters`, a `Meter`.
 """
@@ -15,7 +15,7 @@ from solen.bench.meter import AskingMeter, Reading, steady
 from solen.bench.visa import Scpi, all_or_none, opened_all
 
 OVER = 9.0e37
-"""Larger values mean overrange, or not a number."""
+"""Values above this mean overrange, or not a number."""
 
 
 class Multimeters(AskingMeter):
@@ -26,20 +26,20 @@ class Multimeters(AskingMeter):
     clock
         Clock of the run.
     addresses
-        Of each input's, as VISA calls it.
+        VISA address of the meter of each input.
     ask
-        The question that is answered by a reading: ``READ?``, ``MEAS:VOLT:DC?``, ``FETC?``.
+        The query that is answered by a reading: ``READ?``, ``MEAS:VOLT:DC?``, ``FETC?``.
     setup
-        Commands to each, before the first reading.
+        Commands to each meter before the first reading.
     unit
-        Unit of what they read.
+        Unit of the readings.
     backend, answer_s
-        PyVISA's name of the library, and how long an answer may take.
+        PyVISA's name of the library, and longest duration of an answer.
 
     Raises
     ------
     BenchError
-        If one is not there, or takes a command not.
+        If a meter does not answer, or rejects a command.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Multimeters(AskingMeter):
         super().__init__(name, clock, inputs=len(addresses), unit=unit, switched=False)
 
     def measure(self) -> Reading:
-        """One reading of each meter."""
+        """Return one reading of each meter."""
         sent_s = self._clock.now_s()
         for one in self._all:
             one.say(self._question)
@@ -71,16 +71,18 @@ class Multimeters(AskingMeter):
         return steady(sent_s, self._clock.now_s(), np.where(beyond, np.nan, values), beyond)
 
     def release(self) -> None:
-        """End the sessions."""
+        """Close the sessions."""
         for one in self._all:
             one.close()
 
 
 def _value(one: Scpi, question: str) -> float:
-    """The number that answers; `BenchError` for anything else."""
+    """Return the number in an answer; raise `BenchError` for anything else."""
     answer = one.heard()
     try:
         value = float(answer)
     except ValueError:
-        raise one.refusal(f"answered {answer[:40]!r} to {question}", "ask for one reading: meter.ask") from None
+        raise one.refusal(
+            f"answered {answer[:40]!r} to {question}", "use a query that is answered by one reading: meter.ask"
+        ) from None
     return math.inf if math.isnan(value) else value

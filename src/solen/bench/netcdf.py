@@ -1,13 +1,13 @@
-"""A journal closed into a netCDF file: everything that was sampled, and each sensor's readings without ambient light.
+"""A journal closed into a netCDF file: all samples, and each sensor's readings without ambient light.
 
-The idea: the root of the file holds what came, count by count, on the clock of the run, and where the stage was. What
-came are a board's periods, or a data acquisition's samples, which `solen.bench.waveform` makes readings of. Each
-sensor, and each emitter of a network, has a group of its own with what analysis reads: the times of its emitter's on
-phases, the angles at them, and the volts of its receivers, on less the mean of off before and after. Nothing is
-smoothed. A cycle that was cut short in a resumed run is repeated: it stays in the root and is left out of the groups.
-The file is written under a temporary name and renamed; the journal stays.
+The idea: the root of the file stores the received data, count by count, on the clock of the run, and the position of
+the stage. The data are a board's periods, or a data acquisition's samples, from which `solen.bench.waveform` computes
+readings. Each sensor, and each emitter of a network, has its own group with the data that analysis reads: the times of
+its emitter's on phases, the angles at these times, and the volts of its receivers, on minus the mean of off before and
+after. Nothing is smoothed. A cycle that was interrupted in a resumed run is repeated: it stays in the root and is
+omitted from the groups. The file is written under a temporary name and renamed; the journal stays.
 
-The interface: `write_recording` of a journal gives a `RecordedRun`; extra ``netcdf``.
+The interface: `write_recording` of a journal returns a `RecordedRun`; extra ``netcdf``.
 """
 
 import json
@@ -51,7 +51,7 @@ from solen.ranks import Caution, do_not_use, look_at, of
 from solen.results import HIDDEN, Result, reported
 
 _NAMED = 5
-"""Gaps of a damaged journal that are named one by one."""
+"""Number of gaps of a damaged journal that are named one by one."""
 
 
 class RecordedRun(Result):
@@ -62,19 +62,19 @@ class RecordedRun(Result):
     path
         The file.
     outcome
-        ``done``, ``stopped``, ``fault``, or ``killed`` where the journal has no end.
+        ``done``, ``stopped``, ``fault``, or ``killed`` if the journal has no end.
     cycles, periods
-        Whole cycles, and periods or frames in it.
+        Number of complete cycles, and of periods or frames.
     duration_s
-        From the first to the last.
+        Time from the first period to the last.
     sensors
-        Readings of each sensor.
+        Number of readings of each sensor.
     losses
         Losses of the sampler, over all parts of the run.
     lost_bytes
         Number of bytes of the journal's unfinished last record.
     damaged_bytes, missing_records
-        Of the journal, where it was damaged: bytes that no longer make a record, and records known to be missing.
+        For a damaged journal: bytes that no longer form a record, and number of records known to be missing.
     simulated
         Whether anything in it is simulated.
     remarks
@@ -96,17 +96,21 @@ class RecordedRun(Result):
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
-        """Losses, and the remarks."""
+        """Losses and remarks."""
         lost = [f"{number} {name}" for name, number in self.losses.items() if number]
         return (
             *([look_at(f"lost {', '.join(lost)}")] if lost else []),
             *self.remarks,
-            *([look_at(f"the last {self.lost_bytes} bytes of the journal were not whole")] if self.lost_bytes else []),
+            *(
+                [look_at(f"the last {self.lost_bytes} bytes of the journal were not complete")]
+                if self.lost_bytes
+                else []
+            ),
         )
 
 
 def check_installed() -> None:
-    """`OutputError` if what writes netCDF is not installed."""
+    """Raise `OutputError` if the library that writes netCDF is not installed."""
     need("h5netcdf", "h5py", what="netCDF")
 
 
@@ -159,7 +163,7 @@ Content = tuple[FloatArray, dict[str, int], list[Caution]]
 
 
 def _periods(file: Any, journaled: JournalContent) -> Content:
-    """Write what a board sampled."""
+    """Write the samples of a board."""
     board, header = journaled.streams["board"], journaled.header
     time_s, lines = _times(journaled)
     _attributes(file, journaled, {str(place): line for place, line in enumerate(lines)})
@@ -173,7 +177,7 @@ def _periods(file: Any, journaled: JournalContent) -> Content:
 
 
 def _bent(view: View, parts: Sequence[Columns], ends: Sequence[float] | None) -> list[Caution]:
-    """Readings that rest on levels where the converter is not linear."""
+    """Warn of readings that depend on levels at which the converter is not linear."""
     if ends is None or not parts:
         return []
     outside = []
@@ -182,15 +186,15 @@ def _bent(view: View, parts: Sequence[Columns], ends: Sequence[float] | None) ->
         outside.append(np.any([(level < ends[0]) | (level > ends[1]) for level in levels], axis=0))
     share = float(np.concatenate(outside).mean())
     beyond = f"levels beyond {ends[0]:g} to {ends[1]:g}, where the converter is not linear"
-    return [of(view.name, look_at(f"{100 * share:.3g} % of the readings rest on {beyond}"))] if share > 0.0 else []
+    return [of(view.name, look_at(f"{100 * share:.3g} % of the readings depend on {beyond}"))] if share > 0.0 else []
 
 
 def _clipped(group: Any, view: View) -> Iterator[Caution]:
-    """Readings with a sample at an end of the converter's range."""
+    """Warn of readings with a sample at a limit of the converter's range."""
     marks = {name: np.asarray(group[f"{name}_clipped"]) for name in view.inputs}
     shares = [f"{name} {100 * own.mean():.3g} %" for name, own in marks.items() if own.any()]
     if shares:
-        yield of(view.name, look_at(f"readings clipped at an end of the converter's range: {', '.join(shares)}"))
+        yield of(view.name, look_at(f"readings clipped at a limit of the converter's range: {', '.join(shares)}"))
 
 
 def _unsound(board: Rows) -> list[Caution]:
@@ -200,7 +204,7 @@ def _unsound(board: Rows) -> list[Caution]:
 
 
 def _waveform(file: Any, journaled: JournalContent) -> Content:
-    """Write what a data acquisition sampled."""
+    """Write the samples of a data acquisition."""
     header, wave = journaled.header, Waveform(file, journaled)
     _attributes(file, journaled, wave.lines)
     file.dimensions["period"] = len(wave.time_s)
@@ -223,7 +227,7 @@ def _waveform(file: Any, journaled: JournalContent) -> Content:
 
 
 def _readings(file: Any, journaled: JournalContent) -> Content:
-    """Write a meter's readings: each as it arrived, and those of each sensor."""
+    """Write the readings of a meter: each as it arrived, and those of each sensor."""
     rows, header = journaled.streams["meter"], journaled.header
     half_s = 0.5 * (rows["t_s"] - rows["sent_s"] + header.get("clock_resolution_s", 0.0))
     time_s = rows["sent_s"] + half_s
@@ -245,7 +249,7 @@ def _readings(file: Any, journaled: JournalContent) -> Content:
 
 
 def _read_by(rows: Rows, time_s: FloatArray, inputs: list[int]) -> Read:
-    """Readings of some inputs: on minus off if off is known, else unchanged."""
+    """Return the readings of some inputs: on minus off if off is known, otherwise on."""
     on, off = rows["on"][:, inputs], rows["off"][:, inputs]
     return Read(time_s, np.where(np.isfinite(off), on - off, on), off, rows["clipped"][:, inputs])
 
@@ -254,7 +258,7 @@ _CONTENT = {"board": _periods, "samples": _waveform, "meter": _readings}
 
 
 def _times(journaled: JournalContent) -> tuple[FloatArray, list[ClockLine]]:
-    """Time of each period on the run's clock, and the line of each stretch."""
+    """Return the time of each period on the run's clock, and the clock line of each segment."""
     board, came = journaled.streams["board"], journaled.streams["came"]
     times, lines = np.zeros(len(board)), []
     for first, last in stretches(board):
@@ -262,7 +266,7 @@ def _times(journaled: JournalContent) -> tuple[FloatArray, list[ClockLine]]:
         numbers, board_s = mine["number"], 1e-6 * mine["board_us"].astype(float)
         held = (came["part"] == mine["part"][0]) & (came["number"] >= numbers[0]) & (came["number"] <= numbers[-1])
         arrivals = came[held]
-        # a period has come when it is over
+        # a period arrives when it is over
         over = np.interp(arrivals["number"] + 1.0, numbers, board_s) if len(arrivals) else board_s[:1]
         if len(arrivals):
             came_s = came_by(arrivals, journaled)
@@ -334,7 +338,7 @@ def _positions(file: Any, journaled: JournalContent) -> None:
 
 
 def _ended(journaled: JournalContent) -> list[Caution]:
-    """Why a run ended before its end."""
+    """State why a run ended early."""
     ends = [event for event in journaled.events if event["what"] in {"stopped", "fault"}]
     if not ends or journaled.outcome == "done":
         return []
@@ -342,18 +346,18 @@ def _ended(journaled: JournalContent) -> list[Caution]:
 
 
 def _damage(journaled: JournalContent) -> list[Caution]:
-    """Missing parts of a damaged journal."""
+    """State the missing parts of a damaged journal."""
     if not journaled.damaged:
         return []
     places = ", ".join(map(str, journaled.missing[:_NAMED]))
     more = f" and {len(journaled.missing) - _NAMED} more gaps" if len(journaled.missing) > _NAMED else ""
-    lacks = f"it lacks {places}{more}" if places else "what it lacks is unknown"
+    lacks = f"it lacks {places}{more}" if places else "the missing records are unknown"
     kept = f"the journal is damaged and kept: {journaled.damaged_bytes} bytes cannot be read as records; {lacks}"
     return [look_at(kept)]
 
 
 def _timing(file: Any, journaled: JournalContent) -> list[Caution]:
-    """State the timing uncertainty due to clocks and lines, for hysteresis; with a remark if notable."""
+    """State the timing uncertainty due to clocks and lines, for hysteresis; with a remark if it is notable."""
     header, remarks = journaled.header, []
     lines = [ClockLine(**line) for line in json.loads(file.attrs["clock"]).values()]
     protocol = Protocol(**header["protocol"])
@@ -369,11 +373,11 @@ def _timing(file: Any, journaled: JournalContent) -> list[Caution]:
 
 
 def _sensor(file: Any, view: View, parts: list[Columns], journaled: JournalContent, *, switched: bool = True) -> int:
-    """Write a sensor's group, of a network one for each emitter, receivers in their unit; how many readings it has.
+    """Write a sensor's group, for a network one for each emitter, and return the number of readings.
 
-    Of emitters that are on all the time ambient light is not known.
+    Receivers are in their unit. The ambient light is unknown for emitters that are on all the time.
     """
-    # pieces are freed as they are joined
+    # pieces are freed while they are joined
     columns = {name: np.concatenate([part.pop(name) for part in parts]) for name in list(parts[0])} if parts else {}
     group = file.create_group(view.name)
     group.attrs["sensor"] = view.name
@@ -396,7 +400,7 @@ def _sensor(file: Any, view: View, parts: list[Columns], journaled: JournalConte
 
 
 def _described(view: View, header: Mapping[str, Any], unit: str, *, switched: bool) -> dict[str, tuple[str, str]]:
-    """Unit and description of each column of a sensor."""
+    """Return unit and description of each column of a sensor."""
     made = f"{_MADE[switched]}{'; lower is brighter' if switched and unit == 'V' else ''}"
     found = {"time_s": ("s", "time of the emitter's on phase on the clock of the run")}
     for motion, driven in motions_of(header).items():
@@ -411,7 +415,7 @@ def _described(view: View, header: Mapping[str, Any], unit: str, *, switched: bo
 
 
 def _drive_in_words(motion: str, driven: Mapping[str, Any]) -> tuple[str, str]:
-    """Unit of what moves a sensor, and what its values are."""
+    """Return the unit of the quantity that drives a sensor, and a description of its values."""
     by = "then, by a monotone cubic between the stage's positions"
     if driven.get("drives") == "depth":
         return "mm", f"depth of the finger {by}"
@@ -419,7 +423,10 @@ def _drive_in_words(motion: str, driven: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def _without_load_V(cell: LoadCell, columns: Columns, journaled: JournalContent) -> float:
-    """Voltage of a load cell without load: as stated, or its mean over the rest before the first cycle; NaN without."""
+    """Return the voltage of a load cell without load: as stated, or its mean at rest before the first cycle.
+
+    The result is NaN if unknown.
+    """
     if cell.zero_V is not None:
         return cell.zero_V
     rest = next((event["t_s"] for event in journaled.events if event["what"] == "at rest"), math.inf)
@@ -430,12 +437,12 @@ def _without_load_V(cell: LoadCell, columns: Columns, journaled: JournalContent)
 
 
 def _overloaded(file: Any, journaled: JournalContent) -> list[Caution]:
-    """Readings at which the load cell was at an end of its input's range, or its voltage without load is unknown."""
+    """Warn of readings with the load cell at a limit of its input's range, or its voltage without load unknown."""
     if journaled.header.get("load_cell") is None:
         return []
     forces = [file.groups[view.name].variables["force_N"][...] for view in views_of(journaled.header)]
     missing = int(np.isnan(np.concatenate(forces)).sum())
-    limit = "readings have no force: the load cell was at an end of the input's range, or never seen without load"
+    limit = "readings have no force: the load cell was at a limit of the input's range, or never recorded without load"
     return [do_not_use(f"{missing} {limit}")] if missing else []
 
 

@@ -1,16 +1,16 @@
-"""Instruments of National Instruments by NI-DAQmx: inputs sampled by their clock, emitters by counters or outside.
+"""Instruments of National Instruments by NI-DAQmx: inputs sampled by their clock, emitters switched by counters.
 
-The idea: the instrument's clock says when samples are taken, and its driver keeps them until they are read; the program
-only has to come by often enough. Samples are read as the counts they are, without the driver's scaling, whose
-coefficients are asked once. What the instrument can do is asked as well (`solen.bench.nidaq_model`). Digital outputs
-are set by the program, not by a clock, so that only counters can switch emitters 200 times a second. They begin with
-the first sample and run by the same quartz.
+The idea: the instrument's clock determines when samples are taken, and its driver buffers them until they are read; the
+program only has to read often enough. Samples are read as counts, without the driver's scaling, whose coefficients are
+queried once. The capabilities of the instrument are also queried (`solen.bench.nidaq_model`). Its static digital
+outputs are set by the program, not by a clock; therefore only counters can switch emitters 200 times a second. The
+counters begin with the first sample and run by the same quartz.
 
-Where the program reads too late, samples are overwritten: that is counted and reported, and another stretch begins. Any
-other fault ends the run. However it ends, the counters are released and their lines, and the enabling one, set low.
-There is no watchdog in the instrument: what a killed program leaves on, only its driver can switch off.
+If the program reads too late, samples are overwritten: the loss is counted and reported, and a new segment begins. Any
+other fault ends the run. However it ends, the counters are released and their lines, and the enabling line, set low.
+The instrument has no watchdog: only its driver can switch off the emitters that a killed program leaves on.
 
-The interface: `NiDaq`, a `Daq`. Extra ``bench``; NI-DAQmx itself is National Instruments' to install.
+The interface: `NiDaq`, a `Daq`. Extra ``bench``; NI-DAQmx itself has to be installed from National Instruments.
 """
 
 import contextlib
@@ -31,27 +31,27 @@ from solen.errors import BenchError
 OVERRUNS = {
     -200279: "samples were overwritten before the program read them",
     -200222: "the driver's buffer was full before the program read it",
-    -200361: "the instrument's own memory was full before the computer took its samples",
+    -200361: "the instrument's own memory was full before the computer fetched its samples",
 }
 """Error codes of NI-DAQmx after which sampling restarts."""
 FAULTS = {
     -200170: ("has no such channel or line", "compare the rig file's [daq] with the instrument's terminals"),
     -200220: ("is not a device that NI-DAQmx knows", ""),
     -200324: ("was removed", "check its cable"),
-    -201003: ("cannot be reached", "check its cable and power"),
-    -50103: ("is in use by another program or task", "close that, or reset the device in NI MAX"),
+    -201003: ("cannot be reached", "check the cable and the power"),
+    -50103: ("is in use by another program or task", "close that program, or reset the device in NI MAX"),
     -200089: ("has a task of that name already", "close the other program"),
     -200081: ("cannot sample so many channels at this rate", "lower daq.rate_hz"),
-    -50405: ("was unplugged while samples were on their way", "check its cable"),
+    -50405: ("was unplugged while samples were being transferred", "check its cable"),
     -50401: ("does not answer", "check its cable"),
     -88709: ("was unplugged or reset", "check its cable"),
     -88710: ("was unplugged or reset", "check its cable"),
 }
 """Meaning of other error codes, and remedies."""
 MOST_BITS = 16
-"""Wider converters do not fit into the counts that are kept."""
+"""Most bits of a converter; wider ones do not fit in the counts that are stored."""
 MOST_OVERRUNS, WITHIN_S = 3, 10.0
-"""So many overruns in so much time end the run."""
+"""Number of overruns, and the time in s within which they end the run."""
 
 
 class NiDaq:
@@ -69,8 +69,8 @@ class NiDaq:
     Raises
     ------
     BenchError
-        If nidaqmx or NI-DAQmx is not installed, or the device is not there, another, in use, at fault, or cannot do
-        what is asked of it.
+        If nidaqmx or NI-DAQmx is not installed, or the device is missing, of another model, in use or faulty, or cannot
+        do what the settings request.
     """
 
     def __init__(self, clock: Clock, device: str, setup: Setup) -> None:
@@ -99,22 +99,22 @@ class NiDaq:
 
     @property
     def limits_V(self) -> NDArray[np.float64]:
-        """Ends of each channel's range as the instrument has it, shape (channels, 2)."""
+        """Limits of each channel's range as reported by the instrument, shape (channels, 2)."""
         return self._limits_V
 
     @property
     def no_watchdog(self) -> str | None:
-        """State left by a killed program, and the remedy; None if an external watchdog is fed."""
+        """State left by a killed program, and the remedy; None if an external watchdog is connected."""
         lights = self.setup.switching != "external" or self.setup.enable is not None
         if not lights or self.setup.alive is not None:
             return None
         return (
-            f"{self.name} has no watchdog: a program that is killed leaves emitters lit; daq.alive names a line that "
-            "feeds a retriggerable monostable in their supply"
+            f"{self.name} has no watchdog: a killed program leaves the emitters on; daq.alive names a line that "
+            "triggers a retriggerable monostable in their supply"
         )
 
     def start(self) -> None:
-        """Begin to sample, and to light the emitters, where it does."""
+        """Start sampling, and switching the emitters if the instrument drives them."""
         with on_failure(self._off):
             if not self._tasks:
                 self._prepare()
@@ -123,7 +123,7 @@ class NiDaq:
             self._begin()
 
     def read(self) -> Samples:
-        """Samples since the last call; none, and a remark, where some were overwritten."""
+        """Return the samples since the last call; none, and a remark, if some were overwritten."""
         channels = len(self.setup.channels)
         if not self._tasks:
             return Samples(self._stretch, self._next, np.zeros((0, channels), np.int16))
@@ -150,18 +150,21 @@ class NiDaq:
         return Samples(self._stretch, first, np.ascontiguousarray(counts.T), remarks)
 
     def stop(self) -> None:
-        """Emitters off, no more samples; `BenchError` if the lines cannot be set."""
+        """Switch the emitters off and stop sampling; raise `BenchError` if the lines cannot be set."""
         failed = self._off()
         if failed is not None:
             raise failed
 
     def close(self) -> None:
-        """Stop and release the instrument; lines that could not be set low are tried again."""
+        """Stop and release the instrument; setting lines low that could not be set before is tried again."""
         if self._tasks or not self._low:
             self.stop()
 
     def _checked(self, setup: Setup) -> Model:
-        """Capabilities of the device; `BenchError` if it is not the rig's, or cannot do what is requested."""
+        """Return the capabilities of the device.
+
+        Raises `BenchError` if it is not the rig's, or cannot do what is requested.
+        """
         with self._translated("find"):
             device = self._ni.system.Device(self._device)
             product = device.product_type
@@ -173,7 +176,7 @@ class NiDaq:
         return model
 
     def _prepare(self) -> None:
-        """Tasks of the counters and of the inputs, reserved and not started; the inputs are the last."""
+        """Return the tasks of the counters and of the inputs, reserved and not started; the inputs are last."""
         with self._translated("configure"):
             for place, (counter, terminal, _) in enumerate(self._switches):
                 task, self.switch_hz = pulses(self._ni, self._device, self.setup, place, counter, terminal)
@@ -213,11 +216,11 @@ class NiDaq:
 
     def _check_bits(self, bits: list[float]) -> None:
         if max(bits) > MOST_BITS:
-            limit = f"has a converter of {max(bits):g} bits, and counts of {MOST_BITS} are kept"
-            raise BenchError(self.name, limit=limit, remedy="take a device of 16 bits or less")
+            limit = f"has a converter of {max(bits):g} bits; counts have at most {MOST_BITS} bits"
+            raise BenchError(self.name, limit=limit, remedy="use a device of 16 bits or less")
 
     def _converts(self, task: Any) -> float:
-        """Interval between channels, in s; if the driver does not state it, its upper limit.
+        """Return the interval between channels in s, or its upper limit if the driver does not state it.
 
         Overestimating the time of a sample never assigns it to the previous phase.
         """
@@ -227,20 +230,20 @@ class NiDaq:
             return 1.0 / stated
         longest, shortest = 1.0 / (self.rate_hz * channels), 1.0 / self._model.rate_hz
         self._remarks = [
-            f"{self.name} does not state when it converts: inputs are taken to follow one another by "
+            f"{self.name} does not state when it converts: inputs are assumed to follow one another by "
             f"{1e6 * longest:.3g} µs, and it may be {1e6 * shortest:.3g} µs"
         ]
         return longest
 
     def _begin(self) -> None:
-        """Counters first: they wait for the inputs' start."""
+        """Start the counters first: they wait for the start of the inputs."""
         with self._translated("start"):
             for task in self._tasks:
                 task.start()
         self._next, self._begun_s = 0, self._clock.now_s()
 
     def _again(self, code: int) -> Samples:
-        """Count an overrun and begin another stretch; `BenchError` if they follow one another."""
+        """Count an overrun and begin another segment; raise `BenchError` if too many follow one another."""
         now = self._clock.now_s()
         lost = max(0, round((now - self._begun_s) * self.rate_hz) - self._next)
         self.losses.samples += lost
@@ -261,15 +264,18 @@ class NiDaq:
         return Samples(self._stretch, 0, np.zeros((0, len(self.setup.channels)), np.int16), (remark,))
 
     def _check_emitters(self) -> None:
-        """`BenchError` if a task that switches emitters has ended: its lines then freeze while inputs continue."""
+        """Raise `BenchError` if a task that switches emitters has ended.
+
+        Its lines then freeze while the inputs continue.
+        """
         with self._translated("switch the emitters"):
             ended = any(task.is_task_done() for task in self._tasks[:-1])
         if ended:
             limit = "has stopped switching its emitters: one of its tasks has ended"
-            raise BenchError(self.name, limit=limit, remedy="check its cable and power, then run again")
+            raise BenchError(self.name, limit=limit, remedy="check the cable and the power, then run again")
 
     def _off(self) -> BenchError | None:
-        """Release the tasks and set the lines low; the error of the lines, if any."""
+        """Release the tasks and set the lines low; return the error of the lines, if there is one."""
         tasks, self._tasks = self._tasks, []
         for task in tasks:
             clear(task, self._ni)
@@ -281,7 +287,10 @@ class NiDaq:
         return None
 
     def _lower(self) -> None:
-        """Set every line that lights something low, the enabling one first; `BenchError` after all were tried."""
+        """Set every line that switches something low, the enabling line first.
+
+        Raises `BenchError` after all were tried.
+        """
         taken = tuple(line for _, _, line in self._switches if line)
         faults = []
         for line in (*self.setup.static_lines.values(), *taken, *self.setup.lines):
@@ -305,7 +314,7 @@ class NiDaq:
 
     @contextlib.contextmanager
     def _translated(self, what: str) -> Iterator[None]:
-        """Errors of NI-DAQmx as `BenchError`."""
+        """Convert errors of NI-DAQmx to `BenchError`."""
         errors = self._ni.errors
         try:
             yield
@@ -327,7 +336,7 @@ class NiDaq:
         return BenchError(name, limit=f"cannot {what}: {words} (NI-DAQmx error {code})")
 
     def _known(self) -> str:
-        """Devices there are."""
+        """Return the devices that are connected."""
         try:
             names = ", ".join(self._ni.system.System.local().devices.device_names)
         except self._ni.errors.Error:

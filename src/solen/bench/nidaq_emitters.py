@@ -1,7 +1,7 @@
-"""Tasks of NI-DAQmx that light emitters in step with the samples: by counters, or by digital lines.
+"""Tasks of NI-DAQmx that switch emitters in step with the samples: with counters, or with digital lines.
 
-The idea: a counter puts out pulses by itself from the first sample on; lines follow the clock of the samples, sample by
-sample, where a device can do that. Both then run without further commands.
+The idea: a counter generates pulses by itself from the first sample on; if a device supports it, lines follow the clock
+of the samples, sample by sample. Both then run without further commands.
 
 The interface: `pulses` for one emitter, `turns` for all; `clear` releases a task.
 """
@@ -16,7 +16,7 @@ from solen.bench.drivers import on_failure
 
 
 def pulses(ni: Any, device: str, setup: Setup, place: int, counter: str, terminal: str) -> tuple[Any, float]:
-    """Pulses for an emitter, on for the first half of its slot from the first sample, and their rate."""
+    """Return the pulses for an emitter, on for the first half of its slot from the first sample, and their rate."""
     constants, task = ni.constants, ni.Task()
     with on_failure(lambda: clear(task, ni)):
         channel = task.co_channels.add_co_pulse_chan_freq(
@@ -35,7 +35,7 @@ def pulses(ni: Any, device: str, setup: Setup, place: int, counter: str, termina
 
 
 def turns(ni: Any, device: str, setup: Setup) -> Any:
-    """Lines that follow the clock of the samples, emitter after emitter: a second's turns, over and over."""
+    """Return the task of lines that follow the clock of the samples: one second of switching, repeated."""
     constants, task = ni.constants, ni.Task()
     half = setup.frame // (2 * setup.emitters)
     turn = np.zeros((setup.emitters, setup.frame), bool)
@@ -56,6 +56,6 @@ def turns(ni: Any, device: str, setup: Setup) -> Any:
 
 
 def clear(task: Any, ni: Any) -> None:
-    """Let go of a task, whatever state it is in."""
+    """Release a task, whatever its state."""
     with contextlib.suppress(ni.errors.Error):
         task.close()

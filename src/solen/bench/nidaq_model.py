@@ -1,10 +1,10 @@
 """Capabilities of a device of National Instruments, as its driver reports them.
 
-The idea: NI-DAQmx knows of each device its inputs and how they may be wired, ranges, rates, whether inputs share a
-converter, counters that put out pulses, and static lines. A property that a device does not have is an error of the
-driver, and stands for none.
+The idea: NI-DAQmx reports for each device its inputs and how they may be wired, its ranges and rates, whether inputs
+share a converter, its counters that generate pulses, and its static lines. The driver raises an error for a property
+that a device does not have; a default value replaces the error.
 
-The interface: `nidaqmx_package`; `model_of` a device; `answer_or` what stands for none; `WIRED`; `no_driver`.
+The interface: `nidaqmx_package`; `model_of` a device; `answer_or`, a property or its default; `WIRED`; `no_driver`.
 """
 
 import importlib
@@ -16,14 +16,14 @@ from solen.errors import BenchError
 from solen.extras import need
 
 WIRED: dict[Terminal, str] = {"rse": "RSE", "nrse": "NRSE", "differential": "DIFF"}
-"""Ways of wiring, and what NI-DAQmx calls them."""
+"""Kinds of wiring, and their names in NI-DAQmx."""
 OUTPUTS = {"USB-621": {"ctr0": ("PFI4", "port1/line0"), "ctr1": ("PFI5", "port1/line1")}}
-"""Where counters come out, and the static line that holds that terminal afterwards (USB-621x user manual)."""
+"""Output terminals of counters, and the static line that drives each terminal afterwards (USB-621x user manual)."""
 _Value = TypeVar("_Value")
 
 
 def nidaqmx_package() -> Any:
-    """The package; `BenchError` if it is not installed."""
+    """Return the package; raise `BenchError` if it is not installed."""
     need("nidaqmx", what="daq.driver", value="nidaqmx", error=BenchError)
     for part in ("constants", "errors", "stream_readers", "stream_writers", "system"):
         importlib.import_module(f"nidaqmx.{part}")
@@ -31,17 +31,19 @@ def nidaqmx_package() -> Any:
 
 
 def no_driver(bad: Exception) -> BenchError:
-    """Error where the driver itself is missing or broken."""
+    """Return the error if the driver itself is missing or broken."""
     kind = type(bad).__name__
     if kind == "DaqNotSupportedError":
-        return BenchError("NI-DAQmx", limit="does not run on this system", remedy="use Windows, or a Linux it supports")
+        return BenchError(
+            "NI-DAQmx", limit="does not run on this system", remedy="use Windows, or a Linux that it supports"
+        )
     if kind == "DaqFunctionNotSupportedError":
         return BenchError("NI-DAQmx", limit="is too old for nidaqmx", remedy="install a newer NI-DAQmx from ni.com")
     return BenchError("NI-DAQmx", limit="must be installed, and is not", remedy="get the driver from ni.com/downloads")
 
 
 def model_of(device: Any, ni: Any) -> Model:
-    """Capabilities that a device of NI-DAQmx reports; empty for none."""
+    """Return the capabilities that a device of NI-DAQmx reports; empty if there are none."""
 
     def asked(nothing: _Value, ask: Callable[[], _Value]) -> _Value:
         return answer_or(nothing, ask, ni)
@@ -66,7 +68,7 @@ def model_of(device: Any, ni: Any) -> Model:
 
 
 def answer_or(nothing: _Value, ask: Callable[[], _Value], ni: Any) -> _Value:
-    """A property from the driver, or a default if the device does not have it."""
+    """Return a property from the driver, or a default if the device does not have it."""
     try:
         return ask()
     except ni.errors.DaqError:
@@ -74,7 +76,7 @@ def answer_or(nothing: _Value, ask: Callable[[], _Value], ni: Any) -> _Value:
 
 
 def _inputs(device: Any, ni: Any) -> dict[Terminal, tuple[str, ...]]:
-    """Analog inputs by the ways they may be wired, less ways that none has."""
+    """Return the analog inputs by kind of wiring, without the kinds that have no inputs."""
     channels = answer_or(list[Any](), lambda: list(device.ai_physical_chans), ni)
     ways = {_of(channel.name): [way.name for way in channel.ai_term_cfgs] for channel in channels}
     found = {
@@ -85,5 +87,5 @@ def _inputs(device: Any, ni: Any) -> dict[Terminal, tuple[str, ...]]:
 
 
 def _of(name: str) -> str:
-    """A channel's name without its device's."""
+    """Return a channel's name without that of its device."""
     return name.partition("/")[2]

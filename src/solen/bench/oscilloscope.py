@@ -1,13 +1,12 @@
 """Oscilloscopes as receivers, by VISA: each acquisition becomes one reading of every input.
 
-The idea: an oscilloscope is set up by hand, or by commands of the rig, so that its record holds some periods of the
-emitters; it is triggered, and its channels are read as the bytes they are with the numbers that make volts of them. In
-steady light a reading is the record's mean; where emitters are switched, the means of on and off, which a sync on
-another channel tells apart (`solen.bench.phases`): a record is too short to find that in the signal. Records are not
-kept.
+The idea: an oscilloscope is set up by hand, or by commands of the rig, to record some periods of the emitters. It is
+triggered, and its channels are read as bytes together with the numbers that convert them to volts. In steady light a
+reading is the mean of the record. With switched emitters it is the means of on and off, which a sync on another channel
+distinguishes (`solen.bench.phases`): a record is too short to find the switching in the signal. Records are not kept.
 
-What the preamble's numbers mean differs by manufacturer: Keysight, InfiniiVision Programmer's Guide, ``:WAVeform``;
-Rigol, DS1000Z Programming Guide, ``:WAVeform``. Others are refused.
+The meaning of the preamble's numbers differs by manufacturer: Keysight, InfiniiVision Programmer's Guide,
+``:WAVeform``; Rigol, DS1000Z Programming Guide, ``:WAVeform``. Others are not supported.
 
 The interface: `Oscilloscope`, a `Meter`.
 """
@@ -26,27 +25,28 @@ from solen.bench.visa import Scpi, all_or_none
 from solen.errors import DataError
 
 LOWEST, HIGHEST = 1, 255
-"""Bytes at and beyond which a sample is off the screen; Keysight's 0 is none at all."""
+"""Bytes at and beyond which a sample is off the screen; 0 means no sample on a Keysight."""
 LOOK_S = 0.01
 LEAST_SAMPLES = 2
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """Commands of one manufacturer's oscilloscopes, and how a byte becomes volts.
+    """Commands of one manufacturer's oscilloscopes, and the conversion of a byte to volts.
 
     Attributes
     ----------
     setup
         Commands before the first acquisition.
     acquire
-        Commands of one, for channels, each with whether the question is answered by ``answer`` then, or no longer.
+        Commands of one acquisition, for the channels, each with whether the question is then answered by ``answer``, or
+        no longer.
     done
-        The question that is answered by ``answer`` when the record is whole.
+        The question that is answered by ``answer`` when the record is complete.
     volts
-        Of bytes by the increment, origin and reference of the preamble.
+        Volts of bytes, by the increment, origin and reference of the preamble.
     joins
-        Whether a command and a question may be sent as one: over a network two cost a delay.
+        Whether a command and a question may be sent as one message: over a network two messages cost a delay.
     """
 
     setup: tuple[str, ...]
@@ -68,7 +68,7 @@ DIALECTS = {
     ),
     "RIGOL": Dialect(
         (":WAV:MODE NORM", ":WAV:FORM BYTE"),
-        lambda _: ((":STOP", True), (":SING", False), (":TFOR", True)),  # not armed yet, it states the last record
+        lambda _: ((":STOP", True), (":SING", False), (":TFOR", True)),  # before it is armed it reports the last record
         ":TRIG:STAT?",
         "STOP",
         lambda byte, increment, origin, reference: (byte - origin - reference) * increment,
@@ -92,9 +92,9 @@ class Oscilloscope(AskingMeter):
     setup
         Commands before the first acquisition.
     switch_hz, settle_us
-        Frequency of the emitters, and the time left out after each switch, with a sync.
+        Frequency of the emitters, and the time that is omitted after each switch, with a sync.
     backend, answer_s
-        PyVISA's name of the library, and the longest time of an answer and an acquisition.
+        PyVISA's name of the library, and the longest duration of an answer and an acquisition.
 
     Raises
     ------
@@ -119,7 +119,7 @@ class Oscilloscope(AskingMeter):
         with all_or_none([self._scope]):
             maker = self._scope.identity.split(",")[0].split(" ")[0].upper()
             if maker not in DIALECTS:
-                limit = f"is {self._scope.identity!r}; known are those of {', '.join(DIALECTS)}"
+                limit = f"is {self._scope.identity!r}; supported are those of {', '.join(DIALECTS)}"
                 raise self._scope.refusal(limit, "use a data acquisition, or a multimeter for each input")
             self._dialect = DIALECTS[maker]
             self._scope.commanded((*self._dialect.setup, *setup))
@@ -129,7 +129,7 @@ class Oscilloscope(AskingMeter):
         super().__init__(self._scope.identity, clock, inputs=len(channels), unit="V", switched=sync is not None)
 
     def measure(self) -> Reading:
-        """One acquisition."""
+        """Return the reading of one acquisition."""
         sent_s = self._clock.now_s()
         for command, whole in self._dialect.acquire(self._channels):
             self._comes_to(command, whole, sent_s)
@@ -137,7 +137,7 @@ class Oscilloscope(AskingMeter):
         waves = [self._wave(channel) for channel in self._channels]
         sizes = [len(wave[0]) for wave in waves]
         if len(set(sizes)) > 1 or sizes[0] < LEAST_SAMPLES:
-            limit = f"samples are in the records of its channels; the same, {LEAST_SAMPLES} or more, are needed"
+            limit = f"samples are in the records of its channels; equal numbers of at least {LEAST_SAMPLES} are needed"
             raise DataError(self.name, value=", ".join(map(str, sizes)), limit=limit)
         time_s, volts = waves[0][0], np.stack([wave[1] for wave in waves], axis=1)
         clipped = np.array([wave[2].any() for wave in waves[: self.inputs]])
@@ -147,11 +147,11 @@ class Oscilloscope(AskingMeter):
         return Reading(sent_s, t_s, on, off, clipped)
 
     def release(self) -> None:
-        """End the session."""
+        """Close the session."""
         self._scope.close()
 
     def _comes_to(self, command: str, whole: bool, sent_s: float) -> None:
-        """Send a command and wait until the record is whole, or no longer is."""
+        """Send a command and wait until the record is complete, or no longer is."""
         state = self._asked(command, self._dialect.done)
         while (state == self._dialect.answer) != whole:
             if self._clock.now_s() > sent_s + self._answer_s:
@@ -161,14 +161,14 @@ class Oscilloscope(AskingMeter):
             state = self._scope.ask(self._dialect.done)
 
     def _asked(self, command: str, question: str) -> str:
-        """Answer to a question after a command."""
+        """Return the answer to a question after a command."""
         if self._dialect.joins:
             return self._scope.ask(f"{command};{question}")
         self._scope.say(command)
         return self._scope.ask(question)
 
     def _wave(self, channel: str) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Times, volts, and which samples are off the screen."""
+        """Return times, volts, and which samples are off the screen."""
         preamble = self._asked(f":WAV:SOUR CHAN{channel}", ":WAV:PRE?")
         try:
             numbers = np.array([float(one) for one in preamble.split(",")])[[4, 7, 8, 9]]
@@ -176,14 +176,14 @@ class Oscilloscope(AskingMeter):
             numbers = np.zeros(4)
         step_s, increment, origin, reference = numbers.tolist()
         if not (np.isfinite(numbers).all() and step_s > 0.0 and increment != 0.0):
-            limit = f"answered {preamble[:80]!r} to :WAV:PRE?, with no steps in time and volts"
-            raise self._scope.refusal(limit, "see its programming guide; is the channel on?")
+            limit = f"answered {preamble[:80]!r} to :WAV:PRE?, without steps in time and volts"
+            raise self._scope.refusal(limit, "see its programming guide, and check that the channel is on")
         data = np.frombuffer(self._scope.block(":WAV:DATA?"), np.uint8)
         volts = self._dialect.volts(data.astype(float), increment, origin, reference)
         return np.asarray(step_s * np.arange(len(data))), np.asarray(volts), (data <= LOWEST) | (data >= HIGHEST)
 
     def _phases(self, time_s: FloatArray, volts: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Means with the emitters on and off, of each input."""
+        """Return the means with the emitters on and off, of each input."""
         setup = Setup(self._channels, True, 1.0 / time_s[1], 1, self._switch_hz, settle_us=self._settle_us)
         clock = clock_of(time_s, volts[:, -1:], setup, self._switch_hz)
         state = states(clock, 0.0, 1e-6 * self._settle_us, 1)

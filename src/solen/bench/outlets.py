@@ -1,8 +1,8 @@
-"""Where decoded angles go as they come: datagrams, a serial line, a stream of the Lab Streaming Layer.
+"""Destinations of decoded angles: datagrams, a serial line, or a stream of the Lab Streaming Layer.
 
-The idea: each row of CSV is passed on as soon as it is decoded, so that a control loop, a robot or another recorder has
-the angle of a moment ago. A receiver that is not there holds nothing up. Rows of a recorded file have all come already:
-they are sent at the pace of their times, as they were recorded.
+The idea: each row of CSV is passed on as soon as it is decoded, and a control loop, a robot or another recorder
+receives the angle after a short delay. A missing receiver does not stop the decoding. Rows of a recorded file are
+available at once; they are sent at the pace of their times, as they were recorded.
 
 The interface: `outlet` of a name such as ``udp://127.0.0.1:5005``, ``serial:COM5@115200`` or ``lsl:finger``; `Paced`.
 """
@@ -25,13 +25,13 @@ _LIMIT = "must be udp://HOST:PORT, serial:PORT@BAUD or lsl:NAME"
 
 
 class Outlet(Protocol):
-    """Outlet that rows are written to, as to a text file."""
+    """Destination to which rows are written as to a text file."""
 
     def write(self, text: str, /) -> object:
-        """Pass rows on; the header comes first, in a call of its own."""
+        """Pass rows on; the header comes first, in a separate call."""
 
     def flush(self) -> None:
-        """Nothing waits."""
+        """Do nothing: no row is buffered."""
 
 
 class _Rows:
@@ -44,18 +44,18 @@ class _Rows:
                 self._send(row)
 
     def flush(self) -> None:
-        """Nothing waits."""
+        """Do nothing: no row is buffered."""
 
 
 class Paced:
-    """An outlet to which rows go on when their times, in the first column, have come since the first of them.
+    """An outlet that passes each row on when its time, in the first column, has elapsed since the first row.
 
     Parameters
     ----------
     outlet
-        Where they go.
+        Destination of the rows.
     clock
-        By which it waits.
+        Clock of the waiting time.
     """
 
     def __init__(self, outlet: Outlet, clock: Clock) -> None:
@@ -69,7 +69,7 @@ class Paced:
             self._outlet.write(row)
 
     def flush(self) -> None:
-        """Nothing waits behind it."""
+        """Do nothing: no row is buffered."""
         self._outlet.flush()
 
     def _wait(self, cell: str) -> None:
@@ -100,8 +100,8 @@ def outlet(where: str) -> Iterator[Outlet]:
 
 
 @contextmanager
-def _udp(where: str, rest: str) -> Iterator[Outlet]:  # noqa: ARG001  the whole is a URL
-    """One datagram a row."""
+def _udp(where: str, rest: str) -> Iterator[Outlet]:  # noqa: ARG001  the complete name is a URL
+    """Outlet of one datagram per row."""
     try:
         parts = urlsplit(where)
         host, port = parts.hostname, parts.port
@@ -118,7 +118,7 @@ def _udp(where: str, rest: str) -> Iterator[Outlet]:  # noqa: ARG001  the whole 
         def send(row: str) -> None:
             try:
                 sender.sendto(row.encode("ascii"), address)
-            except ConnectionError:  # nobody listens yet: Windows and macOS say so
+            except ConnectionError:  # no receiver listens yet: Windows and macOS report it
                 return
             except OSError as bad:
                 raise BenchError(where, limit=f"cannot be sent to: {bad}", remedy="check the network") from None
@@ -128,7 +128,7 @@ def _udp(where: str, rest: str) -> Iterator[Outlet]:  # noqa: ARG001  the whole 
 
 @contextmanager
 def _serial(where: str, rest: str) -> Iterator[Outlet]:
-    """One line a row."""
+    """Outlet of one line per row."""
     from solen.bench.link import open_link
 
     port, _, baud = rest.partition("@")
@@ -143,7 +143,7 @@ def _serial(where: str, rest: str) -> Iterator[Outlet]:
 
 @contextmanager
 def _lsl(where: str, rest: str) -> Iterator[Outlet]:
-    """One sample a row, stamped as it is sent: the time, and each value with its band of 95 %."""
+    """Outlet of one sample per row, stamped when it is sent: the time, and each value with its 95 % band."""
     need("pylsl", what=where, error=BenchError)
     import pylsl
 
@@ -171,6 +171,6 @@ def _lsl(where: str, rest: str) -> Iterator[Outlet]:
 
 
 def _sent(header: list[str]) -> list[str]:
-    """Columns of numbers, up to the last band, without the 68 % bands."""
+    """Return the columns of numbers that are sent, up to the last band, without the 68 % bands."""
     last = max(place for place, name in enumerate(header) if "high95_" in name)
     return [name for name in header[: last + 1] if not _OTHER_BAND.fullmatch(name)]

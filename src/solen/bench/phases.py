@@ -1,10 +1,11 @@
-"""Which emitter is on in samples of a data acquisition: by its own counters, by a recorded sync, or by the signal.
+"""Emitter that is on in each sample of a data acquisition, from its own counters, a recorded sync, or the signal.
 
-The idea: emitters take turns, each on for the same share of its slot, emitter 1 first. Counters of the instrument run
-by the clock of the samples, so that the state of a sample follows from its number. A sync that is high while emitter 1
-is on says where each period begins; its edges are known to a sample, and where they lie on a straight line better than
-that. Without either, one emitter's clock is found in the signal itself (`solen.analysis.demodulation.find_clock`).
-Inputs are converted one after the other: `states` gives the state of a sample at the time of its own conversion.
+The idea: emitters alternate, each on for the same fraction of its slot, emitter 1 first. Counters of the instrument run
+by the clock of the samples, and the state of a sample follows from its number. A sync that is high while emitter 1 is
+on shows where each period begins; its edges are known to within one sample, and more accurately if they lie on a
+straight line. Without either, the clock of a single emitter is found in the signal
+(`solen.analysis.demodulation.find_clock`). Inputs are converted one after the other: `states` gives the state of a
+sample at the time of its own conversion.
 
 The interface: `clock_of` a window of samples; `states` of samples that are converted a little later.
 """
@@ -20,22 +21,28 @@ from solen.bench.daq import Setup
 from solen.errors import DataError
 
 COUNTER_JITTER_US = 5.0
-"""More than a counter's edge differs from a sample's clock edge, and enough that a sample at an edge is left out."""
+"""Time in µs that exceeds the difference between a counter's edge and a sample's clock edge; a sample at an edge is
+omitted."""
 LEAST_SYNC_V = 0.5
 EDGE_SAMPLES, LOOSE_SAMPLES = 0.15, 0.55
-"""Uncertainty of an edge in samples, on a fitted line and alone, apart from what `Clock.states` leaves out."""
+"""Uncertainty of an edge in samples, on a fitted line and alone, in addition to the samples that `Clock.states`
+omits.
+"""
 LINE_SAMPLES = 0.75
-"""Edges that lie so near to a straight line are on it: a sample is all that each of them is known to."""
+"""Distance in samples within which edges count as on a straight line; each edge is known only to within one sample."""
 
 
 def seen_by(setup: Setup, inputs: Iterable[int]) -> tuple[list[int], float]:
-    """Channels that show the switching, the sync or some inputs; and the place at whose conversions its clock is."""
+    """Return the channels that show the switching: the sync, or some inputs.
+
+    Also return the index of the channel whose conversions the clock refers to.
+    """
     seen = [setup.inputs] if setup.synced else list(inputs)
     return seen, float(np.mean(seen)) if setup.switching == "external" else 0.0
 
 
 def clock_of(time_s: FloatArray, volts: FloatArray, setup: Setup, switch_hz: float) -> Clock:
-    """Clock of the slots of a window of samples.
+    """Determine the clock of the slots in a window of samples.
 
     Parameters
     ----------
@@ -66,7 +73,10 @@ def clock_of(time_s: FloatArray, volts: FloatArray, setup: Setup, switch_hz: flo
 
 
 def states(clock: Clock, delay_s: float, settle_s: float, emitters: int) -> IntArray:
-    """State of samples taken a delay after those of the clock: 0 off, the emitter's number, -1 not to be used."""
+    """Return the state of samples taken a delay after those of the clock.
+
+    The state is 0 for off, the emitter's number, or -1 for samples that are not used.
+    """
     moved = replace(clock, phase=clock.phase + delay_s * clock.rate_hz)
     first = int(np.floor(moved.phase).min()) if len(moved.phase) else 0
     found = moved.states(settle_s, emitters)
@@ -99,7 +109,10 @@ def _by_sync(time_s: FloatArray, volts: FloatArray, setup: Setup) -> Clock:
 
 
 def _edges(time_s: FloatArray, volts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Times of rises and falls: half a sample before the first sample beyond a third of the height, with hysteresis."""
+    """Return the times of rises and falls: half a sample before the first sample beyond a third of the height.
+
+    The detection has a hysteresis.
+    """
     low, high = float(volts.min()), float(volts.max())
     if high - low < LEAST_SYNC_V:
         limit = f"changes by only {high - low:.2g} V; {LEAST_SYNC_V:g} V are needed to distinguish on and off"
@@ -114,7 +127,7 @@ def _edges(time_s: FloatArray, volts: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _on_s(rises: FloatArray, falls: FloatArray, usual_s: float) -> float:
-    """Mean time from a rise to the fall after it."""
+    """Return the mean time from a rise to the next fall."""
     after = np.searchsorted(falls, rises)
     whole = after < len(falls)
     lengths = falls[after[whole]] - rises[whole]
@@ -125,7 +138,7 @@ def _on_s(rises: FloatArray, falls: FloatArray, usual_s: float) -> float:
 
 
 def _between(time_s: FloatArray, rises: FloatArray, number: FloatArray, usual_s: float) -> FloatArray:
-    """Phase straight between rises, and on beyond the first and the last as is usual."""
+    """Interpolate the phase linearly between rises, and extrapolate it at the usual rate."""
     found = np.interp(time_s, rises, number)
     before, after = time_s < rises[0], time_s > rises[-1]
     found[before] = number[0] - (rises[0] - time_s[before]) / usual_s

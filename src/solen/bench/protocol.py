@@ -1,9 +1,9 @@
-"""The protocol: what the stage does, as data.
+"""The protocol: the motion of the stage, as data.
 
-The idea: a protocol is a list of steps, each a place to go to, how fast, and how long to stay, done over and over. A
-step in degrees is for a rotation stage, one in mm for a linear stage; which of them moves, and what it moves, is for
-the rig to say. A step to a force moves a linear stage until a load cell reads it. Several motions are named,
-``to_deg = {neck = 3.0, trunk = -5.0}``, and move together; a `Grid` visits every combination of their places.
+The idea: a protocol is a repeated list of steps, each with a target, a velocity and a rest. A step in degrees is for a
+rotation stage, one in mm for a linear stage; the rig states which stage moves and what it moves. A step to a force
+moves a linear stage until a load cell reads this force. Several motions are named, ``to_deg = {neck = 3.0, trunk =
+-5.0}``, and move together; a `Grid` visits every combination of their positions.
 
 The interface: `Protocol` and `Step`; `load_protocol` of a file.
 """
@@ -22,16 +22,16 @@ from solen.bench.tables import BenchTable, load_table
 from solen.spec.strict import NotNegative, Number, Positive, Text, or_refuse, refused
 
 LONGEST_S = 7 * 86_400.0
-"""A protocol that moves for longer than a week is a slip of the pen."""
+"""Longest duration of a protocol in s: more than a week is probably a typing error."""
 
 SLOW_SHARE = 1.0 / 3.0
-"""Velocity of slow cycles as a share of that of the others."""
+"""Velocity of slow cycles as a fraction of that of the others."""
 
 
 MOST_STATES = 100_000
-"""Most places that a grid may visit."""
+"""Largest number of states that a grid may visit."""
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53)
-"""Bases of Halton's sequence, one for each motion."""
+"""Bases of the Halton sequence, one for each motion."""
 Turn = Annotated[Number, Field(ge=-360, le=360)]
 Shift = Annotated[Number, Field(ge=-1000, le=1000)]
 T = TypeVar("T")
@@ -53,17 +53,17 @@ class Step(BenchTable):
     to_N: Positive | None = Field(None, description="Force to press to, in N, measured by the rig's load cell.")
     velocity_deg_per_s: Positive | None = Field(None, description="Speed in degrees per second.")
     velocity_mm_per_s: Positive | None = Field(None, description="Speed in mm per second.")
-    hold_s: NotNegative = Field(0.0, description="Time to stay there, in s.")
+    hold_s: NotNegative = Field(0.0, description="Time to stay at the target, in s.")
 
     @model_validator(mode="after")
     def _one_unit(self) -> Self:
         if self.to_mm is not None and self.to_N is not None:
-            raise refused("to_N", "cannot be combined with to_mm", value=self.to_N, remedy="leave one of them out")
+            raise refused("to_N", "cannot be combined with to_mm", value=self.to_N, remedy="use only one of them")
         place = self.to_N if self.to_mm is None else self.to_mm
         units = (self.to_deg, self.velocity_deg_per_s), (place, self.velocity_mm_per_s)
         stated = sorted([value is not None for value in unit] for unit in units)
         if stated != [[False, False], [True, True]]:
-            remedy = "give to_deg with velocity_deg_per_s, or to_mm or to_N with velocity_mm_per_s"
+            remedy = "use to_deg with velocity_deg_per_s, or to_mm or to_N with velocity_mm_per_s"
             raise refused("", "must state a target and a speed, in one unit", remedy=remedy)
         return self
 
@@ -74,7 +74,10 @@ class Step(BenchTable):
 
     @property
     def targets(self) -> dict[str, float]:
-        """Where to, in its unit, by motion, the only one without a name; NaN of a force, whose place is found."""
+        """Target in the step's unit, by motion.
+
+        A single motion has no name, and a force, whose position is unknown, is NaN.
+        """
         if self.to_N is not None:
             return {"": math.nan}
         place = self.to_deg if self.to_mm is None else self.to_mm
@@ -82,47 +85,53 @@ class Step(BenchTable):
 
     @property
     def farthest(self) -> float:
-        """Largest distance from zero that it goes to."""
+        """Largest distance from zero of a target."""
         return max(map(abs, self.targets.values()))
 
     @property
     def velocity(self) -> float:
-        """Speed, in the unit of the motion per s."""
+        """Velocity in the unit of the motion per s."""
         return self.velocity_mm_per_s or self.velocity_deg_per_s or 0.0
 
     def slowed(self, share: float) -> Self:
-        """The step at a share of its velocity."""
+        """Return the step at a fraction of its velocity."""
         key = "velocity_deg_per_s" if self.unit == "deg" else "velocity_mm_per_s"
         return self.model_copy(update={key: share * self.velocity})
 
 
 class Grid(BenchTable):
-    """Every combination of places of several motions, in an order in which one motion moves at a time; then others.
+    """Every combination of positions of several motions, and further states.
 
-    What lies between the places of a grid shows in none of its states: those that are scattered between them show it.
+    One motion moves at a time. The scattered states between the positions of the grid show what its combinations
+    cannot show.
     """
 
     table: ClassVar[str] = "grid"
 
-    to_deg: OfMotions[tuple[Turn, ...]] | None = Field(None, description="Places of each motion by name, in degrees.")
-    to_mm: OfMotions[tuple[Shift, ...]] | None = Field(None, description="The same for linear stages, in mm.")
+    to_deg: OfMotions[tuple[Turn, ...]] | None = Field(
+        None, description="Positions of each motion by name, in degrees."
+    )
+    to_mm: OfMotions[tuple[Shift, ...]] | None = Field(
+        None, description="Positions of each linear stage's motion by name, in mm."
+    )
     scatter: Annotated[int, Field(strict=True, ge=0, le=MOST_STATES)] = Field(
-        0, description="States scattered evenly over the ranges of the places, visited after their combinations."
+        0,
+        description="Number of states spread evenly over the ranges of the positions, visited after the combinations.",
     )
     velocity_deg_per_s: Positive | None = Field(None, description="Speed in degrees per second.")
     velocity_mm_per_s: Positive | None = Field(None, description="Speed in mm per second.")
-    hold_s: Positive = Field(0.5, description="Time to stay at each, in s.")
+    hold_s: Positive = Field(0.5, description="Time to stay at each state, in s.")
 
     @model_validator(mode="after")
     def _has_places(self) -> Self:
         if (self.to_deg is None) == (self.to_mm is None):
-            raise refused("", "must state to_deg or to_mm, one of them")
+            raise refused("", "must state either to_deg or to_mm")
         for name, places in self._places.items():
             if not places:
-                raise refused(f"to_{self._unit}.{name}", "must be a list of places")
+                raise refused(f"to_{self._unit}.{name}", "must be a list of positions")
         if (states := math.prod(map(len, self._places.values()))) > MOST_STATES:
             raise refused("", f"has {states} combinations; a protocol visits at most {MOST_STATES}")
-        _ = self.steps[:1]  # a step refuses what is missing
+        _ = self.steps[:1]  # a step rejects missing keys
         return self
 
     @property
@@ -135,7 +144,7 @@ class Grid(BenchTable):
 
     @cached_property
     def steps(self) -> tuple[Step, ...]:
-        """A step to each combination, every motion going back the way that it came, and to each scattered state."""
+        """Return a step to each combination, reversing every motion along its path, and to each scattered state."""
         speeds = {key: value for key in ("velocity_deg_per_s", "velocity_mm_per_s") if (value := getattr(self, key))}
         rest = speeds | {"hold_s": self.hold_s}
         combinations = there_and_back(self._places)
@@ -144,7 +153,7 @@ class Grid(BenchTable):
 
 
 def there_and_back(places: Mapping[str, Sequence[float]]) -> list[dict[str, float]]:
-    """Every combination of places by motion, neighbours of which differ in one motion by one place."""
+    """Return every combination of positions by motion; neighbours differ in one motion by one position."""
     if not places:
         return [{}]
     name, inner = next(iter(places)), there_and_back(dict(list(places.items())[1:]))
@@ -155,7 +164,7 @@ def there_and_back(places: Mapping[str, Sequence[float]]) -> list[dict[str, floa
 def _scattered(
     places: Mapping[str, Sequence[float]], count: int, begin: Mapping[str, float]
 ) -> Iterator[dict[str, float]]:
-    """States by Halton's sequence over the ranges of places, each the nearest of those left to the one before it."""
+    """Return states of a Halton sequence over the ranges of positions, each the nearest one to the previous state."""
     low, high = (np.array([end(one) for one in places.values()]) for end in (min, max))
     left = low + (high - low) * _halton(count, len(places))
     here = np.array(list(begin.values()))
@@ -166,7 +175,7 @@ def _scattered(
 
 
 def _halton(count: int, dimensions: int) -> FloatArray:
-    """The first points (count, dimensions) of Halton's sequence, evenly spread over the unit cube."""
+    """Return the first points (count, dimensions) of the Halton sequence, evenly spread over the unit cube."""
     found = np.zeros((count, dimensions))
     for column, base in enumerate(PRIMES[:dimensions]):
         number, share = np.arange(1, count + 1), 1.0
@@ -178,7 +187,7 @@ def _halton(count: int, dimensions: int) -> FloatArray:
 
 
 class Protocol(BenchTable):
-    """Steps, how often, and the rest before and after them."""
+    """Steps, the number of their repetitions, and the rest before and after them."""
 
     name: Text = Field(description="name of the protocol.")
     cycles: Annotated[int, Field(strict=True, ge=1, le=100_000)] = Field(
@@ -186,38 +195,41 @@ class Protocol(BenchTable):
     )
     rest_s: NotNegative = Field(1.0, description="Rest before the first cycle and after the last, in s.")
     slow_cycles: Annotated[int, Field(strict=True, ge=0, le=100_000)] = Field(
-        0, description="Further cycles at a lower velocity: what differs between the two is time, not hysteresis."
+        0,
+        description="Further cycles at a lower velocity: a difference between the two is due to time, not hysteresis.",
     )
     slow_share: Annotated[Number, Field(gt=0, lt=1)] | None = Field(
-        None, description="Velocity of the slow cycles, as a share of that of the others; default: a third."
+        None, description="Velocity of the slow cycles, as a fraction of that of the others; default: a third."
     )
     position_rate_hz: Annotated[Number, Field(gt=0, le=1000)] = Field(
         50.0, description="Position queries of the stage per second."
     )
-    grid: Grid | None = Field(None, description="places of several motions, [grid], visited before the steps.")
+    grid: Grid | None = Field(None, description="positions of several motions, [grid], visited before the steps.")
     step: Annotated[tuple[Step, ...], Field(max_length=1000)] = Field((), description="the steps, [[step]].")
 
     @model_validator(mode="after")
     def _alike(self) -> Self:
         if not self.steps:
-            raise refused("step", "missing: where to go", remedy="add [[step]] or [grid]")
+            raise refused("step", "missing: the target", remedy="add [[step]] or [grid]")
         if self.steps[-1].to_N is not None:
-            limit = "of the last step is not where a cycle can begin"
-            raise refused("step", limit, value=self.steps[-1].to_N, remedy="end with a step to_mm, as back to 0")
+            limit = "of the last step is not a position from which a cycle can begin"
+            raise refused(
+                "step", limit, value=self.steps[-1].to_N, remedy="end with a step to_mm, for example back to 0"
+            )
         if len({step.unit for step in self.steps}) > 1:
             raise refused("step", "must all be in deg, or all in mm")
         if len({"" in step.targets for step in self.steps}) > 1:
-            raise refused("step", "must all name motions, or none of them")
+            raise refused("step", "must all name motions, or none may name one")
         if self.slow_share is not None and self.slow_cycles == 0:
             raise refused("slow_share", "does not apply without slow_cycles", value=self.slow_share)
         if self.shortest_s > LONGEST_S:
             days = self.shortest_s / 86_400.0
-            raise refused("cycles", f"take {days:.3g} days; a protocol takes a week at most", value=self.cycles)
+            raise refused("cycles", f"take {days:.3g} days; a protocol may take a week at most", value=self.cycles)
         return self
 
     @cached_property
     def steps(self) -> tuple[Step, ...]:
-        """Steps of a cycle at full velocity: those of the grid, then the others."""
+        """Return the steps of a cycle at full velocity: those of the grid, then the others."""
         return (*(() if self.grid is None else self.grid.steps), *self.step)
 
     @property
@@ -227,12 +239,12 @@ class Protocol(BenchTable):
 
     @property
     def reach(self) -> float:
-        """Farthest that it goes from zero, in its unit."""
+        """Largest distance from zero, in its unit."""
         return max(step.farthest for step in self.steps if step.to_N is None)
 
     @cached_property
     def places(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest place of each motion, the only one without a name; of forces none."""
+        """Lowest and highest position of each motion; a single motion has no name, and forces have no positions."""
         found: dict[str, list[float]] = {}
         for step in (one for one in self.steps if one.to_N is None):
             for name, place in step.targets.items():
@@ -241,26 +253,26 @@ class Protocol(BenchTable):
 
     @property
     def forces_N(self) -> tuple[float, ...]:
-        """Forces that it presses to."""
+        """Forces of its steps in N."""
         return tuple(step.to_N for step in self.steps if step.to_N is not None)
 
     @property
     def all_cycles(self) -> int:
-        """Cycles at full velocity, and slow ones."""
+        """Number of all cycles, at full velocity and slow."""
         return self.cycles + self.slow_cycles
 
     @property
     def fastest(self) -> float:
-        """Its highest velocity, in its unit per s."""
+        """Highest velocity, in its unit per s."""
         return max(step.velocity for step in self.steps)
 
     def steps_of(self, cycle: int) -> tuple[Step, ...]:
-        """Steps of a cycle, which counts from 1; slow cycles come after the others."""
+        """Return the steps of a cycle, counted from 1; slow cycles come after the others."""
         return self.steps if cycle <= self.cycles else tuple(step.slowed(self._share) for step in self.steps)
 
     @property
     def shortest_s(self) -> float:
-        """How long it takes with a stage that is at its velocity at once."""
+        """Shortest duration in s, for a stage that accelerates at once."""
         here, way_s = self.steps[-1].targets, 0.0
         for step in (one for one in self.steps if one.to_N is None):
             way_s += max(abs(to - here.get(name, to)) for name, to in step.targets.items()) / step.velocity
@@ -274,5 +286,5 @@ class Protocol(BenchTable):
 
 
 def load_protocol(path: Path) -> Protocol:
-    """Protocol of a file; `BenchError` if it cannot be read or is invalid."""
+    """Read the protocol of a file; raise `BenchError` if it cannot be read or is invalid."""
     return load_table(path, Protocol)

@@ -1,4 +1,4 @@
-"""Readings of a sensor from the rows of a journal: ambient light subtracted, faulty periods and cut cycles left out."""
+"""Readings of a sensor from the rows of a journal, without ambient light, faulty periods and incomplete cycles."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,7 +19,7 @@ from solen.bench.timing import Looks
 
 @dataclass(frozen=True, eq=False)
 class Read:
-    """Readings of inputs: times (N,); signal, what was subtracted, and whether something clipped, (N, R)."""
+    """Readings of inputs: times (N,); signal, subtracted level, and whether a sample was clipped, (N, R)."""
 
     time_s: FloatArray
     signal: FloatArray
@@ -29,19 +29,19 @@ class Read:
 
 Columns = dict[str, NDArray[Any]]
 CELL = "cell_V"
-"""Column of a load cell's volts, of which forces are made when its voltage without load is known."""
+"""Column of a load cell's volts, from which forces are computed when its voltage without load is known."""
 AT_ONCE = 16_384
-"""Periods per chunk of processing and storage, so that an hour needs little memory and few reads."""
+"""Periods per chunk of processing and storage: an hour then needs little memory and few reads."""
 
 
 def stretches(board: Rows) -> list[tuple[int, int]]:
-    """Start and end index of each part sampled by one clock, up to a restart of the board."""
+    """Return start and end index of each segment sampled by one clock, up to a restart of the board."""
     edges = np.flatnonzero((np.diff(board["part"].astype(np.int64)) != 0) | (board["flags"][1:] & ANEW != 0)) + 1
     return list(zip([0, *edges.tolist()], [*edges.tolist(), len(board)], strict=True)) if len(board) else []
 
 
 def cut_short(journaled: JournalContent) -> list[tuple[float, float]]:
-    """Times of the run from the last whole cycle of a part to where the next part is at rest."""
+    """Return the times of the run from the last complete cycle of a part until the next part is at rest."""
     found, whole_s, open_s = [], -math.inf, None
     for event in journaled.events:
         if event["what"] == "begun" and event["part"] > 0 and open_s is None:
@@ -57,7 +57,7 @@ def cut_short(journaled: JournalContent) -> list[tuple[float, float]]:
 class View(NamedTuple):
     """A sensor under one of its emitters: its name, the emitter, and the inputs of its receivers, from 1.
 
-    ``sensor`` is its entry in a journal's header. Most sensors have one emitter, and their own name.
+    ``sensor`` is its entry in a journal's header. Most sensors have one emitter, and ``name`` is the sensor's name.
     """
 
     name: str
@@ -67,7 +67,7 @@ class View(NamedTuple):
 
 
 def views_of(header: Mapping[str, Any]) -> list[View]:
-    """Every sensor of a run under each of its emitters."""
+    """Return every sensor of a run under each of its emitters."""
     views = []
     for one in header["sensors"]:
         if one.get("emitters"):
@@ -78,24 +78,27 @@ def views_of(header: Mapping[str, Any]) -> list[View]:
 
 
 def motions_of(header: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-    """What makes positions of a run's stages values, by motion; of a run with one stage it has no name."""
+    """Return how positions of a run's stages become values, by motion.
+
+    The motion of a run with one stage has no name.
+    """
     return dict(header["motions"]) if header.get("motions") else {"": header}
 
 
 def looks_of(journaled: JournalContent, motion: str = "") -> Looks:
-    """Positions of the stage of a motion, as it was asked for them."""
+    """Return the recorded positions of the stage of a motion."""
     return Looks.of(journaled.streams[stream_of(motion)], journaled.header.get("clock_resolution_s", 0.0))
 
 
 def sensor_readings(
     view: View, journaled: JournalContent, time_s: FloatArray, cuts: Sequence[tuple[float, float]]
 ) -> Iterator[Columns]:
-    """Readings of a sensor, stretch by stretch, less those of cycles that were cut short."""
+    """Return the readings of a sensor, segment by segment, without those of incomplete cycles."""
     board, header = journaled.streams["board"], journaled.header
     for first, last in stretches(board):
         for begin in range(first, last, AT_ONCE):
             end = min(begin + AT_ONCE, last)
-            low, high = max(begin - 1, first), min(end + 1, last)  # neighbours lend their off phases
+            low, high = max(begin - 1, first), min(end + 1, last)  # neighbours supply their off phases
             inputs, counts = inputs_of(view, header), board["counts"][low:high]
             readings = subtracted(counts, time_s[low:high], view.emitter, inputs, Converter.of(header))
             kept = readings.of(view.emitter) & (readings.time_s >= time_s[begin])
@@ -106,7 +109,7 @@ def sensor_readings(
 
 
 class Converter(NamedTuple):
-    """Length of a board's period, volts for each count, and the highest count."""
+    """Length of a board's period, volts per count, and the highest count."""
 
     period_s: float
     volts_per_count: float
@@ -114,12 +117,12 @@ class Converter(NamedTuple):
 
     @classmethod
     def of(cls, header: Mapping[str, Any]) -> "Converter":
-        """Converter that a journal's header states."""
+        """Return the converter that a journal's header states."""
         return cls(header["period_s"], header["volts_per_count"], header["top_count"])
 
 
 def inputs_of(view: View, header: Mapping[str, Any]) -> list[int]:
-    """Inputs of a sensor's receivers, from 0, right before left, and of the load cell, where a run has one."""
+    """Return the inputs of a sensor's receivers, from 0, right before left, and of the load cell if a run has one."""
     cell = header.get("load_cell")
     return [one - 1 for one in (*view.inputs.values(), *(() if cell is None else (cell["input"],)))]
 
@@ -127,9 +130,9 @@ def inputs_of(view: View, header: Mapping[str, Any]) -> list[int]:
 def subtracted(
     counts: NDArray[np.uint16], time_s: FloatArray, emitter: int, inputs: Sequence[int], converter: Converter
 ) -> Demodulated:
-    """Demodulated readings of some inputs with one emitter, in some periods.
+    """Return the demodulated readings of some inputs with one emitter, in some periods.
 
-    Of each period, only the emitter's own on phase and the off phases next to it are used.
+    Of each period, only the emitter's own on phase and the adjacent off phases are used.
     """
     phases, on = 2 * counts.shape[1], 2 * (emitter - 1)
     near = np.unique([(on - 1) % phases, on, on + 1])
@@ -142,9 +145,9 @@ def subtracted(
 
 
 def sound(flags: NDArray[np.uint8], period_s: FloatArray, reading_s: FloatArray) -> NDArray[np.bool_]:
-    """Which readings come from valid periods; in a late one the exposure is unknown.
+    """Return which readings come from valid periods; in a late one the exposure is unknown.
 
-    The preceding period matters too, as it supplies the off phase.
+    The preceding period must be valid too, because it supplies the off phase.
     """
     good = flags & UNSOUND == 0
     period = np.searchsorted(period_s, reading_s, "right") - 1
@@ -158,12 +161,12 @@ def columns_of(
     journaled: JournalContent,
     cuts: Sequence[tuple[float, float]],
 ) -> Columns:
-    """Columns of the kept readings, without those of incomplete cycles."""
+    """Return the columns of the kept readings, without those of incomplete cycles."""
     for cut_s, rest_s in cuts:
         kept &= (readings.time_s <= cut_s) | (readings.time_s >= rest_s)
     motions = {motion: (looks_of(journaled, motion), driven) for motion, driven in motions_of(journaled.header).items()}
     for looks, _ in motions.values():
-        if not np.isfinite(looks.position).all():  # a stage that is turned by hand: nobody knows the angle on the way
+        if not np.isfinite(looks.position).all():  # a stage turned by hand: the angle during a move is unknown
             kept = kept & np.isfinite(looks.at(readings.time_s))
     time = readings.time_s[kept]
     columns = {"time_s": time} | {
@@ -176,14 +179,17 @@ def columns_of(
 
 
 def drive_of(motion: str, driven: Mapping[str, Any]) -> str:
-    """Column of the angles of a motion, or of depths."""
+    """Return the column of the angles of a motion, or of depths."""
     if motion:
         return f"{motion}_deg"
     return "depth_mm" if driven.get("drives") == "depth" else "angle_deg"
 
 
 def _cell_volts(readings: Demodulated | Read, kept: NDArray[np.bool_], receivers: int) -> Columns:
-    """Volts of the load cell, which no emitter changes: the mean of on and off; NaN where one was at a limit."""
+    """Return the volts of the load cell, the mean of on and off because no emitter affects it.
+
+    The result is NaN if one was at a limit.
+    """
     if readings.signal.shape[1] <= receivers:
         return {}
     off, signal = readings.ambient[kept, receivers], readings.signal[kept, receivers]

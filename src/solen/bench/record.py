@@ -1,7 +1,7 @@
 """A recording from start to end: a protocol run on a rig, its journal closed, the file entered into the catalogue.
 
-The idea: whatever happens on the way, the journal stays until its recording was written and read back. A run that was
-interrupted is resumed after its last whole cycle, or recovered as it is; a lock keeps both from a run under way.
+The idea: whatever happens, the journal stays until its recording was written and read back. An interrupted run is
+resumed after its last complete cycle, or closed as it is; a lock protects a run in progress from both.
 
 The interface: `record` with `RecordOptions`; `recover`; `close_journal`.
 """
@@ -39,30 +39,30 @@ from solen.errors import BenchError, DataError, OutputError, SolenError, SpecErr
 from solen.spec.strict import Options
 
 READ_S = 0.1
-"""How often a board is read: what a kill may cost."""
+"""Interval in s at which a board is read: the data that a kill may lose."""
 READ_SIMULATED_S = 1.0
 READ_SIMULATED_MOST_S = 10.0
-"""A simulated board is read less often, in a long protocol least: its time passes faster than the wall's."""
+"""Longest interval in s at which a simulated board is read; its time passes faster than real time."""
 ROOM_OF_JOURNAL, ROOM_BYTES = 1.5, 1 << 18
-"""A recording needs at most the size of its journal times the first, and the second in bytes."""
+"""A recording needs at most the first factor times the size of its journal, plus the second number of bytes."""
 PAUSE_S = 1.0
-"""Shortest time between the end of a part of a run and the part that resumes it."""
+"""Shortest time in s between the end of a part of a run and the part that resumes it."""
 STOP_LOOKS = 5
-"""Looks at a stage that rests, at the least, where only stops count."""
+"""Least number of position queries of a stage at rest, if only stops are used."""
 
 
 Report = Callable[[str], None]
 
 
 class RecordOptions(Options):
-    """How a run is recorded."""
+    """Options of a recording."""
 
     name: str | None = None
     """Name of the recording; default: that of the protocol's file."""
     seed: Annotated[int, Field(ge=0, lt=1 << 63)] | None = None
-    """Seed of a simulated rig, instead of its file's: other sensors, other noise."""
+    """Seed of a simulated rig that replaces the seed of its file: other sensors, other noise."""
     resume: bool = False
-    """Resume a run that was stopped or killed, after its last whole cycle."""
+    """Resume a run that was stopped or killed, after its last complete cycle."""
     real_time: bool = False
     """Let a simulated rig take as long as a real one."""
 
@@ -112,7 +112,7 @@ def record(
         if target.exists() and not (path.exists() and _is_of(target, path)):
             raise OutputError(str(target), limit="exists already", remedy="give the run another --name")
         if path.exists() and not options.resume:
-            limit, remedy = "exists already: a run that was not closed", "solen bench recover, or --resume"
+            limit, remedy = "exists already: a run that was not closed", "use solen bench recover, or --resume"
             raise BenchError(str(path), limit=limit, remedy=remedy)
         journal, before = None, None
         if options.resume:
@@ -136,7 +136,7 @@ def record(
 
 
 def recover(path: Path) -> RecordedRun:
-    """Close a journal that was left by a run that was killed, stopped or failed."""
+    """Close the journal of a run that was killed, stopped or failed."""
     if path.suffix != SUFFIX:
         raise SpecError(str(path), limit=f"a journal ends in {SUFFIX}", remedy="name the journal of the run")
     target = path.with_suffix(".nc")
@@ -149,8 +149,8 @@ def recover(path: Path) -> RecordedRun:
 def close_journal(path: Path, target: Path) -> RecordedRun:
     """Write the recording of a journal, enter it into the catalogue, and only then remove the journal.
 
-    A damaged journal is never removed. A kill on the way leaves the journal; a recording that was written by then is
-    written again.
+    A damaged journal is never removed. A kill meanwhile leaves the journal; a recording already written is then written
+    again.
     """
     files.remove_left(target)
     _check_room(path, target)
@@ -167,8 +167,8 @@ def close_journal(path: Path, target: Path) -> RecordedRun:
 
 @contextmanager
 def _kept(path: Path) -> Iterator[None]:
-    """Say of a run that is ended or fails what is kept of it, and how to go on."""
-    kept = f"what was recorded is in {path}: go on with --resume, or close it with solen bench recover"
+    """State what is kept of a run that is ended or fails, and how to continue."""
+    kept = f"the recorded data are in {path}: continue with --resume, or close it with solen bench recover"
     try:
         yield
     except KeyboardInterrupt as bad:
@@ -181,18 +181,21 @@ def _kept(path: Path) -> Iterator[None]:
 
 
 def _check_room(path: Path, target: Path) -> None:
-    """`OutputError` if the disk has no room for the recording of a journal."""
+    """Raise `OutputError` if the disk has no space for the recording of a journal."""
     if not path.exists():
         return
     needed = int(ROOM_OF_JOURNAL * path.stat().st_size) + ROOM_BYTES
     free = shutil.disk_usage(target.absolute().parent).free
     if free < needed:
         limit = f"needs up to {1e-6 * needed:.2g} MB, and {1e-6 * free:.2g} MB are free"
-        raise OutputError(str(target), limit=limit, remedy=f"make room, then solen bench recover {path.name}")
+        raise OutputError(str(target), limit=limit, remedy=f"free some space, then run solen bench recover {path.name}")
 
 
 def _is_of(target: Path, journal: Path) -> bool:
-    """Whether a recording was made of a journal that is still there: closing it was killed before it was removed."""
+    """Whether a recording was made from a journal that still exists.
+
+    In this case closing the journal was killed before the journal was removed.
+    """
     try:
         return header_of(target) == _without_streams(read_journal(journal).header)
     except DataError:
@@ -206,14 +209,14 @@ def _without_streams(header: dict[str, Any]) -> dict[str, Any]:
 def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_file: Path) -> None:
     unit = rig.moves_in
     if protocol.unit != unit:
-        remedy = "take the protocol or the rig of the other kind"
+        remedy = "use the protocol or the rig of the other kind"
         raise BenchError(str(protocol_file), limit=f"moves in {protocol.unit}, and the stage in {unit}", remedy=remedy)
     check_motions(protocol, rig.axes, str(protocol_file))
     for number, step in enumerate(protocol.steps):
         for motion, target in step.targets.items() if step.to_N is None else ():
             low, high = rig.axes[motion].travel or (-math.inf, math.inf)
             if not low <= target <= high:
-                limit = f"is beyond the travel of {rig_file}, {low:g} to {high:g} {unit}"
+                limit = f"is outside the travel of {rig_file}, {low:g} to {high:g} {unit}"
                 raise BenchError(f"{protocol_file}: step[{number}]", value=target, limit=limit)
     stops = any(one.driver in DRIVERS and DRIVERS[one.driver].stops for one in rig.axes.values())
     if stops:
@@ -221,24 +224,32 @@ def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_fil
     if protocol.forces_N:
         _check_forces(max(protocol.forces_N), rig, f"{protocol_file}: to_N", stops=stops)
     if rig.load_cell is not None and rig.load_cell.zero_V is None and protocol.rest_s == 0.0:
-        limit = "is 0: the load cell's voltage without load is that of the rest before the first cycle"
-        remedy = "give it 0.5 s, or state load_cell.zero_V"
+        limit = "is 0: the load cell's voltage without load is measured at rest before the first cycle"
+        remedy = "set it to 0.5 s, or state load_cell.zero_V"
         raise BenchError(f"{protocol_file}: rest_s", value=0.0, limit=limit, remedy=remedy)
     if rig.simulated and {rig.sampler.driver, *(one.driver for one in rig.axes.values())} != {"simulated"}:
-        raise BenchError(str(rig_file), limit="has one real and one simulated instrument", remedy="make both one kind")
+        raise BenchError(
+            str(rig_file), limit="has one real and one simulated instrument", remedy="make both real or both simulated"
+        )
 
 
 def _check_forces(most_N: float, rig: Rig, what: str, *, stops: bool) -> None:
-    """Refuse steps to a force that the rig cannot make, or could not end."""
+    """Raise an error for steps to a force that the rig cannot produce, or that might not end."""
     cell, limit, remedy = rig.load_cell, "", ""
     if cell is None:
         limit, remedy = "needs a load cell", "add [load_cell] to the rig, or press to_mm"
     elif rig.stage.drives != "depth":
         limit, remedy = "needs a stage that presses", 'state drives = "depth" of the stage'
     elif rig.stage.travel is None:
-        limit, remedy = "needs an end: how deep the stage may go to find it", "add travel = [-1.0, 1.0] to [stage]"
+        limit, remedy = (
+            "needs a limit: the greatest depth to which the stage may go",
+            "add travel = [-1.0, 1.0] to [stage]",
+        )
     elif stops:
-        limit, remedy = f"needs a stage that knows its place on the way; {rig.stage.driver} does not", "press to_mm"
+        limit, remedy = (
+            f"needs a stage that knows its position while it moves; {rig.stage.driver} does not",
+            "press to_mm",
+        )
     elif cell.capacity_N is not None and most_N > cell.capacity_N:
         limit, remedy = f"is beyond the load cell's capacity, {cell.capacity_N:g} N", "press less"
     if limit:
@@ -246,28 +257,28 @@ def _check_forces(most_N: float, rig: Rig, what: str, *, stops: bool) -> None:
 
 
 def _check_stops(protocol: Protocol, protocol_file: Path) -> None:
-    """Reject stops that are too short if only they are used."""
+    """Reject stops that are too short if only stops are used."""
     least_s = STOP_LOOKS / protocol.position_rate_hz
     for number, step in enumerate(protocol.steps):
         if step.hold_s < least_s:
-            limit = f"is too short: the stage is known at stops alone, of {least_s:g} s or more"
+            limit = f"is too short: the position is known only at stops of {least_s:g} s or more"
             raise BenchError(f"{protocol_file}: step[{number}].hold_s", value=step.hold_s, limit=limit)
 
 
 def _resumed(path: Path, tables: dict[Path, Protocol | Rig]) -> tuple[Journal, JournalContent]:
-    """The journal of a run and what it holds, checked against the files of the protocol and the rig."""
+    """Return the journal of a run and its content, checked against the files of the protocol and the rig."""
     if not path.exists():
         raise BenchError(str(path), limit="no such journal: there is nothing to resume", remedy="leave --resume out")
     header = read_journal(path).header
     for key, (file, table) in zip(("protocol", "rig"), tables.items(), strict=True):
         if header[key] != table.model_dump(mode="json"):
             remedy = "change it back, or close the journal with solen bench recover"
-            raise BenchError(str(file), limit="differs from what the run began with", remedy=remedy)
+            raise BenchError(str(file), limit="differs from the file with which the run began", remedy=remedy)
     return Journal.resume(path)
 
 
 def _header(protocol: Protocol, rig: Rig, folder: Path, simulated_time: bool) -> dict[str, Any]:
-    """Everything that a run was made of."""
+    """Return the header, which states everything that a run uses."""
     designs = {sensor.design: files.read_text(folder / sensor.design, DataError) for sensor in rig.sensor}
     return {
         "solen": __version__,
@@ -291,12 +302,12 @@ def _header(protocol: Protocol, rig: Rig, folder: Path, simulated_time: bool) ->
 
 
 def _driven(stage: StageOf) -> dict[str, Any]:
-    """What of a stage makes its positions values of a motion."""
+    """Return the settings of a stage that convert its positions to values of a motion."""
     return {"zero": stage.zero, "lever_mm": stage.lever_mm, "drives": stage.drives}
 
 
 def _clock(simulated_time: bool, before: JournalContent | None) -> Clock:
-    """Time of a run; that of a resumed run goes on, by as much as passed since."""
+    """Return the clock of a run; that of a resumed run continues by the time that has passed since."""
     if before is None:
         return SimulatedClock() if simulated_time else WallClock()
     streams = ("came", *(name for name in before.streams if name.startswith(STREAM)))
@@ -308,7 +319,7 @@ def _clock(simulated_time: bool, before: JournalContent | None) -> Clock:
 
 
 def _noise(rig: Rig, name: str | None, before: JournalContent | None) -> np.random.Generator:
-    """Noise of a simulated rig: other noise in each part of a run, and under each name."""
+    """Return the noise of a simulated rig, which differs between the parts of a run and between names."""
     part = 0 if before is None else 1 + before.parts
     return np.random.default_rng([rig.seed, 1, part, *([] if name is None else [zlib.crc32(name.encode())])])
 
@@ -323,12 +334,12 @@ def _read_every_s(protocol: Protocol, simulated_time: bool) -> float:
 def _instruments(
     rig: Rig, protocol: Protocol, folder: Path, clock: Clock, noise: np.random.Generator, report: Report | None
 ) -> Iterator[tuple[Mapping[str, Stage], Sampler, dict[str, Any]]]:
-    """Stages and sampler of a rig, closed on exit, and what a header states of simulated ones."""
+    """Stages and sampler of a rig, closed on exit, and the description of simulated ones for the header."""
     stages: Mapping[str, Stage]
     sampler: Sampler
     drawn: dict[str, Any] = {}
     if rig.simulated:
-        from solen.bench.simulated.instruments import simulated_instruments  # the tracer is loaded where it is needed
+        from solen.bench.simulated.instruments import simulated_instruments  # the tracer is loaded only if needed
 
         stages, sampler, sensors = simulated_instruments(rig, protocol, folder, clock, noise, report)
         drawn = {"sensors": sensors}
@@ -340,6 +351,6 @@ def _instruments(
     finally:
         with uninterrupted():
             for instrument in (sampler, *stages.values()):
-                # how the run ended matters more, and what could not be stopped is in its journal
+                # the reason for the end matters more; the journal names what could not be stopped
                 with suppress(SolenError):
                     instrument.close()

@@ -1,8 +1,8 @@
-"""The rig: which instruments there are, and which sensor is wired to which emitter and inputs.
+"""The rig: the instruments, and the wiring of each sensor to an emitter and inputs.
 
-The idea: the protocol says what happens, the rig to what. A driver is named, real or simulated; the rest of a run does
-not ask which. What only a simulated rig has, how prints differ and what light the room has, stands in tables of its
-own, and is refused beside real instruments, where nature says it.
+The idea: the protocol states the motion, the rig what is moved. A driver is named, real or simulated; the rest of a run
+does not depend on which. Quantities that only a simulated rig has, the variation of the prints and the ambient light,
+are in separate tables, which are rejected for real instruments.
 
 The interface: `Rig` with its instruments (`solen.bench.rig_instruments`), `SensorOf`, `Spread`, `RoomLight`; `load_rig`
 of a file.
@@ -30,23 +30,24 @@ Input = Annotated[int, Field(strict=True, ge=1, le=64)]
 
 
 class SensorOf(BenchTable):
-    """One sensor and its wires; emitters and inputs count from 1."""
+    """One sensor and its wiring; emitters and inputs are counted from 1."""
 
     table: ClassVar[str] = "sensor"
 
     name: Annotated[Text, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", max_length=40)] = Field(
-        description="what it is called: letters, digits, - _ ."
+        description="name of the sensor: letters, digits, - _ ."
     )
     design: Text = Field(description="its design file, relative to the rig file.")
-    lens: bool = Field(True, description="Whether it has its lens; false is the control without one.")
-    emitter: Input | None = Field(None, description="which emitter of the board lights it.")
-    right: Input | None = Field(None, description="which input of the board its right receiver is on.")
-    left: Input | None = Field(None, description="which input of the board its left receiver is on.")
+    lens: bool = Field(True, description="Whether the sensor has its lens; false is the control without one.")
+    emitter: Input | None = Field(None, description="number of the board's emitter that illuminates it.")
+    right: Input | None = Field(None, description="number of the board's input for its right receiver.")
+    left: Input | None = Field(None, description="number of the board's input for its left receiver.")
     emitters: Annotated[dict[str, Input], Field(min_length=1)] | None = Field(
-        None, description="Of a network: which emitter of the board is which of its own, {wrist = 1, index = 2}."
+        None, description="For a network: number of the board's emitter for each of its own, {wrist = 1, index = 2}."
     )
     inputs: Annotated[dict[str, Input], Field(min_length=1)] | None = Field(
-        None, description="Of a network: which input of the board each of its receivers is on, {thumb = 1, middle = 2}."
+        None,
+        description="For a network: number of the board's input for each of its receivers, {thumb = 1, middle = 2}.",
     )
 
     @model_validator(mode="after")
@@ -57,16 +58,16 @@ class SensorOf(BenchTable):
         stated, beside = (network, pair) if any(network.values()) else (pair, network)
         for key, value in stated.items():
             if value is None:
-                raise refused(key, "missing", remedy="of a network state emitters and inputs")
+                raise refused(key, "missing", remedy="for a network state emitters and inputs")
         for key, value in beside.items():
             if value is not None:
-                raise refused(key, "does not apply with emitters and inputs", value=value, remedy="leave it out")
+                raise refused(key, "does not apply with emitters and inputs", value=value, remedy="omit it")
         for key, wires in network.items():
             twice = [number for number, times in Counter((wires or {}).values()).items() if times > 1]
             if twice:
-                raise refused(key, f"has {twice[0]} twice", remedy="give each its own")
+                raise refused(key, f"has {twice[0]} twice", remedy="use a different one for each")
         if self.is_network and not self.lens:
-            raise refused("lens", "is of a sensor with one lens", value=False, remedy="leave it out")
+            raise refused("lens", "is for a sensor with one lens", value=False, remedy="omit it")
         return self
 
     @property
@@ -76,7 +77,7 @@ class SensorOf(BenchTable):
 
     @property
     def lit_by(self) -> dict[str, int]:
-        """Numbers of the board's emitters by the sensor's own names; the only one of a sensor has none."""
+        """Numbers of the board's emitters by the sensor's own names; a single emitter has no name."""
         return self.emitters or {"": self.emitter or 1}
 
     @property
@@ -86,49 +87,57 @@ class SensorOf(BenchTable):
 
 
 class Spread(BenchTable):
-    """How simulated prints differ: standard deviations, drawn once for each sensor."""
+    """Variation of simulated prints: standard deviations, drawn once for each sensor."""
 
     table: ClassVar[str] = "spread"
 
-    index: Annotated[Number, Field(ge=0, le=0.1)] = Field(0.0, description="Of the material's index.")
-    emitter_offset_mm: Annotated[Number, Field(ge=0, le=1)] = Field(
-        0.0, description="Of the emitter's decentre, in mm."
+    index: Annotated[Number, Field(ge=0, le=0.1)] = Field(
+        0.0, description="Standard deviation of the material's refractive index."
     )
-    chip_mm: Annotated[Number, Field(ge=0, le=0.5)] = Field(0.0, description="Of the chip's width, in mm.")
-    parts: bool = Field(False, description="Whether receivers and emitters differ as their datasheets allow.")
+    emitter_offset_mm: Annotated[Number, Field(ge=0, le=1)] = Field(
+        0.0, description="Standard deviation of the emitter's decentre, in mm."
+    )
+    chip_mm: Annotated[Number, Field(ge=0, le=0.5)] = Field(
+        0.0, description="Standard deviation of the chip's width, in mm."
+    )
+    parts: bool = Field(
+        False, description="Whether receivers and emitters vary within the tolerances of their datasheets."
+    )
 
 
 class RoomLight(BenchTable):
-    """Light of the room at simulated receivers."""
+    """Ambient light at simulated receivers."""
 
     table: ClassVar[str] = "ambient"
 
     mean_mw_cm2: NotNegative = Field(
-        0.0, description="Its mean in mW/cm², as light of the wavelength at which receivers are stated."
+        0.0, description="Mean in mW/cm², as light of the wavelength at which receivers are specified."
     )
     flicker_percent: Annotated[Number, Field(ge=0, le=100)] = Field(0.0, description="Amplitude of its flicker.")
-    flicker_hz: Positive = Field(100.0, description="Of the flicker: twice the mains' frequency.")
+    flicker_hz: Positive = Field(100.0, description="Frequency of the flicker: twice the mains frequency.")
     drift_percent_per_min: Annotated[Number, Field(ge=-100, le=100)] = Field(0.0, description="Drift of its mean.")
 
 
 class Rig(BenchTable):
     """A stage, a board or a data acquisition, and the sensors on them."""
 
-    name: Text = Field(description="what the rig is called.")
-    seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)] = Field(0, description="Seed of everything drawn.")
+    name: Text = Field(description="name of the rig.")
+    seed: Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)] = Field(0, description="Seed of all random draws.")
     stage: StageOf = Field(default_factory=StageOf, description="What moves.")
     stages: dict[str, StageOf] = Field(
-        default_factory=dict, description="What makes each motion of a network, [stages.NAME] by its name."
+        default_factory=dict, description="Stages of the motions of a network, [stages.NAME] for each by its name."
     )
-    board: BoardOf = Field(default_factory=BoardOf, description="What lights and samples.")
-    daq: DaqOf | None = Field(None, description="What samples only, instead of a board.")
-    meter: MeterOf | None = Field(None, description="What reads at its own pace, instead of a board.")
+    board: BoardOf = Field(
+        default_factory=BoardOf, description="Instrument that switches the emitters and samples the receivers."
+    )
+    daq: DaqOf | None = Field(None, description="Instrument that only samples, instead of a board.")
+    meter: MeterOf | None = Field(None, description="Instrument that reads at its own pace, instead of a board.")
     sensor: Annotated[tuple[SensorOf, ...], Field(min_length=1, max_length=32)] = Field(
         description="the sensors, [[sensor]]."
     )
-    load_cell: LoadCell | None = Field(None, description="What reads the force on the sensor.")
-    spread: Spread = Field(default_factory=Spread, description="How simulated prints differ.")
-    ambient: RoomLight = Field(default_factory=RoomLight, description="Light at simulated receivers.")
+    load_cell: LoadCell | None = Field(None, description="Instrument that reads the force on the sensor.")
+    spread: Spread = Field(default_factory=Spread, description="Variation of simulated prints.")
+    ambient: RoomLight = Field(default_factory=RoomLight, description="Ambient light at simulated receivers.")
 
     @model_validator(mode="after")
     def _wired_once(self) -> Self:
@@ -138,7 +147,7 @@ class Rig(BenchTable):
         ):
             twice = [value for value, times in Counter(used).items() if times > 1]
             if twice:
-                raise refused("sensor", f"{what} {twice[0]} is used twice", remedy=f"give each its own {what}")
+                raise refused("sensor", f"{what} {twice[0]} is used twice", remedy=f"use a different {what} for each")
         self._check_motions()
         samples = self.sampler is self.board and self.board.driver == "serial"
         for motion, stage in self.axes.items():
@@ -146,8 +155,8 @@ class Rig(BenchTable):
             if stage.driver == "board" and stage.port is None and not samples:
                 raise refused(f"{key}.driver", 'needs a port, or [board] with driver = "serial"', value="board")
             if samples and stage.port == self.board.port:
-                remedy = "leave it out, and the board that samples drives its motor"
-                raise refused(f"{key}.port", "is the port of [board]", value=stage.port, remedy=remedy)
+                remedy = "omit it; the board that samples then drives its motor"
+                raise refused(f"{key}.port", "is also the port of [board]", value=stage.port, remedy=remedy)
         if self.load_cell is not None:
             self._check_cell(self.load_cell)
         stated = [key for key in ("board", "daq", "meter") if key in self.model_fields_set and getattr(self, key)]
@@ -158,49 +167,54 @@ class Rig(BenchTable):
         if self.sampler.driver != "simulated":
             for key in ("spread", "ambient"):
                 if key in self.model_fields_set:
-                    raise refused(key, "is for a simulated rig: a real one shows what there is", remedy="leave it out")
+                    raise refused(key, "is for a simulated rig: a real one has its own", remedy="omit it")
         return self
 
     def _check_motions(self) -> None:
-        """Refuse stages by motion without a network, a network without them, and what several stages cannot do."""
+        """Raise an error for stages by motion without a network, and for a network without them.
+
+        Keys that several stages do not support are also rejected.
+        """
         networks = [one.name for one in self.sensor if one.is_network]
         if networks and not self.stages:
-            limit = f"missing: the motions of {networks[0]} are made by stages of their own"
+            limit = f"missing: the motions of {networks[0]} need stages of their own"
             raise refused("stages", limit, remedy="state [stages.NAME] for each motion")
         if not self.stages:
             return
         if len(networks) < len(self.sensor):
-            limit = "are of networks; a sensor with emitter, right and left has one motion"
+            limit = "are for networks; a sensor with emitter, right and left has one motion"
             raise refused("stages", limit, remedy="state [stage], or emitters and inputs of each sensor")
         if "stage" in self.model_fields_set:
-            raise refused("stage", "cannot be combined with [stages.NAME]", remedy="leave it out")
+            raise refused("stage", "cannot be combined with [stages.NAME]", remedy="omit it")
         if self.load_cell is not None:
-            raise refused("load_cell", "does not apply with [stages.NAME]", remedy="leave it out")
+            raise refused("load_cell", "does not apply with [stages.NAME]", remedy="omit it")
         for name, one in self.stages.items():
             if one.drives != "angle":
                 limit = "a motion of a network is an angle"
-                raise refused(f"stages.{name}.drives", limit, value=one.drives, remedy="leave it out")
+                raise refused(f"stages.{name}.drives", limit, value=one.drives, remedy="omit it")
         if len({one.moves_in for one in self.stages.values()}) > 1:
-            raise refused("stages", "move in deg and in mm", remedy="take stages of one kind")
+            raise refused("stages", "move in deg and in mm", remedy="use stages of one kind")
         ports = Counter(
             one.port or one.driver for one in self.stages.values() if one.driver not in {"simulated", "hand"}
         )
         if ports and (most := ports.most_common(1)[0])[1] > 1:
-            limit = "makes two motions; each needs a stage on a line of its own"
+            limit = "makes two motions; each motion needs a stage with its own line"
             raise refused("stages", limit, value=most[0], remedy="connect them apart")
         if len({one.driver == "simulated" for one in self.stages.values()}) > 1:
-            raise refused("stages", "are partly simulated", remedy="make all of one kind")
+            raise refused("stages", "are partly simulated", remedy="use stages of one kind")
 
     def _check_cell(self, cell: LoadCell) -> None:
-        """Refuse a load cell without an input of its own, or whose force is on several sensors."""
+        """Raise an error for a load cell without its own input, or whose force is on several sensors."""
         wired = [one for sensor in self.sensor for one in sensor.read_on.values()]
         if cell.input is None:
-            raise refused("load_cell.input", "missing: the input that it is on", remedy=f"add input = {max(wired) + 1}")
+            raise refused(
+                "load_cell.input", "missing: the input of the load cell", remedy=f"add input = {max(wired) + 1}"
+            )
         if cell.input in wired:
-            raise refused("load_cell.input", "is a receiver's", value=cell.input, remedy="give it one of its own")
+            raise refused("load_cell.input", "is a receiver's", value=cell.input, remedy="use an input of its own")
         if self.unit != "V":
             limit = f"needs a rig that measures volts; this one measures {self.unit}"
-            raise refused("load_cell", limit, remedy="leave it out")
+            raise refused("load_cell", limit, remedy="omit it")
         if len(self.sensor) > 1:
             limit = f"reads the force on one sensor; there are {len(self.sensor)}"
             raise refused("load_cell", limit, remedy="state one [[sensor]]")
@@ -222,46 +236,46 @@ class Rig(BenchTable):
 
     @property
     def emitters(self) -> int:
-        """Emitters that take turns."""
+        """Number of alternating emitters."""
         return max(one for sensor in self.sensor for one in sensor.lit_by.values())
 
     @property
     def inputs(self) -> int:
-        """Inputs that are sampled."""
+        """Number of sampled inputs."""
         cell = 0 if self.load_cell is None else self.load_cell.input or 0
         return max(cell, *(one for sensor in self.sensor for one in sensor.read_on.values()))
 
     @property
     def simulated(self) -> bool:
-        """Whether anything that is read from it is simulated."""
+        """Whether any of its data are simulated."""
         return "simulated" in {self.sampler.driver, *(one.driver for one in self.axes.values())}
 
     @property
     def axes(self) -> dict[str, StageOf]:
-        """Stages by the motions that they make; the only one of a rig without a network has no name."""
+        """Stages by the motions that they make; the single stage of a rig without a network has no name."""
         return self.stages or {"": self.stage}
 
     @property
     def moves_in(self) -> str:
-        """Unit of what moves."""
+        """Unit of its motion."""
         return next(iter(self.axes.values())).moves_in
 
     def as_one(self, stage: StageOf) -> "Rig":
-        """The rig with one of its stages as the only one, for a driver that opens it."""
+        """Return the rig with one of its stages as the only one, for a driver that opens it."""
         return self.model_copy(update={"stage": stage, "stages": {}})
 
 
 def check_names(rig: Rig, folder: Path) -> None:
-    """`BenchError` if a network of a rig has no emitter, receiver or motion of a name that the rig wires or moves.
+    """Raise `BenchError` if a network lacks an emitter, receiver or motion with a name that the rig wires or moves.
 
-    Sensors that are no networks are not looked at.
+    Sensors that are not networks are not inspected.
     """
     for number, sensor in enumerate(rig.sensor):
         if not sensor.is_network:
             continue
         design = load(folder / sensor.design)
         if design.body.kind != "network":
-            limit = f"is a {design.body.kind}; emitters and inputs by name are those of a network"
+            limit = f"is a {design.body.kind}; emitters and inputs by name are for a network"
             raise BenchError(sensor.design, limit=limit, remedy="state emitter, right and left")
         network = design.network
         for key, kind, names, there in (
@@ -272,26 +286,26 @@ def check_names(rig: Rig, folder: Path) -> None:
             known = [one.name for one in there]
             for name in names:
                 if name not in known:
-                    limit = f"names no {kind} of {sensor.design}; there are {', '.join(known) or 'none'}"
+                    limit = f"names no {kind} of {sensor.design}; known are {', '.join(known) or 'none'}"
                     raise BenchError(key, value=name, limit=limit)
 
 
 def driven_values(position: FloatArray, header: Mapping[str, Any]) -> FloatArray:
-    """Angles in degrees, or depths in mm, of a sensor at positions of the stage, by the header of a run."""
+    """Return the angles in degrees, or depths in mm, of a sensor at positions of the stage, by the header of a run."""
     if header.get("drives") == "depth":
         return np.asarray(position - header["zero"])
     return sensor_angle_deg(position, header["zero"], header["lever_mm"])
 
 
 def sensor_angle_deg(position: FloatArray, zero: float, lever_mm: float | None) -> FloatArray:
-    """Angles of a sensor at positions of the stage: degrees as they are, or mm at the end of a lever."""
+    """Return the angles of a sensor at positions of the stage: degrees unchanged, or mm at the end of a lever."""
     moved = np.asarray(position - zero)
     return moved if lever_mm is None else np.degrees(np.arctan(moved / lever_mm))
 
 
 def load_rig(path: Path) -> Rig:
-    """Rig of a file; `BenchError` if it cannot be read or is invalid."""
+    """Read the rig of a file; raise `BenchError` if it cannot be read or is invalid."""
     rig = load_table(path, Rig)
     with error_context(str(path)):
-        _ = rig.setup  # what the instrument cannot do is refused here
+        _ = rig.setup  # raises an error if the instrument does not support the settings
     return rig

@@ -1,10 +1,10 @@
 """Roles of instruments: one interface for each, real or simulated.
 
-The idea: a protocol runs on roles. A real and a simulated instrument implement the same interface, and only the
-rig file chooses between them.
+The idea: a protocol runs on roles. A real and a simulated instrument implement the same interface, and only the rig
+file chooses between them.
 
-The interface: `Stage`, `Homes`, `EmitterBoard`, `KeepsTime`, `Daq`, `Meter`; `Sampler` is any of the last.
-Every call raises `BenchError` if the instrument does not do what is requested.
+The interface: `Stage`, `Homes`, `EmitterBoard`, `KeepsTime`, `Daq`, `Meter`; `Sampler` is any of the last. Every call
+raises `BenchError` if the instrument does not do what is requested.
 """
 
 from typing import Literal, Protocol, runtime_checkable
@@ -27,16 +27,19 @@ class Stage(Protocol):
         """Unit of its positions."""
 
     def reference(self) -> None:
-        """Find the zero, unless it is known; returns when it is found. A stage that moves to find it is a `Homes`."""
+        """Find the zero, unless it is known, and return when it is found.
+
+        A stage that moves to find it is a `Homes`.
+        """
 
     def begin_move(self, target: float, velocity: float) -> None:
-        """Begin to move to a position at a velocity; `on_target` says when it has arrived."""
+        """Begin to move to a position at a velocity; `on_target` reports when it has arrived."""
 
     def position(self) -> float:
-        """Where it is."""
+        """Return the position."""
 
     def on_target(self) -> bool:
-        """Whether it has come to rest where it was sent."""
+        """Whether the stage has come to rest at its target."""
 
     def stop(self) -> None:
         """Stop at once."""
@@ -46,17 +49,17 @@ class Stage(Protocol):
 
 
 class Homes(Protocol):
-    """A stage that moves to find its zero, and says so before."""
+    """A stage that moves to find its zero, and states this before."""
 
     name: str
 
     @property
     def referenced(self) -> bool:
-        """Whether it knows where zero is."""
+        """Whether the stage knows its zero."""
 
     @property
     def search(self) -> str:
-        """A sentence: how far it may move to find its zero."""
+        """A sentence that states the range of the move that finds the zero."""
 
     def reference(self) -> None:
         """Find the zero."""
@@ -66,14 +69,14 @@ class Homes(Protocol):
 
 
 class EmitterBoard(Protocol):
-    """Instrument that lights the emitters in turn and samples the receivers, period after period.
+    """Instrument that alternates the emitters and samples the receivers, period after period.
 
     Attributes
     ----------
     layout
-        How many emitters and receivers it has.
+        Number of emitters and of receivers.
     period_s
-        From one period to the next.
+        Duration of a period in s.
     """
 
     name: str
@@ -86,16 +89,16 @@ class EmitterBoard(Protocol):
 
     @property
     def losses(self) -> Losses:
-        """Losses so far."""
+        """Losses since the start."""
 
     def start(self) -> None:
-        """Begin to light and to sample."""
+        """Start switching the emitters and sampling."""
 
     def read(self) -> Periods:
-        """Periods that came since the last call."""
+        """Return the periods that arrived since the last call."""
 
     def stop(self) -> None:
-        """Emitters off, no more samples."""
+        """Switch the emitters off and stop sampling."""
 
     def close(self) -> None:
         """Stop and release the instrument."""
@@ -103,10 +106,13 @@ class EmitterBoard(Protocol):
 
 @runtime_checkable
 class KeepsTime(Protocol):
-    """A board that can be asked for its time, so that more is known than what listening shows."""
+    """A board that can be asked for its time, which bounds the clock's error better than received messages alone."""
 
     def time_s(self) -> float | None:
-        """Its current time in s, as it stamps periods; NaN if its answer lacks it, None without an answer."""
+        """Return the board's time in s, on the clock that stamps periods.
+
+        The result is NaN if its answer lacks it, None without an answer.
+        """
 
 
 @runtime_checkable
@@ -118,9 +124,9 @@ class Daq(Protocol):
     setup
         Its settings.
     rate_hz, switch_hz
-        Samples of each channel, and pulses of its counters, per second, as the instrument has them by its own clock.
+        Samples of each channel, and pulses of its counters, per second, in the instrument's own clock.
     convert_s
-        From one channel's sample to the next channel's.
+        Interval between the samples of successive channels in s.
     """
 
     name: str
@@ -135,16 +141,16 @@ class Daq(Protocol):
 
     @property
     def losses(self) -> DaqLosses:
-        """Losses so far."""
+        """Losses since the start."""
 
     def start(self) -> None:
-        """Begin to sample, and to light the emitters, where it does."""
+        """Start sampling, and switching the emitters if the instrument drives them."""
 
     def read(self) -> Samples:
-        """Samples since the last call."""
+        """Return the samples since the last call."""
 
     def stop(self) -> None:
-        """Emitters off, where it lights them; no more samples."""
+        """Switch the emitters off if the instrument drives them, and stop sampling."""
 
     def close(self) -> None:
         """Stop and release the instrument."""
@@ -172,13 +178,13 @@ class Meter(Protocol):
         """Missing readings."""
 
     def start(self) -> None:
-        """Begin to measure."""
+        """Start measuring."""
 
     def read(self) -> list[Reading]:
-        """Readings since the last call."""
+        """Return the readings since the last call."""
 
     def stop(self) -> None:
-        """Measure no more."""
+        """Stop measuring."""
 
     def close(self) -> None:
         """Stop and release the instruments."""

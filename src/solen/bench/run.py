@@ -1,11 +1,12 @@
-"""A run: the protocol's steps on the rig's instruments, everything that comes written to the journal as it comes.
+"""A run: the protocol's steps on the rig's instruments, with all data written to the journal as they arrive.
 
-The idea: one loop waits, asks the stage where it is and the board or the data acquisition for what it sampled, and
-hands both to the journal before it does anything else. Whatever ends a run, the end of the protocol, Ctrl-C or a fault,
-the emitters go off and the stage stops, in that order, and the journal says why. Completed cycles are written down, so
-that an interrupted run is resumed after the last one.
+The idea: one loop waits, asks the stage for its position and the board or the data acquisition for its samples, and
+writes both to the journal before anything else. Whatever ends a run, the end of the protocol, Ctrl-C or a fault, the
+emitters are switched off and the stage stops, in that order, and the journal states the reason. Completed cycles are
+recorded, and an interrupted run is resumed after the last of them.
 
-The interface: `Instruments`; `begin` writes a header, `run` the rest of the journal; `Tick` is what a watcher is shown.
+The interface: `Instruments`; `begin` writes a header, `run` the remainder of the journal; `Tick` is passed to a
+watcher.
 """
 
 import datetime as dt
@@ -31,11 +32,11 @@ from solen.bench.timing import EXCHANGE, STAGE
 from solen.errors import BenchError, SolenError
 
 ARRIVE_S = 10.0
-"""How much longer than its way needs a move may take before it counts as stuck."""
+"""Time in s by which a move may exceed its expected duration before it counts as stuck."""
 SILENT_S = 2.0
-"""A board that says nothing for so long is a fault."""
+"""Silence of a board in s that counts as a fault."""
 EXCHANGE_EVERY_S, EXCHANGES = 1.0, 5
-"""While the stage rests, clocks are compared so often, and so many times at once."""
+"""Interval in s at which clocks are compared while the stage is at rest, and number of exchanges in each comparison."""
 
 
 @dataclass(frozen=True)
@@ -45,14 +46,14 @@ class Instruments:
     Attributes
     ----------
     stage, board, clock
-        The instruments, and the clock of the run; in place of a board there may be a data acquisition or a meter, in
-        place of a stage one for each motion, by name.
+        The instruments, and the clock of the run; instead of a board there may be a data acquisition or a meter,
+        instead of a stage one for each motion, by name.
     read_every_s
         Interval of reading the board: the data that a kill may lose.
     travel
-        Lowest and highest allowed position of the stage, or of each by its motion; None for its own limits only.
+        Lowest and highest allowed position of the stage, or of each by its motion; None if only its own limits apply.
     cell
-        What reads the force on the sensor, for steps to a force.
+        Load cell that reads the force on the sensor, for steps to a force.
     """
 
     stage: Stage | Mapping[str, Stage]
@@ -64,7 +65,7 @@ class Instruments:
 
     @property
     def stages(self) -> dict[str, Stage]:
-        """Stages by motion; the only one has no name."""
+        """Stages by motion; a single stage has no name."""
         return dict(self.stage) if isinstance(self.stage, Mapping) else {"": self.stage}
 
 
@@ -79,7 +80,7 @@ class Tick:
     cycle, cycles
         Number of the cycle, from 1, and of all cycles.
     position
-        Position of each stage by its motion, in its unit; the only one has no name.
+        Position of each stage by its motion, in its unit; a single stage has no name.
     counts
         The last period, shape (emitters, 2, receivers), or its lowest and highest samples, shape (1, 2, channels); None
         before the first.
@@ -93,7 +94,10 @@ class Tick:
 
     @property
     def levels(self) -> FloatArray:
-        """Light at each input, as a share of the highest reading in the dark; empty before the first period."""
+        """Light at each input, as a fraction of the highest reading with the emitters off.
+
+        Empty before the first period.
+        """
         if self.counts is None:
             return np.empty(0)
         on, off = self.counts[:, 0, :].min(axis=0), self.counts[:, 1, :].max(axis=0)
@@ -104,7 +108,7 @@ Watch = Callable[[Tick], None]
 
 
 def begin(path: Path, instruments: Instruments, header: Mapping[str, Any]) -> Journal:
-    """A new journal for a run; its header states protocol, rig and instruments."""
+    """Create a new journal for a run; its header states protocol, rig and instruments."""
     sampling, stages = sampling_of(instruments.board), instruments.stages
     of_run = {
         "stage": ", ".join(stage.name for stage in stages.values()),
@@ -123,15 +127,15 @@ def run(
     before: JournalContent | None = None,
     watch: Watch | None = None,
 ) -> None:
-    """Run a protocol, or what is left of it, and end the journal.
+    """Run a protocol, or its remaining part, and end the journal.
 
     Raises
     ------
     BenchError
-        If an instrument fails; what was recorded up to then is in the journal, which says so. Emitters are off and
-        the stage stands still.
+        If an instrument fails; the data recorded until then are in the journal, which states the failure. Emitters are
+        off and the stage is at rest.
     KeyboardInterrupt
-        If Ctrl-C stopped it; likewise. Of either, notes name what could not be stopped.
+        If Ctrl-C stopped it, with the same result. For both, notes name what could not be stopped.
     """
     stages = instruments.stages
     for stage in stages.values():
@@ -163,23 +167,25 @@ def run(
 
 
 def check_motions(protocol: Protocol, known: Collection[str], what: str = "protocol") -> None:
-    """`BenchError` for a motion of a protocol that no stage makes."""
+    """Raise `BenchError` for a motion of a protocol that no stage makes."""
     for name in protocol.places:
         if name in known:
             continue
         there = ", ".join(known)
         if not name:
-            remedy = f"say to_deg = {{{next(iter(known))} = ...}}"
+            remedy = f"use to_deg = {{{next(iter(known))} = ...}}"
             raise BenchError(what, limit=f"names no motion, and the rig's stages make {there}", remedy=remedy)
         limit = (
-            f"names no motion of the rig; there are {there}" if there else "names a motion, but the rig has only one"
+            f"names no motion of the rig; its motions are {there}"
+            if there
+            else "names a motion, but the rig has only one"
         )
         raise BenchError(f"{what}: step", value=name, limit=limit)
 
 
 @dataclass
 class _Runner:
-    """One run under way."""
+    """One run in progress."""
 
     protocol: Protocol
     on: Instruments
@@ -205,7 +211,7 @@ class _Runner:
         return self.on.clock.now_s()
 
     def all(self) -> None:
-        """From the beginning, or the first cycle that is not done, to the end."""
+        """Run from the beginning, or from the first cycle that is not done, to the end."""
         utc = dt.datetime.now(dt.UTC).isoformat(timespec="milliseconds")
         self.journal.event(self.now_s, "begun", part=self.part, cycle=self.done + 1, utc=utc)
         if no_watchdog := getattr(self.on.board, "no_watchdog", None):
@@ -213,7 +219,7 @@ class _Runner:
         self._exchange(self._sampling.start)
         self._due_s = self._read_s = self._heard_s = self.now_s
         self._cycle = self.done + 1
-        self._go(self._begin())  # to where a cycle begins
+        self._go(self._begin())  # to the position at which a cycle begins
         self.journal.event(self.now_s, "at rest")
         self._cell_V.clear()
         self._stay(self.protocol.rest_s)
@@ -232,9 +238,10 @@ class _Runner:
         self._read()
 
     def safe(self) -> list[str]:
-        """Emitters off, then the stage stopped; the second is tried whatever becomes of the first.
+        """Switch the emitters off, then stop the stage; the second is tried even if the first fails.
 
-        Then what was seen of the stage since the last reading is written down. Gives a line for what did not stop.
+        Then the positions of the stage since the last reading are recorded. Returns a line for each instrument that did
+        not stop.
         """
         left = []
         stages = [(axis.name, axis.stage.stop) for axis in self._axes.values()]
@@ -248,7 +255,7 @@ class _Runner:
         return left
 
     def _begin(self) -> Step:
-        """The last step, with every motion where a cycle leaves it."""
+        """Begin with the last step, which moves every motion to the position in which a cycle ends."""
         last = self.protocol.steps[-1]
         left: dict[str, float] = {}
         if "" in last.targets:
@@ -258,7 +265,7 @@ class _Runner:
         return last.model_copy(update={f"to_{last.unit}": left})
 
     def _go(self, step: Step) -> None:
-        """Move and wait for arrival; while moving, only the position is queried."""
+        """Move and wait for arrival; while the stage moves, only the position is queried."""
         due: dict[str, float] = {}
         starts = {motion: self._axes[motion].look() for motion in step.targets}
         for motion, target in step.targets.items():
@@ -276,11 +283,11 @@ class _Runner:
             if self.now_s > arrives_s + patience_s:
                 late = f"{patience_s:.0f} s after it was due"
                 limit = f"has not arrived at {step.targets[axis.motion]:g} {step.unit} {late}"
-                raise BenchError(axis.stage.name, limit=limit, remedy="is it free to move?")
+                raise BenchError(axis.stage.name, limit=limit, remedy="check that it is free to move")
             self._tick(self.now_s + 1.0)
 
     def _tare(self) -> None:
-        """Take the load cell's zero from the rest that has just been, unless it is stated."""
+        """Determine the load cell's zero from the preceding rest, unless it is stated."""
         if self.on.cell is None:
             return
         self._read()
@@ -290,10 +297,11 @@ class _Runner:
     def _press(self, step: Step, to_N: float) -> None:
         """Move until the load cell reads a force, deeper or back, and stop there.
 
-        It goes on by its velocity times what a look and a reading take; the place where it then stands is not sought.
+        The stage overshoots by its velocity times the duration of a query and a reading; the overshoot is not
+        corrected.
         """
         (axis,) = self._axes.values()
-        low, high = axis.travel or (math.nan, math.nan)  # a protocol with such steps needs both
+        low, high = axis.travel or (math.nan, math.nan)  # a protocol with these steps requires both limits
         begun = axis.look()
         deeper = self._force_N() < to_N
         end = high if deeper else low
@@ -302,7 +310,8 @@ class _Runner:
         while (self._force_N() < to_N) == deeper:
             if axis.stage.on_target():
                 limit = (
-                    f"reads {self._force_N():.3g} N at the end of travel, {end:g} {step.unit}, and {to_N:g} N is asked"
+                    f"reads {self._force_N():.3g} N at the end of travel, {end:g} {step.unit}, "
+                    f"instead of the {to_N:g} N of the protocol"
                 )
                 raise BenchError(
                     self.on.cell.name if self.on.cell else "load cell",
@@ -315,9 +324,11 @@ class _Runner:
         axis.look()
 
     def _force_N(self) -> float:
-        """Force by the newest reading; `BenchError` without one."""
+        """Return the force of the newest reading; raise `BenchError` without one."""
         if self.on.cell is None or not (self._cell_V and math.isfinite(self._zero_V)):
-            raise BenchError("load cell", limit="has no reading to press by", remedy="check its input")
+            raise BenchError(
+                "load cell", limit="has no reading that a step to a force could use", remedy="check its input"
+            )
         return self.on.cell.sensitivity_N_per_V * (self._cell_V[-1] - self._zero_V)
 
     def _stay(self, duration_s: float) -> None:
@@ -328,14 +339,14 @@ class _Runner:
             self._tick(until)
 
     def _compare(self) -> None:
-        """Compare the sampler's clock with the run's, as long as it answers with its time."""
+        """Compare the sampler's clock with the run's, unless it stops answering with its time."""
         for _ in range(EXCHANGES):
             if not self._exchange(self._sampling.time_s):
                 break
         self._compared_s = self.now_s
 
     def _exchange(self, ask: Callable[[], float | None]) -> bool:
-        """Record the sampler's time and the time of the query; False if it has no clock."""
+        """Record the sampler's time and the time of the query; return False if it has no clock."""
         sent_s = self.now_s
         device_s = ask()
         if device_s is not None:
@@ -344,7 +355,7 @@ class _Runner:
         return device_s is not None
 
     def _tick(self, until_s: float) -> None:
-        """Wait for the next time to look, then look."""
+        """Wait for the next time to query the instruments, then query them."""
         self._due_s = max(self._due_s + 1.0 / self.protocol.position_rate_hz, self.now_s)
         self.on.clock.sleep(max(0.0, min(self._due_s, until_s) - self.now_s))
         position = {motion: axis.look() for motion, axis in self._axes.items()}
@@ -363,14 +374,14 @@ class _Runner:
         if taken.last is None:
             silent_s = getattr(self.on.board, "silent_s", SILENT_S)
             if self.now_s - self._heard_s > max(silent_s, 3.0 * self.on.read_every_s):
-                limit = f"has said nothing for {self.now_s - self._heard_s:.1f} s"
-                raise BenchError(self.on.board.name, limit=limit, remedy="check its cable and power")
+                limit = f"has sent nothing for {self.now_s - self._heard_s:.1f} s"
+                raise BenchError(self.on.board.name, limit=limit, remedy="check the cable and the power")
             return
         self._heard_s, self._last = self.now_s, taken.last
         taken.rows["part"] = self.part
         if self.on.cell is not None and self.on.cell.input is not None:
             if math.isfinite(self._zero_V):
-                self._cell_V.clear()  # the newest is enough
+                self._cell_V.clear()  # only the newest is needed
             self._cell_V.append(self._sampling.level_V(taken.rows, self.on.cell.input - 1))
         self.journal.rows(self._sampling.stream, taken.rows)
         came = np.array([(self.part, self.now_s, *taken.came)], self.journal.dtype("came"))
@@ -382,7 +393,7 @@ class _Runner:
 
 
 def _aim(step: Step) -> dict[str, Any]:
-    """Where a step goes to, for its event."""
+    """Return the target of a step, for its event."""
     if step.to_N is not None:
         return {"to_N": step.to_N}
     return {"target": step.targets.get("", step.targets)}

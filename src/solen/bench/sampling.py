@@ -32,8 +32,8 @@ class Taken:
     came
         Progress of the stream, for the stream ``came``.
     last
-        Something to show of the last period, shape (emitters, 2, inputs): on and off, from 0 up; None if nothing
-        came.
+        Values of the last period for display, shape (emitters, 2, inputs): on and off, from 0 up; None if nothing
+        arrived.
     remarks
         Events of the instrument.
     """
@@ -54,7 +54,7 @@ class BoardSampling:
         self._rows = self.streams()["board"]
 
     def header(self) -> dict[str, Any]:
-        """Its entry in a journal's header."""
+        """Return the board's entry in a journal's header."""
         board = self._board
         return {
             "period_s": board.period_s,
@@ -65,7 +65,7 @@ class BoardSampling:
         }
 
     def streams(self) -> dict[str, np.dtype[np.void]]:
-        """Columns of the board's periods, and when they came."""
+        """Return the columns of the board's periods, and of their times of arrival."""
         counts = (self._board.layout.emitters, 2, self._board.layout.receivers)
         return {
             "board": np.dtype(
@@ -80,11 +80,11 @@ class BoardSampling:
         return None
 
     def time_s(self) -> float | None:
-        """The board's time; NaN if its answer lacks it, None if it cannot be queried."""
+        """Return the board's time; NaN if its answer lacks it, None if it cannot be queried."""
         return self._board.time_s() if isinstance(self._board, KeepsTime) else None
 
     def read(self) -> Taken:
-        """Periods since the last call."""
+        """Return the periods since the last call."""
         periods = self._board.read()
         rows = np.zeros(len(periods), self._rows)
         for name in ("number", "board_us", "flags", "counts"):
@@ -94,7 +94,7 @@ class BoardSampling:
         return Taken(rows, (int(periods.number[-1]),), periods.counts[-1])
 
     def level_V(self, rows: Rows, place: int) -> float:
-        """Mean of an input over its newest period, on and off, in V."""
+        """Return the mean of an input over its newest period, on and off, in V."""
         return float(rows["counts"][-1][..., place].mean() * self._board.volts_per_count)
 
 
@@ -110,9 +110,9 @@ class DaqSampling:
         self._stretch = 0
 
     def header(self) -> dict[str, Any]:
-        """Its entry in a journal's header."""
+        """Return the data acquisition's entry in a journal's header."""
         daq = self._daq
-        limits = getattr(daq, "limits_V", None)  # where a converter's counts end, if they end before 16 bits do
+        limits = getattr(daq, "limits_V", None)  # limits of a converter with fewer than 16 bits
         return {
             "daq": {
                 "name": daq.name,
@@ -127,7 +127,7 @@ class DaqSampling:
         }
 
     def streams(self) -> dict[str, np.dtype[np.void]]:
-        """Columns of the frames, and when samples came."""
+        """Return the columns of the frames, and of their times of arrival."""
         counts = (self._daq.setup.frame, len(self._daq.setup.channels))
         return {
             "samples": np.dtype([("part", "<u2"), ("stretch", "<u2"), ("number", "<i8"), ("counts", "<i2", counts)]),
@@ -135,16 +135,16 @@ class DaqSampling:
         }
 
     def start(self) -> float | None:
-        """Begin to sample; the first sample, at time 0 of the instrument, is taken within this call."""
+        """Start sampling; the first sample, at time 0 of the instrument, is taken within this call."""
         self._daq.start()
         return 0.0
 
     def time_s(self) -> float | None:
-        """None: the instrument's time is that of its samples."""
+        """Return None: the instrument's time is that of its samples."""
         return None
 
     def read(self) -> Taken:
-        """Whole frames since the last call."""
+        """Return the complete frames since the last call."""
         samples = self._daq.read()
         if samples.stretch != self._stretch:
             self._left, self._stretch = self._left[:0], samples.stretch
@@ -162,7 +162,7 @@ class DaqSampling:
         return Taken(rows, (samples.stretch, samples.first + len(samples.counts)), last, samples.remarks)
 
     def level_V(self, rows: Rows, place: int) -> float:
-        """Mean of an input over its newest frame, in V."""
+        """Return the mean of an input over its newest frame, in V."""
         return float(volts_of(rows["counts"][-1], self._daq.coefficients)[:, place].mean())
 
 
@@ -176,13 +176,13 @@ class MeterSampling:
         self._rows = self.streams()["meter"]
 
     def header(self) -> dict[str, Any]:
-        """Its entry in a journal's header."""
+        """Return the meter's entry in a journal's header."""
         meter = self._meter
         stated = {"name": meter.name, "inputs": meter.inputs, "unit": meter.unit, "switched": meter.switched}
         return {"meter": stated}
 
     def streams(self) -> dict[str, np.dtype[np.void]]:
-        """Columns of the readings, and how many had come when."""
+        """Return the columns of the readings, and of their number at each time of arrival."""
         of_inputs = (self._meter.inputs,)
         values = [("on", "<f8", of_inputs), ("off", "<f8", of_inputs), ("clipped", "u1", of_inputs)]
         return {
@@ -191,16 +191,16 @@ class MeterSampling:
         }
 
     def start(self) -> float | None:
-        """Begin to measure; its readings are stamped by the run's clock."""
+        """Start measuring; readings are stamped by the run's clock."""
         self._meter.start()
         return None
 
     def time_s(self) -> float | None:
-        """None: it has no clock."""
+        """Return None: a meter has no clock."""
         return None
 
     def read(self) -> Taken:
-        """Readings since the last call; nothing of them is shown while the run goes on."""
+        """Return the readings since the last call; they are not displayed during the run."""
         readings = self._meter.read()
         rows = np.zeros(len(readings), self._rows)
         for name in ("sent_s", "t_s", "on", "off", "clipped"):
@@ -211,12 +211,12 @@ class MeterSampling:
         return Taken(rows, (self._number,), nothing)
 
     def level_V(self, rows: Rows, place: int) -> float:
-        """Newest reading of an input, the mean of on and off where both are known."""
+        """Return the newest reading of an input, the mean of on and off if both are known."""
         return float(np.nanmean([rows["on"][-1, place], rows["off"][-1, place]]))
 
 
 def sampling_of(instrument: Sampler) -> BoardSampling | DaqSampling | MeterSampling:
-    """How a run takes what an instrument samples."""
+    """Return the `Sampling` for the kind of instrument."""
     if isinstance(instrument, Daq):
         return DaqSampling(instrument)
     return MeterSampling(instrument) if isinstance(instrument, Meter) else BoardSampling(instrument)

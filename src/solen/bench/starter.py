@@ -1,4 +1,4 @@
-"""Files to start from: protocols, simulated rigs with their designs; those of a network's own design."""
+"""Files to start from: protocols, simulated rigs with their designs, and files for a network's own design."""
 
 from importlib.resources import files as resources
 from typing import Any
@@ -19,19 +19,19 @@ SHIPPED = {
     "press": "press",
     "rig-press": "simulated-press",
 }
-"""Files to start from, and what is shipped as each."""
+"""Files to start from, and the shipped source of each."""
 CHIP_MM = 0.2
-"""Width of the chip in the shipped rigs' designs: a point emitter's response saturates within a degree."""
+"""Width of the chip in mm in the shipped rigs' designs: the response of a point emitter saturates within a degree."""
 DESIGNS: dict[str, tuple[str, dict[str, Any]]] = {
     "sensor": ("paper-860", {"emitter.width_mm": CHIP_MM}),
     "sensor-bending": ("paper-860", {"emitter.width_mm": CHIP_MM, "motion.kind": "bend"}),
     "sensor-press": ("press-860", {"emitter.width_mm": CHIP_MM}),
 }
-"""Designs of the shipped rigs: their templates, and what differs from these."""
+"""Designs of the shipped rigs: their templates, and the values that differ from these."""
 
 
 def starter_files() -> dict[str, str]:
-    """Protocols, rigs and designs to start from, by the name of the file without its ending."""
+    """Return protocols, rigs and designs to start from, by the name of the file without its extension."""
     folder = resources("solen.bench") / "examples"
     texts = {name: (folder / f"{shipped}.toml").read_text(encoding="utf-8") for name, shipped in SHIPPED.items()}
     designs = {name: dumps(with_values(loads(template(one)), values)) for name, (one, values) in DESIGNS.items()}
@@ -39,7 +39,9 @@ def starter_files() -> dict[str, str]:
 
 
 MOST_STATES, SCATTER, VISITS = 25, 200, 12
-"""Combinations of places in a plan for a calibration, at most, states scattered between; states of a second plan."""
+"""Largest number of combinations of positions in a plan for a calibration; states scattered between them; states of a
+second plan.
+"""
 _RIG = """# A simulated rig for {name}: emitters of the board and its inputs by the design's names, a stage for each
 # motion.
 schema = 1
@@ -49,7 +51,7 @@ seed = 1
 {stages}
 [board]
 rate_hz = 200.0
-trim_v = 1.0    # each receiver's trimmer is turned until its brightest reading stands here
+trim_v = 1.0    # voltage to which each receiver's trimmer sets its brightest reading
 
 [[sensor]]
 name = "network"
@@ -58,14 +60,14 @@ emitters = {{{emitters}}}
 inputs = {{{inputs}}}
 
 [spread]
-parts = true    # receivers and emitters differ as their datasheets allow
+parts = true    # receivers and emitters vary within the tolerances of their datasheets
 
 [ambient]
 mean_mw_cm2 = 0.02
 flicker_percent = 30.0
 flicker_hz = 100.0
 """
-_PLAN = """# States for a calibration, held long enough to be averaged: every combination of some places,
+_PLAN = """# States for a calibration, held long enough to be averaged: every combination of some positions,
 # and many that are scattered between them, which show what a grid alone would miss.
 schema = 1
 name = "states"
@@ -78,7 +80,7 @@ hold_s = 0.3
 [grid.to_deg]
 {places}
 """
-_VISITS = """# States drawn at random: what a calibration can be held against.
+_VISITS = """# States drawn at random, with which a calibration can be compared.
 schema = 1
 name = "visits"
 
@@ -92,9 +94,9 @@ hold_s = 0.3
 
 
 def network_files(design: Design, file: str) -> dict[str, str]:
-    """A simulated rig of a network, a plan for its calibration and one to check it; ``file`` names the design.
+    """Return a simulated rig of a network, a plan for its calibration and one to check it; ``file`` names the design.
 
-    `SpecError` if the design is no network, or has no motion.
+    Raises `SpecError` if the design is not a network, or has no motion.
     """
     network = design.network
     if design.body.kind != "network":
@@ -117,7 +119,7 @@ def _numbered(names: list[str]) -> str:
 
 
 def _places(network: Network) -> list[str]:
-    """Places of each motion over its range, both ends included, so many that all together are not too many."""
+    """Return positions of each motion over its range, both ends included, with a limited number of combinations."""
     most = max(2, int(MOST_STATES ** (1.0 / len(network.motion)) + 1e-9))
     rows = []
     for one in network.motion:

@@ -1,14 +1,14 @@
 """Timing of the stage: uncertainty due to slow lines and coarse clocks, and its contribution to hysteresis.
 
-The idea: a stage answers a position query with a delay, and it is unknown when in between it measured. A look
-is stamped twice, at query and answer; the middle is assumed, with an error of half
-the round trip at most. The clock's resolution is treated likewise: an event stamped t occurred up to one step later. A
-time error shifts the rising branch against the falling one, by speed times error each, as hysteresis does; at
-a single speed the two cannot be separated. So a recording states its timing uncertainty, and an analysis of hysteresis
-can state the possible contribution of timing.
+The idea: a stage answers a position query with a delay, and the time of its measurement within this delay is unknown. A
+query is stamped twice, when it is sent and when it is answered; the middle is assumed, with an error of at most half
+the round trip. The clock's resolution is treated likewise: an event stamped t occurred up to one step later. A time
+error shifts the rising branch against the falling one by speed times error, as hysteresis does; at a single speed the
+two cannot be separated. A recording therefore states its timing uncertainty, and an analysis of hysteresis can state
+the possible contribution of timing.
 
 The interface: `Looks` of a journal's rows, with `Looks.at` between them; `came_by` and `exchanges` for
-`solen.bench.clock_fit`; `Timing` of looks and clocks; `STAGE` and `EXCHANGE` are a journal's columns.
+`solen.bench.clock_fit`; `Timing` of position queries and clocks; `STAGE` and `EXCHANGE` are a journal's columns.
 """
 
 import math
@@ -24,15 +24,15 @@ from solen.bench.journal_content import JournalContent, Rows
 from solen.ranks import Caution, look_at
 
 STAGE = np.dtype([("part", "<u2"), ("sent_s", "<f8"), ("t_s", "<f8"), ("position", "<f8")])
-"""Part of the run; when the stage was asked, when its answer had come, and what it was."""
+"""Part of the run; times of the query and of its answer, and the position in the answer."""
 EXCHANGE = np.dtype([("part", "<u2"), ("sent_s", "<f8"), ("t_s", "<f8"), ("device_s", "<f8")])
 """Part; times of query and answer of a sampler's clock, and its reading, NaN for none."""
 MOVED = 1e-3
-"""Share of the range by which the stage moves from look to look while it counts as moving."""
+"""Fraction of the range by which the stage moves from query to query while it counts as moving."""
 STARTED_S = 2.0
-"""A record that comes so soon after a sampler began belongs to that beginning."""
+"""Time in s after the start of a sampler within which a record belongs to that start."""
 NOTABLE = 0.005
-"""Share of the range that timing may add to a hysteresis before it is warned of."""
+"""Fraction of the range that timing may add to a hysteresis without a warning."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +44,11 @@ class Looks:
     part
         Part of the run, (n,).
     time_s
-        The middle of question and answer, (n,).
+        Middle of query and answer, (n,).
     bound_s
-        How far that may be off, to either side, (n,).
+        Bound on the error of this time in either direction, (n,).
     position
-        In the stage's unit, (n,).
+        Position in the stage's unit, (n,).
     """
 
     part: FloatArray
@@ -58,17 +58,20 @@ class Looks:
 
     @classmethod
     def of(cls, stage: Rows, resolution_s: float) -> "Looks":
-        """Clock readings of a journal's rows; journals of version 1 hold only the time of the answer."""
+        """Return the position queries of a journal's rows.
+
+        Journals of version 1 contain only the time of the answer.
+        """
         came = stage["t_s"]
         sent = stage["sent_s"] if "sent_s" in (stage.dtype.names or ()) else came
         half = 0.5 * (came - sent + resolution_s)
         return cls(stage["part"].astype(float), sent + half, half, stage["position"])
 
     def at(self, time_s: FloatArray) -> FloatArray:
-        """Position at ascending times, by a monotone cubic between looks; NaN where unknown.
+        """Interpolate the position at ascending times, with a monotone cubic between queries; NaN if unknown.
 
-        During acceleration, linear interpolation between looks 20 ms apart errs by up to 0.01 deg, always to the same
-        side; a monotone cubic errs by a quarter of that, without overshoot.
+        During acceleration, linear interpolation between queries 20 ms apart errs by up to 0.01 deg, always in the same
+        direction; a monotone cubic errs by a quarter of that, without overshoot.
         """
         known = np.isfinite(self.position)
         if not known.any() or len(time_s) == 0:
@@ -78,13 +81,13 @@ class Looks:
         first, last = np.searchsorted(self.time_s, time_s[[0, -1]])
         near = slice(max(int(first) - 3, 0), int(last) + 3)
         at, place, times = np.unique(self.time_s[near], return_inverse=True, return_counts=True)
-        position = np.bincount(place, self.position[near]) / times  # a coarse clock stamps several alike
+        position = np.bincount(place, self.position[near]) / times  # a coarse clock gives several the same stamp
         if len(at) < 2:
             return np.full(len(time_s), position[0])
         return np.asarray(PchipInterpolator(at, position)(np.clip(time_s, at[0], at[-1])))
 
     def _at_known(self, time_s: FloatArray, known: BoolArray) -> FloatArray:
-        """The same where looks on both sides know the position, and NaN elsewhere."""
+        """Interpolate between queries on both sides that have a known position; NaN elsewhere."""
         kept = Looks(self.part[known], self.time_s[known], self.bound_s[known], self.position[known])
         after = np.clip(np.searchsorted(self.time_s, time_s), 0, len(known) - 1)
         beside = known[after] & known[np.maximum(after - 1, 0)]
@@ -92,12 +95,12 @@ class Looks:
 
 
 def came_by(came: Rows, journaled: JournalContent) -> FloatArray:
-    """Times of the run by which a sampler's rows had come: a step of its clock later than they were stamped."""
+    """Return the latest times of the run at which a sampler's rows arrived: one clock step later than their stamps."""
     return np.asarray(came["t_s"] + journaled.header.get("clock_resolution_s", 0.0))
 
 
 def exchanges(journaled: JournalContent, part: int, came_s: FloatArray) -> FloatArray:
-    """Comparisons of clocks, for `fit_clock`, of the stretch of a part whose samples had come at some times, (K, 3)."""
+    """Return the clock comparisons (K, 3) of a part for `fit_clock`, given the times at which samples arrived."""
     rows = journaled.streams.get("exchange", np.zeros(0, EXCHANGE))
     at_start = (rows["device_s"] == 0.0) & (came_s[0] - rows["t_s"] < STARTED_S)
     held = (rows["part"] == part) & (rows["t_s"] <= came_s[-1]) & ((rows["t_s"] >= came_s[0]) | at_start)
@@ -107,25 +110,25 @@ def exchanges(journaled: JournalContent, part: int, came_s: FloatArray) -> Float
 
 @dataclass(frozen=True)
 class Timing:
-    """Timing uncertainty from a recording's clocks and lines; `attributes` go into its file.
+    """Timing uncertainty from a recording's clocks and lines; its file stores the `attributes`.
 
     Attributes
     ----------
     clock_resolution_s
         Step of the run's clock.
     look_interval_s, look_jitter_s
-        Median, and standard deviation, of the time from look to look while the stage moves.
+        Median, and standard deviation, of the time from query to query while the stage moves.
     look_round_trip_s
-        Mean time from question to answer while it moves; None if it was not recorded.
+        Mean time from query to answer while it moves; None if it was not recorded.
     sampler_bound_s
-        How far the sampler's clock may be off on the run's; None if unknown.
+        Bound on the error of the sampler's clock on the run's clock; None if unknown.
     between_looks_s
-        What the curve between looks is off by while the stage moves, as a time at its speed: a quarter of the root
-        mean square by which every second look misses a curve through the others.
+        Interpolation error between queries while the stage moves, as a time at its speed: a quarter of the root mean
+        square deviation of every second query from a curve through the others.
     timing_bound_s
-        How far angles and readings may be apart in time, to either side: half the round trip, half the clock's step,
-        the sampler's bound and the curve between looks together. Way up and way down differ by twice this times the
-        speed.
+        Bound on the time between an angle and its reading, in either direction: the sum of half the round trip, half
+        the clock's step, the sampler's bound and the interpolation error. The rising and the falling branch differ by
+        twice this bound times the speed.
     """
 
     clock_resolution_s: float
@@ -138,7 +141,7 @@ class Timing:
 
     @classmethod
     def of(cls, stage: Rows, resolution_s: float, lines: Iterable[ClockLine]) -> "Timing":
-        """Timing of a stage's rows, and the lines of the sampler's clock."""
+        """Compute the timing from a stage's rows and the lines of the sampler's clock."""
         looks = Looks.of(stage, resolution_s)
         within, moving = _steps(looks.part, looks.position)
         moving = moving if moving.any() else within
@@ -160,15 +163,19 @@ class Timing:
 
     @property
     def attributes(self) -> dict[str, float]:
-        """Its numbers, by name."""
+        """Return the numbers by name."""
         return {key: value for key, value in asdict(self).items() if value is not None and math.isfinite(value)}
 
     def remark(self, speed: float, reach: float, unit: str) -> Caution | None:
-        """Contribution of timing to a hysteresis at a speed, where that is a notable share of the range."""
+        """State the contribution of timing to a hysteresis at a speed, if it is a notable fraction of the range."""
         adds = 2.0 * speed * self.timing_bound_s
         if not reach > 0.0 or adds <= NOTABLE * reach:
             return None
-        trip = "" if self.look_round_trip_s is None else f" (a look takes {1e3 * self.look_round_trip_s:.3g} ms)"
+        trip = (
+            ""
+            if self.look_round_trip_s is None
+            else (f" (a position query takes {1e3 * self.look_round_trip_s:.3g} ms)")
+        )
         return look_at(
             f"angles and readings may be {1e3 * self.timing_bound_s:.3g} ms apart{trip}: at {speed:g} {unit}/s that "
             f"adds up to {adds:.2g} {unit}, {100.0 * adds / reach:.2g} % of full scale, to a hysteresis"
@@ -176,7 +183,10 @@ class Timing:
 
 
 def _between(looks: Looks, moving: BoolArray) -> float:
-    """What the curve between looks is off by while the stage moves, as a time; half the looks are off by 4 times it."""
+    """Return the interpolation error between queries while the stage moves, as a time.
+
+    Half the queries deviate by 4 times it.
+    """
     even = Looks(looks.part[::2], looks.time_s[::2], looks.bound_s[::2], looks.position[::2])
     odd = moving[: len(moving) // 2 * 2 : 2]
     way, lasted = np.abs(np.diff(looks.position))[moving].sum(), np.diff(looks.time_s)[moving].sum()
@@ -187,19 +197,22 @@ def _between(looks: Looks, moving: BoolArray) -> float:
 
 
 def _steps(part: FloatArray, position: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """Which steps (n - 1,) from look to look are known, and during which of these the stage moves."""
+    """Return which steps (n - 1,) from query to query are known, and during which of these the stage moves."""
     steps = np.abs(np.diff(position))
     within = (np.diff(part) == 0.0) & np.isfinite(steps)
     return within, within & (steps > MOVED * reach_of(position))
 
 
 def known_at_rest_alone(stage: Rows) -> bool:
-    """Whether a stage did not know its position while it moved: its readings are of stops, which no time shifts."""
+    """Whether a stage did not know its position while it moved.
+
+    Its readings are of stops, which no time error shifts.
+    """
     unknown = bool(np.isnan(stage["position"]).any())
     return unknown and not _steps(stage["part"].astype(float), stage["position"])[1].any()
 
 
 def reach_of(position: FloatArray) -> float:
-    """From the lowest position that is known to the highest; 0 for none."""
+    """Return the range from the lowest to the highest known position; 0 if none is known."""
     known = position[np.isfinite(position)]
     return float(np.ptp(known)) if len(known) else 0.0

@@ -1,12 +1,11 @@
-"""An angle from a video: a marker on the rotating part, seen by any fixed camera.
+"""An angle from a video: a marker on the rotating part, recorded with any fixed camera.
 
-The idea: the angle is read picture by picture (`solen.bench.marker`), at the time stamps of the
-pictures, even if irregular. If the emitters are seen switching on as a run begins, that moment is the
-recording's start; otherwise the clock offset is stated, or left to analysis, which determines the lag of a log from
-the signals.
+The idea: the angle is read picture by picture (`solen.bench.marker`), at the time stamps of the pictures, even if they
+are irregular. If the video shows the emitters switching on as a run begins, that moment is the recording's start;
+otherwise the clock offset is stated, or left to analysis, which determines the lag of a log from the signals.
 
-The camera's own timing errors remain: rolling shutter, and a stamp at any moment of an
-exposure. Both delay all pictures equally, as a lag of the log.
+The camera's own timing errors remain: rolling shutter, and a stamp at any moment of an exposure. Both delay all
+pictures equally, as a lag of the log.
 
 The interface: `motion_of` a video with `VideoOptions` returns a `VideoMotion`, whose `csv` is a motion log.
 """
@@ -31,34 +30,34 @@ from solen.results import HIDDEN, Result
 from solen.spec.strict import Options
 
 LEAST = 16
-"""Pictures with the marker, at the least."""
+"""Least number of pictures that show the marker."""
 GAP = 1.5
-"""Times the usual interval from which on pictures are missing."""
+"""Multiple of the median interval above which pictures are missing."""
 UNEVEN = 0.02
-"""Share of the usual interval by which intervals may vary without a word."""
+"""Fraction of the median interval by which intervals may vary without a warning."""
 BEGIN_S = 0.5
 """Initial duration whose mean angle is the zero."""
-_FEWEST = 4  # pictures that show whether it stands
-_MOVED = 3.0  # uncertainties between both halves of the beginning, from which on it does not
+_FEWEST = 4  # least number of pictures that show whether the marker is at rest
+_MOVED = 3.0  # difference between both halves of the beginning, in uncertainties, above which it moves
 CONTRAST = 6.0
 """Least ratio of a glow to its noise."""
 
 
 class VideoOptions(Options):
-    """How an angle is read from a video, and whose clock its times are put on."""
+    """How an angle is read from a video, and the clock on which its times are put."""
 
     dictionary: Dictionary = "4x4"
-    """Which family the marker is of: ArUco by its cells, or AprilTag."""
+    """Family of the marker: ArUco by its number of cells, or AprilTag."""
     marker: Annotated[int, Field(ge=0)] | None = None
-    """Its number; default: the only one that is seen."""
+    """Number of the marker; default: the only one in the video."""
     glow: tuple[int, int, int, int] | None = None
-    """Where the emitters' light is seen: left, top, width, height in pixels. Their going on is time 0."""
+    """Area that shows the emitters' light: left, top, width, height in pixels. Time 0 is when they switch on."""
     recording: Path | None = None
-    """With --glow: recording of solen bench run that began with it, whose clock the times are put on."""
+    """With --glow: recording of solen bench run that began with it, on whose clock the times are put."""
     offset_s: float | None = None
-    """Time of the recording less that of the video, where it is known."""
+    """Time of the recording minus that of the video, if it is known."""
     readout_ms: Annotated[float, Field(ge=0, le=200)] = 0.0
-    """From the reading of a picture's first row to that of its last (a rolling shutter)."""
+    """Time from the readout of a picture's first row to that of its last (a rolling shutter)."""
 
 
 class VideoMotion(Result):
@@ -112,7 +111,7 @@ class VideoMotion(Result):
 
     @property
     def csv(self) -> str:
-        """A motion log: time, angle, and its uncertainty."""
+        """Return a motion log: time, angle, and its uncertainty."""
         rows = (
             f"{at:.6f},{angle:.5f},{self.u_angle_deg:.5f}"
             for at, angle in zip(self.time_s, self.angle_deg, strict=True)
@@ -122,7 +121,7 @@ class VideoMotion(Result):
 
 @dataclass
 class _Seen:
-    """Content of pictures: times, the glow's brightness, and the corners of the marker where it is seen."""
+    """Content of pictures: times, the glow's brightness, and the corners of the marker if it is visible."""
 
     time_s: list[float] = field(default_factory=list)
     glow: list[float] = field(default_factory=list)
@@ -133,7 +132,7 @@ class _Seen:
 
 
 def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion:
-    """Angle of a marker in a video.
+    """Measure the angle of a marker in a video.
 
     Raises
     ------
@@ -148,7 +147,7 @@ def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion
     time_s = stamped[seen.places] + 1e-3 * options.readout_ms * found.row / seen.height
     if options.readout_ms == 0.0:
         warnings.append(
-            note("a rolling shutter and the exposure delay the angle by up to an interval: a lag of the log")
+            note("a rolling shutter and the exposure delay the angle by up to one interval, which is a lag of the log")
         )
     begin = slice(max(_FEWEST, int(np.sum(time_s <= time_s[0] + BEGIN_S))))
     angle = found.angle_deg - np.median(found.angle_deg[begin])
@@ -156,7 +155,7 @@ def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion
     interval = float(np.median(np.diff(stamped)))
     missing = len(stamped) - len(seen.places) - seen.ambiguous
     if missing or seen.ambiguous:
-        shown = f"{missing} pictures show no marker that can be followed, {seen.ambiguous} show it twice"
+        shown = f"{missing} pictures show no usable marker, {seen.ambiguous} show it twice"
         warnings.append(look_at(shown))
     glow_s = _glow(stamped, np.array(seen.glow)) if options.glow is not None else ()
     return VideoMotion(
@@ -181,7 +180,7 @@ def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion
 
 def _check(options: VideoOptions) -> None:
     if options.glow is not None and options.offset_s is not None:
-        raise SpecError("--offset-s", limit="is already determined by --glow", remedy="give one of the two")
+        raise SpecError("--offset-s", limit="is already determined by --glow", remedy="use one of the two")
     if options.recording is not None and options.glow is None:
         raise SpecError("--recording", limit="needs --glow, which shows when it began", remedy="or give --offset-s")
 
@@ -193,7 +192,7 @@ def _pictures(path: Path) -> Iterator[tuple[float, FloatArray]]:
 
     if not path.is_file():
         raise DataError(str(path), limit="no such file")
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # what is wrong is said in one line
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # errors are reported in one line
     video = cv2.VideoCapture(str(path))
     try:
         if not video.isOpened():
@@ -209,7 +208,7 @@ def _pictures(path: Path) -> Iterator[tuple[float, FloatArray]]:
 
 
 def _looked(path: Path, options: VideoOptions) -> tuple[int, _Seen]:
-    """The marker's number, and what the pictures show."""
+    """Return the marker's number, and the content of the pictures."""
     finder, seen, numbers = Finder(options.dictionary), _Seen(), Counter[int]()
     one = options.marker
     for time_s, picture in _pictures(path):
@@ -241,12 +240,12 @@ def _only(path: Path, numbers: list[int]) -> int:
 
 def _not_seen(path: Path, options: VideoOptions, seen: _Seen, numbers: Counter[int]) -> DataError:
     what = f"marker {options.marker}" if options.marker is not None else f"{options.dictionary} marker"
-    limit = (
-        f"shows a {what} that can be followed in {len(seen.places)} of {len(seen.time_s)} pictures; {LEAST} are needed"
-    )
+    limit = f"shows a usable {what} in {len(seen.places)} of {len(seen.time_s)} pictures; {LEAST} are needed"
     others = ", ".join(str(number) for number in sorted(numbers) if number != options.marker)
     remedy = (
-        f"it shows {others}" if others else "is it sharp, with a white border, of 24 pixels or more? see --dictionary"
+        f"it shows {others}"
+        if others
+        else "check that it is sharp and has a white border and 24 pixels or more; see --dictionary"
     )
     return DataError(str(path), limit=limit, remedy=remedy)
 
@@ -255,17 +254,17 @@ def _mean(picture: FloatArray, region: tuple[int, ...]) -> float:
     left, top, width, height = region
     inside = picture[max(top, 0) : top + height, max(left, 0) : left + width]
     if min(left, top) < 0 or inside.shape != (height, width) or inside.size == 0:
-        limit = f"must lie within the picture, of {picture.shape[1]} by {picture.shape[0]} pixels"
+        limit = f"must be within the picture of {picture.shape[1]} by {picture.shape[0]} pixels"
         raise SpecError("--glow", value=" ".join(map(str, region)), limit=limit)
     return float(inside.mean())
 
 
 def _times(stamps: FloatArray, warnings: list[Caution]) -> FloatArray:
-    """Time stamps of the pictures, with warnings about irregularities."""
+    """Return the time stamps of the pictures, with warnings about irregularities."""
     steps = np.diff(stamps)
     if len(steps) == 0 or not (steps > 0.0).all():
-        limit = "does not give its pictures times that rise"
-        raise DataError("video", limit=limit, remedy="convert it, to MP4 for instance")
+        limit = "has pictures whose times do not increase"
+        raise DataError("video", limit=limit, remedy="convert it, for example to MP4")
     usual = float(np.median(steps))
     gaps = steps[steps > GAP * usual]
     if len(gaps):
@@ -273,18 +272,18 @@ def _times(stamps: FloatArray, warnings: list[Caution]) -> FloatArray:
     spread = float(np.std(steps[steps <= GAP * usual]))
     if spread > UNEVEN * usual:
         vary = f"intervals vary by {1e3 * spread:.2g} ms about {1e3 * usual:.3g} ms"
-        warnings.append(note(f"the video's {vary}: times are its own"))
+        warnings.append(note(f"the video's {vary}: the times are its own stamps"))
     return stamps
 
 
 def _scatter(angle: FloatArray) -> float:
-    """Noise of an angle by second differences, most of which are of rest or of steady motion."""
+    """Return the noise of an angle from second differences, most of which are at rest or in steady motion."""
     bends = np.diff(angle, 2)
     return float(1.4826 * np.median(np.abs(bends)) / np.sqrt(6.0))
 
 
 def _u_zero(angle: FloatArray, u_deg: float, warnings: list[Caution]) -> float:
-    """Uncertainty of the initial zero: 0 if the marker is at rest, else uniform over its motion."""
+    """Return the uncertainty of the initial zero: 0 if the marker is at rest, else uniform over its motion."""
     half = len(angle) // 2
     moved = float(np.median(angle[-half:]) - np.median(angle[:half]))
     spread = 1.4826 * float(np.median(np.abs(angle)))
@@ -293,21 +292,25 @@ def _u_zero(angle: FloatArray, u_deg: float, warnings: list[Caution]) -> float:
     way = float(np.abs(angle).max())
     warnings.append(
         do_not_use(
-            f"the marker moves in the first {BEGIN_S:g} s, by {np.ptp(angle):.2g}°, and all angles count from there: "
-            f"their zero is off by up to {way:.2g}°; begin the video {BEGIN_S:g} s before the motion"
+            f"the marker moves in the first {BEGIN_S:g} s, by {np.ptp(angle):.2g}°, and all angles are relative to "
+            f"its mean there: their zero is uncertain by up to {way:.2g}°; "
+            f"begin the video {BEGIN_S:g} s before the motion"
         )
     )
     return way / float(np.sqrt(3.0))
 
 
 def _glow(time_s: FloatArray, level: FloatArray) -> tuple[float, ...]:
-    """Times at which the emitters switch on, and off if seen; `DataError` if no glow is detected."""
+    """Return the times at which the emitters switch on, and off if visible.
+
+    Raises `DataError` if no glow is detected.
+    """
     low, high = np.percentile(level, [2, 98])
     noise = 1.4826 * float(np.median(np.abs(np.diff(level)))) / np.sqrt(2.0)
     lit = level > 0.5 * (low + high)
     if high - low < max(CONTRAST * noise, 1.0) or lit[0]:
-        limit = "begins with the glow on" if high - low >= max(CONTRAST * noise, 1.0) else "shows no glow there"
-        remedy = "begin the video before the run, and name a place where emitters are seen, with --glow"
+        limit = "begins with the glow on" if high - low >= max(CONTRAST * noise, 1.0) else "shows no glow in this area"
+        remedy = "begin the video before the run, and name an area that shows the emitters, with --glow"
         raise DataError("video", limit=limit, remedy=remedy)
     on, last = int(np.argmax(lit)), len(lit) - 1 - int(np.argmax(lit[::-1]))
     times = [0.5 * (time_s[on - 1] + time_s[on])]
@@ -317,7 +320,7 @@ def _glow(time_s: FloatArray, level: FloatArray) -> tuple[float, ...]:
 
 
 def _offset(options: VideoOptions, glow_s: tuple[float, ...], interval_s: float, warnings: list[Caution]) -> float:
-    """Shift from times of the video to the clock of the recording."""
+    """Return the shift from times of the video to the clock of the recording."""
     if not glow_s:
         return options.offset_s or 0.0
     if options.recording is None:
@@ -327,15 +330,16 @@ def _offset(options: VideoOptions, glow_s: tuple[float, ...], interval_s: float,
         off_s = (glow_s[1] - glow_s[0]) - (end_s - begin_s)
         if abs(off_s) > 2.0 * interval_s + 0.1:
             longer = (
-                f"emitters are seen for {glow_s[1] - glow_s[0]:.2f} s, and the recording lasts "
-                f"{end_s - begin_s:.2f} s: is it of this video? pictures dropped without a trace shift all after them"
+                f"emitters are visible for {glow_s[1] - glow_s[0]:.2f} s, and the recording lasts "
+                f"{end_s - begin_s:.2f} s: check that it belongs to this video; "
+                "pictures dropped without a trace shift all later ones"
             )
             warnings.append(look_at(longer))
     return begin_s - glow_s[0]
 
 
 def _lit(path: Path) -> tuple[float, float]:
-    """When a recording's emitters went on, and off."""
+    """Return the times at which a recording's emitters were switched on and off."""
     need("h5netcdf", what=str(path), doing="reading a recording", error=DataError)
     import h5netcdf
 
@@ -345,5 +349,5 @@ def _lit(path: Path) -> tuple[float, float]:
             times = file.variables["time_s"]
             return float(times[0]), float(times[-1])
     except (OSError, KeyError, IndexError):
-        limit, remedy = "holds no times of its root", "name a recording of solen bench run"
+        limit, remedy = "contains no times in its root", "name a recording of solen bench run"
         raise DataError(str(path), limit=limit, remedy=remedy) from None

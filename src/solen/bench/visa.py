@@ -1,7 +1,7 @@
-"""Instruments by VISA that speak SCPI: a session by its resource name, questions, blocks of bytes, errors.
+"""Instruments that use SCPI over VISA: a session by its resource name, queries, blocks of bytes, errors.
 
-The idea: PyVISA opens what a name such as ``TCPIP::192.168.0.5::5025::SOCKET``, ``USB0::…::INSTR`` or ``ASRL3::INSTR``
-means, by a library of a manufacturer or by PyVISA-py, which is Python alone. Errors of either become a `BenchError`.
+The idea: PyVISA opens a resource such as ``TCPIP::192.168.0.5::5025::SOCKET``, ``USB0::…::INSTR`` or ``ASRL3::INSTR``
+with a manufacturer's library or with PyVISA-py, which is pure Python. Errors of either become a `BenchError`.
 
 The interface: `Scpi`, an open session. Extra ``visa``.
 """
@@ -22,12 +22,12 @@ class Scpi:
     address, backend
         Resource name, and PyVISA's name of the library: ``@py``, ``@ivi``, or a path.
     answer_s
-        How long an answer may take.
+        Longest duration of an answer.
 
     Raises
     ------
     BenchError
-        If PyVISA is not installed, or nothing answers at that name.
+        If PyVISA is not installed, or no instrument answers at that name.
     """
 
     def __init__(self, address: str, *, backend: str = "@py", answer_s: float = 5.0) -> None:
@@ -52,23 +52,23 @@ class Scpi:
             self._session.write(text)
 
     def ask(self, text: str) -> str:
-        """Answer to a question."""
+        """Send a query and return its answer."""
         self.say(text)
         return self.heard()
 
     def heard(self) -> str:
-        """Answer to what was asked before."""
+        """Return the answer to a query that was sent before."""
         with self._translated():
             return str(self._session.read()).strip()
 
     def block(self, text: str) -> bytes:
-        """Bytes that answer a question, without the head that says how many they are."""
+        """Return the bytes that answer a query, without the header that states their number."""
         with self._translated():
             answer = self._session.query_binary_values(text, datatype="B", container=bytes)
         return bytes(answer)
 
     def commanded(self, commands: tuple[str, ...]) -> None:
-        """Send commands; `BenchError` with the instrument's reason where one was not taken."""
+        """Send commands; raise `BenchError` with the instrument's reason if one was rejected."""
         for command in commands:
             self.say(command)
             answer = self.ask("SYST:ERR?")
@@ -76,12 +76,12 @@ class Scpi:
                 raise self.refusal(f"{command}: {answer}", "see its programming guide")
 
     def close(self) -> None:
-        """End the session."""
+        """Close the session."""
         with contextlib.suppress(BenchError), self._translated():
             self._session.close()
 
     def refusal(self, limit: str, remedy: str) -> BenchError:
-        """Its problem."""
+        """Return the error for a problem of the instrument."""
         return BenchError(self.address, limit=limit, remedy=remedy)
 
     @contextlib.contextmanager
@@ -92,11 +92,11 @@ class Scpi:
             yield
         except (pyvisa.errors.Error, OSError, ValueError) as bad:
             words = " ".join(str(bad).split())[:120] or type(bad).__name__
-            raise self.refusal(words, "check its name, cable and power, and answer_s in [meter]") from None
+            raise self.refusal(words, "check its name, its cable, its power, and answer_s in [meter]") from None
 
 
 def _opened(address: str, backend: str) -> tuple[Any, Any]:
-    """Manager of sessions, which end with it, and the session."""
+    """Return the resource manager, which is closed with the session, and the session."""
     import pyvisa
 
     manager = pyvisa.ResourceManager(backend)
@@ -115,7 +115,7 @@ def all_or_none(opened: list[Scpi]) -> Iterator[None]:
 
 
 def opened_all(addresses: tuple[str, ...], open_one: Callable[[str], Scpi]) -> list[Scpi]:
-    """Sessions with several instruments; none is left open where one is not there."""
+    """Open sessions with several instruments; if one is missing, the others are closed."""
     found: list[Scpi] = []
     with all_or_none(found):
         found.extend(open_one(address) for address in addresses)

@@ -1,4 +1,4 @@
-"""Receivers as they read now, repeatedly, until the user stops it.
+"""Live readings of the receivers, repeated until the user stops them.
 
 The interface: `watch` calls a function with each `Seen`.
 """
@@ -25,19 +25,19 @@ SHORTEST_S = 0.02
 
 
 class WatchOptions(Options):
-    """How long, how often."""
+    """Duration and interval of the live readings."""
 
     seconds: Annotated[float, Field(gt=0)] | None = None
-    """Stop by itself after so long, and one look at least; default: until Ctrl-C."""
+    """Stop after this time, but not before the first reading; default: until Ctrl-C."""
     every_s: Annotated[float, Field(ge=SHORTEST_S, le=10)] = 0.1
-    """Time between two looks, in s; each shows the mean since the last."""
+    """Interval between two readings in s; each shows the mean since the last."""
 
 
 @dataclass(frozen=True)
 class Seen:
-    """A look: its time in s, and of each sensor its signals and its levels with the emitter off, by receiver.
+    """A live reading: its time in s, and each sensor's signals and levels with the emitter off, by receiver.
 
-    They are in V, or in the ``unit`` of the rig's receivers. Of a network each emitter counts as a sensor.
+    Values are in V, or in the ``unit`` of the rig's receivers. Each emitter of a network counts as a sensor.
     """
 
     t_s: float
@@ -47,16 +47,16 @@ class Seen:
 
 
 class Watched(Result):
-    """How a rig was watched.
+    """Summary of the live readings.
 
     Attributes
     ----------
     looks
-        How many showed anything.
+        Number of readings that were shown.
     duration_s
-        From the first to the last.
+        Time from the first to the last.
     simulated
-        Whether the rig is.
+        Whether the rig is simulated.
     """
 
     looks: int
@@ -65,7 +65,7 @@ class Watched(Result):
 
 
 def watch(rig_file: Path, options: WatchOptions, show: Callable[[Seen], object]) -> Watched:
-    """Show what the receivers of a rig read, until the time is up or Ctrl-C; emitters are dark afterwards."""
+    """Show the readings of a rig's receivers until the time is up or Ctrl-C; the emitters are off afterwards."""
     rig = load_rig(rig_file)
     clock, times = clock_for(rig), [0.0]
     with ended_by_signals(), sampler_of(rig, rig_file.parent, clock) as sampler:
@@ -75,7 +75,7 @@ def watch(rig_file: Path, options: WatchOptions, show: Callable[[Seen], object])
                 clock.sleep(min(options.every_s, left_s) if left_s > 0.0 else SHORTEST_S)
                 if (glance := glances.read()) is None:
                     if clock.now_s() - begun_s - times[-1] > SILENT_S + options.every_s:
-                        raise BenchError(sampler.name, limit="says nothing", remedy="check its cable and power")
+                        raise BenchError(sampler.name, limit="says nothing", remedy="check the cable and the power")
                     continue
                 times.append(clock.now_s() - begun_s)
                 signal, off = glance.signal.mean(axis=0), glance.off.mean(axis=0)
@@ -86,13 +86,13 @@ def watch(rig_file: Path, options: WatchOptions, show: Callable[[Seen], object])
 
 
 def _left_s(options: WatchOptions, since_s: float) -> float:
-    """Remaining time; 0 where it is too short for another reading."""
+    """Return the remaining time; 0 if it is too short for another reading."""
     left_s = math.inf if options.seconds is None else options.seconds - since_s
     return left_s if left_s >= 0.1 * SHORTEST_S else 0.0
 
 
 def _by_sensor(rig: Rig, volts: FloatArray) -> dict[str, dict[str, float]]:
-    """Receivers of each sensor, or of each emitter of a network, of volts of all emitters and inputs."""
+    """Return the values by receiver for each sensor, or each emitter of a network, from those of all inputs."""
     return {
         ".".join(filter(None, (one.name, own))): {
             name: float(volts[emitter - 1, number - 1]) for name, number in one.read_on.items()

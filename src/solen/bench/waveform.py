@@ -1,11 +1,11 @@
-"""A data acquisition's samples, on their way from a journal into a file and from the file into readings.
+"""A data acquisition's samples on their way from a journal into a file, and from the file into readings.
 
-The idea: samples may be far more than memory holds. They go from the journal into the file record by record, as the
-counts they are; then the file is read again window by window, and in each the emitters' phases are found and readings
-made. Windows overlap, and each gives the readings after the last of the one before, so that none is lost or double at a
-border, however little the two differ in where an edge lies.
+The idea: samples may need far more space than the memory has. They are copied from the journal into the file as counts,
+record by record; then the file is read again window by window, and the emitters' phases and the readings are determined
+in each. Windows overlap, and each yields the readings after the last one of the window before. Therefore none is lost
+or doubled at a border, even though the two windows differ slightly in the position of an edge.
 
-The interface: `Waveform` takes a file and a journal; `Waveform.readings` gives readings by sensor.
+The interface: `Waveform` requires a file and a journal; `Waveform.readings` yields readings by sensor.
 """
 
 from collections.abc import Iterator, Sequence
@@ -27,16 +27,16 @@ from solen.errors import DataError
 from solen.ranks import Caution, look_at
 
 WINDOW_S = 10.0
-"""Samples that are worked on at once."""
+"""Duration in s of the samples that are processed at once."""
 CHUNK = 1 << 14
-"""Samples that are compressed together."""
+"""Number of samples that are compressed together."""
 OVERLAP = 4
-"""Frames, each of a period, that a window looks beyond its borders."""
+"""Number of frames, one period each, by which a window extends beyond its borders."""
 
 
 @dataclass(frozen=True)
 class _Stretch:
-    """Frames without a gap: from one place to another, the line of their clock, and which stretch of the run it is."""
+    """Frames without a gap: first and last index, the line of their clock, and the number of the segment of the run."""
 
     begin: int
     end: int
@@ -45,23 +45,23 @@ class _Stretch:
 
 
 class Waveform:
-    """Samples of a journal, written to a file as they are.
+    """Samples of a journal, written to a file unchanged.
 
     Parameters
     ----------
     file
-        An open netCDF file, whose root gets ``counts``.
+        An open netCDF file, whose root receives ``counts``.
     journaled
         The journal.
 
     Attributes
     ----------
     part, stretch, number
-        Of each frame, shape (F,): part of the run, stretch without a gap, number of its first sample in that.
+        For each frame, shape (F,): part of the run, gapless segment, number of its first sample in that segment.
     time_s
         Time of each frame's first sample on the clock of the run, shape (F,).
     remarks
-        Windows that gave no readings, and why.
+        Windows that gave no readings, and the reason.
     """
 
     def __init__(self, file: Any, journaled: JournalContent) -> None:
@@ -84,11 +84,11 @@ class Waveform:
 
     @property
     def lines(self) -> dict[str, ClockLine]:
-        """The instrument's clock on the run's, by part and stretch."""
+        """Return the instrument's clock on the run's clock, by part and segment."""
         return {stretch.name: stretch.line for stretch in self._stretches}
 
     def readings(self, views: Sequence[View]) -> Iterator[tuple[View, Demodulated, BoolArray]]:
-        """Readings of each sensor under each of its emitters, window by window, and which of them are new."""
+        """Return the readings of each sensor under each emitter, window by window, and which of them are new."""
         last: dict[str, float] = {}
         half_s = 0.5 / self._setup.switch_hz
         for stretch in self._stretches:
@@ -102,7 +102,7 @@ class Waveform:
                     yield view, found, kept
 
     def _fill(self, journaled: JournalContent) -> None:
-        """Counts into the file, record by record, and what each frame is."""
+        """Write counts into the file, record by record, and store the description of each frame."""
         at, frame = 0, self._setup.frame
         for rows in journaled.blocks("samples"):
             here = slice(at, at + len(rows))
@@ -112,7 +112,7 @@ class Waveform:
             at += len(rows)
 
     def _lined(self, journaled: JournalContent) -> Iterator[_Stretch]:
-        """Stretches in their order; a sample has come when it was taken."""
+        """Return the segments in their order; the time of arrival of a sample is the time at which it was taken."""
         came = journaled.streams["came"]
         which = np.stack([self.part, self.stretch], axis=1).astype(np.int64)
         jumps = np.diff(self.number) != self._setup.frame  # a damaged journal lacks frames
@@ -129,7 +129,7 @@ class Waveform:
             yield _Stretch(begin, end, line, f"{part}.{stretch}")
 
     def _windows(self, stretch: _Stretch) -> Iterator[tuple[int, int]]:
-        """Frames of windows of about the same length."""
+        """Return the frames of windows of about the same length."""
         frames = stretch.end - stretch.begin
         pieces = max(1, round(frames * self._setup.frame / (WINDOW_S * self._rate_hz)))
         edges = np.linspace(stretch.begin, stretch.end, pieces + 1).astype(int).tolist()
@@ -141,7 +141,7 @@ class Waveform:
     def _window(
         self, stretch: _Stretch, begin: int, end: int, views: Sequence[View]
     ) -> Iterator[tuple[View, Demodulated]]:
-        """Readings of every sensor in a window and a little beyond."""
+        """Return the readings of every sensor in a window and slightly beyond."""
         low, high = max(begin - OVERLAP, stretch.begin), min(end + OVERLAP, stretch.end)
         frame = self._setup.frame
         volts = volts_of(self._counts[low * frame : high * frame], self._coefficients)
@@ -159,9 +159,11 @@ class Waveform:
     def _subtracted(
         self, volts: FloatArray, taken_s: FloatArray, clock: Clock, place: float, line: ClockLine, view: View
     ) -> Demodulated:
-        """Readings of a sensor's inputs, and of the load cell; a sample is used where all are in the same phase.
+        """Return the readings of a sensor's inputs, and of the load cell.
 
-        ``place`` is the channel at whose conversions the clock's phase is.
+        A sample is used if all are in the same phase.
+
+        ``place`` is the index of the channel whose conversions the clock's phase refers to.
         """
         inputs = inputs_of(view, self._header)
         own = inputs[: len(view.inputs)]
@@ -176,7 +178,7 @@ class Waveform:
 def create_variable(
     group: Any, name: str, dims: tuple[str, ...], shape: tuple[int, ...], dtype: Any, unit: str, text: str, rows: int
 ) -> Any:
-    """A variable of a netCDF file, compressed in chunks of so many rows, to be filled."""
+    """Create a variable of a netCDF file, compressed in chunks of the given number of rows, to be filled."""
     kept = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if shape[0] else {}
     chunks = (min(shape[0], rows), *shape[1:]) if shape[0] else None
     variable = group.create_variable(name, dims, dtype, chunks=chunks, **kept)

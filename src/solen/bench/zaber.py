@@ -1,7 +1,7 @@
-"""Stages of Zaber: one axis of a controller, or of a device with its own, by the Zaber ASCII protocol.
+"""Stages of Zaber: one axis of a controller, or of a device with its own, with the Zaber ASCII protocol.
 
-The idea: each command is a line that begins with a slash, device and axis, and each is answered by one line that says
-whether it was taken, whether the axis is idle, and a warning. Positions are in microsteps of a size that depends on the
+The idea: each command is a line that begins with a slash, device and axis. Each is answered by one line that states
+whether it was accepted, whether the axis is idle, and a warning. Positions are in microsteps, whose size depends on the
 device; velocities are in microsteps per second times 1.6384. Commands, warnings and units: Zaber ASCII Protocol Manual.
 
 The interface: `ZaberStage`, a `Stage` that `solen.bench.roles.Homes`.
@@ -20,11 +20,11 @@ SPEED = 1.6384
 UNREFERENCED = {"WR", "WH"}
 WARNINGS = {
     "FD": "its driver is off",
-    "FQ": "its encoder is at fault",
+    "FQ": "its encoder is faulty",
     "FS": "it stalled and stopped",
     "FT": "it is overheated",
     "FB": "it was stopped at its limit",
-    "FE": "it found another end than its limit",
+    "FE": "it found an end other than its limit",
 }
 """Meaning of the axis's faults; others are shown by their letters."""
 _REPLY = re.compile(r"@(\d+) (\d+) (OK|RJ) (IDLE|BUSY) (--|[A-Z]{2})(?: ([^:]*))?(?::[0-9A-F]{2})?$")
@@ -32,7 +32,7 @@ _REPLY = re.compile(r"@(\d+) (\d+) (OK|RJ) (IDLE|BUSY) (--|[A-Z]{2})(?: ([^:]*))
 
 @dataclass(frozen=True)
 class Reply:
-    """Whether the axis rests, its warning (``--`` for none), and the data of an answer."""
+    """Whether the axis is at rest, its warning (``--`` for none), and the data of an answer."""
 
     idle: bool
     warning: str
@@ -51,14 +51,14 @@ class ZaberStage(LineStage):
     unit
         Unit of its positions.
     axis, address
-        The axis' number, and the device's.
+        The number of the axis, and that of the device.
     answer_s, home_s
-        How long an answer, and homing, may take.
+        Longest duration of an answer, and of homing.
 
     Raises
     ------
     BenchError
-        If the device does not answer, refuses a command, or warns of a fault.
+        If the device does not answer, rejects a command, or warns of a fault.
     """
 
     def __init__(
@@ -83,17 +83,17 @@ class ZaberStage(LineStage):
 
     @property
     def referenced(self) -> bool:
-        """Whether the device knows where zero is."""
+        """Whether the device knows the zero position."""
         return self._ask("get pos").warning not in UNREFERENCED
 
     @property
     def search(self) -> str:
-        """How far it may move to find its zero."""
+        """Range of the move that finds the zero."""
         low, high = self.limits
-        return f"It drives to its home sensor, by up to {high - low:g} {self.unit}."
+        return f"It moves to its home sensor, by up to {high - low:g} {self.unit}."
 
     def reference(self) -> None:
-        """Drive to the home sensor, unless its zero is known."""
+        """Move to the home sensor, unless the zero is known."""
         if self.referenced:
             return
         self._ask("home")
@@ -113,21 +113,26 @@ class ZaberStage(LineStage):
         self._ask(f"move abs {self._target}")
 
     def position(self) -> float:
-        """Where the axis is, in deg or mm."""
+        """Return the position of the axis in deg or mm."""
         return float(self._ask("get pos").data) / self._per_unit
 
     def on_target(self) -> bool:
-        """Whether it has come to rest where it was sent; `BenchError` if it rests elsewhere or warns of a fault."""
+        """Whether the axis has come to rest at its target.
+
+        Raises `BenchError` if it rests elsewhere or warns of a fault.
+        """
         reply = self._ask("get pos")
         if not reply.idle:
             return False
         self._check(reply)
         if abs(float(reply.data) - self._target) > max(2.0, 1e-3 * self._per_unit):
-            raise self._refusal(f"rests at {reply.data} microsteps, sent to {self._target}", "did its knob turn it?")
+            raise self._refusal(
+                f"rests at {reply.data} microsteps, but was sent to {self._target}", "check whether its knob turned it"
+            )
         return True
 
     def stop(self) -> None:
-        """Stop at once, with its deceleration."""
+        """Stop with the axis' deceleration."""
         self._cut_in(self._line("stop"))
         self._ask("stop")
         self._come_to_rest(lambda: self._ask("get pos").idle)
@@ -139,13 +144,15 @@ class ZaberStage(LineStage):
         return float(self._ask(f"get limit.{end}").data) / self._per_unit
 
     def _ask(self, text: str) -> Reply:
-        """Answer to a command; alerts and remarks of the device, which come unasked, are passed over."""
+        """Return the answer to a command; unsolicited alerts and remarks of the device are ignored."""
         self._send(self._line(text))
         while (line := self._lines.next().strip())[:1] in {"!", "#"}:
             pass
         found = _REPLY.match(line)
         if found is None or (int(found[1]), found[2]) != self._to:
-            raise self._refusal(f"answered {line!r} to {text}", "check address, axis and baud rate (115200)")
+            raise self._refusal(
+                f"answered {line!r} to {text}", "check the address, the axis and the baud rate (115200)"
+            )
         self._lines.owed = False
         if found[3] == "RJ":
             raise self._refusal(f"{text}: refused, {found[6]}", "see the protocol's manual")
@@ -158,4 +165,4 @@ class ZaberStage(LineStage):
     def _check(self, reply: Reply) -> None:
         if reply.warning.startswith("F"):
             meaning = WARNINGS.get(reply.warning, "see the protocol's manual")
-            raise self._refusal(f"warns of {reply.warning}: {meaning}", "is it free to move?")
+            raise self._refusal(f"warns of {reply.warning}: {meaning}", "check that it is free to move")

@@ -1,7 +1,7 @@
-"""Recordings: what instruments export, read into one type with units and provenance.
+"""Recordings: files exported by instruments, read into one type with units and provenance.
 
-`read` takes a file; `solen.recording.model` holds the type; `spectra` gives its traces with their wavelengths, `stated`
-a parameter of a test machine's export as a number. `FORMATS` are the formats; another package can add to them.
+`read` reads a file; `solen.recording.model` defines the type; `spectra` returns its traces with their wavelengths,
+`stated` a parameter of a test machine's export as a number. `FORMATS` are the formats; another package can add to them.
 """
 
 from solen.recording.model import Channel, Measured, Provenance, Recording

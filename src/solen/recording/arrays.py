@@ -1,8 +1,8 @@
-"""From named arrays to a recording, as needed for MATLAB, LabVIEW, HDF5 and netCDF files.
+"""Recordings from named arrays, as needed for MATLAB, LabVIEW, HDF5 and netCDF files.
 
-The idea: such a file is a set of arrays, some of which run side by side. The length that most arrays have is that of
-the recording; an array with as many rows gives a channel for each of its columns; single numbers and texts are
-parameters. An array of another length is left out and named, as nothing says how it relates to the rest.
+The idea: these files contain arrays, some of which have a common axis. The length that most arrays have is that of the
+recording; an array with as many rows gives a channel for each of its columns; single numbers and texts are parameters.
+An array of another length is omitted and named, because its relation to the others is unknown.
 
 The interface: `Array`, and `recorded` of a file's arrays.
 """
@@ -22,7 +22,7 @@ from solen.recording.table import along_axes, stated_provenance, unique
 from solen.recording.words import heading
 
 MOST_COLUMNS = 1000
-"""Columns of one array that become channels, at most."""
+"""Largest number of columns of one array that become channels."""
 _LEAST = 2
 _SINCE = re.compile(r"\s*(\w+) since .*")
 
@@ -40,7 +40,7 @@ class Array:
 def recorded(
     source: Source, kind: str, arrays: Iterable[Array], metadata: Mapping[str, str], names: Sequence[str] | None = None
 ) -> Recording:
-    """Recording of arrays with a common axis.
+    """Make a recording of arrays with a common axis.
 
     Parameters
     ----------
@@ -60,12 +60,12 @@ def recorded(
     columns = [column for array in held for column in _columns(array)]
     lengths = Counter(values.size for _, _, values in columns if values.size >= _LEAST)
     if not lengths:
-        raise source.refused("", "holds no array of numbers", "export the signals as a table (CSV)")
+        raise source.refused("", "contains no array of numbers", "export the signals as a table (CSV)")
     length = max(lengths, key=lambda size: (lengths[size], size))
     whole = [column for column in columns if column[2].size == length]
     others = sorted({name for name, _, values in columns if values.size not in {1, length}})
     stated = {name: f"{values[0]:.10g}" for name, _, values in columns if values.size == 1} | dict(metadata)
-    note = f"arrays of a different length are left out: {', '.join(others[:12])}" if others else ""
+    note = f"arrays of a different length are omitted: {', '.join(others[:12])}" if others else ""
     channels = []
     for name, (_, unit, values) in zip(unique([name for name, _, _ in whole]), whole, strict=True):
         head = heading(name, _SINCE.sub(r"\1", unit)) if unit else heading(name)
@@ -80,17 +80,17 @@ def recorded(
 
 
 def _named(source: Source, arrays: Sequence[Array], names: Sequence[str]) -> list[Array]:
-    """The only matrix with as many columns as names; `DataError` if there is none or more than one."""
+    """Return the only matrix with as many columns as names; raise `DataError` if there is none or more than one."""
     fitting = [one for one in arrays if np.ndim(one.values) == 2 and min(np.shape(one.values)) == len(names)]
     if len(fitting) != 1:
         shapes = ", ".join(f"{one.name} {' by '.join(map(str, np.shape(one.values)))}" for one in arrays)
-        limit = f"has {len(fitting) or 'no'} matrices of {len(names)} columns; it holds {shapes}"
+        limit = f"has {len(fitting) or 'no'} matrices of {len(names)} columns; it contains {shapes}"
         raise source.refused("", limit, "name each of a matrix's columns, in their order")
     return [replace(fitting[0], columns=tuple(names))]
 
 
 def _plainly(arrays: Iterable[Array]) -> list[Array]:
-    """Arrays by the last part of their path, ``run.time_s`` as ``time_s``, where those differ."""
+    """Rename arrays to the last part of their path, ``run.time_s`` to ``time_s``, if the last parts are unique."""
     held = list(arrays)
     last = [one.name.rpartition(".")[2] for one in held]
     return (
@@ -99,7 +99,7 @@ def _plainly(arrays: Iterable[Array]) -> list[Array]:
 
 
 def _columns(array: Array) -> list[tuple[str, str, FloatArray]]:
-    """An array's columns of numbers: name, unit and values."""
+    """Return an array's columns of numbers: name, unit and values."""
     values = np.asarray(array.values)
     if values.dtype.kind not in "biuf" or values.size == 0:
         return []

@@ -1,11 +1,10 @@
-"""Large plain tables, such as an hour of samples: read in a second or two, in little more memory than the numbers take.
+"""Large plain tables, such as an hour of samples: read in a second or two, in little more memory than the numbers need.
 
-The idea: the beginning is read like any table, and defines the columns. If all of them are numbers, and the
-rest of the file holds nothing but digits, signs, the decimal mark and the separator, numpy's own reader takes it.
-Anything else (a remark, an empty cell, a word, a row of another length) is left to the reader that reports what is
-wrong and where.
+The idea: the beginning is read like any table, and defines the columns. If all of them are numbers, and the remainder
+of the file contains only digits, signs, the decimal mark and the separator, numpy's own reader reads it. Anything else
+(a remark, an empty cell, a word, a row of another length) is left to the reader that reports the error and its place.
 
-The interface: `bulk` gives a recording, or None if a file is not such a table.
+The interface: `bulk` returns a recording, or None if a file is not a large plain table.
 """
 
 import io
@@ -23,13 +22,13 @@ from solen.recording.model import Recording
 from solen.recording.source import Source
 
 LEAST_BYTES = 2_000_000
-"""Files below this are read row by row."""
-_HEAD = 200  # lines by which a table is known
+"""Size in bytes below which files are read row by row."""
+_HEAD = 200  # lines from which a table is recognised
 _DIGITS = b"0123456789+-.eE\r\n"
 
 
 def bulk(source: Source, columns: Sequence[str] | None = None) -> Recording | None:
-    """Recording of a large table of numbers; None for other files and for tables that must be read row by row."""
+    """Read a large table of numbers; None for other files and for tables that must be read row by row."""
     if len(source.data) < LEAST_BYTES or source.is_archive or b"\0" in source.data[:4096]:
         return None
     known = _head(source, columns)
@@ -51,7 +50,7 @@ def bulk(source: Source, columns: Sequence[str] | None = None) -> Recording | No
 
 
 def _head(source: Source, columns: Sequence[str] | None) -> tuple[Grid, Layout] | None:
-    """The beginning of a file, read as a table; None if it is not a plain table."""
+    """Read the beginning of a file as a table; None if it is not a plain table."""
     end = _offset(source.data, _HEAD)
     if end <= 0:
         return None
@@ -61,14 +60,14 @@ def _head(source: Source, columns: Sequence[str] | None) -> tuple[Grid, Layout] 
             return None
         place = layout.find(grid, columns)
         table.check_rows(grid, place)
-    except DataError:  # reported where the whole file is read
+    except DataError:  # reported when the whole file is read
         return None
     plain = not testxpert.program(grid, place) and not place.after and len(place.body) > _HEAD // 2
     return (grid, place) if plain and all(place.names) else None
 
 
 def _offset(data: bytes, lines: int) -> int:
-    """Offset of the line after the first ``lines`` lines; −1 if the file has fewer."""
+    """Return the offset of the line after the first ``lines`` lines; −1 if the file has fewer."""
     place = 0
     for _ in range(lines):
         place = data.find(b"\n", place) + 1
@@ -78,7 +77,7 @@ def _offset(data: bytes, lines: int) -> int:
 
 
 def _numbers(body: bytes, separator: str, mark: str, count: int) -> FloatArray | None:
-    """Numbers of a table's rows, (count, n); None if it holds anything but numbers."""
+    """Return the numbers of a table's rows, (count, n); None if it contains anything but numbers."""
     allowed = _DIGITS.replace(b".", mark.encode()) + separator.encode()
     if mark == separator or body.translate(None, allowed):
         return None
@@ -92,7 +91,7 @@ def _numbers(body: bytes, separator: str, mark: str, count: int) -> FloatArray |
 
 
 def _noted(recording: Recording, source: Source, grid: Grid, above: Sequence[str]) -> Recording:
-    """Recording with a note if its last number is shorter than those above and may be truncated."""
+    """Add a note if the last number is shorter than those above and may be truncated."""
     last = source.data[-80:].decode("ascii", "replace").split("\n")[-1].split(grid.separator)[-1].strip()
     if len(last) >= min(map(len, above)):
         return recording

@@ -1,11 +1,11 @@
-"""Exports of Agilent's Cary spectrophotometers (WinUV), as the program wrote them or as Excel saved them again.
+"""Exports of Agilent's Cary spectrophotometers (WinUV), as written by the program or saved again from Excel.
 
-The idea: two lines of header, the names of the traces in every second cell and below each its ``Wavelength (nm),%T``,
-then rows in which each trace has a wavelength and a value until it ends, an empty line, and what the program logged
-about each trace. Traces have their own wavelengths, and may share a name; none is dropped or merged. A scan runs
-through its wavelengths in even steps, so one that jumps, repeats or leaves one out was damaged, whatever its numbers.
+The idea: an export has two lines of header, the names of the traces in every second cell and below each its
+``Wavelength (nm),%T``; then rows in which each trace has a wavelength and a value until it ends; then an empty line and
+the program's log of each trace. Traces have their own wavelengths, and may share a name; none is dropped or merged. A
+scan has uniform wavelength steps; one with a jump, a repetition or a gap therefore was damaged, whatever its values.
 
-The interface: `is_cary` recognises the header, `read` a `Grid`.
+The interface: `is_cary` recognises the header, `read` reads a `Grid`.
 """
 
 from collections import Counter
@@ -26,10 +26,10 @@ MODES = {
     "%a": ("absorptance", "%"),
     "abs": ("absorbance", "1"),
 }
-"""Quantity and unit of the words that the program writes above the values; unknown for other words."""
+"""Quantity and unit for the words that the program writes above the values; unknown for other words."""
 _SATURATED_ABS = 10.0
 _LIMITS = {"%": 1e4, "1": 12.0}
-"""No spectrophotometer shows a number beyond these: a lost decimal point does."""
+"""Limits that no spectrophotometer's numbers exceed, unless a decimal point was lost."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class _Trace:
 
 
 def is_cary(grid: Grid) -> int | None:
-    """Row of the names if a grid begins like such an export, else None.
+    """Return the row of the names if a grid begins like a Cary export, else None.
 
-    `DataError` if the header is for several traces but is not preceded by their names.
+    Raises `DataError` if the header is for several traces but is not preceded by their names.
     """
     filled = [row for row in range(min(len(grid.rows), 8)) if not grid.is_blank(row)]
     for place, row in enumerate(filled):
@@ -63,9 +63,9 @@ def is_cary(grid: Grid) -> int | None:
 
 
 def read(grid: Grid, start: int) -> Recording:
-    """Recording of an export; `DataError` with the line and column of what is damaged.
+    """Read an export; raise `DataError` with the line and column of damaged content.
 
-    ``start`` is the row of the names, as `is_cary` found it.
+    ``start`` is the row of the names, as returned by `is_cary`.
     """
     heads = _heads(grid, start)
     body, after = _parted(grid, start + 2, len(heads))
@@ -81,7 +81,10 @@ def read(grid: Grid, start: int) -> Recording:
 
 
 def _pairs(cells: list[str]) -> int:
-    """Number of traces below a row of ``Wavelength (nm)`` and modes; 0 if the row is mostly something else."""
+    """Return the number of traces below a row of ``Wavelength (nm)`` and modes.
+
+    0 if the row is mostly something else.
+    """
     pairs = list(zip(cells[::2], cells[1::2], strict=False))
     known = sum(_is_wave(wave) and mode.casefold() in MODES for wave, mode in pairs)
     alike = sum(_is_wave(wave) and _is_mode(mode) for wave, mode in pairs)
@@ -97,7 +100,7 @@ def _is_mode(cell: str) -> bool:
 
 
 def _heads(grid: Grid, start: int) -> list[tuple[str, str]]:
-    """Name and mode of each trace."""
+    """Return name and mode of each trace."""
     names, modes = grid.rows[start], grid.rows[start + 1]
     count = grid.width(start + 1)
     if count % 2:
@@ -116,33 +119,35 @@ def _heads(grid: Grid, start: int) -> list[tuple[str, str]]:
 
 
 def _parted(grid: Grid, first: int, traces: int) -> tuple[list[int], list[int]]:
-    """Rows of numbers, and rows of the log after them."""
+    """Return the rows of numbers, and the rows of the log after them."""
     end = next((row for row in range(first, len(grid.rows)) if grid.is_blank(row)), len(grid.rows))
     body, after = list(range(first, end)), list(range(end, len(grid.rows)))
     if not body:
         raise grid.source.refused(grid.place(first - 1), "no numbers follow the header", "export it again")
     for row in after:
         if len(grid.rows[row]) > 1 and all(map(is_number, grid.rows[row][:2])):
-            raise grid.refused(row, None, f"holds numbers after the empty line {grid.lines[end]}", "join the two parts")
+            raise grid.refused(
+                row, None, f"contains numbers after the empty line {grid.lines[end]}", "join the two parts"
+            )
     inside = [line for line, _ in grid.remarks if grid.lines[body[0]] < line <= grid.lines[body[-1]]]
     if inside:
-        raise grid.source.refused(f"line {inside[0]}", "begins with #, among the numbers", "restore it")
+        raise grid.source.refused(f"line {inside[0]}", "begins with # within the numbers", "restore it")
     _check_lengths(grid, body, 2 * traces)
     return body, after
 
 
 def _check_lengths(grid: Grid, body: list[int], columns: int) -> None:
-    """`DataError` at a row that has a different number of cells from its neighbours.
+    """Raise `DataError` at a row that has a different number of cells from its neighbours.
 
-    All rows have as many cells, most often one more than there are columns, which is empty. Excel leaves out the
-    separators at the end of rows once the last traces have ended; then rows get shorter and stay so.
+    All rows have the same number of cells, most often one more than there are columns, which is empty. Excel omits the
+    separators at the end of rows once the last traces have ended; later rows are then shorter.
     """
     whole = Counter(len(grid.rows[row]) for row in body).most_common(1)[0][0]
     whole = max(whole, columns)
     for row in body:
         cells = grid.rows[row]
         if grid.width(row) > columns:
-            raise grid.refused(row, columns, f"lies beyond the {columns} columns of the header")
+            raise grid.refused(row, columns, f"is beyond the {columns} columns of the header")
         if len(cells) > whole:
             raise grid.refused(row, None, f"has {len(cells)} cells where other lines have {whole}")
     short = [n for n, row in enumerate(body) if len(grid.rows[row]) < whole]
@@ -154,7 +159,7 @@ def _check_lengths(grid: Grid, body: list[int], columns: int) -> None:
 
 
 def _traces(grid: Grid, heads: list[tuple[str, str]], body: list[int]) -> list[_Trace]:
-    """Traces with the rows in which they have numbers."""
+    """Return the traces with the rows in which they have numbers."""
     names = unique([name for name, _ in heads])
     widths = {row: grid.width(row) for row in body}
     traces = []
@@ -164,7 +169,7 @@ def _traces(grid: Grid, heads: list[tuple[str, str]], body: list[int]) -> list[_
         if held and held != body[: len(held)]:
             hole = next(row for row, there in zip(body, held, strict=False) if row != there)
             limit = "is empty, but the trace continues below"
-            raise grid.refused(hole, column, limit, "restore the wavelength; a value alone may be empty")
+            raise grid.refused(hole, column, limit, "restore the wavelength; only a value may be empty")
         for row in held:
             if is_missing(grid.rows[row][column]):
                 raise grid.refused(row, column, "the wavelength of a value is missing")
@@ -173,27 +178,27 @@ def _traces(grid: Grid, heads: list[tuple[str, str]], body: list[int]) -> list[_
 
 
 def _numbers(grid: Grid, trace: _Trace, odd: int, mark: str) -> FloatArray:
-    """Wavelengths of a trace, or its values with ``odd`` 1."""
+    """Return the wavelengths of a trace, or its values with ``odd`` 1."""
     column = trace.column + odd
     return grid.column(column, trace.rows, grid.cells(column, trace.rows), mark, machine=True)
 
 
 def _check(grid: Grid, trace: _Trace, waves: FloatArray, values: FloatArray) -> None:
-    """`DataError` if an instrument cannot have recorded the numbers of a trace."""
+    """Raise `DataError` if an instrument cannot have recorded the numbers of a trace."""
     scan.check_wavelengths(grid, trace.column, trace.rows, waves)
     unit = MODES.get(trace.mode.casefold(), ("", ""))[1]
     limit = _LIMITS.get(unit)
     beyond = np.flatnonzero(np.abs(values) > limit) if limit else np.array([], dtype=int)
     if beyond.size:
         row = trace.rows[int(beyond[0])]
-        raise grid.refused(row, trace.column + 1, f"no {trace.mode} is beyond {limit:g}")
+        raise grid.refused(row, trace.column + 1, f"exceeds {limit:g}, the limit of {trace.mode}")
     scan.check_wild(grid, trace.column + 1, trace.rows, values)
 
 
 def _recording(
     grid: Grid, traces: list[_Trace], pairs: list[tuple[FloatArray, FloatArray]], logs: carylog.Logs, ending: str
 ) -> Recording:
-    """Recording of traces, each with its channel of wavelengths; equal channels of wavelengths are merged."""
+    """Make a recording of traces, each with its channel of wavelengths; equal channels of wavelengths are merged."""
     axes: dict[bytes, Channel] = {}
     taken = {trace.name for trace in traces}
     channels: list[Channel] = []
@@ -216,12 +221,12 @@ def _axis_name(number: int, taken: set[str]) -> str:
 
 
 def _notes(trace: _Trace, waves: FloatArray, values: FloatArray, quantity: str, log: dict[str, str]) -> list[str]:
-    """Notes on a trace."""
+    """Return notes on a trace."""
     notes = []
     if not quantity:
-        notes.append(f"{trace.mode} is a mode whose quantity and unit are not known here")
+        notes.append(f"the quantity and unit of the mode {trace.mode} are unknown")
     if not waves.size:
-        return ["it holds no points", *notes]
+        return ["it contains no points", *notes]
     missing = int(np.sum(np.isnan(values)))
     if missing:
         notes.append(f"{missing} of {values.size} values are empty")

@@ -1,9 +1,9 @@
 """The log that Cary's program writes after the numbers: a block for each trace, in their order.
 
-The idea: a block begins with the trace's name, on a line by itself and repeated on the next; then lines such as
+The idea: a block begins with the trace's name, on a separate line and repeated on the next; then lines such as
 ``Instrument                        Cary 5000``, ``Collection Time: 2/6/2015 1:45:42 PM`` and ``<SBW (nm)> , 2.00``.
-Settings shared by all blocks apply to the file, the rest to each trace. A log that is not understood is no
-reason to reject valid numbers.
+Settings shared by all blocks apply to the file, the others to each trace. A log that cannot be interpreted is no reason
+to reject valid numbers.
 
 The interface: `read` returns `Logs`; `ends` compares a trace with the range stated in its log.
 """
@@ -20,13 +20,13 @@ from solen.recording import dates
 _WIDE = re.compile(r"(\S.*?)\s{2,}(\S.*)")
 _ANGLED = re.compile(r"([<\[].+?[>\]])\s*[,;\t]\s*(.+)")
 _COLON = re.compile(r"([^:]{2,40}?)\s*:\s+(.+)")
-_LONGEST = 500  # letters of a line that is a setting
+_LONGEST = 500  # most letters of a line that is a setting
 _COLLECTED = "Collection Time"
 
 
 @dataclass(frozen=True)
 class Logs:
-    """Content of the log: settings of the file and of each trace, and what every provenance states."""
+    """Content of the log: settings of the file and of each trace, and the settings for every provenance."""
 
     shared: dict[str, str]
     of_traces: list[dict[str, str]]
@@ -35,7 +35,7 @@ class Logs:
 
 
 def read(rows: Sequence[Sequence[str]], names: Sequence[str], separator: str) -> Logs:
-    """Log in the rows after the numbers, for traces with the given names."""
+    """Read the log in the rows after the numbers, for traces with the given names."""
     lines = [separator.join(row).strip().rstrip(separator).strip() for row in rows]
     blocks = _blocks(lines, names)
     settings = [_settings(block) for block in blocks]
@@ -53,7 +53,7 @@ def read(rows: Sequence[Sequence[str]], names: Sequence[str], separator: str) ->
 
 
 def ends(log: dict[str, str], waves: FloatArray) -> list[str]:
-    """Remarks on traces that do not extend from the start to the stop in their log."""
+    """Return remarks on traces that do not extend from the start to the stop in their log."""
     try:
         start, stop, step = (float(log[f"{key} (nm)"]) for key in ("Start", "Stop", "UV-Vis Data Interval"))
     except (KeyError, ValueError):
@@ -63,12 +63,12 @@ def ends(log: dict[str, str], waves: FloatArray) -> list[str]:
     notes = []
     if waves.min() - low > slack or high - waves.max() > slack:
         reach = f"{waves[0]:g} to {waves[-1]:g} nm of {start:g} to {stop:g}"
-        notes.append(f"the scan holds {reach}: it was interrupted, or lines are missing")
+        notes.append(f"the scan contains {reach}: it was interrupted, or lines are missing")
     return notes
 
 
 def _blocks(lines: list[str], names: Sequence[str]) -> list[list[str]]:
-    """Lines of each trace; an empty list for one that has no block."""
+    """Return the lines of each trace; an empty list for one that has no block."""
     rows: list[list[str]] = [[] for _ in names]
     trace = 0
     current: list[str] | None = None
@@ -84,7 +84,7 @@ def _blocks(lines: list[str], names: Sequence[str]) -> list[list[str]]:
 
 
 def _settings(block: list[str]) -> dict[str, str]:
-    """Settings of a block by their names, including changes of the method."""
+    """Return the settings of a block by their names, including changes of the method."""
     settings: dict[str, str] = {}
     for line in block:
         for form in (_ANGLED, _COLON, _WIDE):

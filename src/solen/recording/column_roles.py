@@ -1,10 +1,12 @@
-"""Column roles: which column of a recording is the time, the angle, force or depth, or a receiver, if no option does.
+"""Column roles: the time, angle, force or depth, and the receivers, among the columns of a recording.
 
-The idea: a header names a quantity, states a unit that fits one, or follows the habits of recorders (``ai0``, ``PD2``).
-These are tried in that order; where several columns remain, the user is asked to name one.
+An option that names a column has priority.
 
-The interface: `column_of` a quantity, `receiver_columns` among the columns that are left, `named_column`; `side_of` and
-`left_right` tell receivers apart by their names, `by_sensor` groups them.
+The idea: a header names a quantity, states a matching unit, or follows the conventions of recorders (``ai0``, ``PD2``).
+These are tried in that order; if several columns remain, the user is asked to name one.
+
+The interface: `column_of` a quantity, `receiver_columns` among the remaining columns, `named_column`; `side_of` and
+`left_right` distinguish receivers by their names, `by_sensor` groups them.
 """
 
 import re
@@ -38,7 +40,7 @@ _UNITS = {
     "time": frozenset({"s", "sec", "ms", "us", "µs", "ns", "min"}),
     "angle": frozenset({"deg", "°", "degree", "degrees", "rad", "mrad", "mdeg", "arcmin", "arcsec"}),
     "force": frozenset({"N", "mN", "kN", "gf", "kgf", "lbf"}),
-    "depth": frozenset[str](),  # a length may be anything
+    "depth": frozenset[str](),  # a unit of length is ambiguous
 }
 """Units that identify a quantity whatever the column is called."""
 _NUMBERED = re.compile(
@@ -49,11 +51,11 @@ _NUMBERED = re.compile(
 """Names that recorders and people give to voltages: ai0, CH1, Voltage_0, PD2."""
 _NAMES = {"time": _TIMES, "angle": _ANGLES, "force": _FORCES, "depth": _DEPTHS}
 _QUANTITIES = {"depth": {"displacement", "crosshead"}}
-"""Quantities of headers that are another one's here, beside that of its own name."""
+"""Quantities of headers that count as another quantity here, in addition to its own name."""
 ENDS_IN_V = re.compile(r"(?:_|\b)V$")
 """A name that ends in the unit of volts."""
 _COMPANION = re.compile(r"^(?:u|ambient|clipped)_|_(?:ambient|clipped)$")
-"""Columns beside a receiver's: its uncertainty, the ambient light subtracted from it, whether it is clipped."""
+"""Columns that accompany a receiver's: its uncertainty, the ambient light subtracted from it, whether it is clipped."""
 _TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
 _SHORT = re.compile(r"(?:v|u|pd|pt|rx)(l|r|left|right)", re.IGNORECASE)
 """A receiver and its side in one word: VL, PDR, Vleft."""
@@ -62,12 +64,12 @@ _DOTTED = re.compile(r"(.+)[.:/]([^.:/]+)")
 
 
 def column_of(recording: Recording, quantity: str) -> Channel | None:
-    """Column of the ``time``, ``angle``, ``force`` or ``depth`` by its name or unit; None without one.
+    """Return the column of the ``time``, ``angle``, ``force`` or ``depth`` by its name or unit; None without one.
 
     Raises
     ------
     DataError
-        If several columns may be it.
+        If there are several candidates.
     """
     words = _ANGLE_WORDS if quantity == "angle" else frozenset({quantity})
     meant = {quantity, *_QUANTITIES.get(quantity, ())}
@@ -90,7 +92,7 @@ def column_of(recording: Recording, quantity: str) -> Channel | None:
 
 
 def _is_another(column: Channel, quantity: str) -> bool:
-    """Whether a column's unit makes it no angle, force or depth, as the position in mm of a linear stage no angle."""
+    """Whether a column's unit excludes the quantity; a position in mm, for example, is not an angle."""
     wanted = {"angle": "mm", "depth": "deg"}.get(quantity)
     if quantity == "depth" and not column.unit:
         return True
@@ -98,7 +100,7 @@ def _is_another(column: Channel, quantity: str) -> bool:
 
 
 def force_in_volts(recording: Recording) -> Channel | None:
-    """Column in volts whose name marks it as a load cell's: ``Load cell (mV)``, ``force_V``."""
+    """Return a column in volts whose name marks it as a load cell's: ``Load cell (mV)``, ``force_V``."""
     return next((one for one in recording.channels if _volts_of_force(one)), None)
 
 
@@ -109,25 +111,28 @@ def _volts_of_force(column: Channel) -> bool:
 
 
 def named_column(recording: Recording, name: str, option: str) -> Channel:
-    """Column of a name, with or without its unit; `DataError` with the existing columns where there is none."""
+    """Return the column with a name, with or without its unit.
+
+    Raises `DataError` that lists the columns if there is none.
+    """
     last = name.rpartition(".")[2]
     channel = recording.find(name, heading(name).name, last, heading(last).name)
     if channel is not None:
         return channel
     text = recording.label(name, heading(name).name) is not None
-    limit = "the column holds words, not numbers" if text else "no such column"
+    limit = "the column contains words, not numbers" if text else "no such column"
     what = f"{recording.provenance.name}: {option} {name}"
     raise DataError(what, limit=limit, remedy=existing(recording))
 
 
 def existing(recording: Recording) -> str:
-    """The columns of a recording, as errors list them."""
+    """Return the columns of a recording, as errors list them."""
     more = len(recording.names) - 12
     return f"its columns are {', '.join(recording.names[:12])}" + (f" and {more} more" if more > 0 else "")
 
 
 def receiver_columns(columns: Sequence[Channel]) -> list[Channel]:
-    """Receivers among columns: those in volts, else those named by a side, else numbered, else sides in any unit."""
+    """Return the receivers: columns in volts, else named by a side, else numbered, else sides in any unit."""
     columns = [column for column in columns if not is_companion(column.name)]
     in_volts = [
         column
@@ -140,36 +145,36 @@ def receiver_columns(columns: Sequence[Channel]) -> list[Channel]:
 
 
 def _sided(columns: Sequence[Channel]) -> list[Channel]:
-    """Columns named by a side, in the unit of the first of them."""
+    """Return the columns named by a side, in the unit of the first of them."""
     sided = [one for one in columns if side_of(one.name)]
     return [one for one in sided if one.unit == sided[0].unit]
 
 
 def unit_of(column: Channel) -> str:
-    """Unit of a column as stated, or V by the end of its name: ``left_V``; empty if neither states one."""
+    """Return the unit of a column as stated, or V by the end of its name: ``left_V``; empty if neither states one."""
     return column.unit or ("V" if ENDS_IN_V.search(column.name) else "")
 
 
 def is_companion(name: str) -> bool:
-    """Whether a column accompanies that of a receiver: its uncertainty, its ambient light, its marks of clipping."""
+    """Whether a column accompanies that of a receiver: its uncertainty, its ambient light, or its marks of clipping."""
     return bool(_COMPANION.search(name))
 
 
 def companion(recording: Recording, channel: Channel, what: str) -> Channel | None:
-    """Column beside a receiver's, ``ambient`` or ``clipped``: ``ambient_left`` or ``left_ambient``."""
+    """Return the column that accompanies a receiver's, ``ambient`` or ``clipped``: ``left_ambient``."""
     name = ENDS_IN_V.sub("", channel.name)
     return recording.find(f"{what}_{name}", f"{name}_{what}")
 
 
 def side_of(name: str) -> str:
-    """``left`` or ``right`` by the words of a receiver's name (``ReceiverR``, ``V_L``, ``VL``); else empty."""
+    """Return ``left`` or ``right`` by the words of a receiver's name (``ReceiverR``, ``V_L``, ``VL``); else empty."""
     words = [_SHORT.sub(r"\1", word) if _SHORT.fullmatch(word) else word for word in _TOKEN.findall(name)]
     sides = {_SIDES[word.lower()] for word in words if word.lower() in _SIDES}
     return sides.pop() if len(sides) == 1 else ""
 
 
 def left_right(receivers: Sequence[str]) -> tuple[int, int] | None:
-    """Positions of the left and the right receiver; None unless there is exactly one of each."""
+    """Return the positions of the left and the right receiver; None unless there is exactly one of each."""
     sides = [side_of(name) for name in receivers]
     if sides.count("left") == 1 == sides.count("right"):
         return sides.index("left"), sides.index("right")
@@ -177,9 +182,9 @@ def left_right(receivers: Sequence[str]) -> tuple[int, int] | None:
 
 
 def by_sensor(names: Sequence[str], label: str, *, alone: bool) -> dict[str, dict[str, int]]:
-    """Receivers of each sensor with their positions, by names such as ``S1.left``, or ``S1_L`` beside ``S2_L``.
+    """Return the receivers of each sensor with their positions, by names such as ``S1.left``, or ``S1_L`` and ``S2_L``.
 
-    ``label`` is the file's; unless the file is ``alone``, it precedes the sensor's.
+    ``label`` is that of the file; it precedes the sensor's name unless the file is ``alone``.
     """
     matches = [_DOTTED.fullmatch(name) for name in names]
     split = [(match[1], match[2]) if match else ("", name) for match, name in zip(matches, names, strict=True)]
@@ -193,7 +198,7 @@ def by_sensor(names: Sequence[str], label: str, *, alone: bool) -> dict[str, dic
 
 
 def _by_side(names: Sequence[str]) -> list[tuple[str, str]]:
-    """Sensor and side of names where every sensor has both sides; else each name as a receiver of one sensor."""
+    """Return sensor and side of names if every sensor has both sides; else each name as a receiver of one sensor."""
     split = [(_without_side(name), side_of(name)) for name in names]
     counts = Counter(split)
     sensors = {sensor for sensor, _ in split}
@@ -208,6 +213,6 @@ def _without_side(name: str) -> str:
 
 
 def _words(name: str) -> list[str]:
-    """Words of a name, split at anything but letters and digits, at capitals, and between digits and letters."""
+    """Return the words of a name, split at other characters, at capitals, and between digits and letters."""
     parts = re.split(r"[\W_]+|(?<=[a-z0-9])(?=[A-Z])|(?<=[0-9])(?=[A-Za-z])", name)
     return [part for part in parts if part]

@@ -1,4 +1,4 @@
-"""Dates in the spellings of instruments, as ISO 8601 where it is clear which number is the month.
+"""Dates in the spellings of instruments, as ISO 8601 if it is clear which number is the month.
 
 The interface: `iso` of a text, `among` the parameters of a file, `seconds` of a column of clock times.
 """
@@ -23,7 +23,7 @@ _KEYS = re.compile(r"\b(date|datum|prüfdatum|test date|collection time|date/tim
 
 
 def iso(text: str, *, others: Iterable[str] = ()) -> str:
-    """ISO 8601 of a date and, if present, its time; empty if the text is no date or day and month are ambiguous.
+    """Return a date, and its time if present, in ISO 8601; empty if the text is no date or day and month are ambiguous.
 
     ``others`` are dates of the same file, which may show the order of day and month.
     """
@@ -44,15 +44,17 @@ def iso(text: str, *, others: Iterable[str] = ()) -> str:
 
 
 def among(metadata: Mapping[str, str]) -> str:
-    """Date in the parameters of a file, as ISO 8601 if unambiguous, else as the file writes it."""
+    """Return the date in the parameters of a file, in ISO 8601 if unambiguous, else as the file writes it."""
     stated = next((value for key, value in metadata.items() if _KEYS.search(key)), "")
     return iso(stated) or stated
 
 
 def seconds(cells: Sequence[str]) -> FloatArray | None:
-    """Clock times, with or without dates, as seconds since midnight of the first day; None if a cell is not a time.
+    """Convert clock times, with or without dates, to seconds since midnight of the first day.
 
-    Times without a date that fall by more than half a day have passed midnight. An empty cell is NaN.
+    The result is None if a cell is not a time.
+
+    A decrease of more than half a day between times without a date means midnight. An empty cell is NaN.
     """
     parts = [_STAMP.fullmatch(cell) if cell else None for cell in cells]
     if not any(parts) or any(cell and part is None for cell, part in zip(cells, parts, strict=True)):
@@ -71,7 +73,7 @@ def seconds(cells: Sequence[str]) -> FloatArray | None:
 
 
 def _day(text: str, others: Iterable[str]) -> int | None:
-    """Ordinal of a day; None if the text is no date or its month is ambiguous."""
+    """Return the ordinal of a day; None if the text is no date or its month is ambiguous."""
     stated = iso(text, others=others) if text else ""
     return date.fromisoformat(stated[:10]).toordinal() if stated else None
 

@@ -1,10 +1,10 @@
 """A file as rows of cells with their addresses, from text or from a sheet of a workbook.
 
-The idea: readers see cells, and name a bad one by its line and column, or by its cell in the sheet. What separates the
-cells of a text is what makes most of them numbers; it is decided once, for the whole file, so that a line with another
-separator stands out as damaged.
+The idea: readers see cells, and name a faulty one by its line and column, or by its cell in the sheet. The separator of
+a text is the one with which most cells are numbers. It is chosen once, for the whole file; a line with another
+separator therefore shows as damaged.
 
-The interface: `of_text` makes a `Grid`; `Grid.refused` an error with its place; `Grid.column` numbers.
+The interface: `of_text` makes a `Grid`; `Grid.refused` returns an error with its place; `Grid.column` returns numbers.
 """
 
 import csv
@@ -22,8 +22,8 @@ from solen.recording.source import Source
 _SEPARATORS = ("\t", ";", " ", ",")
 _THOUSANDS = re.compile("-?[1-9][0-9]{0,2},[0-9]{3}")
 _EXCEL = re.compile("sep=.[;,\t]*", re.IGNORECASE)  # a line that states the separator to Excel
-_SHOWN = 40  # letters of a bad cell
-_SAMPLE = 400  # lines by which the separator is chosen
+_SHOWN = 40  # letters of a faulty cell that are shown
+_SAMPLE = 400  # lines from which the separator is chosen
 
 
 @dataclass(frozen=True)
@@ -35,19 +35,19 @@ class Grid:
     source
         The file.
     rows
-        Cells of each row, without spaces about them; rows differ in length.
+        Cells of each row, without surrounding spaces; rows differ in length.
     lines
-        Number of each row in the file, the first being 1.
+        Number of each row in the file, from 1.
     separator
         Separator of a text's cells; empty in a workbook.
     sheet
         Name of the sheet, in a workbook.
     ends
-        Whether the last line is ended by a line break, as every program's is that was not cut off.
+        Whether the last line ends with a line break, as every program writes it unless the file was cut off.
     remarks
         Texts of the lines that begin with ``#``, and their numbers.
     left
-        Columns of the file to the left of the first one here.
+        Number of columns of the file to the left of the first one here.
     """
 
     source: Source
@@ -60,7 +60,7 @@ class Grid:
     left: int = 0
 
     def place(self, row: int, column: int | None = None) -> str:
-        """Address of a cell: row and column, or sheet and cell."""
+        """Return the address of a cell: row and column, or sheet and cell."""
         line = self.lines[row]
         column = None if column is None else column + self.left
         if self.sheet:
@@ -70,16 +70,16 @@ class Grid:
     def refused(
         self, row: int, column: int | None, limit: str, remedy: str = "correct it, or export the file again"
     ) -> DataError:
-        """Error at a row, or at one of its cells with its content."""
+        """Return the error for a row, or for one of its cells with its content."""
         cells = self.rows[row]
         value = cells[column] if column is not None and column < len(cells) else ""
         shown = value if len(value) <= _SHOWN else f"{value[:_SHOWN]}…"
         return self.source.refused(self.place(row, column), limit, remedy, shown or None)
 
     def ending(self, body: list[int]) -> str:
-        """Note on the last row of numbers if the file ends there without a line break; else empty.
+        """Return a note on the last row of numbers if the file ends there without a line break; else empty.
 
-        `DataError` if that row has lost cells, or its last number has fewer characters than any above it.
+        Raises `DataError` if that row has lost cells, or its last number has fewer characters than any above it.
         """
         last = body[-1]
         if self.ends or self.lines[last] != self.lines[-1]:
@@ -88,9 +88,9 @@ class Grid:
         place = len(cells) - 1
         shortest = min((len(row[place]) for row in above if place < len(row) and row[place]), default=0)
         if above and (len(cells) != len(above[-1]) or len(cells[place]) < shortest):
-            limit = "ends without a line break, and before the line is whole: the file was cut off"
+            limit = "ends without a line break before the line is complete: the file was cut off"
             raise self.refused(last, None, limit, "export it again")
-        if not cells[place]:  # the separator behind the last number shows that it is whole
+        if not cells[place]:  # a separator after the last number shows that the number is complete
             return ""
         return cut_note(cells[place])
 
@@ -99,16 +99,16 @@ class Grid:
         return not any(self.rows[row])
 
     def width(self, row: int) -> int:
-        """Number of cells of a row up to the last that is not empty."""
+        """Return the number of cells of a row up to the last that is not empty."""
         cells = self.rows[row]
         return next((n for n in range(len(cells), 0, -1) if cells[n - 1]), 0)
 
     def cells(self, column: int, rows: Sequence[int]) -> list[str]:
-        """Cells of a column in given rows; empty text where a row is too short."""
+        """Return the cells of a column in given rows; empty text if a row is too short."""
         return [cells[column] if column < len(cells) else "" for cells in map(self.rows.__getitem__, rows)]
 
     def mark(self, rows: Sequence[int], held: Mapping[int, Sequence[str]]) -> str:
-        """Decimal mark, ``.`` or ``,``; `DataError` if the numbers use both.
+        """Return the decimal mark, ``.`` or ``,``; raise `DataError` if the numbers use both.
 
         ``held`` has the cells of each column in these rows.
         """
@@ -128,12 +128,12 @@ class Grid:
                         found.setdefault(mark, (row, column))
         if counts["."] and counts[","]:
             rare = min(counts, key=counts.__getitem__)
-            limit = "has another mark before its decimals than other numbers"
+            limit = "has another decimal mark than other numbers"
             raise self.refused(*found[rare], limit, "write all decimals after a point, or all after a comma")
         return "," if counts[","] else "."
 
     def _refuse_thousands(self, rows: Sequence[int], held: Mapping[int, Sequence[str]]) -> None:
-        """`DataError` if commas may separate thousands: 1,250 beside 980, and never 0,5 or 12,75."""
+        """Raise `DataError` if commas may separate thousands: 1,250 next to 980, and never 0,5 or 12,75."""
         with_comma = [cell for cells in held.values() for cell in cells if "," in cell]
         if not all(map(_THOUSANDS.fullmatch, with_comma)):
             return
@@ -141,14 +141,12 @@ class Grid:
             marked = [place for place, cell in enumerate(cells) if "," in cell]
             if marked and any(cell and "," not in cell for cell in cells):
                 limit = "may be a thousand or more, or a number with three decimals"
-                raise self.refused(
-                    rows[marked[0]], column, limit, "leave out the comma, or write decimals after a point"
-                )
+                raise self.refused(rows[marked[0]], column, limit, "omit the comma, or write decimals after a point")
 
     def column(
         self, column: int, rows: Sequence[int], cells: Sequence[str], mark: str, *, machine: bool = False
     ) -> FloatArray:
-        """Numbers of a column in given rows, NaN for empty cells; `DataError` at any other cell."""
+        """Return the numbers of a column in given rows, NaN for empty cells; raise `DataError` at any other cell."""
         values = np.empty(len(rows))
         if all_numbers(cells, machine=machine) and _ascii_with(mark, cells):
             values[:] = [
@@ -171,7 +169,7 @@ def _ascii_with(mark: str, cells: Sequence[str]) -> bool:
 
 
 def of_text(source: Source) -> Grid:
-    """Rows of a text file; lines that begin with ``#`` are remarks."""
+    """Return the rows of a text file; lines that begin with ``#`` are remarks."""
     lines = source.lines()
     ends = not lines[-1]
     if ends:
@@ -188,12 +186,12 @@ def of_text(source: Source) -> Grid:
 
 
 def cut_note(last: str) -> str:
-    """Note on the last number of a file whose last line has no line break."""
+    """Return a note on the last number of a file whose last line has no line break."""
     return f"the file ends without a line break after {last}: that number may be cut off"
 
 
 def splitter(separator: str) -> Callable[[str], list[str]]:
-    """Function that splits a line into cells; a line with unpaired quotation marks stays one cell."""
+    """Return the function that splits a line into cells; a line with unpaired quotation marks stays one cell."""
 
     def split(line: str) -> list[str]:
         if separator == " ":
@@ -209,9 +207,10 @@ def splitter(separator: str) -> Callable[[str], list[str]]:
 
 
 def _separator(lines: list[str]) -> str:
-    """Separator that yields the most numbers and, among equals, the fewest other cells; else the most cells.
+    """Return the separator that yields the most numbers and, among equals, the fewest other cells; else the most cells.
 
-    Two columns with decimal commas, ``0,5;1,25``, are two numbers by commas, too, with ``5;1`` between them.
+    Two columns with decimal commas, ``0,5;1,25``, also yield two numbers with commas as separators, with ``5;1``
+    between them.
     """
     held = [line for line in lines if line.strip()]
     sample = held[:: max(1, len(held) // _SAMPLE)]
@@ -225,16 +224,16 @@ def _separator(lines: list[str]) -> str:
 
 
 def _numbers_by(separator: str) -> Callable[[str], tuple[int, int]]:
-    """Counts of numbers and of other cells in a line split by a separator.
+    """Return the numbers of numeric and of other cells in a line split with a separator.
 
-    0, 0 if it is not split or holds no number.
+    Both are 0 if the line is not split or contains no number.
     """
     split = splitter(separator)
 
     def numbers(line: str) -> tuple[int, int]:
         cells = split(line)
         count = sum(map(is_number, cells))
-        prose = separator == " " and count < max(2, len(cells) - 1)  # sentences have spaces, too
+        prose = separator == " " and count < max(2, len(cells) - 1)  # sentences also have spaces
         if len(cells) < 2 or prose or not count:
             return 0, 0
         return count, sum(bool(cell) for cell in cells) - count
@@ -243,7 +242,7 @@ def _numbers_by(separator: str) -> Callable[[str], tuple[int, int]]:
 
 
 def _letters(column: int) -> str:
-    """Name of a sheet's column."""
+    """Return the letters of a sheet's column."""
     name = ""
     column += 1
     while column:

@@ -1,12 +1,12 @@
-"""HDF5 files: netCDF-4, MATLAB 7.3 and those of scripts, by h5py (extra ``netcdf``); netCDF-3 by scipy.
+"""HDF5 files: netCDF-4, MATLAB 7.3 and those of scripts, with h5py (extra ``netcdf``); netCDF-3 with scipy.
 
-The idea: datasets are arrays by their path. netCDF says the unit of each (``units``) and what the columns of a table
-are (the coordinate of its second dimension); attributes are parameters.
+The idea: datasets are arrays by their path. netCDF states the unit of each (``units``) and the meaning of the columns
+of a table (the coordinate of its second dimension); attributes are parameters.
 
-A file whose groups hold a time each is several recordings, as a bench writes one for each sensor. A large file is never
-held in memory as a whole.
+A file with a time in each of several groups contains several recordings; a bench writes one for each sensor. A large
+file is never loaded into memory completely.
 
-The interface: `is_hdf5` of a path, `groups` and `read` of one; `is_netcdf3` and `read_netcdf3`.
+The interface: `is_hdf5` of a path, `groups` and `read` of a file; `is_netcdf3` and `read_netcdf3`.
 """
 
 import hashlib
@@ -41,12 +41,12 @@ class Stored(Source):
 
     @property
     def sha256(self) -> str:
-        """Checksum of the bytes, read piece by piece."""
+        """Return the checksum of the bytes, read piece by piece."""
         return self._hashed
 
 
 def stored(path: Path) -> Stored | None:
-    """The file if it is HDF5, with or without MATLAB's header; None if it is not or cannot be read."""
+    """Return the file if it is HDF5, with or without MATLAB's header; None if it is not or cannot be read."""
     try:
         with path.open("rb") as file:
             begin = file.read(_STARTS[-1] + len(_MAGIC))
@@ -62,13 +62,13 @@ def is_netcdf3(source: Source) -> bool:
 
 
 def groups(source: Source) -> tuple[str, ...]:
-    """Names of the groups that each hold a time; none in MATLAB files, whose groups are structures."""
+    """Return the names of the groups that each contain a time; none in MATLAB files, whose groups are structures."""
     if source.data.startswith(b"MATLAB"):
         return ()
     with _opened(source) as file:
         try:
             return tuple(name for name, one in file.items() if hasattr(one, "items") and any(map(_is_time, one)))
-        except Exception as bad:  # h5py raises whatever fits what it stumbled over
+        except Exception as bad:  # h5py may raise any exception at a damaged file
             raise _damaged(source, bad) from None
 
 
@@ -77,9 +77,9 @@ def _is_time(name: str) -> bool:
 
 
 def read(source: Source, group: str = "") -> Recording:
-    """Recording of an HDF5 file or of one of its groups.
+    """Read an HDF5 file or one of its groups.
 
-    `DataError` without h5py, where it is damaged, or holds no arrays of numbers.
+    Raises `DataError` if h5py is not installed, or the file is damaged or contains no arrays of numbers.
     """
     arrays: list[Array] = []
     metadata: dict[str, str] = {}
@@ -90,7 +90,7 @@ def read(source: Source, group: str = "") -> Recording:
             part.visititems(lambda name, one: _visit(name, one, arrays, metadata))
     except DataError:
         raise
-    except Exception as bad:  # h5py raises whatever fits what it stumbled over
+    except Exception as bad:  # h5py may raise any exception at a damaged file
         raise _damaged(source, bad) from None
     return recorded(source, "matlab-7.3" if source.data.startswith(b"MATLAB") else "hdf5", arrays, metadata)
 
@@ -107,9 +107,9 @@ def _opened(source: Source) -> Any:
 
 
 def _check_length(source: Source, length: int) -> None:
-    """`DataError` if a file, less its seal, is longer than it states: behind added bytes all numbers are others.
+    """Raise `DataError` if a file, without its seal, is longer than it states: added bytes make all numbers wrong.
 
-    A shorter one is refused by the library. Places by the HDF5 File Format Specification, versions 0 to 3.
+    A shorter one is rejected by the library. Offsets by the HDF5 File Format Specification, versions 0 to 3.
     """
     start = next(start for start in _STARTS if source.data[start : start + len(_MAGIC)] == _MAGIC)
     version = source.data[start + len(_MAGIC)]
@@ -121,7 +121,7 @@ def _check_length(source: Source, length: int) -> None:
     )
     if length > end and length != base + end:
         limit = f"is {length - end} bytes longer than it states: bytes were added, or it was never closed"
-        raise source.refused("", limit, "export it again, or mend it with h5clear --increment=0")
+        raise source.refused("", limit, "export it again, or repair it with h5clear --increment=0")
 
 
 def _damaged(source: Source, bad: Exception) -> DataError:
@@ -143,7 +143,7 @@ def _visit(name: str, one: Any, arrays: list[Array], metadata: dict[str, str]) -
 
 
 def _names(one: Any) -> tuple[str, ...]:
-    """Names of a table's columns, if its second dimension has a coordinate of texts."""
+    """Return the names of a table's columns, if its second dimension has a coordinate of texts."""
     if len(one.shape) != 2:
         return ()
     for scale in one.dims[1].values():
@@ -153,7 +153,7 @@ def _names(one: Any) -> tuple[str, ...]:
 
 
 def _attributes(attributes: Mapping[str, Any]) -> dict[str, str]:
-    """Attributes that are texts or single numbers."""
+    """Return the attributes that are texts or single numbers."""
     found = {}
     for key, value in attributes.items():
         plain = np.asarray(value)
@@ -167,7 +167,7 @@ def _text(value: Any) -> str:
 
 
 def read_netcdf3(source: Source) -> Recording:
-    """Recording of a classic netCDF file; `DataError` if it is damaged or holds no arrays of numbers."""
+    """Read a classic netCDF file; raise `DataError` if it is damaged or contains no arrays of numbers."""
     from scipy.io import netcdf_file
 
     try:
@@ -183,7 +183,7 @@ def read_netcdf3(source: Source) -> Recording:
             whole = len(source.data)
             if not any(source.data[: whole - pad].endswith(end) for end in ends for pad in {0, -len(end) % 4}):
                 raise ValueError("extra bytes at the end: no array ends with the file")
-    except Exception:  # scipy raises whatever fits what it stumbled over
+    except Exception:  # scipy may raise any exception at a damaged file
         limit = "is a damaged netCDF file"
         raise source.refused("", limit, "export it again") from None
     return recorded(source, "netcdf", arrays, metadata)

@@ -1,9 +1,9 @@
-"""JCAMP-DX: spectra as records of text, points one by one or compressed along an even axis.
+"""JCAMP-DX: spectra as records of text, either point by point or compressed along a uniform axis.
 
-The idea: a file consists of records ``##LABEL=value``, one of which holds the numbers. ``(XY..XY)`` are pairs;
-``(X++(Y..Y))`` are values on a uniform axis, each line preceded by its abscissa, plain or compressed: digits joined
-by pseudo-digits (squeezed), differences, repeats. Redundant statements (number of points, abscissas of lines,
-first value, last value before each line of differences) are checked against the numbers, to detect damage.
+The idea: a file consists of records ``##LABEL=value``, one of which contains the numbers. ``(XY..XY)`` are pairs;
+``(X++(Y..Y))`` are values on a uniform axis, each line preceded by its abscissa, plain or compressed: digits joined by
+pseudo-digits (squeezed), differences, repeats. Redundant statements (number of points, abscissas of lines, first value,
+last value before each line of differences) are checked against the numbers, to detect damage.
 
 The interface: `is_jcamp` and `read`. Format: McDonald and Wilks, "JCAMP-DX: A Standard Form for Exchange of Infrared
 Spectra in Computer Readable Form", Appl. Spectrosc. 42 (1988) 151, version 4.24.
@@ -42,7 +42,7 @@ def is_jcamp(source: Source) -> bool:
 
 
 def read(source: Source) -> Recording:
-    """Recording of a JCAMP-DX file of one spectrum; `DataError` with the line of damaged or unsupported content."""
+    """Read a JCAMP-DX file of one spectrum; raise `DataError` with the line of damaged or unsupported content."""
     records = dict(_records(source))
     _check_kind(source, records)
     label = next((one for one in ("XYDATA", "XYPOINTS") if one in records), None)
@@ -50,8 +50,8 @@ def read(source: Source) -> Recording:
         raise source.refused("", "has no XYDATA and no XYPOINTS", "export the spectrum as JCAMP-DX 4.24")
     form = re.sub(r"\s", "", records[label][0][1]).upper()
     if form not in _FORMS:
-        limit = f"has numbers in the form {form or 'that is not named'}; (XY..XY) and (X++(Y..Y)) are read"
-        raise source.refused(f"line {records[label][0][0]}", limit, "export the spectrum as one of these")
+        limit = f"has numbers in the form {form or 'that is not named'}; (XY..XY) and (X++(Y..Y)) are supported"
+        raise source.refused(f"line {records[label][0][0]}", limit, "export the spectrum in one of these forms")
     body = records[label][1:]
     points = _pairs(source, body) if _FORMS[form] == "pairs" else _even(source, body, records)
     factors = [_stated(source, records, name, 1.0) for name in ("XFACTOR", "YFACTOR")]
@@ -66,7 +66,10 @@ def read(source: Source) -> Recording:
 
 
 def _records(source: Source) -> Iterator[tuple[str, Lines]]:
-    """Records by their labels in one spelling, with the lines of each; comments and what follows END are left out."""
+    """Return the records by their normalised labels, with the lines of each.
+
+    Comments and lines after END are omitted.
+    """
     label, held = "", Lines()
     for number, line in enumerate(source.lines(), 1):
         text = line.partition("$$")[0].rstrip()
@@ -85,15 +88,15 @@ def _records(source: Source) -> Iterator[tuple[str, Lines]]:
 
 
 def _check_kind(source: Source, records: dict[str, Lines]) -> None:
-    """`DataError` for files of several spectra, which are not read."""
+    """Raise `DataError` for files of several spectra, which are not supported."""
     kind = records.get("DATATYPE", [(0, "")])[0][1].upper()
     if kind == "LINK" or "BLOCKS" in records or "NTUPLES" in records or "PAGE" in records:
-        limit = "is a JCAMP-DX file of several blocks or of NTUPLES, which are not read"
-        raise source.refused("", limit, "export each spectrum to a file of its own")
+        limit = "is a JCAMP-DX file of several blocks or of NTUPLES, which is not supported"
+        raise source.refused("", limit, "export each spectrum to a separate file")
 
 
 def _stated(source: Source, records: dict[str, Lines], label: str, default: float = math.nan) -> float:
-    """Number in a record."""
+    """Return the number in a record."""
     if label not in records:
         return default
     number, text = records[label][0]
@@ -103,18 +106,20 @@ def _stated(source: Source, records: dict[str, Lines], label: str, default: floa
 
 
 def _pairs(source: Source, body: Lines) -> tuple[FloatArray, FloatArray]:
-    """Points as pairs: a comma or spaces within a pair; a semicolon, spaces or a line break between pairs."""
+    """Return points from pairs: a comma or spaces within a pair; a semicolon, spaces or a line break between pairs."""
     x: list[float] = []
     y: list[float] = []
     for number, text in body:
         cells = [cell for cell in re.split(r"[\s,;]+", text) if cell]
         wrong = next((cell for cell in cells if not _NUMBER.fullmatch(cell)), None)
         if wrong is not None or len(cells) % 2:
-            limit = "is not a number" if wrong is not None else "holds half of a pair"
+            limit = "is not a number" if wrong is not None else "contains half of a pair"
             raise source.refused(f"line {number}", limit, "export the file again", wrong)
         for place, value in zip(cells[::2], cells[1::2], strict=True):
             if len(x) > 1 and not (float(place) - x[-1]) * (x[1] - x[0]) > 0.0:
-                limit = f"goes back to {place}: the abscissas of a spectrum must rise, or fall, from line to line"
+                limit = (
+                    f"goes back to {place}: the abscissas of a spectrum must increase, or decrease, from line to line"
+                )
                 raise source.refused(f"line {number}", limit, "export the file again: lines are damaged")
             x.append(float(place))
             y.append(float(value))
@@ -122,7 +127,10 @@ def _pairs(source: Source, body: Lines) -> tuple[FloatArray, FloatArray]:
 
 
 def _even(source: Source, body: Lines, records: dict[str, Lines]) -> tuple[FloatArray, FloatArray]:
-    """Points on an even axis, from FIRSTX to LASTX in NPOINTS steps; each line begins at its stated abscissa."""
+    """Return points on a uniform axis, from FIRSTX to LASTX in NPOINTS steps.
+
+    Each line begins at its stated abscissa.
+    """
     first, last, count = (_stated(source, records, name) for name in ("FIRSTX", "LASTX", "NPOINTS"))
     if not (math.isfinite(first + last + count) and count >= 2):
         raise source.refused("", "does not state FIRSTX, LASTX and NPOINTS", "export it again")
@@ -134,11 +142,13 @@ def _even(source: Source, body: Lines, records: dict[str, Lines]) -> tuple[Float
             continue
         tokens = _tokens(source, number, text)
         if not _NUMBER.fullmatch(tokens[0]) or len(tokens) < 2:
-            raise source.refused(f"line {number}", "does not begin with its place", "export the file again", text[:20])
+            raise source.refused(
+                f"line {number}", "does not begin with its abscissa", "export the file again", text[:20]
+            )
         own, ends_in_difference = _unpacked(source, number, tokens[1:])
         place = len(values) - 1 if differences else len(values)
         if abs(float(tokens[0]) * factor - first - step * place) > abs(factor) * _last_digit(tokens[0]):
-            limit = f"begins at {float(tokens[0]) * factor:g}, where {first + step * place:g} comes next"
+            limit = f"begins at {float(tokens[0]) * factor:g}, where {first + step * place:g} is expected"
             raise source.refused(f"line {number}", limit, "export the file again: lines are missing or damaged")
         if differences:
             if own[0] != values[-1]:
@@ -152,21 +162,21 @@ def _even(source: Source, body: Lines, records: dict[str, Lines]) -> tuple[Float
 
 
 def _last_digit(text: str) -> float:
-    """Rounding tolerance of a written number: slightly more than one unit of its last digit."""
+    """Return the rounding tolerance of a written number: slightly more than one unit of its last digit."""
     mantissa, _, power = text.casefold().partition("e")
     return 1.01 * float(10.0 ** (int(power or 0) - len(mantissa.partition(".")[2])))
 
 
 def _tokens(source: Source, number: int, text: str) -> list[str]:
-    """Numbers and compressed numbers of a line, which must hold nothing else."""
+    """Return the plain and compressed numbers of a line, which must contain nothing else."""
     if _TOKEN.sub("", text).strip(" \t,;"):
-        limit = "holds something other than plain or compressed numbers"
+        limit = "contains something other than plain or compressed numbers"
         raise source.refused(f"line {number}", limit, "export the file again", text[:40])
     return _TOKEN.findall(text)
 
 
 def _unpacked(source: Source, number: int, tokens: Sequence[str]) -> tuple[list[float], bool]:
-    """Values of a line's tokens, and whether the last of them was a difference."""
+    """Return the values of a line's tokens, and whether the last of them was a difference."""
     values: list[float] = []
     step, difference = 0.0, False
     for token in tokens:
@@ -184,5 +194,7 @@ def _unpacked(source: Source, number: int, tokens: Sequence[str]) -> tuple[list[
             values.append(float(f"{_SQUEEZED[letter]}{digits}") if letter in _SQUEEZED else float(token))
             difference = False
         else:
-            raise source.refused(f"line {number}", "repeats what is not there", "export the file again", token)
+            raise source.refused(
+                f"line {number}", "repeats a value that does not exist", "export the file again", token
+            )
     return values, difference

@@ -1,6 +1,7 @@
-"""Labels in the names of files: ``S1_lens_2.csv`` says which sensor, whether it has a lens, and which recording.
+"""Labels in the names of files: ``S1_lens_2.csv`` states sensor, lens and number of the recording.
 
-The interface: `labels` of a name by a pattern such as ``{sensor}_{lens}_{run}.csv``; `has_lens` reads the word for it.
+The interface: `labels` of a name by a pattern such as ``{sensor}_{lens}_{run}.csv``; `has_lens` interprets the word for
+the lens.
 """
 
 import re
@@ -28,15 +29,15 @@ _WITHOUT = {
 
 
 def labels(path: Path, pattern: str) -> dict[str, str]:
-    """Labels in a file's name, by a pattern.
+    """Return the labels in a file's name, by a pattern.
 
     Parameters
     ----------
     path
         The file.
     pattern
-        The name with a field in braces for each varying part: ``sensor``, ``lens``, ``run`` or any other; ``*``
-        matches anything. With or without an extension; a pattern with ``/`` includes the last folders.
+        The name with a field in braces for each varying part: ``sensor``, ``lens``, ``run`` or any other; ``*`` matches
+        anything. With or without an extension; a pattern with ``/`` includes the last folders.
 
     Raises
     ------
@@ -52,7 +53,7 @@ def labels(path: Path, pattern: str) -> dict[str, str]:
     found = expression.fullmatch(name) or expression.fullmatch(stem)
     if found is None:
         remedy = "correct --pattern, or rename the file; a field is written as in {sensor}_{lens}_{run}.csv"
-        raise DataError(str(path), limit=f"is not named as {pattern}", remedy=remedy)
+        raise DataError(str(path), limit=f"is not named as in {pattern}", remedy=remedy)
     return dict(zip(fields, found.groups(), strict=True))
 
 
@@ -61,7 +62,7 @@ def _expression(pattern: str) -> tuple[re.Pattern[str], list[str]]:
     bad = next((name for name in fields if not name.isidentifier() or fields.count(name) > 1), None)
     if not fields or bad is not None:
         limit = "has no field" if bad is None else f"has the field {{{bad}}}, which is not a single name"
-        remedy = "write one as in {sensor}_{lens}_{run}.csv"
+        remedy = "write a field as in {sensor}_{lens}_{run}.csv"
         raise SpecError("--pattern", value=pattern, limit=limit, remedy=remedy)
     parts = _FIELD.split(pattern)
     texts = [re.escape(part).replace(r"\*", "[^/]*") for part in parts[::2]]
@@ -69,11 +70,9 @@ def _expression(pattern: str) -> tuple[re.Pattern[str], list[str]]:
 
 
 def has_lens(word: str) -> bool:
-    """Whether a word states a lens or none; `DataError` for any other word."""
+    """Whether a word states a lens or none; raise `DataError` for any other word."""
     plain = re.sub(r"[\W_]+", "", word).casefold()
     if plain in _WITH or plain in _WITHOUT:
         return plain in _WITH
-    remedy = (
-        "call it lens or nolens, or leave {lens} out of --pattern and name the sensors without a lens with --control"
-    )
+    remedy = "use lens or nolens, or omit {lens} from --pattern and name the sensors without a lens with --control"
     raise DataError("lens", value=word, limit="states neither a lens nor its absence", remedy=remedy)

@@ -1,9 +1,9 @@
 """Layout of a table in a file: preceding lines, header, units, rows.
 
 The idea: a header is a row of words above rows of numbers with the same number of cells. It may be preceded by titles
-and blocks of parameters, never by numbers alone; everything below it must belong to the table, to the end of the
-file: any other row is damage, and is an error when rows are read, never skipped. Text after an empty line at the end
-is a remark.
+and blocks of parameters, never by numbers alone. All rows below it must belong to the table, to the end of the file:
+any other row is damaged; it raises an error when rows are read and is never skipped. Text after an empty line at the
+end is a remark.
 
 The interface: `find` returns the `Layout` of a `Grid`.
 """
@@ -18,24 +18,24 @@ from solen.recording.numbers import is_missing, is_number
 from solen.recording.words import AXES, heading, is_mode, stated_unit
 
 _TELLING = 100
-"""Rows below a header by which it is known for one."""
+"""Number of rows below a header by which it is recognised."""
 _SEARCHED = 1000
-"""Rows from the beginning among which the header must be."""
+"""Number of rows from the beginning among which the header must be."""
 _HEADER = "add a first line that names the columns, such as wavelength_nm,T,R or time_s,angle_deg,left_V"
 _SPECTRUM = (8, 150.0, 50_000.0)
-"""Rows of a bare spectrum, at least, and nm from which to which its wavelengths run."""
+"""Least number of rows of a spectrum without a header, and limits of its wavelengths in nm."""
 MOST_COLUMNS = 10_000
-"""Columns of a table, at most."""
+"""Largest number of columns of a table."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Places of a table in a grid.
+    """Position of a table in a grid.
 
     Attributes
     ----------
     header
-        Row of the header; of the first row of the table where its columns were named otherwise.
+        Row of the header, or the first row of the table if its columns were named otherwise.
     names
         Text of each column's header.
     units
@@ -47,7 +47,7 @@ class Layout:
     after
         Rows of text after it.
     again
-        How often the header is repeated in the table, as when a logger appended to its file.
+        Number of repetitions of the header in the table, for example if a logger appended to its file.
     """
 
     header: int
@@ -60,7 +60,7 @@ class Layout:
 
 
 def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
-    """Layout of the table in a grid; `DataError` if there is none, or if nothing names its columns.
+    """Find the table in a grid; raise `DataError` if there is none, or if its columns have no names.
 
     ``columns`` names the columns of a table that has no header.
     """
@@ -79,11 +79,11 @@ def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
     units = _units_below(grid, filled, place)
     stated = [stated_unit(name) and not is_mode(name) for name in names]
     if len(names) > 1 and 2 * sum(stated) > len(names) and not (names[0] in AXES and names[1:] == ["A"]):
-        raise grid.refused(header, None, "holds units; the names of the columns above it are missing or damaged")
+        raise grid.refused(header, None, "contains units; the names of the columns above it are missing or damaged")
     for row in before:
         if is_number(grid.rows[row][0]) and _numbers(grid, row) > 1:
-            limit = f"holds numbers above the header, which is in {grid.place(header)}"
-            raise grid.refused(row, None, limit, "remove what does not belong to the table")
+            limit = f"contains numbers above the header, which is in {grid.place(header)}"
+            raise grid.refused(row, None, limit, "remove the rows that do not belong to the table")
     below = below[1:] if units else below
     heads = [row for row in below if [cell.lstrip("\ufeff") for cell in grid.rows[row]] == grid.rows[header]]
     repeated = {*heads, *(row + 1 for row in heads if units)}
@@ -92,7 +92,7 @@ def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
 
 
 def _header(grid: Grid, filled: list[int]) -> int | None:
-    """Row of the header: the first that can be one, unless it heads a list of parameters above the table."""
+    """Return the row of the header: the first possible one, unless it heads a list of parameters above the table."""
     searched = range(min(len(filled), _SEARCHED))
     first = next((place for place in searched if _can_head(grid, filled, place)), None)
     while first is not None and (second := _after_parameters(grid, filled, first)) is not None:
@@ -101,7 +101,7 @@ def _header(grid: Grid, filled: list[int]) -> int | None:
 
 
 def _after_parameters(grid: Grid, filled: list[int], first: int) -> int | None:
-    """Row of the next header, if the rows before it are a list of parameters that ends with an empty line."""
+    """Return the row of the next header, if the rows before it are a list of parameters and an empty line."""
     for place in range(first + 1, len(filled)):
         if is_number(grid.rows[filled[place]][0]):
             return None
@@ -111,7 +111,7 @@ def _after_parameters(grid: Grid, filled: list[int], first: int) -> int | None:
 
 
 def _can_head(grid: Grid, filled: list[int], place: int) -> bool:
-    """Whether a row holds words and the row below it numbers in as many cells."""
+    """Whether a row contains words and the row below it numbers in as many cells."""
     row = filled[place]
     if is_number(grid.rows[row][0]):
         return False
@@ -136,14 +136,14 @@ def _has_width(grid: Grid, row: int, width: int) -> bool:
 
 
 def _block(filled: list[int], place: int) -> list[int]:
-    """Rows from a given one to the next empty one, up to the number needed to recognise them."""
+    """Return the rows from a given one to the next empty one, up to the number needed to recognise them."""
     last = min(place + _TELLING, len(filled))
     end = next((n for n in range(place + 1, last) if filled[n] != filled[n - 1] + 1), last)
     return filled[place:end]
 
 
 def _units_below(grid: Grid, filled: list[int], place: int) -> list[str]:
-    """Units in the next row; empty if it is not a row of units."""
+    """Return the units in the next row; empty if it is not a row of units."""
     if place + 1 >= len(filled):
         return []
     row = filled[place + 1]
@@ -157,19 +157,19 @@ def _numbers(grid: Grid, row: int) -> int:
 
 
 def _parted(grid: Grid, below: list[int]) -> tuple[list[int], list[int]]:
-    """Rows of the table, and rows of text after an empty line at the end."""
+    """Return the rows of the table, and rows of text after an empty line at the end."""
     end = len(below)
     while end and _numbers(grid, below[end - 1]) == 0 and grid.width(below[end - 1]) == 1 and len(below) > 1:
         end -= 1
     while end and end < len(below) and below[end] == below[end - 1] + 1:
-        end += 1  # no empty line before it: it belongs to the table, and is refused there
+        end += 1  # without an empty line before it, it belongs to the table and is rejected there
     return below[:end], below[end:]
 
 
 def _remarked(grid: Grid, filled: list[int]) -> Layout:
-    """Layout of a table whose header is the last remark above it, as numpy writes one."""
+    """Return the layout of a table whose header is the last remark above it, as numpy writes it."""
     if not filled:
-        raise grid.source.refused("", "holds no table", "export it again")
+        raise grid.source.refused("", "contains no table", "export it again")
     first = filled[0]
     above = [text for line, text in grid.remarks if line < grid.lines[first]]
     names = splitter(grid.separator)(above[-1]) if above else []
@@ -178,7 +178,7 @@ def _remarked(grid: Grid, filled: list[int]) -> Layout:
             return Layout(first, ["wavelength", "spectrum"], ["", ""], [], *_parted(grid, filled))
         if not _numbers(grid, first):
             raise _headless(grid, filled)
-        limit = "there is no header above the numbers that says what the columns are"
+        limit = "there is no header above the numbers that names the columns"
         remedy = f"{_HEADER}, or name them with --columns (columns= of read)"
         raise grid.refused(first, None, limit, remedy)
     return Layout(first, names, [""] * len(names), [], *_parted(grid, filled))
@@ -195,14 +195,14 @@ def _is_spectrum(grid: Grid, filled: list[int]) -> bool:
 
 
 def _headless(grid: Grid, filled: list[int]) -> DataError:
-    """Error for words that are not followed by a table of numbers."""
+    """Return the error for words that are not followed by a table of numbers."""
     heads = [heading(cell) for cell in grid.rows[filled[0]] if cell]
     if len(filled) > 1 and any(head.unit or head.quantity for head in heads):
         above, numbers = grid.place(filled[0]), _numbers(grid, filled[1])
         limit = f"is not a row of numbers below the header in {above}"
         remedy = "write plain numbers there, and their unit in the header"
         if numbers == grid.width(filled[1]) > len(heads):
-            limit = f"has {numbers} numbers, where the header in {above} has {len(heads)} names"
+            limit = f"has {numbers} numbers, but the header in {above} has {len(heads)} names"
             remedy = "name each column there, or all with --columns (columns= of read)"
         return grid.refused(filled[1], None, limit, remedy)
     limit = "is neither the header of a table nor a row of it"
@@ -210,9 +210,9 @@ def _headless(grid: Grid, filled: list[int]) -> DataError:
 
 
 def _named(grid: Grid, filled: list[int], columns: Sequence[str], header: int | None) -> Layout:
-    """Layout of a table without a fitting header, whose columns the caller names."""
+    """Return the layout of a table without a fitting header, whose columns the caller names."""
     if header is not None:
-        raise grid.refused(header, None, "is a header; the columns are named twice", "leave out the columns")
+        raise grid.refused(header, None, "is a header; the columns are named twice", "omit the columns")
     first = next((n for n, row in enumerate(filled) if _numbers(grid, row) == grid.width(row) == len(columns)), None)
     if filled and _numbers(grid, filled[0]):
         first = 0

@@ -1,10 +1,10 @@
 """LabVIEW's measurement files (.lvm): packets of channels as text, each with its own header.
 
-The idea: a file is a header and any number of packets with headers. A packet states its channels, the number of
-samples of each, their units in words, and the start and step of its times; the rows below have one column
-of times, one for each channel, or none, and a comment at the end. Statements are checked against the content:
-a missing row means a truncated file. Packets of the same channels follow each other in time; if their X
-restarts, as in files appended to, it counts from the date and time stated in each packet.
+The idea: a file is a header and any number of packets with headers. A packet states its channels, the number of samples
+of each, their units in words, and the start and step of its times; the rows below have one column of times, one for
+each channel, or none, and a comment at the end. Statements are checked against the content: a missing row means a
+truncated file. Packets of the same channels follow each other in time; if their X restarts, as in files that were
+appended to, it is counted from the date and time stated in each packet.
 
 The interface: `is_lvm` and `read`. Format: "Specification for the LabVIEW Measurement File (.lvm)", National
 Instruments.
@@ -59,10 +59,10 @@ class _Packet:
 
 
 def read(source: Source) -> Recording:
-    """Recording of an .lvm file; `DataError` with the line of damaged or unsupported content."""
+    """Read an .lvm file; raise `DataError` with the line of damaged or unsupported content."""
     texts = source.lines()
     if not texts[0].startswith(FIRST):
-        raise source.refused("line 1", f"is not {FIRST}, as the file's own headers promise", "export it again")
+        raise source.refused("line 1", f"is not {FIRST}, as the file's own headers require", "export it again")
     stated = _stated(source, texts)
     mark = stated.get("Decimal_Separator", ".")
     separator = _SEPARATORS.get(stated.get("Separator", "Tab").casefold(), "\t")
@@ -70,11 +70,11 @@ def read(source: Source) -> Recording:
     start = next(n for n, line in enumerate(lines) if line.cells[0] == END) + 1
     packets = list(_packets(source, lines[start:], stated, mark))
     if not packets:
-        raise source.refused("", "holds no packet of numbers", "export it again")
+        raise source.refused("", "contains no packet of numbers", "export it again")
     for number, packet in enumerate(packets[1:], 2):
         if (packet.names, packet.units) != (packets[0].names, packets[0].units):
             limit = f"has other channels than the first: {', '.join(packet.names)}"
-            raise source.refused(f"packet {number}", limit, "write each set of channels to a file of its own")
+            raise source.refused(f"packet {number}", limit, "write each set of channels to a separate file")
     time = np.concatenate([one.time + shift_s for one, shift_s in zip(packets, _shifts(source, packets), strict=True)])
     values = np.concatenate([one.values for one in packets])
     channels = [Channel("time", "time", "s", time)]
@@ -85,14 +85,14 @@ def read(source: Source) -> Recording:
 
 
 def _shifts(source: Source, packets: Sequence[_Packet]) -> FloatArray:
-    """Time to add to each packet: 0 where packets follow one another, else by their stamps."""
+    """Return the time to add to each packet: 0 if packets follow one another, else from their stamps."""
     none = np.zeros(len(packets))
     if _follow(packets, none):
         return none
     stamps = dates.seconds([one.stamp for one in packets])
     if stamps is not None and np.isfinite(stamps).all() and _follow(packets, stamps - stamps[0]):
         return np.asarray(stamps - stamps[0])
-    limit = "begin again in time, and their Date and Time do not say how they follow one another"
+    limit = "restart their times, and their Date and Time do not state how they follow one another"
     raise source.refused("packets", limit, "split the file before each packet")
 
 
@@ -107,7 +107,7 @@ def _follow(packets: Sequence[_Packet], shifts_s: FloatArray) -> bool:
 
 
 def _stated(source: Source, texts: Sequence[str]) -> dict[str, str]:
-    """Entries of the file's header, by key."""
+    """Return the entries of the file's header, by key."""
     found: dict[str, str] = {}
     for number, text in enumerate(texts, 1):
         if text.startswith(END):
@@ -119,7 +119,7 @@ def _stated(source: Source, texts: Sequence[str]) -> dict[str, str]:
 
 
 def _packets(source: Source, lines: Sequence[_Line], stated: dict[str, str], mark: str) -> Iterator[_Packet]:
-    """Packets in order; a file without packet headers holds rows of numbers only."""
+    """Return the packets in order; a file without packet headers contains only rows of numbers."""
     place = 0
     while place < len(lines):
         if lines[place].blank:
@@ -135,7 +135,7 @@ def _packets(source: Source, lines: Sequence[_Line], stated: dict[str, str], mar
             place += 1
         if place + 1 >= len(lines) or "Channels" not in header:
             where = f"line {lines[min(place, len(lines) - 1)].number}"
-            raise source.refused(where, "is in a packet that has no whole header", "export the file again")
+            raise source.refused(where, "is in a packet whose header is incomplete", "export the file again")
         last = place + 2
         while last < len(lines) and not lines[last].blank and lines[last].cells[0] not in {"Channels", END, FIRST}:
             last += 1
@@ -146,7 +146,7 @@ def _packets(source: Source, lines: Sequence[_Line], stated: dict[str, str], mar
 def _packet(
     source: Source, header: dict[str, list[str]], heads: _Line, rows: Sequence[_Line], x_columns: str, mark: str
 ) -> _Packet:
-    """Times and values of a packet's rows."""
+    """Return the times and values of a packet's rows."""
     count = _count(source, heads, header["Channels"][:1])
     samples = _count(source, heads, header.get("Samples", [])[:1])
     width = {"No": 1 + count, "One": 1 + count, "Multi": 2 * count}.get(x_columns, 1 + count)
@@ -154,10 +154,10 @@ def _packet(
     names = names[:-1] if names[-1:] == [COMMENT] else names
     if len(names) != width:
         held = (len(names) - width) // (2 if x_columns == "Multi" else 1) + count
-        limit = f"names {held} channel{'s' * (held != 1)}, where {count} channels are stated"
+        limit = f"names {held} channel{'s' * (held != 1)}, but {count} channels are stated"
         raise source.refused(f"line {heads.number}", limit, "export the file again")
     if len(rows) != samples or {*header["Samples"][:count]} != {header["Samples"][0]}:
-        limit = f"has {len(rows)} rows, where {samples} samples of each channel are stated: it was cut off or damaged"
+        limit = f"has {len(rows)} rows, but {samples} samples of each channel are stated: it was cut off or damaged"
         raise source.refused(f"packet at line {heads.number}", limit, "export the file again")
     cells = [_numbers(source, row, width, x_columns, mark) for row in rows]
     table: FloatArray = np.array(cells, dtype=np.float64).reshape(len(rows), width)
@@ -187,10 +187,10 @@ def _count(source: Source, near: _Line, cells: Sequence[str]) -> int:
 
 
 def _one(source: Source, near: _Line, cells: Sequence[str], count: int, mark: str) -> float:
-    """Number in a header that must be equal for all channels; 0 if it states none."""
+    """Return a number in a header that must be equal for all channels; 0 if the header does not state it."""
     held = {cell for cell in cells[:count] if cell}
     if len(held) > 1:
-        limit = f"is in a packet whose channels have times of their own: {', '.join(sorted(held)[:4])}"
+        limit = f"is in a packet whose channels have different times: {', '.join(sorted(held)[:4])}"
         raise source.refused(f"line {near.number}", limit, "write channels of one clock to a file")
     try:
         return parse(held.pop(), mark) if held else 0.0
@@ -199,10 +199,10 @@ def _one(source: Source, near: _Line, cells: Sequence[str], count: int, mark: st
 
 
 def _numbers(source: Source, row: _Line, width: int, x_columns: str, mark: str) -> list[float]:
-    """Numbers of a row; a comment may follow them."""
+    """Return the numbers of a row; a comment may follow them."""
     cells = row.cells
     if len(cells) < width or len(cells) > width + 1:
-        limit = f"has {len(cells)} cells, where {width} numbers are expected and a comment may follow"
+        limit = f"has {len(cells)} cells; {width} numbers are expected, which a comment may follow"
         raise source.refused(f"line {row.number}", limit, "export the file again")
     found = []
     for place, cell in enumerate(cells[:width]):
@@ -221,8 +221,8 @@ def _numbers(source: Source, row: _Line, width: int, x_columns: str, mark: str) 
 
 
 def _check_times(source: Source, rows: Sequence[_Line], off: FloatArray, step: float) -> None:
-    """`DataError` at the first row whose time contradicts the header."""
+    """Raise `DataError` at the first row whose time contradicts the header."""
     wrong = np.flatnonzero(off > _NEAR * step + 1e-6)
     if wrong.size:
-        limit = "has another time than the packet's header or its other columns state"
+        limit = "has a different time from the packet's header or its other columns"
         raise source.refused(f"line {rows[int(wrong[0])].number}", limit, "export the file again")

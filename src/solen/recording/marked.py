@@ -1,12 +1,12 @@
 """Text files of spectrometer programs: a header, a line that marks the start of the numbers, then one point per line.
 
-The idea: each program has a line above its numbers (``>>>>>Begin Spectral Data<<<<<``, ``XYDATA``, ``#DATA``,
-``[Data]``), and some one below them; the header above states how many points there are, and often the first, the last
-and the extremes, which are held against the rows. What the values are the header says in a word, or not at all; then a
-note says so.
+The idea: each program writes a characteristic line above its numbers (``>>>>>Begin Spectral Data<<<<<``, ``XYDATA``,
+``#DATA``, ``[Data]``), and some write one below them. The header states the number of points, and often the first, the
+last and the extreme values, which are compared with the rows. The header may also state the meaning of the values; if
+it does not, a note reports this.
 
-The interface: `read`, which gives None for files of no such program; `PROGRAMS` are those known, each with where its
-layout is described.
+The interface: `read`, which returns None for files of other programs; `PROGRAMS` are the known programs, each with the
+source that describes its layout.
 """
 
 import re
@@ -23,7 +23,7 @@ from solen.recording.source import Source
 from solen.recording.stated import number, spectrum
 
 Header = dict[str, str]
-_EVEN = 0.1  # part of a step that a place may be from where even steps have it
+_EVEN = 0.1  # largest deviation of an abscissa from uniform steps, as a fraction of a step
 _CELLS = re.compile(r"[\s;,]+")
 _POINTS = re.compile(r"\d\.\d.*,|,.*\d\.\d|^-?\d+,-?\d+$")
 
@@ -35,15 +35,15 @@ class Program:
     Attributes
     ----------
     mark
-        Bytes that only its files hold, or begin with.
+        Bytes that only its files contain, or begin with.
     header
         Reads the lines above the numbers into a header, with the file's own keys.
     begin, end
-        Lines above and below the numbers; without one below, the numbers run to the end of the file.
+        Lines above and below the numbers; without one below, the numbers extend to the end of the file.
     ended
         Whether the line below the numbers is required.
     named
-        Whether the line above the numbers holds the units of columns, and the one above that their names.
+        Whether the line above the numbers contains the units of columns, and the line before it their names.
     labels
         The file's own keys, mapped to labels of JCAMP-DX (`solen.recording.stated`) and others used here.
     """
@@ -58,7 +58,10 @@ class Program:
 
 
 def _pairs(separator: str) -> Callable[[Sequence[str]], Header]:
-    """Reader of lines with a name, a separator and a value; the first line without a separator is the title."""
+    """Return a reader of lines with a name, a separator and a value.
+
+    The first line without a separator is the title.
+    """
 
     def header(lines: Sequence[str]) -> Header:
         parts = [[part.strip(' "#') for part in re.split(separator, line, maxsplit=1)] for line in lines]
@@ -74,7 +77,7 @@ _PERKIN_NEUTRAL = {"y factor": "1", "y offset": "0"}
 
 
 def _perkin(lines: Sequence[str]) -> Header:
-    """Entries of PerkinElmer's files, given by line number at the beginning and below ``#GR``."""
+    """Return the entries of PerkinElmer's files: by line number at the beginning, and below ``#GR``."""
     graph = [line.strip() for line in lines]
     after = graph[graph.index("#GR") + 1 :] if "#GR" in graph else []
     stated = {name: graph[place] for place, name in _PERKIN.items() if place < len(graph)}
@@ -110,7 +113,7 @@ PROGRAMS = {
         begin=re.compile(r"\[nm\]\s*(?:;\s*\[[^\]]*\]\s*)+"),
         named=True,
     ),
-    "thorlabs": Program(  # ThorSpectra's text with a header, as pyIVLS writes it in its likeness
+    "thorlabs": Program(  # ThorSpectra's text with a header, in the form that pyIVLS imitates
         mark=re.compile(rb"\A.{0,300}?\[SpectrumHeader\]", re.DOTALL),
         header=_pairs("[;,\t]"),
         begin=re.compile(r"#?\[Data\]"),
@@ -123,7 +126,7 @@ PROGRAMS = {
 
 
 def read(source: Source) -> Recording | None:
-    """Recording of a spectrum; None for files of other programs; `DataError` with the line of any damage."""
+    """Read a spectrum; return None for files of other programs; raise `DataError` with the line of any damage."""
     for name, program in PROGRAMS.items():
         if program.mark.search(source.data):
             return _read(source, name, program)
@@ -134,21 +137,21 @@ def _read(source: Source, name: str, program: Program) -> Recording:
     lines = source.lines()
     begin = next((n for n, line in enumerate(lines) if program.begin.fullmatch(line.strip())), None)
     if begin is None:
-        raise source.refused("", "has no whole line that begins its numbers", "export it again")
+        raise source.refused("", "has no complete line that begins its numbers", "export it again")
     metadata = program.header(lines[: begin - program.named])
     stated = metadata | {program.labels[key]: value for key, value in metadata.items() if key in program.labels}
     for key, neutral in _PERKIN_NEUTRAL.items() if name == "perkin-elmer" else ():
         text = stated.get(key, neutral)
         if not is_number(text) or parse(text, "," if "," in text else ".") != float(neutral):
-            raise source.refused(key, f"is not {neutral}: scaled values are not read", "export it unscaled", text)
+            raise source.refused(key, f"is not {neutral}: scaled values are not supported", "export it unscaled", text)
     if stated.get("XAxis mode", "Wavelengths") != "Wavelengths":
-        limit = f"has an axis of {stated['XAxis mode']}, which is not read"
+        limit = f"has an axis of {stated['XAxis mode']}, which is not supported"
         raise source.refused("", limit, "save it along wavelengths")
     body = _body(source, program, lines, begin + 1)
     rows = _rows(source, body)
     points = stated.get("NPOINTS", "2 or more")
     if len(rows) < 2 or (points != str(len(rows)) and "NPOINTS" in stated):
-        limit = f"has {len(rows)} rows, where {points} are stated: it was cut off or damaged"
+        limit = f"has {len(rows)} rows, but {points} are stated: it was cut off or damaged"
         raise source.refused("", limit, "export it again")
     x, *columns = np.array(rows, dtype=np.float64).T
     _check_places(source, list(body), x, stated)
@@ -171,12 +174,12 @@ def _read(source: Source, name: str, program: Program) -> Recording:
 
 
 def _ending(lines: Sequence[str], body: Mapping[int, str]) -> str:
-    """Note on the last number, which may be truncated if the file ends in it."""
+    """Return a note on the last number, which may be truncated if the file ends in it."""
     return cut_note(_CELLS.split(lines[-1].strip())[-1]) if lines[-1].strip() and len(lines) in body else ""
 
 
 def _body(source: Source, program: Program, lines: Sequence[str], first: int) -> dict[int, str]:
-    """Lines of numbers by line number; `DataError` if numbers follow after their end."""
+    """Return the lines of numbers by line number; raise `DataError` if numbers follow after their end."""
     held = list(enumerate(lines[first:], first + 1))
     end = next((n for n, (_, line) in enumerate(held) if program.end and program.end.fullmatch(line.strip())), None)
     if end is None and program.ended:
@@ -184,12 +187,17 @@ def _body(source: Source, program: Program, lines: Sequence[str], first: int) ->
     for place, line in held[end:] if end is not None else ():
         cells = _CELLS.split(line.strip())
         if len(cells) > 1 and all(map(is_number, cells)):
-            raise source.refused(f"line {place}", "holds numbers below their end", "export it again", line.strip()[:40])
+            raise source.refused(
+                f"line {place}", "contains numbers below their end", "export it again", line.strip()[:40]
+            )
     return {number: line.strip() for number, line in held[:end] if line.strip()}
 
 
 def _rows(source: Source, body: Mapping[int, str]) -> list[list[float]]:
-    """Abscissa and values of each line; `DataError` at a line with a different number of values from the first."""
+    """Return abscissa and values of each line.
+
+    Raises `DataError` at a line with a different number of values from the first.
+    """
     first = next(iter(body.values()), "")
     separator = "\t" if "\t" in first else ";" if ";" in first else "," if _POINTS.search(first) else None
     mark = "," if separator != "," and any("," in line for line in body.values()) else "."
@@ -200,17 +208,21 @@ def _rows(source: Source, body: Mapping[int, str]) -> list[list[float]]:
         except ValueError as bad:
             raise source.refused(f"line {place}", str(bad), "export it again", line[:40]) from None
         if len(row) < 2 or (rows and len(row) != len(rows[0])) or not np.isfinite(row).all():
-            raise source.refused(f"line {place}", "is not a place followed by its values", "export it again", line[:40])
+            raise source.refused(
+                f"line {place}", "is not an abscissa followed by its values", "export it again", line[:40]
+            )
         rows.append(row)
     return rows
 
 
 def _check_places(source: Source, lines: Sequence[int], x: FloatArray, stated: Mapping[str, str]) -> None:
-    """`DataError` at the first abscissa that is out of order or off the even steps that the file states."""
+    """Raise `DataError` at the first abscissa that is out of order or deviates from the stated uniform steps."""
     steps = np.diff(x) * (1.0 if np.sum(np.diff(x) > 0.0) * 2 > x.size - 1 else -1.0)
     back = np.flatnonzero(~(steps > 0.0))
     if back.size:
-        limit = f"does not follow {x[back[0]]:g}: the places of a spectrum rise, or fall, from line to line"
+        limit = (
+            f"does not follow {x[back[0]]:g}: the abscissas of a spectrum must increase, or decrease, from line to line"
+        )
         raise source.refused(
             f"line {lines[back[0] + 1]}", limit, "export it again: lines are damaged", f"{x[back[0] + 1]:g}"
         )
@@ -218,5 +230,5 @@ def _check_places(source: Source, lines: Sequence[int], x: FloatArray, stated: M
     even = first + np.sign(x[-1] - x[0]) * step * np.arange(x.size)
     off = np.flatnonzero(np.abs(x - even) > _EVEN * step)
     if off.size:
-        limit = f"is where {even[off[0]]:g} comes next by the first place and the step that the file states"
+        limit = f"appears where {even[off[0]]:g} is expected from the first abscissa and the step that the file states"
         raise source.refused(f"line {lines[off[0]]}", limit, "export it again: lines are damaged", f"{x[off[0]]:g}")

@@ -1,4 +1,4 @@
-"""MATLAB's .mat files up to version 7: variables, and the fields of structures by ``structure.field``.
+"""MATLAB's .mat files up to version 7: variables, and the fields of structures as ``structure.field``.
 
 The interface: `is_matlab` and `read`. Version 7.3 is HDF5, and `solen.recording.hdf5` reads it.
 """
@@ -14,7 +14,7 @@ from solen.recording.model import Recording
 from solen.recording.source import Source
 
 _MAGIC = b"MATLAB 5.0 MAT-file"
-_OLD = 4  # bytes of the kind of number with which a file of version 4 begins: it has no magic word
+_OLD = 4  # bytes of the number type at the beginning of a file of version 4, which has no magic word
 _DEEPEST = 8
 
 
@@ -26,7 +26,7 @@ def is_matlab(source: Source) -> bool:
 
 
 def read(source: Source, columns: Sequence[str] | None = None) -> Recording:
-    """Recording of a .mat file; `DataError` if it is damaged or holds no arrays of numbers.
+    """Read a .mat file; raise `DataError` if it is damaged or contains no arrays of numbers.
 
     ``columns`` names the columns of a matrix.
     """
@@ -34,12 +34,12 @@ def read(source: Source, columns: Sequence[str] | None = None) -> Recording:
     from scipy.io.matlab import MatReadError
 
     try:
-        data: Any = io.BytesIO(source.data)  # the stubs know of paths alone
+        data: Any = io.BytesIO(source.data)  # the type stubs accept only paths
         found: dict[str, Any] = loadmat(data, simplify_cells=True)
     except (MatReadError, ValueError, TypeError, KeyError, IndexError, OSError, EOFError, NotImplementedError) as bad:
         limit = f"cannot be read as a .mat file: {' '.join(str(bad).split())[:80]}"
         raise source.refused("", limit, "save it again in MATLAB, or export a CSV with writetable") from None
-    except Exception:  # zlib's, struct's and what else a damaged file brings up
+    except Exception:  # errors of zlib, struct and others at a damaged file
         limit = "is a damaged .mat file"
         raise source.refused("", limit, "save it again in MATLAB, or export a CSV with writetable") from None
     arrays, metadata = [], _header(source)
@@ -52,14 +52,14 @@ def read(source: Source, columns: Sequence[str] | None = None) -> Recording:
 
 
 def _header(source: Source) -> dict[str, str]:
-    """Header that names the program; version 4 has none."""
+    """Return the header that names the program; version 4 has none."""
     if not source.data.startswith(_MAGIC):
         return {}
     return {"header": " ".join(source.data[:116].decode("latin-1").split())}
 
 
 def _leaves(name: str, value: Any, depth: int) -> Iterator[tuple[str, Any]]:
-    """Texts and arrays of a variable; those of a structure by field."""
+    """Return texts and arrays of a variable; those of a structure by field."""
     if isinstance(value, dict) and depth < _DEEPEST:
         for key, one in value.items():
             yield from _leaves(f"{name}.{key}" if name else str(key), one, depth + 1)

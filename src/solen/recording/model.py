@@ -1,9 +1,9 @@
 """A recording of an instrument, a person or a simulation: channels of numbers with units, and their provenance.
 
-The idea: a spectrum, a compression test, a working curve and a bench's voltages are one kind of thing, columns of
-numbers along an axis. Numbers stay as the file states them, in its unit and with its gaps; code that uses a channel
-asks for it in the unit it needs. What the file was is never lost: its name, checksum, format, instrument and date go
-along.
+The idea: a spectrum, a compression test, a working curve and a bench's voltages have the same form, columns of numbers
+along an axis. Numbers stay as the file states them, in its unit and with its gaps; code that uses a channel requests it
+in the unit that it needs. The origin of the numbers is always kept: name, checksum, format, instrument and date of the
+file.
 
 The interface: `Recording.channel` by name, `Recording.find` by any of several names, `Recording.label` for columns of
 words, `Channel.to` a unit.
@@ -21,7 +21,7 @@ from solen.results import Result, reported
 from solen.units import factor
 
 FROM_WAVENUMBERS = note("computed from the wavenumbers")
-"""Note of wavelengths."""
+"""Note on computed wavelengths."""
 
 
 class Channel(Result):
@@ -36,13 +36,13 @@ class Channel(Result):
     unit
         As the file spells it; ``1`` for a pure number, empty if none is stated.
     values
-        Shape (n,); NaN where the file holds no number.
+        Shape (n,); NaN if the file contains no number.
     axis
-        Name of the channel that it runs along; empty for an axis itself and for columns side by side.
+        Name of the channel of its axis; empty for an axis itself and for columns without one.
     note
-        Warnings: a scan that was interrupted, a detector at its limit.
+        Warnings, for example of an interrupted scan or a saturated detector.
     metadata
-        Statements of the file about this channel alone, by its own words: bandwidth, time of the scan.
+        Statements of the file about this channel alone, in its own words: bandwidth, time of the scan.
     """
 
     name: str
@@ -54,21 +54,21 @@ class Channel(Result):
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     def to(self, unit: str) -> FloatArray:
-        """Values in another unit; `DataError` if the channel's unit cannot be converted to it."""
+        """Return the values in another unit; raise `DataError` if the channel's unit cannot be converted to it."""
         scale = factor(self.unit, unit)
         if scale is None:
-            limit = f"cannot be taken to {unit}"
+            limit = f"cannot be converted to {unit}"
             remedy = f"state its unit in the header, as in {self.name}_{unit} or {self.name} ({unit})"
             raise DataError(f"unit of {self.name}", value=self.unit or "none", limit=limit, remedy=remedy)
         return self.values * scale
 
     @property
     def remark(self) -> Caution:
-        """The note as a warning with the channel's name."""
+        """Return the note as a warning with the channel's name."""
         return of(self.name, Caution(self.note))
 
     def noted(self, *notes: str) -> "Channel":
-        """A copy with further notes, without empty ones."""
+        """Return a copy with further notes, without empty ones."""
         every = sorted(filter(None, (self.note, *notes)), key=lambda one: rank_of(one) == NOTE)
         return replace(self, note="; ".join(every))
 
@@ -82,11 +82,11 @@ class Provenance:
     file, sha256
         Name of the file without its folder, and checksum of its bytes.
     format
-        Format that it was read as: ``agilent-cary-csv``, ``testxpert``, ``table``.
+        Format as which it was read: ``agilent-cary-csv``, ``testxpert``, ``table``.
     instrument, date
-        As the file states them; empty if it does not. A date is ISO 8601 where the file's is unambiguous.
+        As the file states them; empty if it does not. A date is in ISO 8601 if the file's is unambiguous.
     metadata
-        Everything else that the file says, by its own words.
+        All other statements of the file, in its own words.
     simulated
         Whether the numbers were computed rather than measured.
     """
@@ -101,7 +101,7 @@ class Provenance:
 
     @property
     def name(self) -> str:
-        """Name of the file in messages; ``recording`` where there is none."""
+        """Name of the file in messages; ``recording`` if there is none."""
         return self.file or "recording"
 
 
@@ -135,8 +135,8 @@ class Recording(Result):
     provenance
         Their origin.
     texts
-        Columns of words, and columns of numbers that label rows (replicate, orientation), by name:
-        a text for each row, empty if missing.
+        Columns of words, and columns of numbers that label rows (replicate, orientation), by name: a text for each row,
+        empty if missing.
     """
 
     channels: tuple[Channel, ...]
@@ -149,7 +149,7 @@ class Recording(Result):
         return tuple(channel.name for channel in self.channels)
 
     def channel(self, name: str) -> Channel:
-        """Channel of a name; `DataError` with the nearest name where there is none."""
+        """Return the channel with a name; raise `DataError` with the nearest name if there is none."""
         for channel in self.channels:
             if channel.name == name:
                 return channel
@@ -158,7 +158,7 @@ class Recording(Result):
         raise DataError(f"trace {name}", limit=f"not in {self.provenance.file or 'the recording'}", remedy=remedy)
 
     def find(self, *names: str) -> Channel | None:
-        """First channel whose name or quantity is one of the given names, ignoring case and spaces."""
+        """Return the first channel whose name or quantity is one of the given names, ignoring case and spaces."""
         for name in names:
             wanted = plain(name)
             for channel in self.channels:
@@ -167,7 +167,7 @@ class Recording(Result):
         return None
 
     def need(self, *names: str) -> Channel:
-        """The channel that `find` returns; `DataError` if there is none."""
+        """Return the channel that `find` returns; raise `DataError` if there is none."""
         channel = self.find(*names)
         if channel is None:
             limit = f"has no column {' or '.join(names)}"
@@ -176,7 +176,10 @@ class Recording(Result):
         return channel
 
     def label(self, *names: str) -> tuple[str, ...] | None:
-        """First column of words with one of the given names, compared as in `find`; None if there is none."""
+        """Return the first column of words with one of the given names, compared as in `find`.
+
+        The result is None if there is none.
+        """
         for name in names:
             for column, texts in self.texts.items():
                 if plain(name) == plain(column):

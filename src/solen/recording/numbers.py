@@ -1,9 +1,9 @@
 """Numbers as files write them: which texts are numbers, and which decimal mark they use.
 
-The idea: a text is a number only if all of it is. What a lenient reader would take (``1_000``, ``nan``, ``0x1F``,
-Arabic digits) or mend (``12.5x``, ``1.234,5``) is what damage looks like. Instruments write numbers in one way only, so
-what they write is held to a closer form: no leading zeros, no plus, digits on both sides of the mark, one digit before
-the mark where a power of ten follows.
+The idea: a text is a number only if all of it is. Texts that a lenient reader would accept (``1_000``, ``nan``,
+``0x1F``, Arabic digits) or repair (``12.5x``, ``1.234,5``) are typical of damage. An instrument always writes numbers
+in the same form; numbers written by instruments therefore must follow a stricter form: no leading zeros, no plus,
+digits on both sides of the mark, one digit before the mark if a power of ten follows.
 
 The interface: `is_number`, `is_missing`, `all_numbers`, `parse`, and `digits`.
 """
@@ -17,7 +17,7 @@ _MACHINE = re.compile(r"-?(?:(?:0|[1-9][0-9]*)(?:[.,][0-9]+)?|[0-9](?:[.,][0-9]+
 _NUMBERS = re.compile(rf"(?:{_NUMBER.pattern}\n)*+{_NUMBER.pattern}")
 _MACHINES = re.compile(rf"(?:(?:{_MACHINE.pattern})\n)*+(?:{_MACHINE.pattern})")
 _MANTISSA = re.compile(r"([0-9]*)(?:[.,]([0-9]*))?(?:[eE].*)?")
-_EXACT = 15  # digits beyond this are those of the binary number, not of a measurement
+_EXACT = 15  # further digits come from the binary number, not from a measurement
 _MISSING = {"", "nan", "n/a", "#n/a", "na", "null", "none", "nicht bekannt", "unknown"}
 _MINUS = str.maketrans({"−": "-", "–": "-"})
 
@@ -38,14 +38,14 @@ def all_numbers(cells: Sequence[str], *, machine: bool = False) -> bool:
 
 
 def parse(cell: str, mark: str, *, machine: bool = False) -> float:
-    """Number of a cell; NaN for a missing one; `ValueError` with the reason otherwise.
+    """Return the number in a cell, NaN for a missing one; raise `ValueError` with the reason otherwise.
 
     Parameters
     ----------
     mark
         Decimal mark, ``.`` or ``,``.
     machine
-        Whether an instrument wrote it, in the one form that instruments write.
+        Whether an instrument wrote it, in the form that instruments write.
     """
     if is_missing(cell):
         return math.nan
@@ -60,12 +60,12 @@ def parse(cell: str, mark: str, *, machine: bool = False) -> float:
         raise ValueError("has a decimal comma, but other numbers have decimal points")
     number = float(plain)
     if math.isinf(number):
-        raise ValueError("is beyond any number")
+        raise ValueError("is too large for a number")
     return number
 
 
 def digits(cell: str) -> tuple[int, int]:
-    """Numbers of significant digits and of decimals in a written number."""
+    """Return the numbers of significant digits and of decimals in a written number."""
     size = cell.lstrip("+-−–")
     match = _MANTISSA.fullmatch(size)
     if not match:
@@ -82,5 +82,5 @@ def _complaint(cell: str, mark: str) -> str:
         return "is not written as instruments write a number"
     other = "," if mark == "." else "."
     if re.fullmatch(rf"[+-]?[0-9]{{1,3}}(?:[{other} '][0-9]{{3}})+(?:[{mark}][0-9]*)?", cell):
-        return "marks its thousands, which is not read"
+        return "has a thousands separator, which is not supported"
     return "is not a number"

@@ -1,9 +1,9 @@
 """Transmittance, reflectance and absorbance of a recording, chosen by quantity or name, on common wavelengths.
 
-The idea: what a file holds once is taken by itself; of several traces of a kind one must be named, and naming one is
-naming all. Nothing is guessed from an order.
+The idea: a single trace of a kind is used without being named; of several traces of a kind the user must name those to
+use, and then only these are used. The order of the traces has no meaning.
 
-The interface: `optical_spectra` gives `OpticalSpectra`; `kind_of` a channel.
+The interface: `optical_spectra` returns `OpticalSpectra`; `kind_of` a channel.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ _QUANTITIES = {"transmittance": "T", "reflectance": "R", "absorbance": "A", "abs
 _UNITS = {"%t": "T", "%r": "R", "abs": "A"}
 _ABSORBANCE_UNITS = ("abs", "au", "a.u.", "a")
 _SAME_NM = 0.01  # wavelengths that differ by less are the same
-_MOST_LISTED = 20  # names in one line
+_MOST_LISTED = 20  # most names in one line
 _MOST_FRACTION = 2.0  # a median above this is a percentage without its unit
 
 
@@ -35,7 +35,7 @@ class OpticalSpectra:
     wavelength_nm
         Shape (n,), ascending.
     rows
-        For ``T``, ``R`` and ``A``, where there is one, the chosen traces, shape (repeats, n); NaN without a number.
+        The chosen traces of each of ``T``, ``R`` and ``A`` that is present, shape (repeats, n); NaN without a number.
     names
         Names of these traces.
     unused
@@ -51,12 +51,12 @@ class OpticalSpectra:
     warnings: tuple[Caution, ...]
 
     def mean(self, kind: str) -> FloatArray:
-        """Mean of the repeats of a kind, shape (n,)."""
+        """Return the mean of the repeats of a kind, shape (n,)."""
         return np.asarray(self.rows[kind].mean(axis=0))
 
 
 def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -> OpticalSpectra:
-    """Spectra of a recording: those named for ``T``, ``R`` and ``A``, or by default the only one of each.
+    """Return the spectra of a recording: those named for ``T``, ``R`` and ``A``, or by default the only one of each.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -
     for kind, group in traces.items():
         moved = [name for name, (own, _) in zip(names[kind], group, strict=True) if not _same(nm, own)]
         if moved:
-            what = "other wavelengths than the first trace: linear between its own, masked outside them"
+            what = "different wavelengths from the first trace: interpolated linearly, masked outside its own range"
             warnings.append(look_at(f"{', '.join(moved)} has {what}"))
     rows = {kind: np.array([_on(nm, *trace) for trace in group]) for kind, group in traces.items()}
     used = {channel.name for channel in taken}
@@ -82,7 +82,7 @@ def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -
 
 
 def kind_of(channel: Channel) -> str | None:
-    """Kind of a channel, ``T``, ``R`` or ``A`` (of either kind), or None: by its quantity, else by its unit."""
+    """Return the kind of a channel by its quantity, else by its unit: ``T``, ``R``, ``A`` (of either kind), or None."""
     if channel.quantity:
         return _QUANTITIES.get(channel.quantity)
     by_name = "A" if channel.name.casefold() == "a" else None
@@ -90,7 +90,7 @@ def kind_of(channel: Channel) -> str | None:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names in one line, shortened to the first few."""
+    """Return the names in one line, shortened to the first few."""
     more = len(names) - _MOST_LISTED
     return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more, which solen resin spectra lists" if more > 0 else "")
 
@@ -109,7 +109,9 @@ def _named(
                 raise DataError(f"{OPTIONS[kind]} {name}", limit=limit, remedy=remedy)
             groups.setdefault(kind, []).append(by_name[name])
         if len(set(names)) < len(names):
-            raise DataError(OPTIONS[kind], limit="names a trace twice", remedy="a repeat is a spectrum of its own")
+            raise DataError(
+                OPTIONS[kind], limit="names a trace twice", remedy="each repeat must be a separate spectrum"
+            )
     return groups
 
 
@@ -122,17 +124,17 @@ def _only(recording: Recording, available: Sequence[Spectrum]) -> dict[str, list
     for kind, group in groups.items():
         if len(group) > 1:
             names = listed([spectrum.channel.name for spectrum in group])
-            remedy = f"choose by {OPTIONS[kind]} NAME, several for repeats of one"
-            raise DataError(file, limit=f"holds {len(group)} traces of {kind}: {names}", remedy=remedy)
+            remedy = f"choose with {OPTIONS[kind]} NAME, or several times for repeats of one"
+            raise DataError(file, limit=f"contains {len(group)} traces of {kind}: {names}", remedy=remedy)
     if not groups:
-        limit = f"holds no transmittance; its columns are {listed(recording.names)}"
-        remedy = "name the columns wavelength_nm, T and R, or choose by --transmittance NAME"
+        limit = f"contains no transmittance; its columns are {listed(recording.names)}"
+        remedy = "name the columns wavelength_nm, T and R, or choose with --transmittance NAME"
         raise DataError(file, limit=limit, remedy=remedy)
     return groups
 
 
 def _trace(kind: str, spectrum: Spectrum) -> tuple[FloatArray, FloatArray]:
-    """Wavelengths, ascending, and values of a trace as pure numbers."""
+    """Return wavelengths, ascending, and values of a trace as pure numbers."""
     nm, values, what = spectrum.wavelength_nm, _numbers(kind, spectrum), f"trace {spectrum.channel.name}"
     seen = np.isfinite(nm)
     order = np.argsort(nm[seen], kind="stable")
@@ -143,7 +145,7 @@ def _trace(kind: str, spectrum: Spectrum) -> tuple[FloatArray, FloatArray]:
         raise DataError(what, value=f"{nm[0]:g} nm", limit="wavelengths must be above 0")
     twice = np.flatnonzero(np.diff(nm) == 0.0)
     if twice.size:
-        remedy = "keep one row per wavelength; repeats are columns"
+        remedy = "keep one row per wavelength; repeats belong in columns"
         raise DataError(what, limit=f"has {nm[twice[0]]:g} nm twice", remedy=remedy)
     return nm, values
 
@@ -155,7 +157,7 @@ def _numbers(kind: str, spectrum: Spectrum) -> FloatArray:
     values = spectrum.ratio()
     middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
     if kind != "A" and middle > _MOST_FRACTION:
-        limit, remedy = "a fraction lies between 0 and 1", f"write the unit in the header: {channel.name} (%)"
+        limit, remedy = "a fraction is between 0 and 1", f"write the unit in the header: {channel.name} (%)"
         raise DataError(f"trace {channel.name}", value=f"{middle:g} at the median", limit=limit, remedy=remedy)
     return values
 
@@ -165,5 +167,5 @@ def _same(nm: FloatArray, own: FloatArray) -> bool:
 
 
 def _on(nm: FloatArray, own: FloatArray, values: FloatArray) -> FloatArray:
-    """Values interpolated to other wavelengths, NaN outside the measured range."""
+    """Return values interpolated to other wavelengths, NaN outside the measured range."""
     return values if _same(nm, own) else np.interp(nm, own, values, left=np.nan, right=np.nan)

@@ -1,6 +1,6 @@
 """Read a file that an instrument or a person wrote: its format is detected from the content, never from the name.
 
-The interface: `read`, and `read_parts` for files that hold several recordings.
+The interface: `read`, and `read_parts` for files that contain several recordings.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -29,19 +29,19 @@ from solen.recording.grid import Grid, of_text
 from solen.recording.model import Recording
 from solen.recording.source import Source, load
 
-_HEAD = 200  # rows in which a program's header stands
+_HEAD = 200  # rows that contain a program's header
 
 
 @dataclass(frozen=True)
 class Format:
-    """How to recognise and read files of a format by content; each function returns None for other files.
+    """Functions that recognise and read files of a format by content; each returns None for other files.
 
     Attributes
     ----------
     from_bytes
-        Reads the file as it lies on the disk; tried before any table format.
+        Reads the bytes of the file; tried before any table format.
     from_arrays
-        The same of a file of arrays, whose columns the user may name.
+        Reads a file of arrays, whose columns the user may name.
     from_cells
         Reads the cells of a text or a workbook's sheet.
     """
@@ -79,11 +79,11 @@ FORMATS = registry.Registry(
     },
     Format,
 )
-"""Formats by name; those of other packages are tried first, and a file of no known format is read as a table."""
+"""Formats by name; those of other packages are tried first, and a file of unknown format is read as a table."""
 
 
 def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] | None = None) -> Recording:
-    """Recording of a file.
+    """Read a file.
 
     Parameters
     ----------
@@ -91,19 +91,19 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
         A Cary or testXpert export, a table as CSV, TSV or with semicolons or spaces, an Excel workbook of one, or
         arrays: MATLAB, TDMS, HDF5 and netCDF.
     sheet
-        Name of the workbook's sheet; without it, the only one that holds numbers.
+        Name of the workbook's sheet; without it, the only one that contains numbers.
     columns
         Names of the columns, with units, of a table without a header: ``("stress_MPa", "stretch")``.
 
     Returns
     -------
     Recording
-        Numbers as the file states them. A cell that is empty is NaN.
+        Numbers as the file states them. An empty cell is NaN.
 
     Raises
     ------
     DataError
-        With the line and the column, where anything in the table is not what it should be.
+        With the line and the column of any error in the table.
     """
     large = hdf5.stored(Path(path))
     if large is not None:
@@ -111,7 +111,7 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
         return hdf5.read(large)
     parts = _parts(load(Path(path)), sheet, columns)
     if len(parts) > 1:
-        limit = f"holds {len(parts)} specimens: {', '.join([name for name, _ in parts][:6])}"
+        limit = f"contains {len(parts)} specimens: {', '.join([name for name, _ in parts][:6])}"
         raise DataError(
             str(path), limit=limit, remedy="export each separately; solen resin stiffness reads all of them"
         )
@@ -119,7 +119,7 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
 
 
 def _parts(source: Source, sheet: str | None, columns: Sequence[str] | None) -> list[tuple[str, Recording]]:
-    """Recordings of a file, by the names of specimens if it holds several."""
+    """Return the recordings of a file, by the names of specimens if it contains several."""
     formats = (*FORMATS.added().values(), *FORMATS.own.values())
     named = next(filter(None, (one.from_arrays(source, columns) for one in formats)), None)
     if named is not None:
@@ -136,7 +136,7 @@ def _parts(source: Source, sheet: str | None, columns: Sequence[str] | None) -> 
         grid = workbook.grid(source, sheet)
     else:
         if sheet is not None:
-            raise source.refused("", "is not a workbook, so it has no sheets", "leave out the sheet", sheet)
+            raise source.refused("", "is not a workbook and has no sheets", "omit the sheet", sheet)
         grid = of_text(source)
     several = specimens.specimens(grid) if columns is None else []
     if several:
@@ -151,17 +151,17 @@ def _of_table(grid: Grid, place: layout.Layout) -> Recording:
 
 
 def _check_arrays(source: Source, sheet: str | None, columns: Sequence[str] | None) -> None:
-    """`DataError` if a file of arrays is to be read as a table."""
+    """Raise `DataError` if a file of arrays is to be read as a table."""
     if sheet is not None or columns is not None:
-        raise source.refused("", "names its own columns and has no sheets", "leave out sheet and columns")
+        raise source.refused("", "names its own columns and has no sheets", "omit sheet and columns")
 
 
 def read_parts(
     path: Path | str, *, sheet: str | None = None, columns: Sequence[str] | None = None
 ) -> Iterator[tuple[str, Recording]]:
-    """Recordings of a file with their names, one after the other.
+    """Return the recordings of a file with their names, one after the other.
 
-    An HDF5 file gives one for each group with a time, an export of a test machine one for each specimen.
+    An HDF5 file has one for each group with a time, an export of a test machine one for each specimen.
 
     The name is empty if the file is a single recording.
     """

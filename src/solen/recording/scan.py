@@ -1,10 +1,10 @@
 """Damage visible in the numbers of a scan: jumps of the wavelength, isolated values, surplus digits.
 
-The idea: a monochromator moves in one direction, in equal steps. A step that differs from equal steps before and
-after it is damage; so are wavelengths that differ in one row from those of all other traces.
+The idea: a monochromator moves in one direction, in equal steps. A step that differs from equal steps before and after
+it is damage; so are wavelengths that differ in one row from those of all other traces.
 
-The interface: `check_wavelengths`, `check_alike`, `check_wild`, `check_digits`; `disorder` and `alone_note`
-for oddities that prove nothing.
+The interface: `check_wavelengths`, `check_alike`, `check_wild`, `check_digits`; `disorder` and `alone_note` for
+irregularities that do not prove damage.
 """
 
 from collections import Counter
@@ -17,17 +17,17 @@ from solen.recording.grid import Grid
 from solen.recording.numbers import digits
 
 RANGE_NM = (100.0, 100_000.0)
-"""Wavelengths in nm beyond these are none: no lab's monochromator or interferometer reaches them."""
-_EVEN = 0.05  # steps are even within this share of them: drives are not exact, and prints are rounded
-_JUMP = 0.15  # a step is off beyond this share of the even steps beside it
-_WILD = 100.0  # a value so many times its neighbours' size
-_ABOUT = 10  # rows before and after a value that show what is usual
-_SOME = 5  # numbers that make a habit
-_FEW = 0.1  # wavelengths that differ from those of other traces in at most this share of places are damaged there
+"""Limits of wavelengths in nm: no monochromator or interferometer of a laboratory goes beyond them."""
+_EVEN = 0.05  # relative tolerance of uniform steps: drives are not exact, and printed numbers are rounded
+_JUMP = 0.15  # relative deviation from the uniform steps next to it at which a step is wrong
+_WILD = 100.0  # ratio of a value to its neighbours that marks damage
+_ABOUT = 10  # rows before and after a value that show the usual size
+_SOME = 5  # least count that makes a form usual
+_FEW = 0.1  # largest fraction of wavelengths that may differ from those of other traces because of damage
 
 
 def check_wavelengths(grid: Grid, column: int, rows: Sequence[int], waves: FloatArray) -> None:
-    """`DataError` at the first wavelength that cannot belong to a scan."""
+    """Raise `DataError` at the first wavelength that cannot belong to a scan."""
     outside = np.flatnonzero((waves < RANGE_NM[0]) | (waves > RANGE_NM[1]) | np.isnan(waves))
     if outside.size:
         limit = f"no wavelength in nm is outside {RANGE_NM[0]:g} to {RANGE_NM[1]:g}"
@@ -39,18 +39,22 @@ def check_wavelengths(grid: Grid, column: int, rows: Sequence[int], waves: Float
     wrong = np.flatnonzero(steps <= 0.0 if forward else steps >= 0.0)
     if wrong.size:
         before = waves[int(wrong[0])]
-        limit = f"follows {before:g} in a scan {'up' if forward else 'down'}: wavelengths repeat or jump"
+        sense = "increasing" if forward else "decreasing"
+        limit = f"follows {before:g} in a scan with {sense} wavelengths: one repeats or jumps"
         raise grid.refused(rows[int(wrong[0]) + 1], column, limit)
     odd = uneven(np.abs(steps))
     if odd is not None:
         usual = abs(float(np.median(steps[max(odd - 3, 0) : odd + 4])))
-        limit = f"is {abs(steps[odd]):g} nm from the one before where steps are {usual:g}: a digit or a line is damaged"
-        remedy = "restore it; a value may be empty, its line may not be left out"
+        limit = f"is {abs(steps[odd]):g} nm from the one before, but steps are {usual:g}: a digit or a line is damaged"
+        remedy = "restore it; a value may be empty, but its line may not be omitted"
         raise grid.refused(rows[odd + 1], column, limit, remedy)
 
 
 def disorder(waves: FloatArray) -> str:
-    """Note on wavelengths that are monotonic except in a few places; empty if all are, or if this is no scan."""
+    """Return a note on wavelengths that are monotonic except in a few places.
+
+    Empty if all are, or if this is no scan.
+    """
     steps = np.diff(waves)
     ways = [np.flatnonzero(~(steps > 0.0)), np.flatnonzero(~(steps < 0.0))]
     wrong = min(ways, key=len)
@@ -61,10 +65,10 @@ def disorder(waves: FloatArray) -> str:
 
 
 def uneven(steps: FloatArray) -> int | None:
-    """First uneven step between even ones, or None; the first and the last step may be shorter.
+    """Return the first uneven step between even ones, or None; the first and the last step may be shorter.
 
-    A step is judged by the two before it and the two after; where one point is off, two steps are, so those may follow
-    one another. At the ends it is judged by three on one side.
+    A step is compared with the two before it and the two after. A single wrong point makes two wrong steps, which
+    therefore may follow one another. At the ends a step is compared with three on one side.
     """
     count = steps.size
     if count < 4:
@@ -81,7 +85,7 @@ def uneven(steps: FloatArray) -> int | None:
 
 
 def check_alike(grid: Grid, traces: Sequence[tuple[int, Sequence[int], FloatArray]]) -> None:
-    """`DataError` at a wavelength that differs from most traces while all others agree.
+    """Raise `DataError` at a wavelength that differs from most traces while all others agree.
 
     Each trace is its column of wavelengths, its rows and the wavelengths.
     """
@@ -103,7 +107,7 @@ def check_alike(grid: Grid, traces: Sequence[tuple[int, Sequence[int], FloatArra
 
 
 def check_wild(grid: Grid, column: int, rows: Sequence[int], values: FloatArray) -> None:
-    """`DataError` at a value a hundred times its neighbours, which agree: its decimal mark was lost.
+    """Raise `DataError` at a value a hundred times its neighbours, which agree: its decimal mark was lost.
 
     A detector's spike is smaller, and noise about zero has neighbours of its own size within ten rows.
     """
@@ -117,17 +121,15 @@ def check_wild(grid: Grid, column: int, rows: Sequence[int], values: FloatArray)
     for place in (np.flatnonzero(wild) + 1).tolist():
         about = np.concatenate((size[max(place - _ABOUT, 0) : place], size[place + 1 : place + 1 + _ABOUT]))
         if size[place] > 0.1 * _WILD * float(np.nanmax(about)):
-            limit = (
-                f"lies between {values[place - 1]:g} and {values[place + 1]:g}: a decimal point or a digit is damaged"
-            )
+            limit = f"is between {values[place - 1]:g} and {values[place + 1]:g}: a decimal point or a digit is damaged"
             raise grid.refused(rows[place], column, limit)
 
 
 def check_digits(grid: Grid, columns: Sequence[tuple[int, Sequence[int]]]) -> None:
-    """`DataError` at a number with more digits than its program prints: merged numbers, or a surplus digit.
+    """Raise `DataError` at a number with more digits than its program prints: merged numbers, or a surplus digit.
 
-    A program prints either so many significant digits or so many after the mark; most numbers show which.
-    Each column is its place and its rows.
+    A program prints a constant number either of significant digits or of decimals; most numbers show which. Each column
+    is its place and its rows.
     """
     counted = [[(row, *digits(grid.rows[row][column])) for row in rows] for column, rows in columns]
     every = Counter(whole for column in counted for _, whole, _ in column)
@@ -137,18 +139,19 @@ def check_digits(grid: Grid, columns: Sequence[tuple[int, Sequence[int]]]) -> No
         after = _usual_most(Counter(decimals for _, _, decimals in numbers))
         for row, whole, decimals in numbers:
             if whole > most and (full or decimals > after):
-                raise grid.refused(row, column, f"has {whole} digits where other numbers have at most {most}")
+                raise grid.refused(row, column, f"has {whole} digits, but other numbers have at most {most}")
 
 
 def _usual_most(counts: Counter[int]) -> int:
-    """Largest count that more than a few numbers have."""
+    """Return the largest count that more than a few numbers have."""
     return max((count for count, times in counts.items() if times >= _SOME), default=max(counts, default=0))
 
 
 def alone(values: FloatArray) -> IndexArray:
-    """Indices of values far from both neighbours, which agree; at the ends, far from the two nearest.
+    """Return the indices of values far from both neighbours, which agree; at the ends, far from the two nearest.
 
-    Far is fifty times the usual distance of a value from the middle of its neighbours, and a twentieth of them.
+    Far means more than fifty times the median distance of a value from the mean of its neighbours, and more than a
+    twentieth of the larger neighbour.
     """
     if values.size < 8:
         return np.array([], dtype=int)
@@ -163,16 +166,16 @@ def alone(values: FloatArray) -> IndexArray:
 
 
 def alone_note(values: FloatArray, where: Sequence[str]) -> str:
-    """Note on isolated values and their positions; empty if there are none."""
+    """Return a note on isolated values and their positions; empty if there are none."""
     places = alone(values)
     if not places.size:
         return ""
     shown = ", ".join(f"{values[n]:g} {where[n]}" for n in places[:3].tolist())
-    return f"{places.size} values lie far from both neighbours ({shown}): a spike, or a damaged digit"
+    return f"{places.size} values are far from both neighbours ({shown}): a spike, or a damaged digit"
 
 
 def _windowed(steps: FloatArray, width: int) -> IndexArray:
-    """Places where ``width`` steps are off between two even ones before and two after."""
+    """Return the positions at which ``width`` steps are uneven between two even ones before and two after."""
     window = np.lib.stride_tricks.sliding_window_view(steps, width + 4)
     about = window[:, [0, 1, -2, -1]]
     even = np.ptp(about, axis=1) <= 2.0 * _EVEN * np.abs(about.mean(axis=1))

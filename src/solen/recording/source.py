@@ -1,8 +1,8 @@
 """A file's bytes, checksum and text, with which every reader begins.
 
-The idea: nothing is taken for text that is not. Bytes that no instrument's program writes, a text that is UTF-8 in one
-place and not in another, a control character: each is a sign that the file is another one or was damaged, and each is
-refused with its line.
+The idea: only valid text is accepted as text. Bytes that no instrument's program writes, a text that is UTF-8 in one
+place and not in another, or a control character show that the file is of another kind or damaged; each is rejected with
+its line.
 
 The interface: `load` a file, `Source.text` of it, `Source.refused` for an error that names the file and the place.
 """
@@ -16,15 +16,17 @@ from solen.errors import DataError
 from solen.files import read_bytes
 
 LARGEST_MB = 100
-"""A file beyond this is refused: no instrument here exports one, and reading it would take a laptop's memory."""
+"""Largest size of a file in MB: no supported instrument exports a larger one, and reading it would exhaust a laptop's
+memory.
+"""
 
 _ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 _OTHERS = {
-    b"SOLENJ": ("the journal of a run", "close it with solen bench recover, and name its recording"),
-    b"%PDF": ("a PDF", "export a table from the program that made it"),
+    b"SOLENJ": ("the journal of a run", "close it with solen bench recover, and use its recording"),
+    b"%PDF": ("a PDF", "export a table from the program that wrote it"),
     b"\x1f\x8b": ("a gzip archive", "unpack it"),
-    b"\x89PNG": ("a picture", "name the table that it was drawn from"),
-    b"\xff\xd8\xff": ("a picture", "name the table that it was drawn from"),
+    b"\x89PNG": ("a picture", "use the table from which it was drawn"),
+    b"\xff\xd8\xff": ("a picture", "use the table from which it was drawn"),
 }
 _NAMED = {
     ".nc": "a netCDF",
@@ -35,7 +37,7 @@ _NAMED = {
     ".xls": "an Excel",
     ".xlsx": "an Excel",
 }
-_BREAK = re.compile("\r*\n|\r")  # Windows' line break may have been doubled on its way
+_BREAK = re.compile("\r*\n|\r")  # a Windows line break may have been doubled in a transfer
 _CONTROL = re.compile("[\x00-\x08\x0b\x0e-\x1f\x7f\x80-\x9f\u2028\u2029\ufffe\uffff\ufffd]")
 
 
@@ -46,7 +48,7 @@ class Source:
     Attributes
     ----------
     path
-        As the user named it.
+        Path as given by the user.
     data
         Its bytes.
     """
@@ -82,29 +84,29 @@ class Source:
         return len(self.data) - len(kept) if reserved else 0
 
     def refused(self, place: str, limit: str, remedy: str, value: object = None) -> DataError:
-        """Error that names the file and the position in it."""
+        """Return an error that names the file and the position in it."""
         return DataError(f"{self.path}{', ' if place else ''}{place}", value=value, limit=limit, remedy=remedy)
 
     def lines(self) -> list[str]:
-        """Lines of the text without line breaks; the last one is empty if the text ends with a break."""
+        """Return the lines of the text without line breaks; the last one is empty if the text ends with a break."""
         text = self.text()
         lines = _BREAK.split(text)
         bad = _CONTROL.search(text)
         if bad is not None:
             line = len(_BREAK.findall(text, 0, bad.start())) + 1
-            limit = f"holds the character U+{ord(bad[0]):04X}, which no text has"
+            limit = f"contains the character U+{ord(bad[0]):04X}, which is not allowed in a text"
             raise self._not_text(line, limit, "export the file again")
         return lines
 
     def _not_text(self, line: int, limit: str, remedy: str) -> DataError:
-        """Error of bytes that are neither text nor of the format that the name promises."""
+        """Return the error for bytes that are neither text nor of the format that the name indicates."""
         kind = _NAMED.get(self.path.suffix.lower())
         if kind is not None:
             return self.refused("", f"is neither {kind} file nor text", "export or copy it again")
         return self.refused(f"line {line}", limit, remedy)
 
     def text(self) -> str:
-        """Text of the file, in the encoding that its bytes show: UTF-8, UTF-16 or Windows-1252."""
+        """Return the text of the file, in the encoding that its bytes show: UTF-8, UTF-16 or Windows-1252."""
         data = self.data
         for start, (what, remedy) in _OTHERS.items():
             if data.startswith(start):
@@ -113,7 +115,7 @@ class Source:
             return self._decoded()
         except UnicodeDecodeError as bad:
             line = data.count(b"\n", 0, bad.start) + 1
-            limit = "holds a byte that is not a character of UTF-8, UTF-16 or Windows-1252 text"
+            limit = "contains a byte that is not a character of UTF-8, UTF-16 or Windows-1252 text"
             raise self._not_text(line, limit, "save the file as UTF-8 text, or export it again") from None
 
     def _decoded(self) -> str:
@@ -128,17 +130,17 @@ class Source:
         try:
             return data.decode("utf-8-sig")
         except UnicodeDecodeError:
-            if _has_utf8(data):  # UTF-8 that was damaged would be another text in any other encoding
+            if _has_utf8(data):  # damaged UTF-8 would give another text in any other encoding
                 raise
         return data.decode("cp1252")
 
 
 def load(path: Path) -> Source:
-    """Bytes of a file; `DataError` if it cannot be read, is empty or larger than `LARGEST_MB`."""
+    """Read the bytes of a file; raise `DataError` if it cannot be read, is empty or larger than `LARGEST_MB`."""
     data = read_bytes(path, DataError, most_mb=LARGEST_MB, smaller="export fewer channels or a shorter time")
     return Source(path, data)
 
 
 def _has_utf8(data: bytes) -> bool:
-    """Whether bytes hold a letter that is written in several bytes as UTF-8 does."""
+    """Whether bytes contain a letter that is encoded in several bytes of UTF-8."""
     return re.search(rb"[\xc2-\xdf][\x80-\xbf]|[\xe0-\xef][\x80-\xbf]{2}|[\xf0-\xf4][\x80-\xbf]{3}", data) is not None

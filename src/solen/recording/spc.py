@@ -1,12 +1,12 @@
-"""Galactic's SPC, the binary format of GRAMS that many spectrometers write: one spectrum, or several in a file.
+"""Galactic's SPC, the binary format of GRAMS that many spectrometers write: one or several spectra in a file.
 
-The idea: a fixed header, the abscissas unless they are uniform, then each spectrum with its
-own header: the storage of its values, and its position in a series. A value is a floating-point number, or an integer
-times a power of two stated in the header. Counts (points, spectra, offsets) must account for the whole file,
-so that truncation or damage shows.
+The idea: a fixed header, the abscissas unless they are uniform, then each spectrum with its own header, which states
+the storage of its values and its position in a series. A value is a floating-point number, or an integer times a power
+of two stated in the header. Counts (points, spectra, offsets) must account for the whole file, and thus reveal
+truncation or damage.
 
 The interface: `is_spc` and `read`. Format: "A Brief Guide to SPC File Format and Using GSPCIO", Galactic Industries
-(1998), and its header file SPC.H. The older layout (version 4Dh) is an error that names it.
+(1998), and its header file SPC.H. The older layout (version 4Dh) raises an error that names it.
 """
 
 import struct
@@ -23,17 +23,17 @@ from solen.recording.stated import spectrum
 _HEADER, _SUB = 512, 32
 _NEW, _BIG_ENDIAN, _OLD = 0x4B, 0x4C, 0x4D
 _SHORT, _MULTI, _OWN_X, _PLACES = 0x01, 0x04, 0x40, 0x80
-_GAP = 3  # bytes before the log that programs leave free; a value more would be seen
-_FLOAT = -128  # as an exponent: values are floating-point numbers
+_GAP = 3  # most unused bytes before the log; a further value would be longer
+_FLOAT = -128  # exponent of floating-point values
 _X = {1: "1/CM", 2: "MICROMETERS", 3: "NANOMETERS"}
 _Y = {2: "ABSORBANCE", 11: "%", 128: "TRANSMITTANCE", 129: "REFLECTANCE"}
 _FRACTIONS = {"TRANSMITTANCE", "REFLECTANCE"}
-_MOST_PERCENT = 2.0  # a fraction of light above this is in percent, as programs write %T under transmission
+_MOST_PERCENT = 2.0  # a larger fraction of light is in percent: programs also write %T as transmission
 
 
 @dataclass(frozen=True)
 class _Head:
-    """Header of a file: flags, exponent, points, first and last place, spectra, units of axis and values, words."""
+    """Header of a file: flags, exponent, points, first and last abscissa, spectra, units of axis and values, words."""
 
     order: str
     flags: int
@@ -49,7 +49,7 @@ class _Head:
 
     @property
     def short(self) -> bool:
-        """Whether values are of 16 bits."""
+        """Whether values have 16 bits."""
         return bool(self.flags & _SHORT)
 
 
@@ -62,17 +62,17 @@ def is_spc(source: Source) -> bool:
 
 
 def read(source: Source) -> Recording:
-    """Recording of all spectra of a file on one axis; `DataError` if it is incomplete or of a kind not read."""
+    """Read all spectra of a file on one axis; raise `DataError` if it is incomplete or of an unsupported kind."""
     if source.data[1] == _OLD:
-        limit = "is an SPC file of the old layout (4Dh), which is not read"
+        limit = "is an SPC file of the old layout (4Dh), which is not supported"
         raise source.refused("", limit, "save it again in its program, or as CSV or JCAMP-DX")
     head = _head(source.data)
     if head.x not in _X:
-        limit = f"has an axis of SPC's kind {head.x}; wavelengths and wavenumbers (1 to 3) are read"
+        limit = f"has an axis of SPC's kind {head.x}; only wavelengths and wavenumbers (1 to 3) are supported"
         raise source.refused("", limit, "export the spectrum along one of these")
     if head.flags & _OWN_X:
         raise source.refused(
-            "", "holds spectra with different abscissas, which are not supported", "export each separately"
+            "", "contains spectra with different abscissas, which are not supported", "export each separately"
         )
     x, start = _places(source, head)
     values = list(_values(source, head, start))
@@ -93,27 +93,27 @@ def _head(data: bytes) -> _Head:
 
 
 def _places(source: Source, head: _Head) -> tuple[FloatArray, int]:
-    """Abscissae, even or listed, and the offset of the first spectrum."""
+    """Return the abscissas, uniform or listed, and the offset of the first spectrum."""
     if not head.flags & _PLACES:
         return np.linspace(head.first, head.last, head.points), _HEADER
     x = _array(source, head, f"{head.order}f4", _HEADER)
     if not (np.all(np.diff(x) > 0.0) or np.all(np.diff(x) < 0.0)):
-        raise source.refused("", "has places that go back along its axis", "export it again")
+        raise source.refused("", "has abscissas that go back along its axis", "export it again")
     return x, _HEADER + 4 * head.points
 
 
 def _values(source: Source, head: _Head, start: int) -> Iterator[tuple[float, FloatArray]]:
-    """Position in the series and values of each spectrum; they must end at the log or at the end of the file."""
+    """Return position in the series and values of each spectrum; they must end at the log or at the end of the file."""
     size = 2 if head.short else 4
     end = start + head.spectra * (_SUB + size * head.points)
     gap = (head.log or len(source.data)) - end
     if not 0 <= gap <= (_GAP if head.log else 0) or end > len(source.data):
-        limit = f"has {len(source.data)} bytes, where {head.spectra} spectra of {head.points} points end at {end}"
+        limit = f"has {len(source.data)} bytes, but {head.spectra} spectra of {head.points} points end at {end}"
         raise source.refused("", f"{limit}: it was cut off or damaged", "export it again")
     for number in range(head.spectra):
         _, exponent, index, place, _, _, points = struct.unpack_from(f"{head.order}BbHfffI", source.data, start)
         if index != number % 65536 or points not in {0, head.points}:
-            limit = f"has spectrum {index} of {points} points, where {number} of {head.points} comes next"
+            limit = f"has spectrum {index} of {points} points, where {number} of {head.points} is expected"
             raise source.refused("", limit, "export it again")
         exponent = exponent if head.flags & _MULTI and head.exponent != _FLOAT else head.exponent
         kind = "f4" if exponent == _FLOAT else f"i{size}"
@@ -130,10 +130,10 @@ def _array(source: Source, head: _Head, kind: str, start: int) -> FloatArray:
         raise source.refused("", f"ends before its {head.points} points: it was cut off or damaged", "export it again")
     values = np.frombuffer(source.data, kind, head.points, start).astype(np.float64)
     if not np.isfinite(values).all():
-        raise source.refused("", "holds values that are not numbers", "export it again")
+        raise source.refused("", "contains values that are not numbers", "export it again")
     return values
 
 
 def _percent(unit: str, values: FloatArray) -> str:
-    """Unit of values; a transmittance or reflectance above 1 is in percent, whatever the header says."""
+    """Return the unit of values; a transmittance or reflectance above 1 is in percent, whatever the header states."""
     return f"%{unit}" if unit in _FRACTIONS and np.median(values) > _MOST_PERCENT else unit

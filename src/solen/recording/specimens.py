@@ -1,12 +1,12 @@
-"""Exports of test machines that hold several tables: results first, then the numbers of each specimen.
+"""Exports of test machines that contain several tables: results first, then the numbers of each specimen.
 
-The idea: a row that names a force, a travel, a time or a strain, and units below it, heads a specimen's numbers, which
-go on to the next row of another kind. Specimens side by side are columns that repeat. Rows that begin with a specimen's
-name, below a header that begins empty or with ``Name``, are lists that say something of each: its width, its modulus.
-Each specimen becomes a table of its own, with its line of each list as parameters, and is checked as every table is. No
-row of numbers may be left over.
+The idea: a row that names a force, a travel, a time or a strain, with units below it, is the header of a specimen's
+numbers, which continue to the next row of another kind. Specimens side by side are columns that repeat. Rows that begin
+with a specimen's name, below a header that begins empty or with ``Name``, are lists of properties of the specimens:
+width, modulus. Each specimen becomes a separate table, with its line of each list as parameters, and is checked like
+every table. No row of numbers may remain.
 
-The interface: `specimens` gives what a file that is such an export holds, as `Table`.
+The interface: `specimens` returns the content of such an export, as `Table`.
 
 Layouts: Bluehill's raw data below its results tables; MTS Series 793, whose first line names it and whose acquisitions
 follow one another; Shimadzu's Trapezium with names above each specimen's columns, as snpl's load_TrapeziumCSV reads
@@ -33,13 +33,13 @@ _SUMMARIES = {"mean", "average", "median", "maximum", "minimum", "max", "min", "
     *("sd", "std", "s.d", "std dev", "std. dev", "standard deviation", "coefficient of variation", "cv", "c.v"),
     *("std deviation", "std.dev", "standardabweichung", "mean + sd", "mean - sd", "mean + 1 sd", "mean - 1 sd"),
 }
-"""Lines of a list that are of no specimen."""
+"""Lines of a list that do not belong to a specimen."""
 _LEAST_ROWS = 2
 
 
 @dataclass(frozen=True)
 class Table:
-    """A specimen's table as its own grid, with its name, which is empty for a single specimen."""
+    """A specimen's table as a separate grid, with its name, which is empty for a single specimen."""
 
     name: str
     grid: Grid
@@ -57,12 +57,15 @@ class _Block:
 
     @property
     def head(self) -> range:
-        """Rows of the title, where there is one, of the names and of the units."""
+        """Rows of the title, if there is one, of the names and of the units."""
         return range(self.header - bool(self.title), self.header + 2)
 
 
 def specimens(grid: Grid) -> list[Table]:
-    """Tables of specimens; none for other files; `DataError` at a row of numbers that belongs to no specimen."""
+    """Return the tables of specimens, none for other files.
+
+    Raises `DataError` at a row of numbers that belongs to no specimen.
+    """
     stacked = list(_stacked(grid))
     blocks = [part for block in stacked for part in _side_by_side(grid, block)]
     taken = {row for block in stacked for row in (*block.head, *block.body)}
@@ -70,14 +73,14 @@ def specimens(grid: Grid) -> list[Table]:
     lists = _lists(grid, others)
     marked = any(_EXPORT.search(cell) for cells in grid.rows for cell in cells[:1])
     if marked and not blocks:
-        limit = "holds no table of a test: a row of names such as Time, Extension, Load, one of units, and numbers"
+        limit = "contains no table of a test: a row of names such as Time, Extension, Load, one of units, and numbers"
         raise grid.source.refused("", limit, "export the raw data of the specimens too")
     if len(blocks) < (1 if marked or lists else 2):
         return []
     listed = {row for rows in lists for row in rows}
     for row in others:
         if row not in listed and sum(map(is_number, grid.rows[row])) > 1 and is_number(grid.rows[row][0]):
-            raise grid.refused(row, None, "holds numbers that belong to no table", "export the file again")
+            raise grid.refused(row, None, "contains numbers that belong to no table", "export the file again")
     above = [grid.rows[row] for row in others if row not in listed]
     if _MTS.match(grid.rows[0][0]):
         return [_table(grid, _joined(grid, blocks), "", above)]
@@ -90,7 +93,7 @@ def specimens(grid: Grid) -> list[Table]:
 
 
 def _stacked(grid: Grid) -> Iterator[_Block]:
-    """Tables of a test, one below the other."""
+    """Return the tables of a test, one below the other."""
     row = 0
     while row < len(grid.rows) - _LEAST_ROWS:
         end = row + 2
@@ -107,7 +110,7 @@ def _stacked(grid: Grid) -> Iterator[_Block]:
 
 
 def _heads(grid: Grid, row: int) -> bool:
-    """Whether a row names columns of a test, in at least two of its quantities, with their units below."""
+    """Whether a row names columns of a test, for at least two of its quantities, with their units below."""
     names, units = grid.rows[row], grid.rows[row + 1]
     if len(names) < 2 or is_number(names[0]) or len(units) < grid.width(row):
         return False
@@ -122,7 +125,7 @@ def _is_row(grid: Grid, row: int) -> bool:
 
 
 def _side_by_side(grid: Grid, block: _Block) -> Iterator[_Block]:
-    """Specimens side by side in repeated columns, each with its own rows; the block itself if none repeat."""
+    """Return specimens in repeated columns side by side, each with its own rows; the block itself if none repeat."""
     names = [plain(name) for name in grid.rows[block.header][: len(block.columns)]]
     filled = [n for n, name in enumerate(names) if name]
     starts = [n for n in filled if names[n] == names[filled[0]]]
@@ -137,16 +140,18 @@ def _side_by_side(grid: Grid, block: _Block) -> Iterator[_Block]:
 
 
 def _joined(grid: Grid, blocks: Sequence[_Block]) -> _Block:
-    """One test of consecutive acquisitions; `DataError` if their columns differ."""
+    """Return one test of consecutive acquisitions; raise `DataError` if their columns differ."""
     first = blocks[0]
     for block in blocks[1:]:
         if grid.rows[block.header : block.header + 2] != grid.rows[first.header : first.header + 2]:
-            raise grid.refused(block.header, None, "has other columns than the acquisition above it", "export it alone")
+            raise grid.refused(
+                block.header, None, "has different columns from the acquisition above it", "export it alone"
+            )
     return replace(first, body=[row for block in blocks for row in block.body])
 
 
 def _lists(grid: Grid, others: Sequence[int]) -> list[list[int]]:
-    """Lists of results: rows of a header, of units if it has them, and one of each specimen."""
+    """Return the lists of results: rows of a header, of units if there are any, and one for each specimen."""
     lists: list[list[int]] = []
     for row, below in pairwise(others):
         cells, units = grid.rows[row], grid.rows[below]
@@ -160,13 +165,15 @@ def _lists(grid: Grid, others: Sequence[int]) -> list[list[int]]:
 
 
 def _states_units(cells: Sequence[str]) -> bool:
-    """Whether a row of a list holds the units of its columns."""
+    """Whether a row of a list contains the units of its columns."""
     stated = [cell.strip("()[]") for cell in cells[1:] if cell]
     return plain(cells[0]) in _UNITS and bool(stated) and all(map(stated_unit, stated))
 
 
 def _of_each(grid: Grid, rows: Sequence[int], names: Sequence[str], *, by_name: bool) -> dict[int, int]:
-    """Row of a list for each specimen: by name, by the number in its name, or by position if the counts agree.
+    """Return the row of a list for each specimen: by name, by the number in its name, or by position.
+
+    Positions are used only if the counts agree.
 
     Raises
     ------
@@ -187,18 +194,18 @@ def _of_each(grid: Grid, rows: Sequence[int], names: Sequence[str], *, by_name: 
     if not found and len(rows) == len(names):
         return dict(enumerate(rows))
     left = next(row for row in rows if row not in found.values())
-    limit = f"is of none of the {len(names)} specimens, and {len(rows)} are listed: which is which is open"
+    limit = f"matches none of the {len(names)} specimens, and {len(rows)} are listed: the assignment is ambiguous"
     raise grid.refused(left, None, limit, "use the same name, or delete its line")
 
 
 def _number(name: str) -> str:
-    """Number at the end of a name, without leading zeros; empty if there is none."""
+    """Return the number at the end of a name, without leading zeros; empty if there is none."""
     found = re.search(r"(\d+)\W*$", name)
     return "" if found is None else f"{int(found[1])}"
 
 
 def _lines(grid: Grid, lists: Sequence[tuple[int, int, dict[int, int]]], number: int) -> Iterator[list[str]]:
-    """Parameters of a specimen in lists, each a row of names, one of units, and that of each specimen."""
+    """Return the parameters of a specimen in lists, each a row of names, one of units, and that of each specimen."""
     for header, below, rows in lists:
         names, units, line = (
             [cell.strip("()[]") for cell in grid.rows[row]] if row is not None else []
@@ -210,7 +217,7 @@ def _lines(grid: Grid, lists: Sequence[tuple[int, int, dict[int, int]]], number:
 
 
 def _names(blocks: Sequence[_Block]) -> list[str]:
-    """Name of each specimen: its title, or its number; empty for a single one."""
+    """Return the name of each specimen: its title, or its number; empty for a single one."""
     titles = [block.title for block in blocks]
     if len(blocks) == 1:
         return titles
@@ -219,7 +226,7 @@ def _names(blocks: Sequence[_Block]) -> list[str]:
 
 
 def _table(grid: Grid, block: _Block, name: str, above: Sequence[list[str]]) -> Table:
-    """A block as its own grid, below its parameters."""
+    """Return a block as a separate grid, below its parameters."""
     chosen = [block.header, block.header + 1, *block.body]
     start, stop = block.columns.start, block.columns.stop
     beyond = max(map(grid.width, chosen)) > stop and grid.width(block.header) == stop and not start

@@ -14,8 +14,8 @@ from solen.ranks import Caution, of
 from solen.recording.model import Channel, Measured, Recording
 from solen.results import HIDDEN
 
-_MOST_RATIO = 2.0  # a ratio of light beyond this has a percentage in it
-_MOST_NAMES = 4  # traces that a warning names
+_MOST_RATIO = 2.0  # a larger ratio of light is in percent
+_MOST_NAMES = 4  # most traces that a warning names
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,10 @@ class Spectrum:
     channel: Channel
 
     def ratio(self) -> FloatArray:
-        """Values as pure numbers, 0.91 for 91 %; `DataError` for another unit, or values that need one."""
+        """Return values as pure numbers, 0.91 for 91 %.
+
+        Raises `DataError` for another unit, or for values that need a unit.
+        """
         channel = self.channel
         if channel.unit:
             return channel.to("1")
@@ -54,11 +57,11 @@ class Trace:
     file, name
         Name of its file, and of the trace.
     quantity, unit
-        The quantity; null where the file does not state it.
+        Quantity and unit; null if the file does not state them.
     points, empty
         Number of points, and of those without a value.
     range_nm, range_values
-        Least and greatest wavelength and value; null where there is no number.
+        Least and greatest wavelength and value; null if there is no number.
     note
         Warnings.
     """
@@ -80,9 +83,9 @@ class Listing(Measured, kw_only=True):
     Attributes
     ----------
     file, format
-        Names of the files, and what they were read as.
+        Names of the files, and the formats as which they were read.
     repeats
-        Whether traces whose names differ in their last number alone are repeats of one.
+        Whether traces whose names differ only in their last number are repeats of one.
     traces
         The spectra, in the order of the files.
     """
@@ -95,7 +98,7 @@ class Listing(Measured, kw_only=True):
 
 
 def spectra(recording: Recording) -> tuple[Spectrum, ...]:
-    """All traces of a recording that run along a wavelength; `DataError` if there is none."""
+    """Return all traces of a recording along a wavelength; raise `DataError` if there is none."""
     axes = {channel.name: channel for channel in recording.channels if channel.quantity == "wavelength"}
     found = tuple(
         Spectrum(axes[channel.axis].to("nm"), channel) for channel in recording.channels if channel.axis in axes
@@ -107,7 +110,7 @@ def spectra(recording: Recording) -> tuple[Spectrum, ...]:
 
 
 def listing(recordings: Sequence[Recording], names: Sequence[str] = (), *, repeats: bool = False) -> Listing:
-    """Spectra of recordings, by name or all; `DataError` if none has a given name."""
+    """Return the spectra of recordings, by name or all; raise `DataError` if none has a given name."""
     for name in names:
         there = [recording for recording in recordings if name in recording.names] or recordings
         if all(there[0].channel(name).name != one.channel.name for one in spectra(there[0])):
@@ -131,7 +134,7 @@ def listing(recordings: Sequence[Recording], names: Sequence[str] = (), *, repea
 
 
 def _remarks(recording: Recording, chosen: Sequence[Spectrum]) -> list[Caution]:
-    """Notes of the used channels, equal ones merged."""
+    """Return the notes of the used channels, equal ones merged."""
     used = {one.channel.axis for one in chosen} | {one.channel.name for one in chosen}
     remarks: dict[str, list[str]] = {}
     for channel in recording.channels:

@@ -1,8 +1,8 @@
-"""The statements of a spectrum's file compared with its numbers, and the recording that both make.
+"""The statements of a spectrum's file compared with its numbers, and the recording made from both.
 
-The idea: many programs state the meaning of axis and values, the number of points, where they begin and
-end, and their extremes. JCAMP-DX has labels for that (``NPOINTS``, ``FIRSTX``, ``MAXY``); equivalent statements of
-other programs are mapped to them.
+The idea: many programs state the meaning of axis and values, the number of points, the first and the last point, and
+the extremes. JCAMP-DX has labels for them (``NPOINTS``, ``FIRSTX``, ``MAXY``); equivalent statements of other programs
+are mapped to these labels.
 
 The interface: `check` numbers, `number` of a label, `spectrum` makes a `Recording`.
 """
@@ -36,12 +36,12 @@ _Y = {
 }
 CHECKED = ("NPOINTS", "FIRSTX", "LASTX", "FIRSTY", "MAXY", "MINY")
 _NEAR_Y = 1e-3
-"""Part of the largest value that a stated first value may miss the first one by."""
-_UNSTATED = "the file does not state what its values are: counts, a transmission or an absorbance"
+"""Largest difference between a stated first value and the first value, as a fraction of the largest value."""
+_UNSTATED = "the file does not state whether its values are counts, a transmission or an absorbance"
 
 
 def number(source: Source, stated: Mapping[str, str], label: str) -> float:
-    """Number that a file states under a label; NaN without one."""
+    """Return the number that a file states under a label; NaN without one."""
     text = stated.get(label, "")
     if text and not is_number(text):
         raise source.refused("", f"states no number as {label}", "export the file again", text[:40])
@@ -49,10 +49,10 @@ def number(source: Source, stated: Mapping[str, str], label: str) -> float:
 
 
 def check(source: Source, stated: Mapping[str, float], x: FloatArray, y: FloatArray) -> None:
-    """`DataError` if the numbers contradict the file's statements; missing labels are not checked."""
+    """Raise `DataError` if the numbers contradict the file's statements; missing labels are not checked."""
     count = stated.get("NPOINTS", math.nan)
     if x.size < 2 or (math.isfinite(count) and count != x.size):
-        limit = f"has {x.size} points, where {count:g} are stated: it was cut off or damaged"
+        limit = f"has {x.size} points, but {count:g} are stated: it was cut off or damaged"
         raise source.refused("", limit, "export it again")
     near_y = _NEAR_Y * float(np.nanmax(np.abs(y), initial=0.0))
     near_x = 0.5 * abs(float(x[-1] - x[0])) / (x.size - 1)
@@ -60,7 +60,7 @@ def check(source: Source, stated: Mapping[str, float], x: FloatArray, y: FloatAr
     for label, value, near in (*held, ("MAXY", np.nanmax(y), near_y), ("MINY", np.nanmin(y), near_y)):
         wanted = stated.get(label, math.nan)
         if math.isfinite(wanted) and not abs(wanted - value) <= near:
-            raise source.refused("", f"states {wanted:g} as {label}, and has {value:g}", "export it again")
+            raise source.refused("", f"states {wanted:g} as {label}, but has {value:g}", "export it again")
 
 
 def spectrum(
@@ -71,37 +71,37 @@ def spectrum(
     x: FloatArray,
     traces: Sequence[tuple[str, str, FloatArray]],
 ) -> Recording:
-    """Recording of a spectrum.
+    """Make the recording of a spectrum.
 
     Parameters
     ----------
     kind
         Name of the format.
     metadata, stated
-        Statements of the file by its own words, and by the labels ``XUNITS`` (nm without one), ``instrument`` and those
+        Statements of the file in its own words, and by the labels ``XUNITS`` (nm without one), ``instrument`` and those
         that are `CHECKED` against the first trace.
     x, traces
-        Places along the axis, and name, unit and values of each trace; their shape is (n,).
+        Abscissas, and name, unit and values of each trace; their shape is (n,).
     """
     check(source, {label: number(source, stated, label) for label in CHECKED}, x, traces[0][2])
     unit = stated.get("XUNITS", "NANOMETERS")
     if _plain(unit) not in _X:
-        limit = f"has an axis in {unit or 'no unit'}; wavelengths in nm and µm and wavenumbers in 1/cm are read"
+        limit = f"has an axis in {unit or 'no unit'}; wavelengths in nm and µm and wavenumbers in 1/cm are supported"
         raise source.refused("", limit, "export the spectrum along wavelengths or wavenumbers")
     channels = _axes(unit, x)
     axis = channels[-1].name
     for name, (_, unit_y, values) in zip(unique([name for name, _, _ in traces]), traces, strict=True):
         quantity, known = _Y.get(_plain(unit_y), ("", ""))
-        note = "" if known else f"its unit {unit_y} is not known here" if unit_y else _UNSTATED
+        note = "" if known else f"its unit {unit_y} is unknown" if unit_y else _UNSTATED
         channels.append(Channel(name, quantity, known, values, axis=axis, note=note))
     return Recording(tuple(channels), stated_provenance(source, kind, metadata, stated.get("instrument", "")))
 
 
 def _axes(unit: str, x: FloatArray) -> list[Channel]:
-    """The axis, and the wavelengths of one of wavenumbers."""
+    """Return the axis, and for wavenumbers also the wavelengths."""
     name, known = _X[_plain(unit)]
     note = (
-        "wavelengths in vacuum; the index of air makes them 0.03 % longer than those in air"
+        "wavelengths in vacuum; they are 0.03 % longer than those in air because of its index"
         if "VAC" in unit.upper()
         else ""
     )

@@ -1,7 +1,7 @@
-"""What a recording drives its sensor by: an angle, a force or a depth.
+"""The stimulus of a recorded sensor: an angle, a force or a depth.
 
-The idea: analysis, calibration and decoding are the same for all three. Their arrays and fields are called after the
-angle (``angle_deg``), as those of receivers are after volts, and hold what was driven in its own unit; sentences, axes
+The idea: analysis, calibration and decoding are the same for all three. Arrays and fields are named after the angle
+(``angle_deg``), as those of receivers are named after volts, and contain the stimulus in its own unit; sentences, axes
 and the keys of JSON and files name that unit: ``sensitivity_V_per_N``, ``interval95_force_N``.
 
 The interface: `Stimulus`; `ANGLE`, `FORCE` and `DEPTH`, and all as `STIMULI`.
@@ -15,8 +15,8 @@ from solen.results import in_unit, rekeyed
 
 Name = Literal["angle", "force", "depth"]
 NEAR_ZERO_DEG = 0.5
-"""Angles about 0 over which the sensitivity near zero is taken."""
-_NEAR_ZERO = 1.0 / 6.0  # of the reach, as 0.5° are of the 3° of a rotation
+"""Range of angles about 0 over which the sensitivity near zero is determined."""
+_NEAR_ZERO = 1.0 / 6.0  # fraction of the reach: 0.5° of the 3° of a rotation
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,11 @@ class Stimulus:
     Attributes
     ----------
     name, plural
-        How sentences call it.
+        Its name in sentences.
     unit
         Unit of its values, and in keys.
     sign
-        Its unit behind a number.
+        Symbol of the unit after a number.
     """
 
     name: Name
@@ -45,12 +45,12 @@ class Stimulus:
 
     @property
     def known_label(self) -> str:
-        """Label of the axis of what it is compared with: a force is known by a load cell's reading alone."""
+        """Label of the axis of the reference: a force is known only from a load cell's reading."""
         return f"force, {self.known} (N)" if self.name == "force" else f"true {self.label}"
 
     @property
     def known(self) -> str:
-        """What it is compared with."""
+        """Reference with which it is compared."""
         return "the load cell's reading" if self.name == "force" else "true"
 
     @property
@@ -59,15 +59,15 @@ class Stimulus:
         return "load" if self.name == "force" else self.name
 
     def near_zero(self, reach: float) -> float:
-        """Values about 0 over which the sensitivity near zero is taken, of a motion that reaches so far."""
+        """Return the range about 0 for the sensitivity near zero, for a motion that reaches so far."""
         return NEAR_ZERO_DEG if self.unit == "deg" else float(f"{_NEAR_ZERO * reach:.2g}")
 
     def keyed(self, data: dict[str, Any]) -> dict[str, Any]:
-        """Plain data whose keys name this quantity in place of the angle."""
+        """Return plain data whose keys name this quantity instead of the angle."""
         return self._rekeyed(data, ANGLE, self)
 
     def unkeyed(self, data: dict[str, Any]) -> dict[str, Any]:
-        """Plain data of a file back to keys that name the angle."""
+        """Convert plain data of a file back to keys that name the angle."""
         return self._rekeyed(data, self, ANGLE)
 
     @staticmethod

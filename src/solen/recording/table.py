@@ -1,8 +1,8 @@
 """Plain tables: a header with units and rows of numbers and words, from a spreadsheet, a script or an editor.
 
-The idea: the header names the columns (`solen.recording.words`), `solen.recording.layout` finds the table
-in the file; here its columns become channels. A column of numbers with one non-numeric cell is damaged, not a
-column of text. A wavelength column is the axis of the others, and so is a time column.
+The idea: the header names the columns (`solen.recording.words`), `solen.recording.layout` finds the table in the file;
+here its columns become channels. A column of numbers with one non-numeric cell is damaged, and does not become a column
+of text. A wavelength column is the axis of the others, and so is a time column.
 
 The interface: `read` a `Grid` with its `Layout`; `columns` and `recorded` are its two halves.
 """
@@ -30,17 +30,17 @@ from solen.units import factor
 _STAMPS = ("timestamp", "time stamp", "datetime", "date time", "date/time", "zeitstempel", "clock", "uhrzeit")
 """Names of columns that may hold clock times."""
 _TAKEN_NM = (150.0, 50_000.0)
-"""Wavelengths without a unit are nm if all lie here: as µm they would be far infrared, as Å X-rays."""
+"""Range of wavelengths that are assumed to be in nm without a unit: as µm they would be far infrared, as Å X-rays."""
 
 SIMULATED = re.compile(
     r"((this|the) (table|file|data|recording)s? (is|are|was|were) )?(simulat(ed|ion)|synthetic)\b", re.IGNORECASE
 )
-"""How a remark begins that says that the numbers were computed."""
+"""Beginning of a remark that states that the numbers were computed."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column on its way to a channel: its place, header, what that says, and its numbers, words or both."""
+    """A column before it becomes a channel: its place, header and heading, and its numbers, words or both."""
 
     place: int
     text: str
@@ -50,7 +50,7 @@ class Column:
 
 
 def read(grid: Grid, place: Layout) -> Recording:
-    """Recording of a plain table; `DataError` with the line and column of damage."""
+    """Read a plain table; raise `DataError` with the line and column of damage."""
     check_rows(grid, place)
     found = columns(grid, place)
     for column in found:
@@ -59,19 +59,19 @@ def read(grid: Grid, place: Layout) -> Recording:
 
 
 def check_rows(grid: Grid, place: Layout) -> None:
-    """`DataError` at the first row that has more or fewer cells than the header."""
+    """Raise `DataError` at the first row that has more or fewer cells than the header."""
     expected = len(place.names)
-    unnamed = next((n for n, name in enumerate(place.names) if n and not name), None)  # an index may be, a column not
+    unnamed = next((n for n, name in enumerate(place.names) if n and not name), None)  # only an index may be unnamed
     if unnamed is not None and any(any(grid.rows[row][unnamed : unnamed + 1]) for row in place.body):
         limit = f"is unnamed, above column {unnamed + 1}"
-        raise grid.refused(place.header, None, limit, "give every column that has values a name")
+        raise grid.refused(place.header, None, limit, "name every column that has values")
     if not place.body:
         raise grid.source.refused("", "has a header and no rows", "export it again")
     for row in place.body:
         if len(grid.rows[row]) != len(grid.rows[place.body[0]]) and _begins_another(grid, place, row):
             raise grid.refused(row, None, "begins another table", "keep one table in a file, or one in a sheet")
         if grid.width(row) > expected:
-            raise grid.refused(row, expected, f"lies beyond the {expected} columns of the header")
+            raise grid.refused(row, expected, f"is beyond the {expected} columns of the header")
         if len(grid.rows[row]) < expected:
             count = len(grid.rows[row])
             limit = f"has {count} cell{'s' * (count != 1)}, the header {expected}: something is missing or cut off"
@@ -84,7 +84,10 @@ def _begins_another(grid: Grid, place: Layout, row: int) -> bool:
 
 
 def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]:
-    """Columns of the table, of numbers or words according to their cells; ``machine`` if a program wrote them."""
+    """Return the columns of the table, of numbers or words according to their cells.
+
+    ``machine`` if a program wrote them.
+    """
     held = [n for n, name in enumerate(place.names) if name or n == 0]
     cells = {column: grid.cells(column, place.body) for column in held}
     kinds = {column: _kind(cells[column], place.names[column]) for column in held}
@@ -105,7 +108,7 @@ def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]
             values = grid.column(column, place.body, cells[column], mark, machine=machine)
         words = tuple(cells[column]) if "word" in kind else None
         if values is None or place.names[column] or not np.array_equal(values, np.arange(values.size)):
-            found.append(Column(column, place.names[column], head, values, words))  # but for pandas' row numbers
+            found.append(Column(column, place.names[column], head, values, words))  # except pandas' row numbers
     return found
 
 
@@ -115,14 +118,14 @@ def _is_time(head: Heading) -> bool:
 
 
 def _headings(place: Layout, held: Sequence[int]) -> list[Heading]:
-    """Meaning of the headers in context: T is a transmittance beside wavelengths."""
+    """Return the meaning of the headers in context: T is a transmittance next to wavelengths."""
     texts = [(place.names[column] or f"column {column + 1}", place.units[column]) for column in held]
     optical = any(heading(name, unit).quantity in {"wavelength", "wavenumber"} for name, unit in texts)
     return [heading(name, unit, optical=optical) for name, unit in texts]
 
 
 def _check_range(grid: Grid, place: Layout, column: Column) -> None:
-    """`DataError` at an impossible wavelength, as after the names of columns shifted."""
+    """Raise `DataError` at an impossible wavelength, as after a shift of the names of columns."""
     if column.head.quantity != "wavelength" or column.values is None or not column.head.unit:
         return
     nm = column.values * (factor(column.head.unit, "nm") or math.nan)
@@ -133,7 +136,7 @@ def _check_range(grid: Grid, place: Layout, column: Column) -> None:
 
 
 def _kind(cells: list[str], name: str) -> str:
-    """``number``, ``word``, or ``number and word`` for numbers that name the rows."""
+    """Return ``number``, ``word``, or ``number and word`` for numbers that name the rows."""
     if all_numbers(cells):
         return "number and word" if is_label(name) else "number"
     numbers = [cell for cell in cells if is_number(cell)]
@@ -144,7 +147,7 @@ def _kind(cells: list[str], name: str) -> str:
 
 
 def recorded(grid: Grid, place: Layout, result: list[Column], kind: str) -> Recording:
-    """Recording of the columns read, with the file's statements about them."""
+    """Make a recording of the columns, with the file's statements about them."""
     names = unique([column.head.name for column in result])
     channels = [
         Channel(name, column.head.quantity, column.head.unit, column.values, note=_ending(grid, place, column))
@@ -153,7 +156,7 @@ def recorded(grid: Grid, place: Layout, result: list[Column], kind: str) -> Reco
     ]
     if place.again and channels:
         times = "once" if place.again == 1 else f"{place.again} times"
-        where = f"the header is repeated {times} among the rows, as where files were appended"
+        where = f"the header is repeated {times} among the rows, as in appended files"
         channels[0] = channels[0].noted(note(where))
     texts = {name: column.words for name, column in zip(names, result, strict=True) if column.words is not None}
     metadata = parameters(grid, place)
@@ -168,7 +171,7 @@ def recorded(grid: Grid, place: Layout, result: list[Column], kind: str) -> Reco
 
 
 def stated_provenance(source: Source, kind: str, stated: Mapping[str, str], instrument: str) -> Provenance:
-    """Origin of a file of some format, by what it states of its date and of itself."""
+    """Return the provenance of a file of some format, from its statements on date and origin."""
     return Provenance(
         source.name, source.sha256, kind, instrument, dates.among(stated), stated, simulated=is_simulated(stated)
     )
@@ -183,7 +186,7 @@ def is_simulated(metadata: Mapping[str, str]) -> bool:
 
 
 def unique(names: Sequence[str]) -> list[str]:
-    """Names made unique by a number after each repetition: ``sample``, ``sample (2)``."""
+    """Return names made unique by a number after each repetition: ``sample``, ``sample (2)``."""
     seen: Counter[str] = Counter()
     taken = set(names)
     found = []
@@ -198,7 +201,7 @@ def unique(names: Sequence[str]) -> list[str]:
 
 
 def parameters(grid: Grid, place: Layout) -> dict[str, str]:
-    """Lines above and below the table: names with values, and remarks."""
+    """Return the lines above and below the table: names with values, and remarks."""
     pairs = [_parameter([cell for cell in grid.rows[row] if cell]) for row in place.before]
     found = dict(zip(unique([key for key, _ in pairs]), (value for _, value in pairs), strict=True))
     remarks = [text for _, text in grid.remarks if text] + [" ".join(grid.rows[row]).strip() for row in place.after]
@@ -211,7 +214,7 @@ def parameters(grid: Grid, place: Layout) -> dict[str, str]:
 
 
 def _parameter(cells: list[str]) -> tuple[str, str]:
-    """Name and value of a line above the table; a line without a name is a title."""
+    """Return name and value of a line above the table; a line without a name is a title."""
     key, separator, value = cells[0].partition(":")
     if len(cells) > 1:
         return cells[0].rstrip(": "), " ".join(cells[1:])
@@ -219,7 +222,7 @@ def _parameter(cells: list[str]) -> tuple[str, str]:
 
 
 def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel]:
-    """Channels with their axes: the wavelength to the left, or else the time; labels have none."""
+    """Return the channels with their axes: the wavelength to the left, or else the time; labels have none."""
     channels = _with_wavelengths(channels)
     waves = [channel for channel in channels if channel.quantity == "wavelength"]
     if waves:
@@ -232,7 +235,7 @@ def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel
 
 
 def _with_wavelengths(channels: list[Channel]) -> list[Channel]:
-    """Channels on wavelengths computed from wavenumbers, if no wavelengths are stated."""
+    """Add wavelengths computed from wavenumbers, if no wavelengths are stated."""
     numbers = [channel for channel in channels if channel.quantity == "wavenumber" and channel.unit]
     if len(numbers) != 1 or any(channel.quantity == "wavelength" for channel in channels):
         return channels
@@ -260,16 +263,16 @@ def _along_waves(channels: list[Channel], labels: Collection[str]) -> list[Chann
 
 
 def _in_nm(channel: Channel) -> Channel:
-    """Wavelengths in nm if no unit is stated and no other is possible."""
+    """Set the unit of wavelengths to nm if no unit is stated and no other is possible."""
     values = channel.values[np.isfinite(channel.values)]
     if channel.unit or not values.size or values.min() < _TAKEN_NM[0] or values.max() > _TAKEN_NM[1]:
         return channel
-    note = f"no unit is stated; {values.min():g} to {values.max():g} are taken for nm"
+    note = f"no unit is stated; {values.min():g} to {values.max():g} are assumed to be in nm"
     return replace(channel, unit="nm", note=note)
 
 
 def _with_percent(channels: list[Channel]) -> list[Channel]:
-    """Spectra in %T if only a baseline beside them shows it, as in manually edited tables."""
+    """Set the unit of spectra to %T if only a baseline next to them shows it, as in manually edited tables."""
     optical = any(channel.quantity == "wavelength" for channel in channels)
     baselines = [one for one in channels if one.unit == "%" and one.name.casefold().startswith("baseline")]
     if not optical or not baselines:
@@ -278,7 +281,7 @@ def _with_percent(channels: list[Channel]) -> list[Channel]:
     if len(known) > 1:
         return channels
     quantity, unit = known.pop()
-    note = f"no unit is stated; taken for that of {baselines[0].name}"
+    note = f"no unit is stated; assumed to be that of {baselines[0].name}"
     return [
         replace(one, quantity=quantity, unit=unit, note=note) if not one.unit and not one.quantity else one
         for one in channels
@@ -286,7 +289,7 @@ def _with_percent(channels: list[Channel]) -> list[Channel]:
 
 
 def _ending(grid: Grid, place: Layout, column: Column) -> str:
-    """Note on the last number, which may be truncated if the file's last line has no line break."""
+    """Return a note on the last number, which may be truncated if the file's last line has no line break."""
     cells = [grid.rows[row][column.place] for row in place.body]
     if grid.source.padding and column.place == len(place.names) - 1:
         return f"{grid.source.padding} NUL bytes follow the last row: the recorder may have stopped without warning"

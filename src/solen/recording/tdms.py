@@ -1,4 +1,4 @@
-"""LabVIEW's TDMS files, by npTDMS (extra ``tdms``): channels with their units, and the time of waveforms.
+"""LabVIEW's TDMS files, read with npTDMS (extra ``tdms``): channels with their units, and the time of waveforms.
 
 The interface: `is_tdms` and `read`.
 """
@@ -26,13 +26,13 @@ def is_tdms(source: Source) -> bool:
 
 
 def read(source: Source) -> Recording:
-    """Recording of a TDMS file; `DataError` without npTDMS, where it is damaged, or holds no numbers."""
+    """Read a TDMS file; raise `DataError` if npTDMS is missing, or the file is damaged or contains no numbers."""
     need("nptdms", what=str(source.path), doing="reading TDMS", otherwise="export a CSV", error=DataError)
     from nptdms import TdmsFile
     from nptdms.log import log_manager
 
     arrays: list[Array] = []
-    log_manager.set_level(logging.ERROR)  # it would print what is refused below
+    log_manager.set_level(logging.ERROR)  # it would print errors that are raised below
     try:
         file = TdmsFile.read(io.BytesIO(source.data))
         metadata = {str(key): str(value) for key, value in file.properties.items()}
@@ -44,16 +44,16 @@ def read(source: Source) -> Recording:
             for channel in group.channels():
                 prefix = f"{group.name}." if len(groups) > 1 else ""
                 arrays += _arrays(prefix, channel)
-    except Exception as bad:  # npTDMS raises whatever fits what it stumbled over
+    except Exception as bad:  # npTDMS may raise any exception at a damaged file
         limit = f"is a damaged TDMS file: {' '.join(str(bad).split())[:80] or type(bad).__name__}"
         raise source.refused("", limit, "export it again") from None
     return recorded(source, "tdms", _once(arrays), metadata)
 
 
 def _check_segments(data: bytes) -> None:
-    """`ValueError` if segments do not follow one another to the end of the file: bytes were added or lost.
+    """Raise `ValueError` if segments do not follow one another to the end of the file: bytes were added or lost.
 
-    Each begins with a lead-in of 28 bytes, which states at byte 12 how many bytes follow it.
+    Each begins with a lead-in of 28 bytes, which states at byte 12 the number of bytes that follow it.
     """
     place = 0
     while place < len(data):
@@ -61,11 +61,11 @@ def _check_segments(data: bytes) -> None:
             raise ValueError("a segment does not begin at the end of the previous one")
         place += _LEAD_IN + int.from_bytes(data[place + 12 : place + 20], "little")
     if place != len(data):
-        raise ValueError("its last segment ends elsewhere than the file")
+        raise ValueError("its last segment does not end at the end of the file")
 
 
 def _arrays(prefix: str, channel: Any) -> list[Array]:
-    """A channel, preceded by its time if it is a waveform; time stamps become seconds from the first."""
+    """Return a channel, preceded by its time if it is a waveform; time stamps become seconds from the first."""
     values = np.asarray(channel[:])
     unit = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
     if values.dtype.kind == "M":
@@ -77,7 +77,7 @@ def _arrays(prefix: str, channel: Any) -> list[Array]:
 
 
 def _once(arrays: list[Array]) -> list[Array]:
-    """Arrays without repeated times, as each waveform brings its own."""
+    """Remove repeated times, because each waveform has its own."""
     once: list[Array] = []
     for array in arrays:
         same = any(array.name == other.name and np.array_equal(array.values, other.values) for other in once)

@@ -1,11 +1,11 @@
 """Column headers: name, unit and quantity, in the spellings of instruments (English and German) and of people.
 
-The idea: ``thickness_um``, ``Thickness (µm)``, ``Dicke [µm]`` and ``thickness / µm`` are one statement. A bracket or an
-ending is only taken for a unit if it is one and fits the word before it: the ``(R)`` of ``Reflectance (R)`` is a
-symbol, the ``_s`` of ``R_s`` a polarisation, and neither is a unit. Its unit decides what a word means where the
-word alone does not: ``T (°C)`` is a temperature, ``T (%)`` a transmittance.
+The idea: ``thickness_um``, ``Thickness (µm)``, ``Dicke [µm]`` and ``thickness / µm`` mean the same. A bracket or an
+ending is interpreted as a unit only if it is one and fits the word before it: the ``(R)`` of ``Reflectance (R)`` is a
+symbol, the ``_s`` of ``R_s`` a polarisation, and neither is a unit. The unit determines the meaning of an ambiguous
+word: ``T (°C)`` is a temperature, ``T (%)`` a transmittance.
 
-The interface: `heading` of a header's text, `quantity_of` a name, `is_label` for columns that name rather than measure.
+The interface: `heading` of a header's text, `quantity_of` a name, `is_label` for columns that label rows.
 """
 
 import re
@@ -115,7 +115,7 @@ _IN_WORDS = (
     | {"nm.": "nm"}
 )
 """Units as LabVIEW writes them, in words."""
-_LONGEST = 120  # letters of a header: what is longer is prose
+_LONGEST = 120  # most letters of a header; longer text is prose
 _NO_UNIT = {"a.u.", "a. u.", "arb. units", "arb.", "arb. u.", "au"}
 _PURE = {"-", "–", "1", "–-", "frac", "fraction", "ratio"}
 
@@ -125,12 +125,12 @@ _SLASH = re.compile(r"(.+?)\s*/\s*(.+)")
 _IN = re.compile(r"(.+?)(?:\s+in|,)\s+(\S+)")
 _LAST = re.compile(r"(.+?)\s+(\S+)")
 _PERCENT = re.compile(r"(.*?)(?:%\s*([TRA])|\b([TRA])\s*%)(?![\w.])((?:\s.*)?)")
-_CHANNEL = re.compile(r"(?:axial|ch(?:annel)?\.? ?\d+)\s+(.+)", re.IGNORECASE)  # as MTS calls its channels
+_CHANNEL = re.compile(r"(?:axial|ch(?:annel)?\.? ?\d+)\s+(.+)", re.IGNORECASE)  # MTS' names of channels
 _PERCENT_OF = re.compile(r"%\s*(\w{2,})")
 _DOSED = re.compile(r"(.*?)[\s_]+(\d+(?:[.,]\d+)?)[\s_]*(ms|s|sec|sek|min)\b((?:\s.*)?)")  # T_2s (%), T 2000 ms
 _OPTICAL = {"transmittance", "reflectance", "absorbance", "absorptance"}
 AXES = {"nm": "wavelength", "cm-1": "wavenumber", "1/cm": "wavenumber", "cm^-1": "wavenumber"}
-"""Headers that are the unit of a spectrum's axis alone."""
+"""Headers that consist only of the unit of a spectrum's axis."""
 _PERCENTS = {"T": "transmittance", "R": "reflectance", "A": "absorptance"}
 
 
@@ -144,7 +144,7 @@ class Heading:
 
 
 def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
-    """Name, unit and quantity that a header's text states.
+    """Return the name, unit and quantity that a header's text states.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
     unit
         Its cell in the row of units below, if there is one.
     optical
-        Whether the columns run along a wavelength, where T, R and A are what an optician calls so.
+        Whether the axis is a wavelength, for which T, R and A have their meaning in optics.
     """
     text = " ".join(text.split())
     if len(text) > _LONGEST:
@@ -177,7 +177,7 @@ def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
 
 
 def quantity_of(name: str, unit: str = "", *, optical: bool = False) -> str:
-    """Quantity that a name denotes; empty if it denotes none or its unit is of another kind."""
+    """Return the quantity that a name denotes; empty if it denotes none or its unit is of another kind."""
     meant = [quantity for quantity in _meanings(name) if not unit or _fits(quantity, unit)]
     if optical and not meant:
         meant = [meaning for meaning in _meanings(re.split(r"[\s_-]", name)[-1]) if not unit or _fits(meaning, unit)]
@@ -193,7 +193,7 @@ def is_label(text: str) -> bool:
 
 
 def plain(name: str) -> str:
-    """A name without differences of spelling: case, underscores and spaces."""
+    """Return a name without differences of spelling: case, underscores and spaces."""
     return " ".join(name.replace("_", " ").casefold().split())
 
 
@@ -202,7 +202,7 @@ def stated_unit(text: str) -> bool:
     text = text.strip()
     if len(text) > _LONGEST:
         return False
-    if text == "nm.":  # as PerkinElmer abbreviates it
+    if text == "nm.":  # PerkinElmer's abbreviation
         return True
     tokens = re.findall(r"[^\W\d_]+|[°%]\w*", text.translate(_LETTERS))
     known = bool(tokens) and all(token in _TOKENS or token.lower() in _ANY_CASE for token in tokens)
@@ -216,7 +216,7 @@ def is_mode(text: str) -> bool:
 
 
 def _split(text: str, optical: bool) -> Heading | None:
-    """Heading of a text that holds a unit, or None."""
+    """Return the heading of a text that contains a unit, or None."""
     bracket = _BRACKET.fullmatch(text)
     if bracket:
         name, inner = bracket[1], bracket[2] if bracket[2] is not None else bracket[3]
@@ -234,7 +234,7 @@ def _split(text: str, optical: bool) -> Heading | None:
 
 
 def _suffixed(text: str, optical: bool) -> Heading | None:
-    """Heading of a name that ends in its unit, as in ``dose_mJ_per_cm2``."""
+    """Return the heading of a name that ends in its unit, as in ``dose_mJ_per_cm2``."""
     parts = text.split("_")
     for start in range(1, len(parts)):
         name, unit = "_".join(parts[:start]), _unit_of_parts(parts[start:])
@@ -244,7 +244,7 @@ def _suffixed(text: str, optical: bool) -> Heading | None:
 
 
 def _unit_of_parts(parts: list[str]) -> str:
-    """Unit spelled by the parts of a name: ``mJ per cm2``, ``per mm``, and ``mJ cm2``, common for the first."""
+    """Return the unit spelled by the parts of a name: ``mJ per cm2``, ``per mm``, or the common ``mJ cm2``."""
     words = ["/" if part == "per" else part for part in parts]
     if words[0] == "/":
         words.insert(0, "1")
@@ -256,7 +256,7 @@ def _unit_of_parts(parts: list[str]) -> str:
 def _is_unit_of(name: str, unit: str, *, bracketed: bool = False) -> bool:
     """Whether a text is a unit and, if the quantity is known, one of its kind.
 
-    A bracket after a single letter is its unit all the same: the ``b`` of ``b (V)`` is not a width.
+    A bracket after a single letter is always its unit: the ``b`` of ``b (V)`` is not a width.
     """
     unit = unit.strip()
     if not stated_unit(unit):
@@ -302,7 +302,7 @@ def _label_words() -> frozenset[str]:
 
 
 def _meanings(name: str) -> list[str]:
-    """Quantities that a name can denote; the case of a single letter matters, as T and t differ."""
+    """Return the quantities that a name can denote; the case of a single letter matters, as T and t differ."""
     if name in {"T", "R", "A"}:
         return {"T": ["transmittance", "temperature"], "R": ["reflectance", "resistance"], "A": []}[name]
     if name == "t":

@@ -1,8 +1,8 @@
 """Excel workbooks (.xlsx, and .xls with the extra ``xls``): the cells of one sheet, as a text file's rows.
 
-The idea: a workbook is the same table as its CSV. Numbers keep all their digits; a formula counts by the result that
-was stored with it, and where none was, the file is refused: its cell is not empty. An archive that unpacks to more than
-a table could be is not unpacked.
+The idea: a workbook is the same table as its CSV. Numbers keep all their digits. The value of a formula is the result
+stored with it; a file with a formula without a stored result is rejected, because its cell is not empty. An archive
+that would unpack to more than the size of a table is not unpacked.
 
 The interface: `grid` of a sheet.
 """
@@ -22,13 +22,13 @@ from solen.recording.numbers import is_number
 from solen.recording.source import Source
 
 LARGEST_MB = 500
-"""Size of all parts of a workbook, unpacked, beyond which it is refused."""
+"""Largest size in MB of all parts of a workbook, unpacked."""
 MOST_CELLS = 2_000_000
-"""Cells of a sheet beyond which it is refused."""
+"""Largest number of cells of a sheet."""
 
 
 def grid(source: Source, sheet: str | None = None) -> Grid:
-    """Rows of a sheet; `DataError` if the file is not a workbook or the sheet must be named.
+    """Return the rows of a sheet; raise `DataError` if the file is not a workbook or the sheet must be named.
 
     ``sheet`` is its name; default: the only sheet with numbers.
     """
@@ -43,7 +43,7 @@ def grid(source: Source, sheet: str | None = None) -> Grid:
 
 
 def _check_archive(source: Source) -> None:
-    """`DataError` for a zip archive that is not a workbook, or one that is too large or unsafe to unpack."""
+    """Raise `DataError` for a zip archive that is not a workbook, or one that is too large or unsafe to unpack."""
     try:
         with zipfile.ZipFile(io.BytesIO(source.data)) as archive:
             members = archive.infolist()
@@ -63,15 +63,15 @@ def _check_archive(source: Source) -> None:
 
 
 def _sheets(source: Source, wanted: str | None, *, stored: bool) -> dict[str, list[list[str]]]:
-    """Cells of every worksheet by its name, or of the requested one only.
+    """Return the cells of every worksheet by its name, or of the requested one only.
 
-    With ``stored`` a formula is the result that was stored with it, else its text.
+    With ``stored`` the value of a formula is the result that was stored with it, else its text.
     """
     import openpyxl
 
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of styles and validations that are not kept
+            warnings.simplefilter("ignore")  # about styles and validations, which are not used
             book = openpyxl.load_workbook(io.BytesIO(source.data), read_only=True, data_only=stored)
             _check_name(source, wanted, [sheet.title for sheet in book.worksheets])
             rows = {sheet.title: _texts(source, sheet) for sheet in book.worksheets if wanted in {None, sheet.title}}
@@ -89,14 +89,14 @@ def _check_name(source: Source, wanted: str | None, names: Sequence[str]) -> Non
 
 
 def _old_sheets(source: Source, wanted: str | None) -> dict[str, list[list[str]]]:
-    """The same of an .xls, whose formulas have their results stored."""
+    """Return the cells of an .xls, whose formulas have their results stored."""
     need("xlrd", what=str(source.path), doing="reading .xls", otherwise="save it as .xlsx or CSV", error=DataError)
     import xlrd
 
     try:
         book = xlrd.open_workbook(file_contents=source.data, formatting_info=True, logfile=io.StringIO())
         sheets = {one.name: [_old_row(book, one.row(n)) for n in range(one.nrows)] for one in book.sheets()}
-    except Exception as bad:  # xlrd raises whatever fits what it stumbled over
+    except Exception as bad:  # xlrd may raise any exception at a damaged file
         no_book = "find workbook" in str(bad)
         limit = "is not an Excel workbook but another program's binary format" if no_book else "is a damaged workbook"
         raise source.refused("", limit, "save the table as .xlsx or CSV") from None
@@ -105,7 +105,7 @@ def _old_sheets(source: Source, wanted: str | None) -> dict[str, list[list[str]]
 
 
 def _old_row(book: Any, cells: Sequence[Any]) -> list[str]:
-    """Cells of an .xls as `_text` has them of an .xlsx."""
+    """Return the cells of an .xls in the form in which `_text` returns them for an .xlsx."""
     import xlrd
 
     of: dict[int, Callable[[Any], Any]] = {
@@ -122,14 +122,14 @@ def _old_row(book: Any, cells: Sequence[Any]) -> list[str]:
 
 
 def _texts(source: Source, sheet: Any) -> list[list[str]]:
-    """Cells of a sheet as a CSV would hold them."""
-    sheet.reset_dimensions()  # what a file says of them may be wrong
+    """Return the cells of a sheet as a CSV would contain them."""
+    sheet.reset_dimensions()  # the stated dimensions may be wrong
     rows: list[list[str]] = []
     left = MOST_CELLS
     for row in sheet.iter_rows():
         left -= len(row) + 1
         if left < 0:
-            limit = f"holds more than {MOST_CELLS} cells"
+            limit = f"contains more than {MOST_CELLS} cells"
             raise source.refused(f"sheet {sheet.title}", limit, "save only the table, as CSV")
         rows.append([_text(cell.value, getattr(cell, "number_format", "")) for cell in row])
     return rows
@@ -149,7 +149,7 @@ def _errors() -> tuple[type[Exception], ...]:
 
 
 def _only(source: Source, sheets: dict[str, list[list[str]]]) -> str:
-    """Name of the only sheet that holds numbers."""
+    """Return the name of the only sheet that contains numbers."""
     held = [name for name, rows in sheets.items() if any(is_number(cell) for row in rows for cell in row)]
     if len(held) != 1:
         limit = f"has {len(held)} sheets with numbers" if held else "has no sheet with numbers"
@@ -158,33 +158,33 @@ def _only(source: Source, sheets: dict[str, list[list[str]]]) -> str:
 
 
 def _grid_of(source: Source, name: str, texts: list[list[str]]) -> Grid:
-    """Grid of a sheet; all rows are padded to the longest, without empty columns at the end."""
+    """Return the grid of a sheet; all rows are padded to the longest, without empty columns at the end."""
     while texts and not any(texts[-1]):
         texts.pop()
     width = max((n + 1 for row in texts for n, cell in enumerate(row) if cell), default=0)
     if width * len(texts) > MOST_CELLS:
-        limit = f"reaches to row {len(texts)} and column {width}: more than {MOST_CELLS} cells"
+        limit = f"extends to row {len(texts)} and column {width}: more than {MOST_CELLS} cells"
         raise source.refused(f"sheet {name}", limit, "save only the table, as CSV")
     padded = [(row + [""] * width)[:width] for row in texts]
     return Grid(source, padded, list(range(1, len(padded) + 1)), "", name)
 
 
 def _refuse_unstored(source: Source, name: str, result: Grid) -> None:
-    """`DataError` at a formula whose result is not stored in the file."""
+    """Raise `DataError` at a formula whose result is not stored in the file."""
     formulas = _sheets(source, name, stored=False)[name]
     for row, cells in enumerate(formulas):
         for column, cell in enumerate(cells):
             inside = row < len(result.rows) and column < len(result.rows[row])
             if cell.startswith("=") and inside and not result.rows[row][column]:
-                limit = "holds a formula whose result is not stored"
+                limit = "contains a formula whose result is not stored"
                 raise result.refused(row, column, limit, "open the workbook in Excel and save it there")
 
 
 def _text(value: Any, shown: str) -> str:
-    """A cell as a CSV would hold it, with all digits of a number.
+    """Return a cell as a CSV would contain it, with all digits of a number.
 
-    A number that Excel shows as a percentage is stored without it, 0.91 for 91 %: it stays a text with the sign, which
-    no reader takes for a number.
+    A number that Excel shows as a percentage is stored as a fraction, 0.91 for 91 %: the cell becomes a text with the
+    percent sign, which no reader interprets as a number.
     """
     if value is None:
         return ""

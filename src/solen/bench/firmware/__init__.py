@@ -1,1 +1,1 @@
-"""Firmware of emitter boards: sources that are written for a board, and the core that runs on one and here."""
+"""Firmware of emitter boards: sources for each board, and the core that runs on the board and on this computer."""

@@ -1,10 +1,10 @@
-"""The emitter board's core without its hardware, for MicroPython and CPython alike.
+"""The emitter board's core without its hardware, for both MicroPython and CPython.
 
-The idea: a loop calls `Board.work` as often as it can and `Board.hear` with what came from the host. A period is cut
-into two halves for each emitter, on and off; at the end of each half every input is sampled and the next emitter
-switched. The checksum grows half by half, so that no half has to wait for a long one. A motor follows its ramp by the
-same clock. Whatever hardware there is does what `Hardware` says; frames and commands are those of
-`solen.bench.frames` and `solen.bench.board`, and this file imports neither, as it is copied onto boards as it is.
+The idea: a loop calls `Board.work` as often as it can and `Board.hear` with the bytes from the host. A period is
+divided into two halves for each emitter, on and off; at the end of each half every input is sampled and the next
+emitter is switched. The checksum is computed half by half, which avoids one long computation that would delay a half. A
+motor follows its ramp by the same clock. Each hardware implements `Hardware`; frames and commands are those of
+`solen.bench.frames` and `solen.bench.board`, but this file imports neither, because it is copied onto boards unchanged.
 
 The interface: `Board` on a `Hardware`.
 """
@@ -19,9 +19,9 @@ LATE = 1
 HEAD_BYTES, PERIOD_BYTES, LONGEST_COMMAND = 10, 8, 64
 FLAGS_AT = HEAD_BYTES + 6
 WATCHDOG_US = 800_000
-"""Silence of the host after which the emitters go off; with the time of a loop, within a second."""
+"""Silence of the host in µs after which the emitters go off; together with the time of a loop, within a second."""
 LATE_SHARE = 8
-"""A half sampled later than its length divided by this makes its period late."""
+"""A half that is sampled later than its length divided by this number makes its period late."""
 
 
 def _table() -> "array[int]":
@@ -38,7 +38,7 @@ TABLE = _table()
 
 
 def crc_on(crc: int, data: "bytes | bytearray", begin: int, end: int) -> int:
-    """CRC-16/CCITT-FALSE, continued over ``data[begin:end]``."""
+    """Return CRC-16/CCITT-FALSE, continued over ``data[begin:end]``."""
     table = TABLE
     for at in range(begin, end):
         crc = ((crc << 8) & 0xFFFF) ^ table[(crc >> 8) ^ data[at]]
@@ -57,23 +57,23 @@ class Hardware:
     most_steps_per_s = 0
 
     def now_us(self) -> int:
-        """Microseconds since some beginning, never going back and never wrapping."""
+        """Return the microseconds since an arbitrary beginning; they never decrease and never wrap."""
         raise NotImplementedError  # MicroPython has no abc
 
     def light(self, emitter: int) -> None:
-        """Light one emitter, from 0, and no other; -1 for none."""
+        """Switch on one emitter, counted from 0, and all others off; -1 for none."""
         raise NotImplementedError  # MicroPython has no abc
 
     def sample(self, buffer: bytearray, at: int, inputs: int) -> None:
-        """Write counts of the inputs into a buffer, 2 bytes each, the low one first."""
+        """Write the counts of the inputs into a buffer, 2 bytes each, low byte first."""
         raise NotImplementedError  # MicroPython has no abc
 
     def send(self, data: bytearray) -> None:
-        """Send bytes to the host; the buffer is used again afterwards."""
+        """Send bytes to the host; the buffer is reused afterwards."""
         raise NotImplementedError  # MicroPython has no abc
 
     def fits(self, half_us: int, emitters: int, inputs: int) -> bool:
-        """Whether it has so many emitters and inputs, and samples them within a half."""
+        """Whether the board has this number of emitters and inputs, and can sample them within a half."""
         raise NotImplementedError  # MicroPython has no abc
 
     def step(self, position: int, forward: bool) -> None:
@@ -87,7 +87,7 @@ class Axis:
     Attributes
     ----------
     position, moving
-        Steps from its zero, and whether a ramp is under way.
+        Steps from its zero, and whether a ramp is in progress.
     """
 
     def __init__(self, hardware: Hardware) -> None:
@@ -106,7 +106,7 @@ class Axis:
         self._ramp(now_us, 1 if target >= self.position else -1, way, (acceleration * up, acceleration), (up, flat))
 
     def halt(self, now_us: int) -> None:
-        """Slow down from here, as fast as it sped up, unless it does."""
+        """Slow down from the current position with the deceleration of the ramp, unless already slowing down."""
         if self.moving and self._up_s:
             since = 1e-6 * (now_us - self._begin_us)
             speed = self._acceleration * min(since, max(0.0, self._all_s - since))
@@ -119,7 +119,7 @@ class Axis:
         self.position, self.moving = position, False
 
     def work(self, now_us: int) -> None:
-        """Make one step if the ramp is ahead, respecting the motor's minimum interval."""
+        """Make one step if the ramp is ahead of the motor, respecting the motor's minimum interval."""
         since = 1e-6 * (now_us - self._begin_us)
         if self._sign * (self.position - self._start) < int(self._gone(since) + 0.5):
             if now_us - self._stepped_us >= self._least_us:
@@ -138,7 +138,7 @@ class Axis:
         self._begin_us, self._start, self._sign, self._way, self.moving = now_us, self.position, sign, way, True
 
     def _gone(self, since: float) -> float:
-        """Steps travelled since the start of the move, at a time after it."""
+        """Return the steps travelled since the start of the move at a later time."""
         left = self._all_s - since
         if left <= 0.0:
             return self._way
@@ -150,12 +150,12 @@ class Axis:
 
 
 class Board:
-    """A board that lights, samples, moves and answers.
+    """A board that switches emitters, samples, moves and answers.
 
     Attributes
     ----------
     lit
-        Whether its emitters take turns.
+        Whether its emitters alternate.
     axis
         Its motor.
     """
@@ -170,7 +170,7 @@ class Board:
         self._late = False
 
     def work(self) -> bool:
-        """Do what is due, to be called as often as possible; whether there was anything."""
+        """Do the work that is due and return whether there was any; to be called as often as possible."""
         now = self._hardware.now_us()
         if self.axis.moving:
             self.axis.work(now)
@@ -183,11 +183,11 @@ class Board:
         return True
 
     def next_us(self) -> "int | None":
-        """When the next half is due; None while it is dark."""
+        """Return the time at which the next half is due; None if the board does not sample."""
         return self._due_us(self._half + 1) if self.lit else None
 
     def hear(self, data: bytes) -> None:
-        """Take bytes that came from the host, and do the commands that are complete."""
+        """Accept bytes from the host, and execute the commands that are complete."""
         if not data:
             return
         self._heard_us = self._hardware.now_us()
@@ -206,7 +206,7 @@ class Board:
         self._hardware.light(-1)
 
     def _due_us(self, half: int) -> int:
-        """When a half of the period begins."""
+        """Return the time at which a half of the period begins."""
         period = self._period_us
         return self._begun_us + self._number * period + half * period // (2 * self._emitters)
 
@@ -261,7 +261,7 @@ class Board:
         self._frame = bytearray(HEAD_BYTES + size + 2)
         struct.pack_into("<HBBHIIBBBB", self._frame, 0, 0x5AA5, VERSION, SAMPLES, size, 0, 0, emitters, inputs, 0, 0)
         self._other = bytearray(self._frame)
-        # the checksum is linear: what the flag changes in it does not depend on what is measured
+        # the checksum is linear: its change due to the flag is independent of the samples
         flag = bytearray(size - 6)
         flag[0] = LATE
         self._late_crc = crc_on(0, flag, 0, len(flag))
@@ -270,7 +270,7 @@ class Board:
     # ----------------------------------------------------------------------------------------------- commands
 
     def _command(self) -> bool:
-        """Do the next command; False where none is complete."""
+        """Execute the next command; return False if no command is complete."""
         data = self._coming
         begin = data.find(b"\xa5\x5a")
         if begin < 0:
@@ -291,7 +291,7 @@ class Board:
         return True
 
     def _do(self, kind: int, payload: bytes) -> None:
-        """Do a command and answer it."""
+        """Execute a command and answer it."""
         status, words = DONE, b""
         if kind == IDENTIFY:
             words = self._name.encode()
@@ -333,7 +333,7 @@ class Board:
         return DONE, b""
 
     def _stamp(self) -> int:
-        """Its clock as it stamps periods."""
+        """Return the board's clock in the form that stamps periods."""
         return (self._hardware.now_us() - self._begun_us) & 0xFFFFFFFF
 
     def _answer(self, payload: bytes) -> None:

@@ -1,6 +1,6 @@
-"""Which sources a board needs, ready to be copied onto it or uploaded.
+"""The sources that a board needs, ready to be copied onto it or uploaded.
 
-The interface: `BOARDS`; `sources_of` one of them.
+The interface: `BOARDS`; `sources_of` returns the files of one board.
 """
 
 from importlib.resources import files as resources
@@ -15,20 +15,20 @@ BOARDS: dict[str, dict[str, str]] = {
     "esp32": {**_MICROPYTHON, "pins.py": "sources/pins-esp32.py"},
     "uno": {f"solen_uno/{name}": f"sources/{name}" for name in (*_C, "uno.c", "solen_uno.ino")},
 }
-"""Files of each board's firmware, and what is shipped as each."""
+"""Files of each board's firmware, and the shipped source of each file."""
 CONVERTERS = {
     "pico": (16, 3.3, 115_200),
     "esp32": (16, 3.3, 115_200),
     "uno": (12, 5.0, 500_000),
 }
-"""Bits, range in V and baud rate that a rig file states for each."""
+"""Bits, range in V and baud rate that a rig file states for each board."""
 
 
 STRAIGHT_V = {"esp32": (0.15, 2.45)}
-"""Levels between which the converter of a board is straight, where that is not its range: by Espressif, at 11 dB."""
+"""Levels in V between which a board's converter is linear, if that is not its whole range: by Espressif, at 11 dB."""
 
 
 def sources_of(board: str) -> dict[str, str]:
-    """Texts of a board's files, by their names in the folder that they are written to."""
+    """Return the text of each of a board's files, by its name in the folder that it is written to."""
     folder = resources("solen.bench.firmware")
     return {name: folder.joinpath(shipped).read_text(encoding="utf-8") for name, shipped in BOARDS[board].items()}

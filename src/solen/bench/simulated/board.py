@@ -1,9 +1,9 @@
 """A simulated board: it alternates the emitters of simulated sensors and reads their receivers.
 
-The idea: a period has one slot for each emitter; in each, one emitter is on for the first half and
-off for the second, and every input is sampled at the end of both. The stage's position at that moment determines the
-received share of the light; the circuit converts it to voltage, the converter to counts. All periods since the last
-reading are computed at once; a test compares them with the core of the firmware (`solen.bench.firmware.solen_board`).
+The idea: a period has one slot for each emitter; in each, one emitter is on for the first half and off for the second,
+and every input is sampled at the end of both. The stage's position at that moment determines the fraction of the light
+that is received; the circuit converts it to a voltage, the converter to counts. All periods since the last reading are
+computed at once; a test compares them with the core of the firmware (`solen.bench.firmware.solen_board`).
 """
 
 import math
@@ -23,31 +23,31 @@ from solen.bench.simulated.sensors import SimulatedSensor, room_light_mw_cm2
 from solen.readout import volts
 
 AT_ONCE = 2000
-"""Periods that are computed at once, so that memory stays small however rarely they are read."""
+"""Number of periods that are computed at once, which limits the memory if the board is seldom read."""
 
 
 @dataclass
 class SimulatedBoard:
-    """An `EmitterBoard` in the program itself.
+    """A simulated `EmitterBoard`.
 
     Attributes
     ----------
     clock
         Clock of the run.
     sensors
-        Those on its inputs.
+        Sensors on its inputs.
     angle_deg
         Angles of the sensors (N,) at ascending times (N,), or of their motions (N, M).
     room
-        Light of the room.
+        Ambient light.
     layout, period_s, volts_per_count, losses
-        As every board's.
+        As for every board.
     rng
         Draws noise and the phase of the flicker.
     ppm
         How much faster its clock runs than the run's.
     per_count
-        Size of one count, for a rig that measures no volts.
+        Size of one count, for a rig that does not measure volts.
     cell
         Its load cell.
     """
@@ -74,12 +74,12 @@ class SimulatedBoard:
         return self.sensors[0].circuit.adc.step_V if self.per_count is None else self.per_count
 
     def start(self) -> None:
-        """Begin to light and to sample."""
+        """Start switching the emitters and sampling."""
         self._begun_s, self._next = self.clock.now_s(), 0
         self._phase = float(self.rng.uniform(0.0, 2.0 * math.pi))
 
     def read(self) -> Periods:
-        """Periods that are complete and were not read yet."""
+        """Return the periods that are complete and were not read yet."""
         if self._begun_s is None:
             return self._periods(0)
         complete = math.floor((self.clock.now_s() - self._begun_s) / self.period_s + 1e-9)
@@ -89,20 +89,20 @@ class SimulatedBoard:
         return Periods.joined(parts, self.layout)
 
     def time_s(self) -> float:
-        """Its own time, as it stamps periods."""
+        """Return the board's own time, on the clock that stamps periods."""
         since_s = self.clock.now_s() - (self.clock.now_s() if self._begun_s is None else self._begun_s)
         return since_s * (1.0 + 1e-6 * self.ppm)
 
     def stop(self) -> None:
-        """Emitters off."""
+        """Switch the emitters off."""
         self._begun_s = None
 
     def close(self) -> None:
-        """Emitters off."""
+        """Switch the emitters off."""
         self.stop()
 
     def _periods(self, n: int) -> Periods:
-        """The next periods."""
+        """Compute the next periods."""
         number = self._next + np.arange(n)
         self._next += n
         begun = self._begun_s or 0.0
@@ -117,7 +117,7 @@ class SimulatedBoard:
         return Periods(number, board_us, np.zeros(n, np.uint8), counts.reshape(shape))
 
     def counts(self, time_s: FloatArray, lit: IntArray) -> NDArray[np.uint16]:
-        """Counts of the converter at ascending times (N,), with an emitter lit, from 0, or none, -1: (N, inputs)."""
+        """Counts of the converter at ascending times (N,), with an emitter on, from 0, or none, -1: (N, inputs)."""
         counts = np.zeros((len(time_s), self.layout.receivers), np.uint16)
         if len(time_s) == 0:
             return counts

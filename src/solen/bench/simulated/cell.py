@@ -1,7 +1,7 @@
 """A simulated load cell under the finger of a simulated stage.
 
-The idea: it is what the rig file states, but for errors that the file gives the size of. Its scale is off by a draw of
-the stated uncertainty, and its line by a bow that is off a straight one by the stated nonlinearity at the most.
+The idea: the cell follows the rig file, except for errors whose size the file states. Its scale has an error drawn from
+the stated uncertainty, and its curve deviates from a straight line by at most the stated nonlinearity.
 
 The interface: `SimulatedCell.drawn`; its `volts` at depths of the finger.
 """
@@ -15,7 +15,7 @@ from solen.arrays import FloatArray
 from solen.bench.simulated.sensors import SimulatedSensor
 
 REST_V = 0.5
-"""Voltage without load, where the rig file states none."""
+"""Voltage without load, if the rig file states none."""
 
 
 @dataclass(frozen=True)
@@ -25,13 +25,13 @@ class SimulatedCell:
     Attributes
     ----------
     place
-        Its input, from 0.
+        Index of its input, from 0.
     sensor
-        The sensor that it feels.
+        The sensor on which the force acts.
     stated
-        As the rig file has it.
+        Load cell as stated in the rig file.
     scale, bow_N
-        How much more it shows than it should, as a share; and its distance from a line at half its capacity.
+        Relative error of its scale, and deviation from a straight line at half its capacity.
     """
 
     place: int
@@ -42,13 +42,13 @@ class SimulatedCell:
 
     @classmethod
     def drawn(cls, stated: LoadCell, sensor: SimulatedSensor, rng: np.random.Generator) -> "SimulatedCell":
-        """One of those that the rig file describes."""
+        """Draw a load cell within the uncertainty that the rig file states."""
         scale = 0.01 * (stated.u_sensitivity_percent or 0.0) * float(rng.standard_normal())
         bow_N = 0.01 * stated.nonlinearity_percent * (stated.capacity_N or 0.0) * float(rng.uniform(-1.0, 1.0))
         return cls((stated.input or 1) - 1, sensor, stated, scale, bow_N)
 
     def volts(self, depth_mm: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """What the sensor's converter reads of it at depths (n,)."""
+        """Return the volts of the load cell, in the range of the sensor's converter, at depths (n,)."""
         force_N = self.sensor.pressed_N(depth_mm)
         share = force_N / (self.stated.capacity_N or 1.0)
         shown = force_N * (1.0 + self.scale) + 4.0 * self.bow_N * share * (1.0 - share)

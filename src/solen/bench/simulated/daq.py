@@ -1,10 +1,10 @@
 """A simulated data acquisition: it samples simulated sensors continuously while their emitters switch.
 
 The idea: emitters alternate; each is on for the first half of its slot and off for the second. A receiver follows with
-its first-order time constant: within a phase its voltage relaxes from its previous value to that of the
-phase's light, where the previous value is that of periodic switching (`settling`). One converter
-samples the inputs in sequence, each slightly later than the one before. The switching runs by the
-instrument's clock or by its own, and neither is the run's clock.
+its first-order time constant: within a phase its voltage relaxes from its previous value to that of the phase's light,
+and the previous value is that of periodic switching (`settling`). One converter samples the inputs in sequence, each
+slightly later than the one before. The switching runs by the instrument's clock or by its own, and neither is the run's
+clock.
 
 The interface: `SimulatedDaq`, a `Daq`; `settling` of two voltages.
 """
@@ -27,34 +27,34 @@ from solen.readout import noisy
 from solen.readout.emitter import REFERENCE_C
 
 AT_ONCE = 20_000
-"""Samples that are computed at once, so that memory stays small however rarely they are read."""
+"""Number of samples that are computed at once, which limits the memory if the instrument is seldom read."""
 CONVERT_S = 14e-6
 """Interval between inputs if the rate allows: that of the slowest converter plus 10 µs to settle."""
 SYNC_V = 3.3
 LONG = 20.0
-"""Time constants after which a switch is over."""
+"""Number of time constants after which a switch is settled."""
 
 
 @dataclass
 class SimulatedDaq:
-    """A `Daq` in the program itself.
+    """A simulated `Daq`.
 
     Attributes
     ----------
     clock
         Clock of the run.
     sensors
-        Those on its inputs.
+        Sensors on its inputs.
     angle_deg
         Angles of the sensors (N,) at ascending times (N,), or of their motions (N, M).
     room
-        Light of the room.
+        Ambient light.
     setup
         Its settings.
     rng
         Draws noise and phases.
     ppm, outside_ppm
-        How much faster its clock runs than the run's, and that of what switches the emitters from outside.
+        How much faster its clock runs than the run's, and how much faster that of an external switching source runs.
     cell
         Its load cell.
     """
@@ -86,13 +86,13 @@ class SimulatedDaq:
         return np.tile([0.0, self._step_V], (len(self.setup.channels), 1))
 
     def start(self) -> None:
-        """Begin to sample; a switching from outside is somewhere in its turn."""
+        """Start sampling; an external switching source is at a random phase."""
         self._begun_s, self._next = self.clock.now_s(), 0
         self._flicker = float(self.rng.uniform(0.0, 2.0 * math.pi))
         self._turn = float(self.rng.uniform()) if self.setup.switching == "external" else 0.0
 
     def read(self) -> Samples:
-        """Samples taken since the last reading."""
+        """Return the samples taken since the last call."""
         first, parts = self._next, [np.zeros((0, len(self.setup.channels)), np.int16)]
         if self._begun_s is not None:
             since_s = self.clock.now_s() - self._begun_s
@@ -102,11 +102,11 @@ class SimulatedDaq:
         return Samples(0, first, np.concatenate(parts))
 
     def stop(self) -> None:
-        """Emitters off."""
+        """Switch the emitters off."""
         self._begun_s = None
 
     def close(self) -> None:
-        """Emitters off."""
+        """Switch the emitters off."""
         self.stop()
 
     @property
@@ -114,7 +114,7 @@ class SimulatedDaq:
         return self.sensors[0].circuit.adc.step_V
 
     def _samples(self, n: int) -> NDArray[np.int16]:
-        """The next samples."""
+        """Compute the next samples."""
         number = self._next + np.arange(n)
         self._next += n
         time = (self._begun_s or 0.0) + number / (self.rate_hz * (1.0 + 1e-6 * self.ppm))
@@ -140,13 +140,13 @@ class SimulatedDaq:
         return 0.5 / self.setup.emitters
 
     def _since_on(self, time_s: FloatArray, emitter: int) -> FloatArray:
-        """Share of a period since an emitter went on last, in [0, 1)."""
+        """Time since an emitter was last switched on, as a fraction of the period, in [0, 1)."""
         ppm = self.outside_ppm if self.setup.switching == "external" else self.ppm
         turns = (time_s - (self._begun_s or 0.0)) * self.switch_hz * (1.0 + 1e-6 * ppm) + self._turn
         return np.asarray((turns - (emitter - 1) / self.setup.emitters) % 1.0)
 
     def _read(self, sensor: SimulatedSensor, inputs: list[int], time_s: FloatArray) -> FloatArray:
-        """Volts (N, 2) that the converter reads of a sensor's receivers."""
+        """Return the volts (N, 2) that the converter reads from a sensor's receivers."""
         circuit = replace(sensor.circuit, samples=1)
         shares = sensor.at(self.angle_deg(time_s + self.convert_s * float(np.mean(inputs))))
         light = room_light_mw_cm2(self.room, time_s, self._flicker)
@@ -164,10 +164,10 @@ class SimulatedDaq:
         return noisy(circuit, replace(line, volts=volts), REFERENCE_C, self.rng)
 
     def _in_turn(self, network: SimulatedNetwork, time_s: FloatArray) -> FloatArray:
-        """Volts (N, R) that the converter reads of a network's receivers, whose emitters have a slot each.
+        """Return the volts (N, R) that the converter reads from a network's receivers, with one slot for each emitter.
 
-        A phase begins where the other phase of the same slot would have left it, which is where the slot before left
-        it but for what is not yet dark after a whole off phase.
+        A phase begins at the voltage with which periodic switching within the slot would end, plus the remainder of the
+        previous slot's signal that has not decayed after a complete off phase.
         """
         circuit, emitters, inputs = replace(network.circuit, samples=1), self.setup.emitters, network.places
         states = self.angle_deg(time_s + self.convert_s * float(np.mean(inputs)))

@@ -1,4 +1,4 @@
-"""Stage and sampler of a simulated rig, made as a whole: the sampler needs to know where the stage is."""
+"""Stages and sampler of a simulated rig, created together because the sampler needs the positions of the stages."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -28,7 +28,7 @@ def simulated_instruments(
     noise: np.random.Generator,
     report: Callable[[str], None] | None = None,
 ) -> tuple[dict[str, SimulatedStage], EmitterBoard | Daq, list[dict[str, Any]]]:
-    """Stages of a simulated rig by motion, its sampler, and its sensors with what was drawn, for a journal's header.
+    """Return the stages of a simulated rig by motion, its sampler, and its sensors with the drawn values.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def simulated_instruments(
     Raises
     ------
     BenchError, SpecError, DataError, DesignError
-        If a design cannot be read, built, or vary as the rig states.
+        If a design cannot be read, cannot be built, or cannot vary as the rig states.
     """
     rng = np.random.default_rng([rig.seed, 0])
     driven = {name: one.model_dump(include={"zero", "lever_mm", "drives"}) for name, one in rig.axes.items()}
@@ -81,7 +81,7 @@ def simulated_instruments(
 
 
 def _reach_deg(rig: Rig, protocol: Protocol, driven: Mapping[str, Any]) -> float:
-    """Farthest angle, or depth, that a protocol goes to."""
+    """Return the largest angle, or depth, of a protocol."""
     targets = np.array([step.targets[""] for step in protocol.steps if step.to_N is None])
     if protocol.forces_N and rig.stage.travel is not None:
         targets = np.append(targets, rig.stage.travel[1])
@@ -91,7 +91,7 @@ def _reach_deg(rig: Rig, protocol: Protocol, driven: Mapping[str, Any]) -> float
 
 
 def _ranges_deg(protocol: Protocol, driven: Mapping[str, Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
-    """Lowest and highest angle of each motion."""
+    """Return the lowest and highest angle of each motion."""
     places = {motion: np.array(protocol.places.get(motion, (one["zero"],))) for motion, one in driven.items()}
     ends = {motion: driven_values(places[motion], one) for motion, one in driven.items()}
     return {motion: (float(angles.min()), float(angles.max())) for motion, angles in ends.items()}

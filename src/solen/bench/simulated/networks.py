@@ -1,9 +1,9 @@
 """Simulated networks: each a print of its design, traced over the ranges of its motions.
 
-The idea: a print is drawn once, by the rig's seed, as other sensors are. Its powers, emitter by emitter, are traced on
-a grid over the ranges of its motions, made finer, motion by motion, where a state midway differs from the surface
-through the others; between the grid's states the surface holds. That takes a minute or more, so the powers are kept in
-a file, and traced again when the design differs.
+The idea: a print is drawn once, with the rig's seed, like other sensors. Its powers, emitter by emitter, are traced on
+a grid over the ranges of its motions. The grid is refined, motion by motion, if a state midway differs from the surface
+through the others; between the states of the grid the surface is used. The tracing takes a minute or more; the powers
+therefore are stored in a file, and traced again if the design differs.
 
 The interface: `traced_network`; `SimulatedNetwork`, which a simulated board or data acquisition reads.
 """
@@ -37,11 +37,11 @@ from solen.spec.toml import dumps
 
 Range = tuple[float, float]
 TRACED = 5e-4
-"""Uncertainty of a traced power, as a share of the emitted one."""
+"""Uncertainty of a traced power, as a fraction of the emitted power."""
 FEWEST, MOST = 6, 24
-"""Steps over the range of a motion, at first and at most."""
+"""Number of steps over the range of a motion, at first and at most."""
 NEAR = 4e-3
-"""Largest difference, as a share of the emitter's brightest power, between a state midway and the surface."""
+"""Largest difference between a state midway and the surface, as a fraction of the emitter's brightest power."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,16 +51,16 @@ class SimulatedNetwork:
     Attributes
     ----------
     wires
-        Its wires.
+        Its wiring.
     drawn
         Values drawn for it.
     angles_deg
         Angles of each motion at which it was traced, in the order of the rig's stages.
     fractions
-        Shares of the emitted power that receivers convert to current, (n_1, ..., n_M, emitters, receivers), in the
-        order of its wires.
+        Fractions of the emitted power that receivers convert to current, (n_1, ..., n_M, emitters, receivers), in the
+        order of its wiring.
     strength
-        Current by a share of each emitter's power, relative to that of the first, (emitters,).
+        Current per fraction of each emitter's power, relative to that of the first, (emitters,).
     circuit
         Its receivers and converter, driven by the first emitter.
     """
@@ -78,14 +78,17 @@ class SimulatedNetwork:
         return [number - 1 for number in self.wires.read_on.values()]
 
     def at(self, angles_deg: FloatArray) -> FloatArray:
-        """Shares of the emitted power that receivers convert, (N, emitters, receivers), in states (N, motions)."""
+        """Return the fractions of the emitted power that receivers convert in states (N, motions).
+
+        The shape is (N, emitters, receivers).
+        """
         found = self._surface.at(angles_deg)
         return np.maximum(found, 0.0).reshape(len(angles_deg), *self.fractions.shape[-2:])
 
     def shares(self, angles_deg: FloatArray, emitter: IntArray) -> FloatArray:
-        """Light (N, receivers) in states (N, motions), with the board's emitter of that number lit (from 0; -1: none).
+        """Return the light (N, receivers) in states (N, motions), with one emitter of the board on (from 0; -1: none).
 
-        The light is the share of the first emitter's power that would give the same photocurrent.
+        The light is the fraction of the first emitter's power that would give the same photocurrent.
         """
         light = np.zeros((len(angles_deg), len(self.places)))
         for place, number in enumerate(self.wires.lit_by.values()):
@@ -103,16 +106,16 @@ class SimulatedNetwork:
 def traced_network(
     wires: SensorOf, design: Design, ranges_deg: Mapping[str, Range], kept: Path | None = None
 ) -> SimulatedNetwork:
-    """A network with typical parts, traced over ranges of its motions by name.
+    """Return a network with typical parts, traced over ranges of its motions by name.
 
     Parameters
     ----------
     wires, design
-        Its wires and its design.
+        Its wiring and its design.
     ranges_deg
         Lowest and highest angle of each motion, in the order of the rig's stages.
     kept
-        File of the traced powers; read where it is of this network, else written.
+        File of the traced powers; read if it belongs to this network, otherwise written.
 
     Raises
     ------
@@ -138,7 +141,7 @@ def traced_network(
 def _traced(
     wires: SensorOf, design: Design, ranges_deg: Mapping[str, Range]
 ) -> tuple[tuple[FloatArray, ...], FloatArray]:
-    """Angles of each motion, and powers over their grid."""
+    """Return the angles of each motion, and the powers over their grid."""
     middle = {name: 0.5 * (low + high) for name, (low, high) in ranges_deg.items()}
     angles = {name: _nodes(wires, design, name, ends, middle) for name, ends in ranges_deg.items()}
     mesh = np.stack(np.meshgrid(*angles.values(), indexing="ij"), axis=-1)
@@ -147,7 +150,7 @@ def _traced(
 
 
 def _read(kept: Path, key: str) -> tuple[tuple[FloatArray, ...], FloatArray] | None:
-    """Powers of a file; None where it is of something else, or no such file."""
+    """Read the powers of a file; None if it belongs to another network, or does not exist."""
     try:
         with np.load(kept, allow_pickle=False) as file:
             if str(file["key"]) != key:
@@ -162,19 +165,19 @@ def _keep(kept: Path, key: str, angles: tuple[FloatArray, ...], fractions: Float
     content = BytesIO()
     arrays: dict[str, Any] = {f"angles_{number}": one for number, one in enumerate(angles)}
     np.savez(content, key=np.array(key), fractions=fractions, **arrays)
-    with suppress(OutputError):  # a folder that cannot be written to costs another trace, no more
+    with suppress(OutputError):  # in a read-only folder the network is traced again next time
         write_bytes(kept, content.getvalue())
 
 
 def with_parts(network: SimulatedNetwork, rng: np.random.Generator) -> SimulatedNetwork:
-    """A network with random parts: receivers, and each emitter's power, within the limits of the datasheets."""
+    """Return a network with random parts: receivers, and each emitter's power, within the limits of the datasheets."""
     first, *others = (network.circuit.drawn(rng) for _ in network.wires.lit_by)
     power = np.array([one.drive.typical_mW for one in (first, *others)])
     return replace(network, circuit=first, strength=network.strength * power / power[0])
 
 
 def _strength(circuit: Circuit) -> float:
-    """Current of a receiver by the whole of an emitter's power, up to a factor that all emitters share."""
+    """Return the current of a receiver for the total power of an emitter, up to a factor common to all emitters."""
     return circuit.transistor.response * float(circuit.drive.power_mW())
 
 
@@ -184,7 +187,7 @@ def _circuit(wires: SensorOf, design: Design) -> Circuit:
 
 
 def _nodes(wires: SensorOf, design: Design, name: str, ends: Range, middle: Mapping[str, float]) -> FloatArray:
-    """Angles of one motion, the others at the middle of their ranges: as many as its response needs."""
+    """Return as many angles of one motion as its response needs, with the others at the middle of their ranges."""
     low, high = ends
     if low == high:
         return np.array([low])
@@ -212,7 +215,7 @@ def _nodes(wires: SensorOf, design: Design, name: str, ends: Range, middle: Mapp
 
 
 def _powers(wires: SensorOf, design: Design, motions: list[str], states: FloatArray) -> FloatArray:
-    """Shares (states, emitters, receivers) that receivers convert to current, in the order of the wires."""
+    """Return the fractions (states, emitters, receivers) that receivers convert, in the order of the wiring."""
     moved = [state_of(design, dict(zip(motions, row, strict=True))) for row in states.tolist()]
     found = response_of(moved, TRACED)
     lights = [found.emitters.index(name) for name in wires.lit_by]

@@ -1,10 +1,10 @@
 """Simulated sensors: the design of each with variations between prints, traced, with individual parts.
 
-The idea: prints of one design differ in index, decentre of the emitter, chip and
-parts. Each print is drawn once, with the rig's seed, and its response is **traced**, angle by angle;
-in between it is interpolated monotonically, with as many traced angles as needed.
+The idea: prints of one design differ in index, decentre of the emitter, chip and parts. Each print is drawn once, with
+the rig's seed, and its response is **traced**, angle by angle; in between it is interpolated monotonically, with as
+many traced angles as needed.
 
-The interface: `simulated_sensors` of a rig, `simulated_networks` of one with networks; `room_light_mw_cm2` at times.
+The interface: `simulated_sensors` of a rig, `simulated_networks` of a rig with networks; `room_light_mw_cm2` at times.
 """
 
 import math
@@ -30,17 +30,17 @@ from solen.spec.placed import state_of
 from solen.spec.soft import driven
 
 ANGLES, DEPTHS = 25, 9
-"""Angles, or depths of a finger, at which a response is traced at first."""
+"""Number of angles, or of depths of a finger, at which a response is traced at first."""
 CLOSE = 2e-4
-"""Largest difference, as a share of the brightest, between a value traced midway and its interpolation."""
+"""Largest difference between a value traced midway and its interpolation, as a fraction of the brightest value."""
 TOLERANCE = 2e-4
-"""Tolerance of a share integrated over the chip, of the emitted power; it is mostly ten times nearer."""
+"""Tolerance of a fraction of the emitted power integrated over the chip; the error is mostly ten times smaller."""
 HALVINGS = 6
-"""Most halvings of a step between two angles, so that a jump ends."""
+"""Largest number of times a step between two angles is halved, which limits the refinement at a jump."""
 BEYOND = 1.02
-"""How far beyond the protocol's reach it is traced, as a stage may overshoot."""
+"""Traced range relative to the protocol's range, because a stage may overshoot."""
 MOST_DEG = 80.0
-"""Farther a sensor cannot be traced."""
+"""Largest angle in degrees at which a sensor can be traced."""
 Progress = Callable[[str], None]
 
 
@@ -51,15 +51,16 @@ class SimulatedSensor:
     Attributes
     ----------
     wires
-        Its wires.
+        Its wiring.
     drawn
-        Values drawn for it: index, decentre and width of the chip, and the gains that its parts make, in V.
+        Values drawn for it: index, decentre and width of the chip, and the gains of its parts, in V.
     angle_deg, fractions
-        Angles (N,) and shares of the emitted power (N, 2) at the right and the left receiver, as traced.
+        Angles (N,) and fractions of the emitted power (N, 2) at the right and the left receiver, as traced.
     circuit
         Its emitter, receivers and converter.
     force_N
-        Of a soft one, on the finger at each depth (N,), which then stand for the angles; None for others.
+        For a soft sensor, the force on the finger at each depth (N,), and ``angle_deg`` contains these depths; None for
+        others.
     """
 
     wires: SensorOf
@@ -70,7 +71,7 @@ class SimulatedSensor:
     force_N: FloatArray | None = None
 
     def at(self, angle_deg: FloatArray) -> FloatArray:
-        """Shares of the emitted power (..., 2) at angles (...)."""
+        """Return the fractions of the emitted power (..., 2) at angles (...)."""
         inside = np.clip(angle_deg, self.angle_deg[0], self.angle_deg[-1])
         return np.asarray(self._curve(inside))
 
@@ -80,14 +81,17 @@ class SimulatedSensor:
         return [number - 1 for number in self.wires.read_on.values()]
 
     def shares(self, angle_deg: FloatArray, emitter: IntArray) -> FloatArray:
-        """Shares of the emitted power (N, 2) at angles (N,), with an emitter of the board lit, from 0, or none, -1."""
+        """Return the fractions of the emitted power (N, 2) at angles (N,), with an emitter on (from 0; -1: none)."""
         light = np.zeros((len(angle_deg), 2))
         on = emitter == next(iter(self.wires.lit_by.values())) - 1
         light[on] = self.at(angle_deg[on])
         return light
 
     def pressed_N(self, depth_mm: FloatArray) -> FloatArray:
-        """Forces (...) on the finger at depths (...); 0 where it does not touch, or of a sensor that is turned."""
+        """Return the forces (...) on the finger at depths (...).
+
+        0 if it does not touch, or for a sensor that is bent.
+        """
         if self.force_N is None:
             return np.zeros(depth_mm.shape)
         return np.asarray(self._force(np.clip(depth_mm, self.angle_deg[0], self.angle_deg[-1])))
@@ -108,7 +112,7 @@ def simulated_networks(
     rng: np.random.Generator,
     progress: Progress | None = None,
 ) -> tuple[SimulatedNetwork, ...]:
-    """All networks of a simulated rig, traced over the whole ranges of their motions.
+    """Return all networks of a simulated rig, traced over the whole ranges of their motions.
 
     Parameters
     ----------
@@ -120,7 +124,8 @@ def simulated_networks(
     Raises
     ------
     BenchError, SpecError, DataError, DesignError
-        If a design cannot be read, built, or differ as the rig says, or a motion is sent beyond its range.
+        If a design cannot be read, cannot be built, or cannot vary as the rig states, or a motion goes beyond its
+        range.
     """
     check_names(rig, folder)
     made = []
@@ -144,12 +149,12 @@ def simulated_networks(
 def simulated_sensors(
     rig: Rig, folder: Path, reach_deg: float, rng: np.random.Generator, progress: Progress | None = None
 ) -> tuple[SimulatedSensor, ...]:
-    """All sensors of a simulated rig, traced up to an angle on both sides.
+    """Return all sensors of a simulated rig, traced up to an angle in both directions.
 
     Raises
     ------
     BenchError, SpecError, DataError, DesignError
-        If a design cannot be read, built, or differ as the rig says.
+        If a design cannot be read, cannot be built, or cannot vary as the rig states.
     """
     if rig.stage.drives == "angle" and reach_deg > MOST_DEG:
         limit = f"a simulated sensor is traced up to {MOST_DEG:g} deg"
@@ -168,7 +173,7 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
     values = np.linspace(0.0, BEYOND * reach_deg, DEPTHS) if pressed else _angles(reach_deg)
     swept = _swept_depths(design, wires.design, values) if pressed else with_values(design, _sweep(values))
     sensor = Sensor.of(with_values(swept, drawn))
-    sensor = replace(sensor, cut=Sensor.of(design).cut)  # another index, but the lens as it was drawn
+    sensor = replace(sensor, cut=Sensor.of(design).cut)  # another index, but the lens of the design
     if not wires.lens:
         sensor = sensor.without_lens
     sensor.check_pair()
@@ -180,7 +185,7 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
     circuit = _set(rig, circuit, fractions)
     forces = np.array([force_of(sensor, value) for value in angle_deg.tolist()]) if pressed else None
     made = SimulatedSensor(wires, drawn | _gains(circuit), angle_deg, fractions, circuit, forces)
-    made.at(made.angle_deg[:1])  # what it needs is loaded here, not while a run waits for it
+    made.at(made.angle_deg[:1])  # imports are done here, not while a run waits
     return made
 
 
@@ -195,19 +200,19 @@ def _sweep(angle_deg: FloatArray) -> dict[str, float]:
 
 
 def _swept_depths(design: Design, file: str, depth_mm: FloatArray) -> Design:
-    """A loaded design whose finger is pushed to depths, whether it drives its depth or its force itself."""
+    """Return a loaded design whose finger is pushed to depths, whether its depth or its force is driven."""
     motion = design.motion
     if motion.kind != "loaded" or (drives := driven(design))[0] != "press":
         what = f"turns ({motion.kind})" if motion.kind != "loaded" else f"drives {motion.drives}"
         limit = f"{what}, and the stage of the rig presses a finger into the sensor"
-        remedy = 'take a design with motion.kind = "loaded" whose [[press]] is driven, or leave stage.drives out'
+        remedy = 'use a design with motion.kind = "loaded" whose [[press]] is driven, or omit stage.drives'
         raise BenchError(file, limit=limit, remedy=remedy)
     stated = {"drives": f"{drives[1]}.depth_mm", "depths_mm": tuple(depth_mm.tolist()), "forces_N": None}
     return design.model_copy(update={"motion": motion.model_copy(update=stated)}).in_folder(design.folder)
 
 
 def traced(sensor: Sensor, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Angles (N,) and shares (N, 2) at the right and the left receiver, dense enough for interpolation.
+    """Return angles (N,) and fractions (N, 2) at the right and the left receiver, dense enough for interpolation.
 
     Every step is halved until the power traced midway is within `CLOSE` of the interpolation.
     """
@@ -233,38 +238,38 @@ def _shares(response: Response) -> FloatArray:
 
 
 def between(angle_deg: FloatArray, fractions: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Shares (..., 2) at any angles (...), between those at some; monotone where they are."""
+    """Interpolate fractions (..., 2) at any angles (...), monotone where the given values are."""
     from scipy.interpolate import PchipInterpolator
 
     return PchipInterpolator(angle_deg, fractions)
 
 
 def _gains(circuit: Circuit) -> dict[str, float]:
-    """By how many volts all of the emitted light would pull each receiver down, were there no end to its supply."""
+    """Return the drop in volts that all of the emitted light would cause at each receiver with an unlimited supply."""
     none, whole = circuit.current_mA(np.array([[0.0, 0.0], [1.0, 1.0]]))
     gains = 1e-3 * (whole - none) * np.array(circuit.load_ohm)
     return {f"gain_{name}_V": float(gain) for name, gain in zip(circuit.names, gains, strict=True)}
 
 
 def converter(rig: Rig) -> Adc:
-    """Converter of the rig: unipolar on the board, bipolar in a data acquisition."""
+    """Return the converter of the rig: unipolar on the board, bipolar in a data acquisition."""
     board, daq = rig.board, rig.daq
     if daq is None:
         return Adc("board", board.bits, 0.0, board.range_v, 1e-6 * board.noise_uv)
-    part = cast(AdcPart, library_part(daq.kind))  # of that kind in the library that is shipped
+    part = cast(AdcPart, library_part(daq.kind))  # part of that kind in the shipped library
     adc = Adc.of(part, daq.range_v, (-daq.range_v, daq.range_v))
     return adc if daq.noise_uv is None else replace(adc, noise_V=1e-6 * daq.noise_uv)
 
 
 def _set(rig: Rig, circuit: Circuit, fractions: FloatArray) -> Circuit:
-    """A circuit with the rig's converter, and trimmers that are set where the rig says so."""
+    """Return a circuit with the rig's converter, and trimmers that are set if the rig states their level."""
     rate_hz = rig.board.rate_hz if rig.daq is None else rig.daq.switch_hz
     circuit, to_v = replace(circuit, adc=converter(rig), rate_hz=rate_hz), (rig.daq or rig.board).trim_v
     return circuit if to_v is None else _trimmed(circuit, fractions, rig.ambient.mean_mw_cm2, to_v)
 
 
 def _trimmed(circuit: Circuit, fractions: FloatArray, room_mw_cm2: float, to_v: float) -> Circuit:
-    """A circuit with loads that put the brightest reading at a voltage, within the trimmers' range."""
+    """Return a circuit with loads that put the brightest reading at a given voltage, within the trimmers' range."""
     if to_v >= circuit.supply_V:
         limit = f"must be below the supply, {circuit.supply_V:g} V"
         raise BenchError("trim_v", value=to_v, limit=limit)
@@ -274,7 +279,10 @@ def _trimmed(circuit: Circuit, fractions: FloatArray, room_mw_cm2: float, to_v: 
 
 
 def _drawn(rig: Rig, wires: SensorOf, design: Design, rng: np.random.Generator) -> dict[str, float]:
-    """Deviations of this print; every number is drawn, so that one spread does not change another's draws."""
+    """Draw the deviations of this print.
+
+    Every number is drawn, and one standard deviation does not affect the other draws.
+    """
     index, offset, chip = rng.standard_normal(3)
     spread, values = rig.spread, {}
     if spread.index > 0.0:
@@ -290,7 +298,10 @@ def _drawn(rig: Rig, wires: SensorOf, design: Design, rng: np.random.Generator) 
 
 
 def room_light_mw_cm2(room: RoomLight, time_s: FloatArray, phase: float) -> FloatArray:
-    """Light of the room in mW/cm² at times, shape as given, its flicker beginning at a phase; never below 0."""
+    """Return the ambient light in mW/cm² at times, shape as given, with its flicker beginning at a phase.
+
+    Never below 0.
+    """
     drift = 1.0 + 1e-2 * room.drift_percent_per_min * time_s / 60.0
     flicker = 1e-2 * room.flicker_percent * np.sin(2.0 * math.pi * room.flicker_hz * time_s + phase)
     return np.asarray(np.maximum(0.0, room.mean_mw_cm2 * drift * (1.0 + flicker)))

@@ -1,9 +1,9 @@
-"""A simulated stage: it moves at its velocity, with its acceleration, straight to where it is sent.
+"""A simulated stage: it moves with its velocity and its acceleration straight to its target.
 
-The idea: a move is a trapezoid in velocity (a triangle where the way is too short for the full velocity), so that the
-position at any time is a closed formula: no steps of time, and many times at once.
+The idea: a move is a trapezoid in velocity (a triangle if the distance is too short for the full velocity). The
+position at any time therefore is a closed formula, without time steps, evaluated for many times at once.
 
-The interface: `SimulatedStage`; `Axis` is where an axis is, move after move, each a `Move`.
+The interface: `SimulatedStage`; `Axis` is the position of an axis, move after move, each a `Move`.
 """
 
 import math
@@ -30,9 +30,9 @@ class Move:
     Attributes
     ----------
     begin_s
-        When it begins.
+        Time at which it begins.
     start, target
-        From where to where, in the axis' unit.
+        Initial and final position, in the axis' unit.
     velocity, acceleration
         Its highest velocity and its acceleration, per s and per s².
     """
@@ -45,13 +45,13 @@ class Move:
 
     @cached_property
     def ramp_s(self) -> float:
-        """Time of speeding up, and of slowing down."""
+        """Duration of the acceleration, and of the deceleration."""
         way = abs(self.target - self.start)
         return min(self.velocity / self.acceleration, math.sqrt(way / self.acceleration))
 
     @cached_property
     def end_s(self) -> float:
-        """When it is there."""
+        """Time at which the move ends."""
         ramp = self.ramp_s
         if ramp == 0.0:
             return self.begin_s
@@ -59,11 +59,11 @@ class Move:
         return self.begin_s + ramp + way / (self.acceleration * ramp)
 
     def at(self, time_s: FloatArray) -> FloatArray:
-        """Positions at times, shape as given; before it begins the start, after it ends the target."""
+        """Return positions at times, shape as given; before the move the start, after it the target."""
         ramp, total = self.ramp_s, self.end_s - self.begin_s
         since = np.clip(time_s - self.begin_s, 0.0, total)
         left = total - since
-        # speeding up, at speed, slowing down: the way from the start, or to the target
+        # acceleration, constant velocity, deceleration: the distance from the start, or to the target
         up = 0.5 * self.acceleration * np.minimum(since, ramp) ** 2
         down = 0.5 * self.acceleration * np.minimum(left, ramp) ** 2
         way = abs(self.target - self.start)
@@ -72,7 +72,7 @@ class Move:
         return self.start + math.copysign(1.0, self.target - self.start) * gone
 
     def where(self, time_s: float) -> float:
-        """The same at one time, without the cost of arrays: a stage is read fifty times a second."""
+        """Return the position at one time, without the cost of arrays: a stage is read fifty times a second."""
         ramp, total = self.ramp_s, self.end_s - self.begin_s
         since = min(max(time_s - self.begin_s, 0.0), total)
         left = total - since
@@ -86,14 +86,14 @@ class Move:
 
 @dataclass
 class Axis:
-    """Where an axis is: its moves one after the other.
+    """Position of an axis as a sequence of moves.
 
     Attributes
     ----------
     acceleration
         Acceleration of all its moves, per s².
     rest
-        Where it is before its first move.
+        Position before its first move.
     """
 
     acceleration: float
@@ -109,7 +109,7 @@ class Axis:
         return move
 
     def halt(self, at_s: float) -> None:
-        """Stand still from now on."""
+        """Stop the motion immediately."""
         if self.moves and self.moves[-1].end_s > at_s:
             self.moves.append(Move(at_s, here := self.at(at_s), here, 1.0, self.acceleration))
 
@@ -118,12 +118,12 @@ class Axis:
         return bool(self.moves) and self.moves[-1].begin_s <= at_s < self.moves[-1].end_s
 
     def at(self, at_s: float) -> float:
-        """Position at a time."""
+        """Return the position at a time."""
         place = max(bisect_right(self.moves, at_s, key=_begin) - 1, 0)
         return self.moves[place].where(at_s) if self.moves else self.rest
 
     def positions(self, time_s: FloatArray) -> FloatArray:
-        """Positions at ascending times, shape (N,)."""
+        """Return the positions at ascending times, shape (N,)."""
         found = np.full(len(time_s), self.rest)
         if len(time_s) == 0 or not self.moves:
             return found
@@ -140,12 +140,12 @@ def _begin(move: Move) -> float:
 
 
 class SimulatedStage:
-    """A `Stage` in the program itself.
+    """A simulated `Stage`.
 
     Attributes
     ----------
     axis
-        Where it is at any time.
+        Its position at any time.
     """
 
     def __init__(self, clock: Clock, unit: Literal["deg", "mm"] = "deg", name: str = "simulated stage") -> None:
@@ -158,10 +158,10 @@ class SimulatedStage:
         """Do nothing: its zero is always known."""
 
     def begin_move(self, target: float, velocity: float) -> None:
-        """Begin to move; `BenchError` beyond its limits."""
+        """Begin to move; raise `BenchError` beyond its limits."""
         low, high = LIMITS[self.unit]
         if not low <= target <= high:
-            limit = f"{target:g} {self.unit} is out of its limits {low:g} to {high:g}"
+            limit = f"{target:g} {self.unit} is outside its limits {low:g} to {high:g}"
             raise BenchError(self.name, limit=limit, remedy="move less far")
         if velocity > HIGHEST[self.unit]:
             limit = f"{velocity:g} {self.unit}/s is above its highest velocity, {HIGHEST[self.unit]:g}"
@@ -169,7 +169,7 @@ class SimulatedStage:
         self.axis.send(self._clock.now_s(), target, velocity)
 
     def position(self) -> float:
-        """Where it is."""
+        """Return the position."""
         return self.axis.at(self._clock.now_s())
 
     def on_target(self) -> bool:
@@ -177,9 +177,9 @@ class SimulatedStage:
         return not self.axis.moving(self._clock.now_s())
 
     def stop(self) -> None:
-        """Stand still."""
+        """Stop the motion."""
         self.axis.halt(self._clock.now_s())
 
     def close(self) -> None:
-        """Stand still."""
+        """Stop the motion."""
         self.stop()

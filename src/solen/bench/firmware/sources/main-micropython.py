@@ -1,4 +1,4 @@
-"""The board's hardware under MicroPython; what is connected where is in pins.py."""
+"""The board's hardware under MicroPython; pins.py states the connections."""
 
 import gc
 import select
@@ -61,7 +61,7 @@ class Pins(Hardware):
             self._step.value(1)
             self._step.value(0)
             return
-        if self._servo is None:  # it is left free until it is sent somewhere
+        if self._servo is None:  # it is not driven until its first move
             self._servo = PWM(Pin(pins.SERVO), freq=50)
         self._servo.duty_ns(1000 * min(max(pins.SERVO_CENTRE_US + position, 500), 2500))
 
@@ -71,7 +71,7 @@ def run():
     hardware = Pins()
     board, silent = Board(hardware, pins.NAME), [0]
 
-    def guard(_):  # should a write to a host that is gone take long, emitters do not wait for its end
+    def guard(_):  # switches the emitters off even during a long write to a disconnected host
         silent[0] += 1
         if silent[0] > GUARD_TURNS:
             hardware.all_off()

@@ -1,4 +1,4 @@
-"""Connections of the pins of an ESP32, by the numbers of its GPIOs; inputs are those of its first converter."""
+"""Connections of the pins of an ESP32, by GPIO number; the inputs are those of its first converter."""
 
 from machine import ADC
 

@@ -1,4 +1,4 @@
-"""Connections of the pins of a Raspberry Pi Pico, by the numbers of its GPIOs."""
+"""Connections of the pins of a Raspberry Pi Pico, by GPIO number."""
 
 NAME = "solen board, Raspberry Pi Pico"
 EMITTERS = (2, 3, 4, 5)
