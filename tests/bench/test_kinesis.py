@@ -164,7 +164,7 @@ def test_faults_of_the_stage_and_of_the_line_end_in_a_line() -> None:
 def test_a_controller_that_is_not_known_is_refused() -> None:
     with pytest.raises(BenchError, match=r"is a TIM101 27000001; supported are TDC001, .*; use one of these"):
         driven(model=b"TIM101")
-    with pytest.raises(BenchError, match="answered 12 bytes for 84"):
+    with pytest.raises(BenchError, match="answered 12 bytes instead of 84"):
         KinesisStage(Written([HELLO[0], (HELLO[1][0], said(6, bytes(12)))]), SimulatedClock(), counts_per_unit=1.0)
     stage, _, _, _ = driven(per_unit=1e8)
     with pytest.raises(BenchError, match=r"32 bits; check steps_per_unit"):

@@ -304,8 +304,7 @@ def test_without_the_driver_one_line_says_so(monkeypatch: pytest.MonkeyPatch) ->
     [
         (
             lambda: setup(rate_hz=130_000.0),
-            r"daq\.rate_hz = 130000\.0; of 2 inputs are 260000 samples per second; one converter serves all inputs of "
-            r"USB-6218 and takes 250000; 125000 or less",
+            r"daq\.rate_hz = 130000\.0; for 2 inputs is 260000 samples per second .* highest rate is 250000; 125000 or less",
         ),
         (
             lambda: setup(rate_hz=800.0),
@@ -522,7 +521,7 @@ def test_lines_that_follow_the_samples_light_emitters_in_turn(tmp_path: Path, mo
         (
             "USB-6356",
             {"lines": ("port0/line0",), "rate_hz": 1.1e6, "switch_hz": 1000.0},
-            "a clock of 1e.06 Hz",
+            "a clock of at most 1e.06 Hz",
         ),
         ("USB-6356", {"lines": ("port0/line0",), "emitters": 2}, "must be one for each of 2 emitters"),
         ("USB-6356", {"lines": ("port0/line0",), "rate_hz": 10_100.0}, "must be a multiple of 400 Hz"),

@@ -95,8 +95,8 @@ def test_a_marker_that_is_hidden_doubled_or_one_of_several(tmp_path: Path) -> No
     motion = motion_of(path)
     assert (motion.pictures, motion.without, motion.ambiguous, len(motion.time_s)) == (27, 4, 3, 20)
     assert motion.time_s[0] == pytest.approx(7.0 / RATE_HZ)
-    assert "4 pictures show no marker that can be followed, 3 show it twice" in motion.warnings
-    with pytest.raises(DataError, match=r"marker 9 that can be followed in 0 of 27 pictures; .*it shows 7"):
+    assert "4 pictures show no usable marker, 3 show it twice" in motion.warnings
+    with pytest.raises(DataError, match=r"usable marker 9 in 0 of 27 pictures; .*it shows 7"):
         motion_of(path, VideoOptions(marker=9))
     write_avi(path, (eye.picture(0.0, hidden=True) for _ in range(20)), RATE_HZ)
     with pytest.raises(DataError, match="in 0 of 20 pictures; 16 are needed; is it sharp"):
@@ -154,7 +154,7 @@ def test_glow_that_is_not_seen_or_always_on_and_options_that_do_not_go_together(
     lit_video(path, always=True)
     with pytest.raises(DataError, match="shows no glow in this area"):
         motion_of(path, VideoOptions(glow=GLOW))
-    with pytest.raises(SpecError, match=r"--glow = '310 210 20 20'; must lie within the picture, of 320 by 240"):
+    with pytest.raises(SpecError, match=r"--glow = '310 210 20 20'; must be within the picture of 320 by 240"):
         motion_of(path, VideoOptions(glow=(310, 210, 20, 20)))
     with pytest.raises(SpecError, match="--offset-s; is already determined"):
         motion_of(path, VideoOptions(glow=GLOW, offset_s=1.0))

@@ -245,7 +245,7 @@ def check_ended(wires: Wires, by: Forks, name: str, delay_s: float = 0.0) -> Non
     assert code == 128 + getattr(signal, name)
     assert "Traceback" not in said
     assert f"ended by {name}; emitters off, stage stopped" in said
-    assert "protocol.journal: go on with --resume" in said
+    assert "protocol.journal: continue with --resume" in said
     assert not wires.board.lit
     assert wires.stands()
     events = [event["what"] for event in wires.events]
@@ -370,7 +370,7 @@ def test_a_stage_that_does_not_know_its_zero_is_not_driven_to_find_it_unasked(wi
     assert not (wires.folder / "out").exists()
     assert run(True).outcome == "done"
     assert len(asked) == 2
-    assert all("up to 360 deg to either side. Begin?" in question for question in asked)
+    assert all("up to 360 deg in either direction. Begin?" in question for question in asked)
 
 
 def test_somebody_turns_the_stage_at_a_terminal(wires: Wires) -> None:
@@ -413,6 +413,6 @@ def test_travel_of_the_rig_is_not_left(wires: Wires) -> None:
     path.write_text(text.replace("home = true", "home = true\ntravel = [-4.0, 4.0]"), encoding="utf-8")
     wires.stage.referenced = wires.stage.servo = True
     wires.stage.axis.rest = 37.0
-    with pytest.raises(BenchError, match=r"stands at 37 deg.*-4 to 4"):
+    with pytest.raises(BenchError, match=r"stands at position 37 deg.*-4 to 4"):
         wires.run()
     assert not wires.stage.axis.moves
