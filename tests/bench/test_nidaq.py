@@ -304,7 +304,7 @@ def test_without_the_driver_one_line_says_so(monkeypatch: pytest.MonkeyPatch) ->
     [
         (
             lambda: setup(rate_hz=130_000.0),
-            r"daq\.rate_hz = 130000\.0; for 2 inputs is 260000 samples per second .* highest rate is 250000; 125000 or less",
+            r"daq\.rate_hz = 130000\.0; for 2 inputs is 260000 samples .* highest rate is 250000; 125000 or less",
         ),
         (
             lambda: setup(rate_hz=800.0),
