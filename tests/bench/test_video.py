@@ -99,7 +99,7 @@ def test_a_marker_that_is_hidden_doubled_or_one_of_several(tmp_path: Path) -> No
     with pytest.raises(DataError, match=r"usable marker 9 in 0 of 27 pictures; .*it shows 7"):
         motion_of(path, VideoOptions(marker=9))
     write_avi(path, (eye.picture(0.0, hidden=True) for _ in range(20)), RATE_HZ)
-    with pytest.raises(DataError, match="in 0 of 20 pictures; 16 are needed; is it sharp"):
+    with pytest.raises(DataError, match="in 0 of 20 pictures; 16 are needed; check that it is sharp"):
         motion_of(path)
     other = Camera(eye.view, cells("DICT_4X4_1000", 12, 6))
 
