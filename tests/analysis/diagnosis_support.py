@@ -55,7 +55,7 @@ def table(low_deg: float = -3.6, high_deg: float = 3.6, index: float = 0.0, ever
 def response(width_mm: float = 0.2, *, with_index: bool = True) -> Response:
     """The response with what may differ."""
     base = table()
-    up, down = (table(index=step, every=2).less(base) for step in (INDEX_STEP, -INDEX_STEP))
+    up, down = (table(index=step, every=2).minus(base) for step in (INDEX_STEP, -INDEX_STEP))
     changes = {INDEX: Change(INDEX_STEP, up, down)} if with_index else {}
     lossy = replace(base, total_mm=base.total_mm * (math.exp(-LOSS_STEP * WAY_MM) - 1.0))
     return Response(base, changes, lossy, width_mm, 0.0, 1e-6)  # straight from the formula

@@ -18,7 +18,7 @@ from solen.analysis.calibration import (
     pooled,
     training_of,
 )
-from solen.analysis.calibration.calibrate import place_of
+from solen.analysis.calibration.calibrate import default_path
 from solen.analysis.calibration.posterior import posterior
 from solen.arrays import FloatArray
 from solen.errors import DataError
@@ -282,4 +282,4 @@ def test_a_stream_that_rises_is_reported_whole_or_in_pieces() -> None:
 @pytest.mark.parametrize("sensor", ["U_L/V,U_R/V", "../../a", "con", "a."])
 def test_a_sensor_whose_name_is_no_file_s_is_refused_in_a_line(sensor: str) -> None:
     with pytest.raises(DataError, match=r"^sensor = .*; name the file with the option --out$"):
-        place_of([Path("run.csv"), Path("again.csv")], sensor)
+        default_path([Path("run.csv"), Path("again.csv")], sensor)

@@ -31,7 +31,7 @@ def test_strips_of_one_angle_give_every_chip() -> None:
     found = light_by_place(wide, 1.0, reach_mm)
     for number, chip in enumerate(CHIPS):
         ends = chip.offset_mm + 0.5 * chip.width_mm * np.array([-1.0, 1.0])
-        low, high = found.upto(ends)
+        low, high = found.integral_to(ends)
         assert (high - low) / chip.width_mm == pytest.approx(shares(number, np.ones(1))[0], abs=2.0e-4)
 
 
@@ -47,7 +47,7 @@ def test_strips_serve_lenses_for_space(shape: str, reach_mm: float, chips: tuple
     lens = with_values(loads(template()), {"lens.shape": shape})
     found = light_by_place(Sensor.of(with_values(lens, {"emitter.width_mm": 2.0 * reach_mm})), -1.0, reach_mm)
     for offset_mm, width_mm in chips:
-        low, high = found.upto(offset_mm + 0.5 * width_mm * np.array([-1.0, 1.0]))
+        low, high = found.integral_to(offset_mm + 0.5 * width_mm * np.array([-1.0, 1.0]))
         chip = Sensor.of(with_values(lens, {"emitter.offset_mm": offset_mm, "emitter.width_mm": width_mm}))
         whole = chip.integrate(-1.0, tolerance=6e-4).detectors
         assert (high - low) / width_mm == pytest.approx([whole[side].power for side in ("right", "left")], abs=1.5e-3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solen.analysis import AnalysisOptions, SensorResponse, Signals, sensor_response
-from solen.analysis.timing import of_main_speed
+from solen.analysis.timing import at_main_speed
 from solen.arrays import FloatArray
 from tests.analysis.made_support import Protocol
 
@@ -99,7 +99,7 @@ def test_figures_of_merit_are_of_one_speed() -> None:
     ],
 )
 def test_the_speed_of_most_cycles_is_the_main_one(speeds: list[float], used: list[int]) -> None:
-    assert of_main_speed(np.array(speeds, dtype=np.float64)).tolist() == [bool(one) for one in used]
+    assert at_main_speed(np.array(speeds, dtype=np.float64)).tolist() == [bool(one) for one in used]
 
 
 def test_angles_across_corners_are_in_the_uncertainty_of_a_lag() -> None:

@@ -4,7 +4,7 @@ Options name the column, otherwise its header does. If several are recorded, the
 the force before the depth, and a warning states the choice. A force is in units of force, or in volts of a load cell
 whose calibration is stated (`solen.analysis.load_cell`); no unit is assumed for a force or depth.
 
-The interface: `driven` of a recording; `refuse_without` raises the error for a recording that nothing drives.
+The interface: `driven` of a recording; `reject_undriven` raises the error for a recording that nothing drives.
 """
 
 import json
@@ -101,7 +101,7 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
     return Drive(stimulus, values, columns, cell)
 
 
-def refuse_without(recording: Recording) -> NoReturn:
+def reject_undriven(recording: Recording) -> NoReturn:
     """Raise `DataError` for a recording that nothing drives, with a remedy."""
     remedy = (
         "name it with --angle, a log of the stage with --angle-file, or state --amplitude-deg; name a force "

@@ -6,7 +6,7 @@ decoded force include both. Errors that are the same in both halves of a compari
 compared with the readings of the same cell.
 
 The interface: `LoadCell`, the table ``[load_cell]`` of a rig or of a separate file; `load_cell_of` a file;
-`least_known` of several cells.
+`least_certain` of several cells.
 """
 
 import math
@@ -97,7 +97,7 @@ class LoadCell(Strict):
         return self.sensitivity_N_per_V * (volts - zero_V)
 
 
-def least_known(cells: Iterable[LoadCell | None]) -> LoadCell | None:
+def least_certain(cells: Iterable[LoadCell | None]) -> LoadCell | None:
     """The cell with the largest uncertainty of its scale; None if there is no cell or one does not state it."""
     every = list(cells)
     stated = [cell for cell in every if cell is not None]

@@ -19,7 +19,7 @@ from pydantic import Field, model_validator
 from solen.analysis.ageing import Ageing, ageing_of
 from solen.analysis.clipping import clipped
 from solen.analysis.figures_of_merit import ReceiverResponse, receiver_response
-from solen.analysis.load_cell import LoadCell, least_known
+from solen.analysis.load_cell import LoadCell, least_certain
 from solen.analysis.motion import Motion, find_motion
 from solen.analysis.noise import Scatter, noise_of, pooled_noise
 from solen.analysis.protocol_angle import Protocol
@@ -34,7 +34,7 @@ from solen.analysis.response_warnings import (
 )
 from solen.analysis.run import Run
 from solen.analysis.signals import SignalOptions, Signals
-from solen.analysis.timing import Source, Timing, angle_bound_s, cycle_speeds, of_main_speed, timing_of
+from solen.analysis.timing import Source, Timing, angle_bound_s, at_main_speed, cycle_speeds, timing_of
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.ranks import Caution
@@ -144,7 +144,7 @@ class SensorResponse(Result):
     @property
     def cell(self) -> LoadCell | None:
         """Load cell of the forces (that with the largest uncertainty); its errors are included in every u."""
-        return least_known(run.signals.cell for run in self.runs)
+        return least_certain(run.signals.cell for run in self.runs)
 
     @reported
     def cycles_used(self) -> int:
@@ -223,7 +223,7 @@ def sensor_response(
         ageing = ageing_of(
             ways, [one for run in runs for one in _cycle_scatters(run)], first.receivers, sides, options.every
         )
-    cell = least_known(signals.cell for signals in recordings)
+    cell = least_certain(signals.cell for signals in recordings)
     warnings += cell_warnings(first.stimulus, cell)
     if cell is not None:
         receivers = {name: replace(own, **_u_by_cell(own, cell)) for name, own in receivers.items()}
@@ -286,7 +286,7 @@ def _run(signals: Signals, options: AnalysisOptions, known: dict[int, Motion]) -
     if signals.clipped is not None:
         marked |= signals.clipped
     timed = tuple(range(options.drop, count))
-    main = of_main_speed(cycle_speeds(signals.time_s, signals.angle_deg, motion, timed))
+    main = at_main_speed(cycle_speeds(signals.time_s, signals.angle_deg, motion, timed))
     used = tuple(place for place, at_main in zip(timed, main.tolist(), strict=True) if at_main)
     return Run(signals, motion, used, timed, marked, tuple(clip_warnings(signals, marked)))
 

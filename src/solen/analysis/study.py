@@ -16,7 +16,7 @@ import numpy as np
 
 from solen.analysis.alignment import Alignment, align
 from solen.analysis.detected import command, explicit, find_log
-from solen.analysis.drive import Drive, driven, refuse_without
+from solen.analysis.drive import Drive, driven, reject_undriven
 from solen.analysis.motion import Motion
 from solen.analysis.protocol_angle import angle_by_protocol
 from solen.analysis.samples import ambient_by_side, sample_times
@@ -122,7 +122,7 @@ class Study(Result):
         return any(one.detected for one in self.switching.values()) or self.logs_found
 
 
-def in_volts_of_angles(found: Study) -> Study:
+def voltages_against_angle(found: Study) -> Study:
     """Check that a study is of voltages against an angle; `DataError` otherwise, because there is no model to fit.
 
     A soft body has many other unknowns (modulus, holds, position and direction of the load) that one curve cannot
@@ -310,7 +310,7 @@ def _with_angle(part: _Part, options: AnalysisOptions, number: int, files: Seque
         return part
     beside = find_log(files[number], files)
     if beside is None:
-        refuse_without(part.recording)
+        reject_undriven(part.recording)
     warning = look_at(f"{files[number].name} has no angle: the angle in {beside.name}, next to it, is used")
     part = replace(part, samples=replace(samples, warnings=(warning, *samples.warnings)))
     return replace(_by_log(part, beside, options), beside=beside)

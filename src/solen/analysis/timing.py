@@ -172,7 +172,7 @@ def same_speed(speeds: FloatArray, one: float) -> BoolArray:
     return np.asarray((speeds <= _MEANT * one) & (one <= _MEANT * speeds))
 
 
-def of_main_speed(speeds: FloatArray) -> BoolArray:
+def at_main_speed(speeds: FloatArray) -> BoolArray:
     """Whether each cycle is at the speed of most cycles, (cycles,); all are if there is clearly no second speed."""
     main = max(_groups(speeds), key=lambda group: (len(group), group[0]))
     low, high = float(main.min()), float(main.max())

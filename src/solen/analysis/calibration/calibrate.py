@@ -1,6 +1,6 @@
 """Calibrations of a study's sensors: one per sensor, or one pooled over several prints, with cross-validation.
 
-The interface: `calibrated_sensors` of a `Study` returns `SensorCalibrations`; `place_of` is the default path of a file.
+The interface: `calibrated_sensors` of a `Study` returns `SensorCalibrations`; `default_path` of a file.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from solen.analysis.calibration.cross_validation import Check, leave_one_cycle_o
 from solen.analysis.calibration.estimate import Calibration, calibrated, pooled
 from solen.analysis.calibration.file import SUFFIX, CalibrationFile, Cell, Checked, curves_of, rails_of
 from solen.analysis.calibration.training import training_of
-from solen.analysis.load_cell import least_known
+from solen.analysis.load_cell import least_certain
 from solen.analysis.run import Run
 from solen.analysis.sensor_response import SensorResponse
 from solen.analysis.study import Study
@@ -209,7 +209,7 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
 
 def _cell(runs: Sequence[Run]) -> Cell | None:
     """Load cell of the recordings; if there are several, the one with the largest uncertainty."""
-    worst = least_known(run.signals.cell for run in runs)
+    worst = least_certain(run.signals.cell for run in runs)
     if worst is None:
         return None
     each, percent = worst.sensitivity_N_per_V, worst.u_sensitivity_percent
@@ -221,7 +221,7 @@ def _cell(runs: Sequence[Run]) -> Cell | None:
     )
 
 
-def place_of(recordings: Sequence[Path], sensor: str) -> Path:
+def default_path(recordings: Sequence[Path], sensor: str) -> Path:
     """Default path of a calibration file, next to its recording.
 
     Raises

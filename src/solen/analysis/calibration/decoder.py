@@ -92,7 +92,7 @@ class Decoded:
             found[self.other[inside]] = True
         return np.asarray(found)
 
-    def picked(self, places: IndexArray) -> "Decoded":
+    def selected(self, places: IndexArray) -> "Decoded":
         """Select the readings with the given indices, in that order; no index may occur twice."""
         number = np.full(len(self.angle_deg), -1, dtype=np.intp)
         number[places] = np.arange(len(places))
@@ -147,7 +147,7 @@ class Decoder:
             remedy = "decode all motions of a network with solen.analysis.network.load_network(FILE).decoder"
             raise DataError("Decoder", value=type(calibration).__name__, limit=limit, remedy=remedy)
         self.calibration = calibration = calibration.widened()
-        total, freedom = calibration.law()
+        total, freedom = calibration.t_distribution()
         if gain_percent:
             light = calibration.curves_V.mean(axis=0) - dark_V
             total = total + (0.01 * gain_percent) ** 2 * light[:, :, None] * light[:, None, :]
@@ -201,7 +201,7 @@ class Decoder:
         kind = kind.reshape(-1)
         rows = [np.flatnonzero(kind == number) for number in range(len(kinds))]
         parts = [self._alike(volts[row], (int(k[0]), int(k[1]))) for row, k in zip(rows, kinds, strict=True)]
-        return _joined(parts).picked(np.argsort(np.concatenate(rows)))
+        return _joined(parts).selected(np.argsort(np.concatenate(rows)))
 
     def _metric(self, marks: tuple[int, int]) -> _Metric:
         """Linear forms of the receivers that are not clipped."""
@@ -241,7 +241,7 @@ class Decoder:
         metric = self._metric(marks)
         row, place, along, distance = self._near(volts, metric, all_of_it=any(marks))
         piece = place % self.pieces
-        best = metric.constant[piece] + self._law(distance, piece, metric.size)
+        best = metric.constant[piece] + self._log_likelihood(distance, piece, metric.size)
         if any(marks):
             best = best + self._log_clipping(volts[row], self._point(place, along), piece, marks)
         top = np.full(len(volts), -np.inf)
@@ -272,13 +272,13 @@ class Decoder:
             return row, place, along.ravel(), distance.ravel()
         least = distance.argmin(axis=1)
         piece = least % self.pieces
-        top = metric.constant[piece] + self._law(distance[np.arange(len(volts)), least], piece, metric.size)
+        top = metric.constant[piece] + self._log_likelihood(distance[np.arange(len(volts)), least], piece, metric.size)
         below = np.maximum(np.searchsorted(metric.tops, top, side="right") - 1, 0)
         reach = np.where(top < metric.tops[0], np.inf, metric.reach[below])
         row, place = np.nonzero(distance <= reach[:, None])
         return row, place, along[row, place], distance[row, place]
 
-    def _law(self, distance: FloatArray, piece: IndexArray, size: int) -> FloatArray:
+    def _log_likelihood(self, distance: FloatArray, piece: IndexArray, size: int) -> FloatArray:
         """Logarithm of the t distribution, without the constant."""
         freedom = self._freedom[piece]
         return np.asarray(-0.5 * (freedom + size) * np.log1p(distance / freedom))

@@ -107,7 +107,7 @@ class Calibration:
         """Covariance of a new reading, (g, 2, 2)."""
         return self.noise + self.repeat + self.between
 
-    def law(self) -> tuple[FloatArray, FloatArray]:
+    def t_distribution(self) -> tuple[FloatArray, FloatArray]:
         """Scale (g, 2, 2) and degrees of freedom (g,) of the t distribution of a new reading.
 
         The degrees of freedom of a sum follow Satterthwaite, with the fractions of the components in the variance of

@@ -255,18 +255,23 @@ def calibration_data(path: Path) -> Any:
     return parsed(text, str(path), remedy="create it again with solen bench calibrate")
 
 
-def load(path: Path) -> CalibrationFile:
-    """Load a calibration from a file; `DataError` if it cannot be read or is not a calibration."""
+def data_of_kind(path: Path, kind: str, limit: str) -> dict[str, Any]:
+    """JSON of a calibration file of one kind; `DataError` with the ``limit`` if it is of another."""
     data = calibration_data(path)
-    if not isinstance(data, dict) or data.get("kind") != KIND:
-        found = data.get("kind") if isinstance(data, dict) else None
+    found = data.get("kind") if isinstance(data, dict) else None
+    if found != kind:
         remedy = "create one with solen bench calibrate"
         if found == OF_NETWORK:
             remedy = (
                 "decode with solen bench decode, or in Python with solen.analysis.network.load_network(FILE).decoder"
             )
-        raise DataError(str(path), value=found, limit="is not a calibration of a sensor", remedy=remedy)
-    data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
+        raise DataError(str(path), value=found, limit=limit, remedy=remedy)
+    return migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
+
+
+def load(path: Path) -> CalibrationFile:
+    """Load a calibration from a file; `DataError` if it cannot be read or is not a calibration."""
+    data = data_of_kind(path, KIND, "is not a calibration of a sensor")
     with error_context(str(path)):
         stimulus = STIMULI.get(str(data.get("stimulus")), ANGLE)
         return CalibrationFile(**tuples(stimulus.unkeyed(in_unit(data, "V", data.get("unit", "V")))))

@@ -16,7 +16,7 @@ def posterior(calibration: Calibration, volts: FloatArray, angle_deg: FloatArray
     """Probability of each evenly spaced angle (m,) within the calibrated range, given left and right (2,)."""
     grid = calibration.angle_deg
     curves = at_angles(grid, calibration.curves_V, angle_deg)
-    scale, known = calibration.law()
+    scale, known = calibration.t_distribution()
     freedom = np.interp(angle_deg, grid, known)
     likelihood = np.zeros(angle_deg.size)
     logs = []

@@ -217,7 +217,7 @@ class StreamDecoder(CountedStream[CalibrationFile]):
             true, (start, end) = batch.angle_deg[good], self._decoder.range_deg
             kept = (true >= start) & (true <= end)
             if kept.any():
-                self._parts.append(part_of("source", true[kept], decoded.picked(np.flatnonzero(kept))))
+                self._parts.append(part_of("source", true[kept], decoded.selected(np.flatnonzero(kept))))
 
     def result(self, *, interrupted: bool) -> Decoding:
         """Return the summary of the decoded stream; `DataError` if there was no reading."""

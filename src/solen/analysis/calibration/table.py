@@ -131,7 +131,7 @@ class BoardTable:
         stimulus: Stimulus = ANGLE,
     ) -> "BoardTable":
         """Compute the table of a calibration."""
-        total, freedom = calibration.law()
+        total, freedom = calibration.t_distribution()
         half = 0.5 * (calibration.curves_V[1] - calibration.curves_V[0])
         total = total + half[:, :, None] * half[:, None, :]
         nodes = np.linspace(calibration.angle_deg[0], calibration.angle_deg[-1], points)

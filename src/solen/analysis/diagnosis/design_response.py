@@ -127,13 +127,13 @@ class Response:
         changes = {}
         for n, (key, u) in enumerate(spreads.items()):
             step = STEP_U * u
-            up = Table.of(_moved(sensor, key, step), fine, base, part_of(progress, 2.0 + 2 * n, parts, 1.0)).less(base)
-            down = Table.of(_moved(sensor, key, -step), fine, base, part_of(progress, 3.0 + 2 * n, parts, 1.0)).less(
+            up = Table.of(_moved(sensor, key, step), fine, base, part_of(progress, 2.0 + 2 * n, parts, 1.0)).minus(base)
+            down = Table.of(_moved(sensor, key, -step), fine, base, part_of(progress, 3.0 + 2 * n, parts, 1.0)).minus(
                 base
             )
             changes[key] = Change(step, up, down)
         dark = Sensor.of(with_values(sensor.design, {LOSS: sensor.material.absorption_per_mm + LOSS_STEP}))
-        lossy = Table.of(_same_lens(dark, sensor), fine[::4], base, part_of(progress, parts - 1.0, parts, 1.0)).less(
+        lossy = Table.of(_same_lens(dark, sensor), fine[::4], base, part_of(progress, parts - 1.0, parts, 1.0)).minus(
             base
         )
         return cls(base, changes, lossy, sensor.light.width_mm, sensor.design.emitter.offset_mm)

@@ -55,16 +55,16 @@ class Places:
     ----------
     place_mm
         Traced positions, or ends of strips, (p,).
-    upto
+    integral_to
         Function that returns the integral (n, 2) up to positions (n,), right and left, in mm.
     """
 
     place_mm: FloatArray
-    upto: Curve
+    integral_to: Curve
 
     def mirrored(self) -> "Places":
         """The integral for the opposite angle of a symmetric sensor, with right and left exchanged."""
-        return Places(-self.place_mm[::-1], lambda at: -self.upto(-at)[:, ::-1])
+        return Places(-self.place_mm[::-1], lambda at: -self.integral_to(-at)[:, ::-1])
 
 
 def light_by_place(wide: Sensor, angle_deg: float, reach_mm: float, like: Places | None = None) -> Places:
@@ -149,7 +149,7 @@ class _Chip:
         """Integral over the positions, computed from strips in space."""
         from scipy.interpolate import CubicSpline
 
-        known: Curve = like.upto if like is not None else lambda at: np.zeros((at.size, len(SIDES)))
+        known: Curve = like.integral_to if like is not None else lambda at: np.zeros((at.size, len(SIDES)))
 
         def curve(places: FloatArray, parts: FloatArray) -> CubicSpline:
             total = np.concatenate([np.zeros((1, len(SIDES))), np.cumsum(parts, axis=0)])

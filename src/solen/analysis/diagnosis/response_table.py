@@ -84,7 +84,8 @@ class Table:
         end = reach_mm - np.abs(np.polyval(edge, angle_deg[[0, -1]])).max()
         grid = np.linspace(-end, end, 1 + 2 * math.ceil(end / STEP_MM)) if like is None else like.place_mm
         total = np.stack(
-            [(row.upto(grid + d) - row.upto(grid[:1] + d)).T for row, d in zip(rows, shift, strict=True)], 1
+            [(row.integral_to(grid + d) - row.integral_to(grid[:1] + d)).T for row, d in zip(rows, shift, strict=True)],
+            1,
         )
         return cls(angle_deg, grid, edge, total, rows)
 
@@ -92,7 +93,7 @@ class Table:
         """Rows of the table with the given angles (n,)."""
         return np.searchsorted(self.angle_deg, angle_deg - 1e-9)
 
-    def less(self, other: "Table") -> "Table":
+    def minus(self, other: "Table") -> "Table":
         """Difference from a table that includes these angles and has the same positions and edge."""
         return replace(self, total_mm=self.total_mm - other.total_mm[:, other.places_of(self.angle_deg)])
 
@@ -159,7 +160,7 @@ def _reaching(sensor: Sensor) -> tuple[Sensor, float]:
 def _edge(angles: FloatArray, rows: Sequence[Places], reach_mm: float) -> FloatArray:
     """Slope of the line through the positions of steepest transition; 0 if they are not collinear."""
     grid = np.linspace(-reach_mm, reach_mm, 1 + 2 * math.ceil(reach_mm / EDGE_MM))
-    totals = (row.upto(grid) @ np.array([1.0, -1.0]) for row in rows)
+    totals = (row.integral_to(grid) @ np.array([1.0, -1.0]) for row in rows)
     steepest = grid[1:-1][
         [int(np.argmin(np.diff(total, 2))) for total in totals]
     ]  # an emitter on the right illuminates the left receiver

@@ -11,14 +11,14 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from solen.analysis.calibration.file import OF_NETWORK, SCHEMA, Ambient, calibration_data, tuples
+from solen.analysis.calibration.file import OF_NETWORK, SCHEMA, Ambient, calibration_data, data_of_kind, tuples
 from solen.analysis.network.decoder import NetworkDecoder
 from solen.analysis.network.forward import ForwardMap
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.ranks import Caution
 from solen.results import in_unit
-from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, error_context, migrated, refused
+from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, error_context, refused
 
 Row = tuple[Number, ...]
 
@@ -123,11 +123,6 @@ def is_network_file(path: Path) -> bool:
 
 def load_network(path: Path) -> NetworkCalibration:
     """Load the calibration of a network from a file; `DataError` if it cannot be read or is not one."""
-    data = calibration_data(path)
-    if not isinstance(data, dict) or data.get("kind") != OF_NETWORK:
-        found = data.get("kind") if isinstance(data, dict) else None
-        remedy = "create one with solen bench calibrate"
-        raise DataError(str(path), value=found, limit="is not a calibration of a network", remedy=remedy)
-    data = migrated(data, str(path), current=SCHEMA, migrations={}, error=DataError)
+    data = data_of_kind(path, OF_NETWORK, "is not a calibration of a network")
     with error_context(str(path)):
         return NetworkCalibration(**tuples(in_unit(data, "V", data.get("unit", "V"))))

@@ -5,7 +5,7 @@ from pathlib import Path
 from solen import files
 from solen.analysis import AnalysisOptions, study
 from solen.analysis.calibration import CalibrationOptions, SensorCalibrations, calibrated_sensors
-from solen.analysis.calibration.calibrate import place_of
+from solen.analysis.calibration.calibrate import default_path
 from solen.analysis.calibration.file import text_of
 from solen.analysis.network import NetworkCalibrations, calibrated_network, holds_network, network_readings
 from solen.analysis.network.file import text_of as network_text
@@ -41,7 +41,7 @@ def calibrate(
         names = ", ".join(one.sensor for one in made)
         remedy = "choose one with --sensor, make one of all with --pool, or leave --out out"
         raise OutputError(str(out), limit=f"is one file for {len(made)} calibrations: {names}", remedy=remedy)
-    places = {f"calibration.{one.sensor}": out or place_of(recordings, one.sensor) for one in made}
+    places = {f"calibration.{one.sensor}": out or default_path(recordings, one.sensor) for one in made}
     if len(set(places.values())) < len(made):
         first = next(iter(places.values()))
         raise OutputError(str(first), limit="would hold several calibrations", remedy="choose one with --sensor")
@@ -64,7 +64,7 @@ def _network(
     unused(analysis)
     result = calibrated_network([network_readings(path, options.sensor) for path in recordings])
     sensor = result.calibration.sensor or recordings[0].stem
-    place = out or place_of(recordings, sensor)
+    place = out or default_path(recordings, sensor)
     content: dict[Path, files.Content] = {place: network_text(result.calibration).encode("utf-8")}
     files.write_all(content | drawn(result, figure, "calibration"))
     return Outcome(result, {f"calibration.{sensor}": place} | named(figure=figure.figure))

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from solen.analysis import study
 from solen.analysis.diagnosis import DiagnosisOptions, SensorDiagnoses, diagnosed_sensors
-from solen.analysis.study import in_volts_of_angles
+from solen.analysis.study import voltages_against_angle
 from solen.pipeline.bench.recorded import ANALYSED, Analysed, Flat, split_files
 from solen.pipeline.options import FLAT, Out, ProgressBar
 from solen.pipeline.outputs import check_outputs, write
@@ -35,5 +35,5 @@ def diagnose(
     """
     check_outputs(out, figure)
     files, analysis = split_files(files, analysis)
-    diagnoses = diagnosed_sensors(in_volts_of_angles(study(files, analysis)), options, progress)
+    diagnoses = diagnosed_sensors(voltages_against_angle(study(files, analysis)), options, progress)
     return write(diagnoses, "diagnosis", out, figure=figure)
