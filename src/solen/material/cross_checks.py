@@ -25,7 +25,7 @@ NEAR_NM = 20.0
 WORTH = 0.2
 """Relative difference that is tolerated between two penetration depths because their definitions differ."""
 NM_PER_MM = 1e6
-_DB_PER_CM = 100.0 / math.log(10.0)  # of an absorption of 1 per mm
+_DB_PER_CM = 100.0 / math.log(10.0)  # loss in dB/cm at an absorption of 1 per mm
 
 Row = tuple[float, float | None, float | None, float | None]
 """Wavelength in nm, k, its standard uncertainty and its upper 95 % bound; None if one is not known."""

@@ -34,7 +34,7 @@ sheet, from T and an absorbance used as an absorptance, with a refractometer or 
 """
 AS_PUBLISHED = "as-published"
 
-_ROUNDING = 1e-9  # asymmetry and negative eigenvalues forgiven, relative to the variances
+_ROUNDING = 1e-9  # tolerated asymmetry and negative eigenvalues, relative to the variances
 
 
 def refuse_covariance(covariance: Sequence[Sequence[float]] | None, parameters: int) -> None:
@@ -49,7 +49,7 @@ def refuse_covariance(covariance: Sequence[Sequence[float]] | None, parameters: 
         raise refused("covariance", "must have variances of at least 0", value=float(np.diag(matrix).min()))
     spread = np.sqrt(np.diag(matrix))
     spread[spread == 0] = 1.0
-    correlation = matrix / np.outer(spread, spread)  # parameters differ by orders of magnitude; judged on one scale
+    correlation = matrix / np.outer(spread, spread)  # parameters differ by orders of magnitude, so they are scaled
     if (gap := float(np.abs(correlation - correlation.T).max())) > _ROUNDING:
         raise refused(
             "covariance",

@@ -31,8 +31,8 @@ FALSE_ALARMS = 0.01
 LEAST_DF = 0.25
 """Lower limit of the degrees of freedom of a covariance from residuals, as a fraction of n − p (decision 0028)."""
 _SCORINGS, _NOTHING, _TINY = 100, 1e-8, 1e-300
-_ALIKE = 1e-6  # least eigenvalue of what two effects have in common, from which on they are two
-_EXACT = 1e-10  # residuals below this share of the data are rounding
+_ALIKE = 1e-6  # smallest eigenvalue of the normalised overlap at which two effects are distinguishable
+_EXACT = 1e-10  # residuals below this fraction of the data are rounding errors
 
 
 @dataclass(frozen=True, eq=False)

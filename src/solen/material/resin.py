@@ -39,7 +39,7 @@ from solen.spec.strict import (
 )
 
 RESIN_SCHEMA = 1
-RESIN_MIGRATIONS: Migrations = {}  # old version -> tables of that version into those of the next
+RESIN_MIGRATIONS: Migrations = {}  # old version -> function that converts its tables to the next version
 LOSS_APART_NM = 20.0
 """Largest difference from the wavelength of a loss without a warning."""
 MEASURED = ("index", "loss", "cure", "stiffness")

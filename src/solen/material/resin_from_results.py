@@ -26,7 +26,7 @@ _NEEDS = {
     "cure_wavelength_nm": "cure",
     "label": "stiffness",
 }
-_ONE_LAMP_NM = 15.0  # between an LED's name and its mean wavelength
+_ONE_LAMP_NM = 15.0  # largest difference between an LED's nominal and its mean wavelength
 
 
 class BuildOptions(Selection):

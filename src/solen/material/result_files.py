@@ -67,7 +67,7 @@ class _Result(Strict):
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Any:
         """Return the table of the resin."""
-        raise NotImplementedError  # each kind of file has its own
+        raise NotImplementedError  # implemented for each kind of file
 
     def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:  # noqa: ARG002  a file of one index has no choice
         """Return the files of the measurement."""

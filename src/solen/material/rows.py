@@ -35,7 +35,7 @@ _REMARKS = frozenset(
 _NUMBERED = re.compile(r"(.*?)[\s_#.-]*\(?(\d+)\)?")
 """A name with the number of a replicate: disc 1, thickness_2, depth (3)."""
 _SHOWN = 4
-_SAME = 1e-6  # relative scatter of a ratio of two columns that state one thing in two units
+_SAME = 1e-6  # largest relative scatter of the ratio of two columns with the same quantity in two units
 
 
 class RowOptions(Options):

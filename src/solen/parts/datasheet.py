@@ -31,7 +31,7 @@ from solen.spec.strict import (
 )
 
 PART_SCHEMA = 1
-PART_MIGRATIONS: Migrations = {}  # old version -> tables of that version into those of the next
+PART_MIGRATIONS: Migrations = {}  # old version -> function that converts its tables to the next version
 
 Basis = Literal["datasheet", "sibling", "profile", "measured", "estimate"]
 Angle = Annotated[Number, Field(ge=0, le=180)]

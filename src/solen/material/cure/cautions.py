@@ -11,7 +11,7 @@ from solen.material.cure.curve import SIGNIFICANCE, LeftOut, WorkingCurve, means
 from solen.material.regression import chance, fitted, t_quantile
 from solen.ranks import Caution, do_not_use, look_at
 
-_FAR = 3.0  # times the critical dose from which on it is an extrapolation
+_FAR = 3.0  # ratio of the lowest dose to the critical dose above which the latter is an extrapolation
 _FEW_DF = 4.0
 _SHOWN = 4
 

@@ -207,8 +207,8 @@ class WorkingCurve(Result, kw_only=True):
         return (math.exp(low), math.exp(high)) if high < _LARGEST_LN else None
 
 
-_FLATTEST = 100.0  # logarithm of a critical dose in mJ/cm² beyond which it is none
-_LARGEST_LN = 700.0  # beyond it a dose overflows
+_FLATTEST = 100.0  # largest magnitude of the logarithm of a critical dose in mJ/cm²
+_LARGEST_LN = 700.0  # above it a dose overflows
 
 
 def working_curve(

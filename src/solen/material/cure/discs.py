@@ -26,7 +26,7 @@ from solen.spec.strict import Finite, Wavelength, refused
 
 MOST_LAYERS = 100_000
 """Largest number of layers: more than any printer prints, 1 m in layers of 10 µm."""
-_APART = 0.2  # of a penetration depth by discs from that by absorbance
+_APART = 0.2  # relative difference of penetration depths from discs and from absorbance above which to warn
 USUAL_DP_UM = (1.0, 1e4)
 """Range far wider than the penetration depths of printable resins; outside it, a unit is wrong."""
 

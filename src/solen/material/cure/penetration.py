@@ -34,10 +34,10 @@ from solen.spec.strict import Above0, refused
 
 SHALLOW_UM, DEEP_UM = 25.0, 200.0
 """Depths between which the slope of a working curve is reported: thinnest layer and stated cure depth of the paper."""
-_SATURATED = 3.0  # an absorbance that few instruments reach
-_OFFSET = 0.01  # change of Dp by an offset that deserves a warning
-_ALL_OFFSET = 0.5  # share of an offset in the absorbance from which on it may be all of it
-_BENT = 0.05  # how far Dp may run with depth
+_SATURATED = 3.0  # absorbance beyond the range of most instruments
+_OFFSET = 0.01  # relative change of Dp from an offset above which to warn
+_ALL_OFFSET = 0.5  # fraction of the absorbance above which an offset may explain all of it
+_BENT = 0.05  # relative change of Dp with depth above which to warn
 
 
 class PenetrationOptions(RowOptions):
@@ -106,7 +106,7 @@ class Attenuation:
     def between_um(self, upper_um: float, lower_um: float) -> float:
         """Return the penetration depth of the exponential through two depths."""
         fall = self._ln_share(upper_um) - self._ln_share(lower_um)
-        return (lower_um - upper_um) / fall if fall > 0.0 else self.local_um(upper_um)  # too little light is taken off
+        return (lower_um - upper_um) / fall if fall > 0.0 else self.local_um(upper_um)  # too little attenuation
 
     @property
     def _least(self) -> float:

@@ -32,7 +32,7 @@ MOST_LINES = 48
 SURE = 2.0
 """Logarithm of the likelihood ratio above which the discs prefer a law: 7 to 1."""
 _LEAST_DISCS = 5
-_POWERS = (0.0, 0.5, 1.0)  # of thickness that the scatter of discs goes with
+_POWERS = (0.0, 0.5, 1.0)  # powers of thickness with which the scatter of discs may grow
 _STEPS = 60
 
 

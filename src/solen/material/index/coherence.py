@@ -58,7 +58,7 @@ class Blur:
         for harmonic, slit, wedge in zip(range(1, HARMONICS + 1), slits, wedges, strict=False):
             yield share * (1.0 - harmonic * self.other) * slit**2 * wedge
             step = step * twice
-            share = share * step  # of harmonic m: the first to the power of m²
+            share = share * step  # harmonic m has the first factor to the power of m²
 
 
 def _sincs(x: Any) -> Iterator[Any]:

@@ -25,11 +25,11 @@ from solen.material.index.film_model import STEP, FilmModel, Measured
 from solen.material.index.fringes import Phase
 from solen.units import NM_PER_UM
 
-_EVIDENCE = 10.0  # by which ln(probability) must be greater for a free index
-_ORDERS, _MOST_ORDERS = (-1.0, 1.0), 4  # orders beside a solution that are tried, and how often
-_CLEAN = 1.5  # widening by neighbours that err together, up to which a free index is taken for the film's
-_FREE_ORDERS, _MOST_TRIED = tuple(np.arange(-6.0, 6.1)), 4  # orders that are tried once the index is free; followed up
-_APART = 12.0  # of χ², from which on another solution has no weight
+_EVIDENCE = 10.0  # required increase of the log-likelihood for a free index
+_ORDERS, _MOST_ORDERS = (-1.0, 1.0), 4  # shifts of the order to be tried, and number of rounds
+_CLEAN = 1.5  # largest variance factor from correlated neighbours at which a free index is accepted
+_FREE_ORDERS, _MOST_TRIED = tuple(np.arange(-6.0, 6.1)), 4  # shifts to be tried with a free index; number refined
+_APART = 12.0  # difference of χ² above which another solution has no weight
 
 
 @dataclass(frozen=True, eq=False)

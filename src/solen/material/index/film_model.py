@@ -27,15 +27,15 @@ SLIT_SHARE = 0.1
 U_THICKNESS = 0.1
 """Relative standard uncertainty assumed for a thickness without a stated one."""
 _MOST_SPREAD, _MOST_SLIT_NM = 0.1, 20.0
-_BEND = 0.01  # standard deviation of what the third term adds to n over half of the range, before anything is known
-_ADDED = 0.01  # the same of each curve of a free index
-_OTHER = 0.02  # standard uncertainty of the contrast, relative, beside slit and thickness
+_BEND = 0.01  # prior standard deviation of the third term of n at the ends of the range
+_ADDED = 0.01  # the same for each curve of a free index
+_OTHER = 0.02  # relative standard uncertainty of the contrast from other causes than slit and thickness
 _KNOTS = 6
 STEP = 1e-30
-_STATED_U = 1e-3  # weight of readings before their scatter is known
-_BEYOND = 1.5  # ratio of variances from which on more is left than scatter
-_BLURRED = np.array([0.0, 0.5, 1.0, 2.0])  # standard deviations of the phase that are tried
-_TURNED = np.arange(0.0, 9.0, 0.7)  # half ranges of it
+_STATED_U = 1e-3  # assumed uncertainty of readings until their scatter is known
+_BEYOND = 1.5  # ratio of variances above which the residuals exceed the scatter
+_BLURRED = np.array([0.0, 0.5, 1.0, 2.0])  # standard deviations of the phase to be tried
+_TURNED = np.arange(0.0, 9.0, 0.7)  # half ranges of the phase to be tried
 
 
 @dataclass(frozen=True, eq=False)

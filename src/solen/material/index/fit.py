@@ -34,7 +34,7 @@ from solen.results import HIDDEN, Result, reported
 from solen.units import NM_PER_UM
 
 _CURVE_NM = 5.0
-_SAME = 1e-3  # how far A, B, C may be from what they were made of: of u(n)
+_SAME = 1e-3  # tolerated deviation of A, B, C from the inner parameters, relative to u(n)
 
 
 class Fit(Result):
@@ -170,7 +170,9 @@ def _scores(roots: Mapping[int, Solved], points: Points) -> dict[int, float]:
     richest = roots[max(roots)]
     spread = 1.0 if points.u is None else max(1.0, richest.chi2 / richest.freedom)
     rho = max(richest.neighbours, 0.0)
-    apart = max(points.n.size * (1 - rho) / (1 + rho), richest.inner.size + 3)  # points as good as independent
+    apart = max(
+        points.n.size * (1 - rho) / (1 + rho), richest.inner.size + 3
+    )  # equivalent number of independent points
     scores = {}
     for count, root in roots.items():
         parameters = root.inner.size + (points.u is None)

@@ -13,9 +13,9 @@ from solen.material.index.fit import Fit, fit
 from solen.material.index.spectrum import Estimate, IndexSpectrum
 from solen.ranks import Caution, look_at
 
-_FEW, _BEND = 10, 3.0  # points that show no scatter; residuals above this many steps have a shape of their own
-_SMALL = 1e-4  # of n, not worth a word
-_BESIDE = 15  # points to either side whose scatter is taken together
+_FEW, _BEND = 10, 3.0  # smallest number of points with scatter; ratio of residuals to steps that shows a misfit
+_SMALL = 1e-4  # change of n that is not reported
+_BESIDE = 15  # points to either side whose scatter is pooled
 
 
 def formula_through(

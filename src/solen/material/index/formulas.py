@@ -18,9 +18,9 @@ from solen.arrays import FloatArray
 from solen.material.dispersion import Cauchy, Sellmeier
 from solen.units import NM_PER_UM
 
-_EDGE = 0.97  # a resonance of two terms stays at least this far off the range, as a share of its end
-_FAR_UM = (0.01, 200.0)  # resonances are looked for between these
-_LOOSE = 0.5  # a coefficient known no better than to this share is not determined
+_EDGE = 0.97  # largest ratio of a resonance to the lower end of the range (or of the upper end to a resonance)
+_FAR_UM = (0.01, 200.0)  # range of the search for resonances
+_LOOSE = 0.5  # relative uncertainty above which a coefficient is not determined
 
 
 class UnfitError(Exception):
@@ -166,7 +166,7 @@ class TwoPoles(Form):
         b, c = 1 / level, max(fall / level, _FAR_UM[0] ** 2)
         floor, ceiling = (2 * math.log(end) for end in _FAR_UM)
         below, above = 2 * math.log(_EDGE * um.min()), 2 * math.log(um.max() / _EDGE)
-        ways = (  # start, and between which logarithms the second C lies
+        ways = (  # start, and bounds of the logarithm of the second C
             ((b / 2, b / 2, c / 2, c * 1.5), floor, below),
             ((b, b / 50, c, (3 * um.max()) ** 2), above, ceiling),
         )

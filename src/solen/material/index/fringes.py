@@ -21,14 +21,14 @@ from solen.arrays import FloatArray
 from solen.ranks import Caution, do_not_use, look_at
 from solen.units import NM_PER_UM
 
-_FEWEST = 24  # points in which fringes can be looked for
-_SMOOTH = 5  # degree of the curve that is no fringe
-_LEAST_FRINGES = 3.0  # in the range
+_FEWEST = 24  # smallest number of points for the detection of fringes
+_SMOOTH = 5  # degree of the smooth curve under the fringes
+_LEAST_FRINGES = 3.0  # smallest number of fringes in the range
 _RISES = tuple(np.linspace(0.0, 0.03, 7))
-_CHANCE = -4.0  # logarithm of how often noise may be taken for fringes
+_CHANCE = -4.0  # logarithm of the false-alarm probability
 _SAME_UM, _MOST_WAYS, _ORDERS = 0.15, 3, 6.0
 _MOST_RISE = 0.1
-_WINDOWS, _LEAST_WINDOWS = 12, 3  # parts of a spectrum, and in how many fringes must be
+_WINDOWS, _LEAST_WINDOWS = 12, 3  # parts of a spectrum, and number of them that must have fringes
 _LEAST_AMPLITUDE = 2e-5  # of T: below, rounding and the shape of the smooth curve look like fringes
 
 
@@ -85,7 +85,7 @@ def find_fringes(
     ends = um[-1] ** -2, um[0] ** -2
     u = (um**-2 - sum(ends) / 2.0) / ((ends[1] - ends[0]) / 2.0)
     coarse: list[tuple[float, float, float]] = []
-    for part in (slice(None), slice(count // 2, None)):  # a slit takes those at short wavelengths away
+    for part in (slice(None), slice(count // 2, None)):  # a slit removes the fringes at short wavelengths
         coarse += _periodogram(um[part], u[part], _level(values[part]), optical_um)
     coarse.sort(reverse=True)
     if not coarse or coarse[0][0] > 1.0:

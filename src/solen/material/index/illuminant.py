@@ -27,7 +27,7 @@ MOST_OUTSIDE = 0.02
 """Largest fraction of the light that may be at wavelengths without measurement."""
 NOISE = 0.01
 """Fraction of the peak below which a measured spectrum is noise."""
-_LINES, _REACH = 241, 3.0  # lines of an LED, and how many standard deviations they reach
+_LINES, _REACH = 241, 3.0  # number of lines of an LED, and their range in standard deviations
 
 
 @dataclass(frozen=True, eq=False)

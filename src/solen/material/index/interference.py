@@ -32,8 +32,8 @@ MODE = "fringes"
 """Name of the route."""
 JOINT = "joint"
 """Name of the route for a layer and its bare sheet without visible fringes."""
-_INDICES = (1.25, 1.9)  # of layers whose fringes are looked for, in optical thickness over thickness
-_THICK_UM = (8.0, 150.0)  # n times thickness where the thickness is not stated
+_INDICES = (1.25, 1.9)  # range of indices in the search for fringes
+_THICK_UM = (8.0, 150.0)  # n times thickness if the thickness is not stated
 _USUAL = 1.5
 
 

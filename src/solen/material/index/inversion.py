@@ -35,9 +35,9 @@ _IN_BLOCKS: dict[str, Any] = {
     "flags": ["external_loop", "buffered", "zerosize_ok"],
     "op_flags": [["readonly"]] * 3 + [["writeonly"]] * 2,
     "order": "C",
-    "buffersize": 1 << 13,  # numbers at a time: what is in between stays in the cache of a core
+    "buffersize": 1 << 13,  # numbers at a time: intermediate arrays fit in the cache of a core
 }
-MUCH = 1 << 20  # numbers above which a call is shared among cores
+MUCH = 1 << 20  # numbers above which a call uses several cores
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ def invert(
         Thickness in µm and wavelength in air in nm; all four broadcast.
     """
     r, t, depth = _broadcast(reflectance, transmittance, optical_depth(thickness_um, wavelength_nm))
-    with np.errstate(all="ignore"):  # what has no value becomes NaN
+    with np.errstate(all="ignore"):  # undefined values become NaN
         face, tau, k, n = _inverted(r, t, 1.0 / depth)
         return Inverted(n, k, (1.0 + k**2) / n, face, tau)
 

@@ -37,8 +37,8 @@ from solen.recording.model import Measured
 from solen.recording.optical import OPTIONS, OpticalSpectra, optical_spectra
 from solen.results import HIDDEN
 
-_ABOVE = 0.02  # share of the wavelengths with T > 1 from which on a baseline on a substrate is suspected
-_MOST_UNUSED = 3  # traces that are named where they are not used
+_ABOVE = 0.02  # fraction of wavelengths with T > 1 above which a substrate baseline is suspected
+_MOST_UNUSED = 3  # largest number of unused traces that are named
 
 
 class LayerIndex(Measured, kw_only=True):

@@ -47,10 +47,10 @@ MARGIN = 0.01
 TIMES = 2.0
 """Multiple of the largest known dispersion above which a dispersion gives a warning."""
 
-_SINGLE_NM = (400.0, 1000.0)  # where a value at one wavelength is carried to by its Abbe number, a curve by its formula
+_SINGLE_NM = (400.0, 1000.0)  # range of extrapolation by an Abbe number or a formula
 _ENOUGH = 4  # points for a parabola
-_LEAST_SPAN_NM = 50.0  # of a dispersion that is judged
-_USUAL_ABBE = 50.0  # of an entry that states none; from there to 860 nm an error of 10 in it is one of 0.002
+_LEAST_SPAN_NM = 50.0  # smallest range of a dispersion to be tested
+_USUAL_ABBE = 50.0  # for an entry that states none; an error of 10 changes n at 860 nm by 0.002
 
 
 @dataclass(frozen=True)
@@ -381,7 +381,7 @@ def _fall(nm: FloatArray, n: FloatArray, u: FloatArray | None, low: float, high:
     middle, half = x.mean(), float(np.ptp(x)) / 2
     t = np.vander((x - middle) / half, 3)
     at = np.vander((np.array([low, high]) / NM_PER_UM) ** -2 / half - middle / half, 3)
-    taken = (at[0] - at[1]) @ np.linalg.pinv(t)  # how the fall follows each point
+    taken = (at[0] - at[1]) @ np.linalg.pinv(t)  # derivative of the fall with respect to each point
     if u is None:
         residual = n - t @ (np.linalg.pinv(t) @ n)
         u = np.full(nm.size, math.sqrt(float(residual @ residual) / (nm.size - 3)))

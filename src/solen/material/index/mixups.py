@@ -15,9 +15,9 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index.inversion import invert
 
-_LAYERS = (1.2, 2.5)  # indices of what is printed, and of much else
+_LAYERS = (1.2, 2.5)  # range of plausible indices of layers
 _IMPOSSIBLE = 5.0  # an index above that of silicon
-_FRACTION = 0.0105  # of T as 1.05 %: a fraction of 1 with noise
+_FRACTION = 0.0105  # largest T under a header in % that may be a fraction: 1 with noise
 
 
 def refuse_mixups(rows: Mapping[str, FloatArray], names: Mapping[str, tuple[str, ...]]) -> None:

@@ -16,7 +16,7 @@ from solen.material.rows import RowOptions
 from solen.spec.strict import Above0, Finite, Wavelength, error_context, refused
 
 _NM_PER_MM = 1e6
-_MOST_U = 0.1  # an uncertainty of T above this is a percentage without its sign
+_MOST_U = 0.1  # an uncertainty of T above this is probably a percentage without the sign
 
 
 def _fraction(value: object) -> object:

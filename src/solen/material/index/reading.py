@@ -28,9 +28,9 @@ from solen.ranks import Caution, look_at
 ONE_SIGMA = 0.682689492137086
 """Fraction of a normal distribution within one standard deviation."""
 
-_APART = 8  # wavelengths from which on offsets of whole spectra are distinguished from scatter
-_NEIGHBOURS = 21  # wavelengths whose scatter is taken together
-_DRIFT = 3.0  # offsets above this many times what scatter leaves of them are more than scatter
+_APART = 8  # number of wavelengths from which offsets of whole spectra are distinguished from scatter
+_NEIGHBOURS = 21  # number of wavelengths whose scatter is pooled
+_DRIFT = 3.0  # multiple of the expected scatter above which offsets are significant
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class Reading:
         """Return the contributions to a quantity that depends on the reading with this slope; NaN if unknown."""
         unknown = 1.0 if self.known else np.nan
         by_repeats, stated = self.u_common
-        with np.errstate(invalid="ignore"):  # slopes may be endless where nothing comes through
+        with np.errstate(invalid="ignore"):  # slopes may be infinite where no light is transmitted
             return [
                 Share(np.asarray(slope * self.u_random * unknown), self.freedom_random, False),
                 Share(np.asarray(slope * by_repeats), self.freedom, True),

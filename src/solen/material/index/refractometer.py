@@ -59,7 +59,7 @@ WIDE95 = 1.959963984540054
 """Half of the 95 % interval of a normal distribution, in standard deviations."""
 
 _STEPS = 30
-_SURE = 0.01  # chance below which values and prior disagree
+_SURE = 0.01  # probability below which values and prior disagree
 _STEP = 1e-30
 
 
@@ -403,7 +403,7 @@ def _coefficients(p: NDArray[Any], at: float) -> tuple[Any, Any, Any]:
     n, power, share = p
     x = float(_x(at))
     linear, square = (_D - x) / (_F - _C), (_D**2 - x**2) / (_F**2 - _C**2)
-    delta = power * (n - 1) / (1 - power * ((1 - share) * linear + share * square))  # (n_d − 1)/V, n_d by the formula
+    delta = power * (n - 1) / (1 - power * ((1 - share) * linear + share * square))  # (n_d − 1)/V, n_d from the formula
     b, c = delta * (1 - share) / (_F - _C), delta * share / (_F**2 - _C**2)
     return n - b * x - c * x**2, b, c
 

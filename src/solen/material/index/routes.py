@@ -46,7 +46,7 @@ AS_PUBLISHED = do_not_use(
 )
 BASES = {"log10": float(np.log(10.0)), "ln": 1.0}
 """Natural logarithm of the base of each kind of absorbance."""
-_ALIKE, _ROUNDED = 0.02, 1e-4  # A that differs from −log10 T by less is −log10 T
+_ALIKE, _ROUNDED = 0.02, 1e-4  # tolerances within which A is −log10 T
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,7 +331,7 @@ def _k_bounds(
     unresolved, u, u95 = np.isin(no_k, UNRESOLVED), k.u, k.bound(0.95)
     with np.errstate(all="ignore"):
         above = result - u * ndtri(0.05 * ndtr(result / u))
-        darkest = result + k_by_t * t * np.log1p(u_t.bound(0.90) / t)  # k runs with ln T there
+        darkest = result + k_by_t * t * np.log1p(u_t.bound(0.90) / t)  # k is proportional to ln T there
     seen = (unresolved | (no_k == Why.FINE)) & ~np.isnan(u)
     low = np.where(unresolved, 0.0, np.maximum(result - u95, 0.0))
     high = np.where(unresolved, above, result + u95)

@@ -19,8 +19,8 @@ from solen.material.index.formulas import Form, UnfitError
 from solen.units import NM_PER_UM
 
 _STEPS = 50
-_SURE = 0.01  # chance at which scatter counts as beyond the stated uncertainties
-_SIGMA = 2.33  # the same for a correlation of neighbours
+_SURE = 0.01  # probability below which scatter exceeds the stated uncertainties
+_SIGMA = 2.33  # the same for a correlation of neighbours, in standard deviations
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Points:
     n: FloatArray
     u: FloatArray | None
     shared: FloatArray  # (rows, points)
-    order: NDArray[np.intp]  # where each stood among those that were given
+    order: NDArray[np.intp]  # index of each among the given points
     given: int
 
     @property
@@ -126,7 +126,7 @@ def _with_covariance(form: Form, inner: FloatArray, slope: FloatArray, residuals
     scale = np.abs(np.diag(r))
     if scale.min() <= 1e-10 * scale.max():
         raise UnfitError("is not determined by these points")
-    taken = np.linalg.solve(r, q.T) * weights  # (parameters, points): how each follows a point
+    taken = np.linalg.solve(r, q.T) * weights  # (parameters, points): derivatives of the parameters
     chi2 = float(np.sum((weights * residuals) ** 2))
     freedom = residuals.size - inner.size
     neighbours = _neighbours(weights * residuals)

@@ -33,9 +33,9 @@ _GRID = np.linspace(N_LEAST, N_MOST, 201)[:, None]
 _CLOSED = 1e-12  # how closely a solution must reproduce the readings
 _ITERATIONS = 20
 _SHEET = ("sheet_n", "sheet_k", "sheet_um")
-_KNOWN = (*_SHEET, "thickness_um")  # taken as known beside the readings, and may be in error
-_BLOCK = 2048  # wavelengths on the grid at once
-_STEP = 1e-30  # a complex step has no cancellation
+_KNOWN = (*_SHEET, "thickness_um")  # known inputs with uncertainty
+_BLOCK = 2048  # number of wavelengths on the grid at once
+_STEP = 1e-30  # a complex step without cancellation
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ DB_PER_NEPER = 10.0 / math.log(10.0)
 MM_PER_CM = 10.0
 CM_PER_UM = 1e-4
 LOGARITHMIC = ("dBm", "dB")
-_FULL = {"1": 1.0, "%": 100.0, "dB": 0.0}  # all that was launched, where readings are shares of it
+_FULL = {"1": 1.0, "%": 100.0, "dB": 0.0}  # launched power, if readings are relative to it
 _SHOWN = 3
 
 

@@ -22,8 +22,8 @@ import numpy as np
 from solen.arrays import FloatArray
 
 _HIGHEST = 0.995
-_NEGLIGIBLE = 1e-10  # singular value, of the largest, below which a direction is rounding
-_SINGULAR = 1e14  # condition beyond which an inverse has no correct digit
+_NEGLIGIBLE = 1e-10  # singular value, relative to the largest, below which a direction is due to rounding
+_SINGULAR = 1e14  # condition number above which an inverse has no correct digit
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,7 +32,7 @@ SWING = 0.1
 """Fraction of the strain's range that a reversal must exceed."""
 MOST = 50
 """Largest number of points of a curve for fitting."""
-_UNLOADED = (0.01, 0.05)  # of the first cycle's peak stress
+_UNLOADED = (0.01, 0.05)  # fractions of the first cycle's peak stress
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,8 @@ from solen.ranks import Caution, look_at, note
 from solen.results import Result, reported
 from solen.spec.strict import Above0, Finite, refused
 
-_WORTH = 8.0  # effective points below which an interval is known to be too narrow
-_BENT = 0.05  # departure of an ideal rubber's slope from its first one that is worth saying
+_WORTH = 8.0  # number of effective points below which an interval is too narrow
+_BENT = 0.05  # relative change of an ideal rubber's slope above which to warn
 _LOSSY = 0.1
 
 

@@ -32,13 +32,13 @@ from solen.material.stiffness.stability import StableRange, stable_range
 from solen.results import HIDDEN, reported
 
 Weighting = Literal["absolute", "relative"]
-SEEN = 0.02  # of the root mean square of the residuals: a smaller difference of two fits is none
-_FLOOR = 0.02  # of the largest stress of a test: below it a relative error means nothing
+SEEN = 0.02  # relative difference of the residuals of two fits that is negligible
+_FLOOR = 0.02  # fraction of the largest stress of a test below which a relative error is meaningless
 _POWERS = (-8.0, -5.0, -3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 13.0)
 _STEEPEST = 30.0  # bound of |α|
-_REFINED = 12  # starts that are refined
-_POLISHED = 3  # of them, to the end
-_STEPS = 400  # evaluations for each
+_REFINED = 12  # number of starts that are refined
+_POLISHED = 3  # number of these refined to convergence
+_STEPS = 400  # number of evaluations for each
 
 
 @dataclass(frozen=True, eq=False)

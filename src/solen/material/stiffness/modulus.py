@@ -30,7 +30,7 @@ Range = tuple[float, float]
 _TENSION: tuple[Range, ...] = ((0.0005, 0.0025), (0.02, 0.1), (0.05, 0.25), (0.0, 0.5))
 _COMPRESSION: tuple[Range, ...] = ((0.02, 0.1), (0.05, 0.25), (0.0, 0.5))
 _ENOUGH, _FEWEST = 8, 3
-_RESOLVED = 0.02  # relative uncertainty above which a narrow range is given up for a wider one
+_RESOLVED = 0.02  # relative uncertainty above which a wider range is used
 BREAK = 0.6
 """Fraction of the largest force below which a specimen is broken."""
 

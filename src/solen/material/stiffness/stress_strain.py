@@ -24,9 +24,9 @@ from solen.results import HIDDEN, reported
 
 Loading = Literal["tension", "compression", "both"]
 _FEWEST = 5
-_SHOWN = 400  # points of a curve in a result
-_BOTH = 0.05  # share of the range on the other side of zero that makes a test one in both directions
-_STRAINS, _STRESSES_MPA = (1e-9, 1e3), (1e-12, 1e6)  # least change and largest size
+_SHOWN = 400  # number of points of a curve in a result
+_BOTH = 0.05  # fraction of the range beyond zero above which a test has both directions
+_STRAINS, _STRESSES_MPA = (1e-9, 1e3), (1e-12, 1e6)  # smallest change and largest magnitude
 _PERCENT_BY_MISTAKE = 20.0  # a strain without unit beyond this: 2000 %
 
 

@@ -26,12 +26,12 @@ from solen.material.stiffness.cycles import loading_branch
 from solen.material.stiffness.modes import Mode
 from solen.material.stiffness.stress_strain import StressStrain
 
-_STEPS = 40  # equal steps of stress that the loading branch is cut into
-_LOOKED = 20  # of them, how many may belong to the toe
+_STEPS = 40  # number of equal stress steps of the loading branch
+_LOOKED = 20  # number of these that may belong to the toe
 _RISE = 1.05
-_FEWEST = 4  # rows of a step
+_FEWEST = 4  # smallest number of rows of a step
 _ROUNDS = 8
-_LEAST = 1e-5  # a shift of strain below it is not worth making
+_LEAST = 1e-5  # smallest shift of strain that is applied
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def _shifted(test: StressStrain, strain: FloatArray, stress: FloatArray, steps: 
             return Toe(0.0, None, 0.0, "no toe compensation: the slope keeps rising, because of a toe or the material")
         both = slice(steps[at].start, steps[at + 1].stop)
         zero, u_zero, slope = _zero(over[both], stress[both])
-        curved = zero - _zero(over[steps[at]], stress[steps[at]])[0]  # what another choice of points would have given
+        curved = zero - _zero(over[steps[at]], stress[steps[at]])[0]  # result of another choice of points
         change, u_shift = zero / test.mode.slope_ratio, float(np.hypot(u_zero, curved)) / test.mode.slope_ratio
         shift += change
         if abs(change) < 1e-9:
