@@ -14,7 +14,7 @@ from solen.material.index.spectrum import Estimate, IndexSpectrum
 from solen.ranks import Caution, look_at
 
 _FEW, _BEND = 10, 3.0  # smallest number of points with scatter; ratio of residuals to steps that shows a misfit
-_SMALL = 1e-4  # change of n that is not reported
+_SMALL = 1e-4  # root mean square of negligible residuals
 _BESIDE = 15  # points to either side whose scatter is pooled
 
 
