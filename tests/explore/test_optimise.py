@@ -20,17 +20,17 @@ from solen.cli.explore.optimise import optimise as optimise_files
 from solen.errors import OutputError, SpecError
 from solen.explore.optimise import (
     Front,
-    Grown,
+    NondominatedDesign,
     OptimiseOptions,
     Optimum,
     check_prints,
     optimise,
-    straighter,
+    straightness_options,
     with_prints,
 )
-from solen.explore.optimise.course import Course
-from solen.explore.optimise.front import sought, weights_of
-from solen.explore.optimise.judge import Judge
+from solen.explore.optimise.candidates import Candidates
+from solen.explore.optimise.evaluation import Evaluator
+from solen.explore.optimise.front import search_front, weights_of
 from solen.explore.optimise.optimum import at_ends, outside
 from solen.explore.optimise.search import Tried, search
 from solen.explore.optimise.task import Task
@@ -185,9 +185,11 @@ def at_half(done: float) -> None:
 
 def test_an_interrupted_search_has_its_best_so_far(centred: tuple[Store, Optimum]) -> None:
     store, found = centred
-    kept: list[list[Grown]] = []
+    kept: list[list[NondominatedDesign]] = []
 
-    cut = optimum(DESIGN, OptimiseOptions(**CENTRE), store, progress=at_half, keep=lambda grown: kept.append([*grown]))
+    cut = optimum(
+        DESIGN, OptimiseOptions(**CENTRE), store, progress=at_half, keep=lambda designs: kept.append([*designs])
+    )
     assert cut.interrupted
     assert cut.evaluations == 10
     assert [cut.design] == [one.design for one in kept[-1]]
@@ -246,9 +248,9 @@ def test_a_search_that_exploits_coarse_angles_is_caught() -> None:
 
 
 class Circle:
-    """Judge of points (2,) whose best goals lie on a quarter of a circle that is hollow towards the ideal (0, 0)."""
+    """Evaluator of points (2,) whose best goals are on a quarter of a circle, concave towards the ideal (0, 0)."""
 
-    class task:  # noqa: N801  an attribute of a judge
+    class task:  # noqa: N801  an attribute of a evaluator
         signs = (1.0, 1.0)
         begin = np.array([0.5, 0.9])
 
@@ -258,42 +260,42 @@ class Circle:
 
     @staticmethod
     def of(point: FloatArray) -> Any:
-        class verdict:  # noqa: N801
+        class evaluation:  # noqa: N801
             goals = (1.0 + point[1]) * np.array([np.sin(0.5 * np.pi * point[0]), np.cos(0.5 * np.pi * point[0])])
             violation, by_goal = max(0.0, point[1] - 0.95), ()
 
-        return verdict
+        return evaluation
 
 
 def test_a_front_is_reached_where_it_is_hollow() -> None:
-    grown: list[list[int]] = []
+    best_numbers: list[list[int]] = []
 
-    def keep(front: Sequence[Grown]) -> None:
-        grown.append([one.number for one in front])
+    def keep(front: Sequence[NondominatedDesign]) -> None:
+        best_numbers.append([one.number for one in front])
 
-    course = Course(Circle, np.ones(2), 800, keep=keep)  # type: ignore[arg-type]  # judges all that a course asks
-    sought(course, 5, seed=0)
-    goals = np.array([one.goals for one in course.feasible])
+    candidates = Candidates(Circle, np.ones(2), 800, keep=keep)  # type: ignore[arg-type]  # has all that is used
+    search_front(candidates, 5, seed=0)
+    goals = np.array([one.goals for one in candidates.feasible])
     for weights in weights_of(5):
         best = goals[np.argmin((goals * np.where(weights > 0.0, weights, 1e-3)).max(axis=1))]
         assert np.hypot(*best) == pytest.approx(1.0, abs=0.02)
-    assert len(course.tried) <= 800
-    known = np.array([one.goals for one in course.tried])
-    met = np.array([one.violation == 0.0 for one in course.tried])
+    assert len(candidates.tried) <= 800
+    known = np.array([one.goals for one in candidates.tried])
+    met = np.array([one.violation == 0.0 for one in candidates.tried])
     beaten = [(met & (known <= own).all(axis=1) & (known < own).any(axis=1)).any() for own in known]
     unbeaten = np.unique(known[met & ~np.array(beaten)], axis=0)
-    assert np.array_equal(known[np.array(grown[-1]) - 1], unbeaten), (
+    assert np.array_equal(known[np.array(best_numbers[-1]) - 1], unbeaten), (
         "what is shown as it grows is the front of all that was tried"
     )
 
 
 def test_a_straighter_response_is_sought_around_the_design() -> None:
-    options = straighter(DESIGN)
+    options = straightness_options(DESIGN)
     task = Task.of(DESIGN, options)
     assert np.allclose(task.begin, 0.5, atol=0.02)
     knots = DESIGN.set({"lens.shape": "spline", "lens.knots_um": (0.0, 5.0)})
-    assert straighter(knots).free[-1] == "lens.knots_um[1]=-35:45"
-    assert not any("focus" in text for text in straighter(DESIGN.set({"lens.shape": "none"})).free)
+    assert straightness_options(knots).free[-1] == "lens.knots_um[1]=-35:45"
+    assert not any("focus" in text for text in straightness_options(DESIGN.set({"lens.shape": "none"})).free)
 
 
 FRONT = {"minimise": ("abs(null_deg)",), "maximise": ("light",), "free": ("emitter.offset_mm=0.01:0.03",)}
@@ -357,10 +359,10 @@ def test_a_lens_too_fine_for_the_printer_misses_a_condition(
     knots_um: list[float], options: dict[str, Any], met: bool
 ) -> None:
     spline = DESIGN.set({"lens.shape": "spline", "lens.knots_um": knots_um})
-    verdict = Judge(Task.of(spline, OptimiseOptions(**CENTRE, **options)), Store(), 1e-2).of(spline)
-    assert verdict is not None
-    assert list(verdict.meets.values()) == [met]
-    assert (verdict.violation == 0.0) is met
+    evaluation = Evaluator(Task.of(spline, OptimiseOptions(**CENTRE, **options)), Store(), 1e-2).of(spline)
+    assert evaluation is not None
+    assert list(evaluation.meets.values()) == [met]
+    assert (evaluation.violation == 0.0) is met
 
 
 def test_as_printed_the_lens_is_that_of_the_predicted_print(tmp_path: Path) -> None:
@@ -369,7 +371,7 @@ def test_as_printed_the_lens_is_that_of_the_predicted_print(tmp_path: Path) -> N
     path.write_text(process_text(exact))
     task = Task.of(DESIGN, OptimiseOptions(**CENTRE, as_printed=True, process=path))
     assert task.printed_by == exact.name
-    variant = Judge(task, Store(), 1e-2).variant(DESIGN)
+    variant = Evaluator(task, Store(), 1e-2).variant(DESIGN)
     assert variant.name(Accuracy(1e-2)) != Variant(DESIGN).name(Accuracy(1e-2))
     sensor = Sensor.of(DESIGN)
     profile = print_design(sensor, PrintOptions(process=path), response=False).profile

@@ -82,5 +82,5 @@ def test_the_worst_is_over_the_cases_and_other_merits_are_those_of_the_design(te
 def test_a_limit_may_bound_the_worst() -> None:
     assert Limit.parse("span >= 1 and worst(linearity_percent) < 3.5").met(CASES, BASE).all()
     assert not Limit.parse("worst(linearity_percent) < 2.5").met(CASES, BASE).any()
-    with pytest.raises(SpecError, match="single merit"):
+    with pytest.raises(SpecError, match="one merit"):
         Limit.parse("worst(span + light) > 1")

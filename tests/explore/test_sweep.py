@@ -49,10 +49,10 @@ def test_samples_fill_ranges_and_lists_evenly() -> None:
         (["lens.focus_mm"], None, "lens.focus_mm"),
         (["lens.focus_mm=15:15:3"], None, "empty range"),
         (["lens.focus_mm=15:25:1"], None, "at least 2"),
-        (["lens.focus_mm=15:25:2.5"], None, "whole"),
+        (["lens.focus_mm=15:25:2.5"], None, "integer of at least 2"),
         (["lens.focus_mm=15:x:3"], None, "numbers"),
-        (["lens.focus_mm=15:25:inf"], None, "whole"),
-        (["lens.focus_mm=15:25:nan"], None, "whole"),
+        (["lens.focus_mm=15:25:inf"], None, "integer of at least 2"),
+        (["lens.focus_mm=15:25:nan"], None, "integer of at least 2"),
         (["lens.focus_mm=15:25:1000000000000"], None, "1,000,000,000,000"),
         (["lens.focus_mm=15:25:2000", "emitter.offset_mm=0:1:2000"], None, "4,000,000"),
         (["lens.focus_mm=15:25"], None, "--samples"),
@@ -383,7 +383,7 @@ def test_ten_kills_leave_the_same_table(tmp_path: Path) -> None:
     import xarray
 
     design = save(tmp_path / "small.toml", DESIGN)
-    subprocess.run(_command(design, tmp_path / "whole"), check=True, capture_output=True)
+    subprocess.run(_command(design, tmp_path / "integer of at least 2"), check=True, capture_output=True)
     rng = np.random.default_rng(0)
     killed = 0
     while killed < 10:

@@ -10,13 +10,13 @@ from matplotlib.text import Text
 
 from solen.arrays import FloatArray
 from solen.errors import SpecError
+from solen.explore.default_variations import GROWTH, SHRINKAGE, of_process, variations_of
 from solen.explore.merits import NAMES
 from solen.explore.prints import Prints
 from solen.explore.requirement import Requirement
 from solen.explore.store import Store
 from solen.explore.surrogate import fit
 from solen.explore.tolerance import ToleranceOptions, print_design, tolerance
-from solen.explore.usual import GROWTH, SHRINKAGE, of_process, variations_of
 from solen.explore.variations import Variation, drawn, offs, together, variation
 from solen.fabricate.process.growth import growth_um
 from solen.fabricate.process.process_file import Process, default_process, process_text

@@ -7,10 +7,10 @@ import pytest
 
 from solen.arrays import FloatArray
 from solen.explore import Store, ToleranceOptions, tolerance
+from solen.explore.default_variations import variations_of
 from solen.explore.measures import measure_of, merits_of_points
 from solen.explore.responses import responses
 from solen.explore.store import Variant
-from solen.explore.usual import variations_of
 from solen.explore.variations import offs
 from solen.sensor import Sensor
 from solen.spec import Design

@@ -19,8 +19,8 @@ import pytest
 from solen.cli import run_command
 from solen.cli.design.studio import printed
 from solen.explore.live import COARSE_RAYS, coarse
-from solen.explore.matters import matters
 from solen.explore.sliders import SlidersOptions, sliders
+from solen.explore.tolerance_effects import tolerance_effects
 from solen.report.design.player import html
 from solen.sensor import Sensor, in_plane, picture
 from solen.spec import load, loads, template
@@ -182,7 +182,7 @@ def test_the_same_is_offered_elsewhere(seen: dict[str, Any], folder: Path) -> No
 
 
 def test_what_matters_is_ranked(seen: dict[str, Any], folder: Path) -> None:
-    exact = {one.key: one for one in matters(Sensor.of(load(folder / "sensor.toml")))}
+    exact = {one.key: one for one in tolerance_effects(Sensor.of(load(folder / "sensor.toml")))}
     first = max(exact.values(), key=lambda one: one.largest)
     words, change, _ = seen["matters"][0].split("\t")
     assert words.startswith(first.key.replace(".", " ").rsplit("_", 1)[0].replace("_", " "))

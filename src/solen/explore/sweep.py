@@ -21,10 +21,10 @@ from solen.explore.measures import Measure, measure_of, merits_of_points
 from solen.explore.merits import worst_place
 from solen.explore.responses import AccuracyOptions, failures_of, point_warnings, responses
 from solen.explore.robust import cases_of
-from solen.explore.still import still_in_samples, still_on_grid
 from solen.explore.store import Chip, Point, Store, Variant
 from solen.explore.subject import Subject, design_of
 from solen.explore.swept import Sweep
+from solen.explore.unused_axes import unused_in_samples, unused_on_grid
 from solen.progress import Progress
 from solen.sensor import Sensor
 from solen.sensor.numbers import inert
@@ -116,7 +116,7 @@ def sweep(
     traced = trace([points[place] for place in order], cases, progress)
     traced = [traced[place] for place in np.argsort(order)] if chips else traced
     as_it_is = traced[:: len(cases)]
-    still = still_on_grid(axes, as_it_is) if is_grid else list(still_in_samples(axes, points, as_it_is, trace))
+    still = unused_on_grid(axes, as_it_is) if is_grid else list(unused_in_samples(axes, points, as_it_is, trace))
     values = {one.key: [point[one.key] for point in points] for one in axes}
     shape = tuple(len(one.values) for one in axes) if is_grid else (len(points),)
     seed = None if options.samples is None else options.seed

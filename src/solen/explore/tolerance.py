@@ -19,6 +19,7 @@ from pydantic import Field
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import SpecError
 from solen.explore.adjustment import Adjustment
+from solen.explore.default_variations import variations_of
 from solen.explore.machines import Machine
 from solen.explore.measures import measure_of, merits_of_points
 from solen.explore.prints import MeritSpread, Prints, VariedNumber, Yield
@@ -26,7 +27,6 @@ from solen.explore.requirement import Requirement
 from solen.explore.responses import AccuracyOptions, failures_of, point_warnings, responses
 from solen.explore.store import Point, Store, Variant
 from solen.explore.subject import Subject, design_of
-from solen.explore.usual import variations_of
 from solen.explore.variations import STATED, Variation, drawn, offs
 from solen.fabricate.process import Settings
 from solen.files import SIMULATED

@@ -18,12 +18,12 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, DesignError, SolenError, SpecError
 from solen.explore.contour import Contour, Rows
-from solen.explore.doubts import of_picture, of_prediction
 from solen.explore.print_model import PrintModel
 from solen.explore.systematic import BLUR, OVERGROWTH, SIZE, Known, Print, Systematic, learnt, of_pixels
 from solen.explore.tuned_print import Common, TunedPrint, TunedStep, TuneOptions
 from solen.explore.tuned_response import responses
 from solen.explore.tuning_log import AS_DESIGNED, Correction, LoggedPrint, Picture, Residual, Responses, TuningLog
+from solen.explore.tuning_warnings import of_picture, of_prediction
 from solen.fabricate.label import label_of
 from solen.fabricate.layers import Slicing
 from solen.fabricate.process import Compensation, Deviation, Drawing, outline_text

@@ -8,8 +8,8 @@ from pydantic import Field
 
 from solen.errors import SolenError
 from solen.explore.live import Curve, coarse, misleading, refined
-from solen.explore.matters import Matter, band, matters
-from solen.explore.optimise import straighter
+from solen.explore.optimise import straightness_options
+from solen.explore.tolerance_effects import ToleranceEffect, combined_change, tolerance_effects
 from solen.results import plain
 from solen.sensor import Sensor, as_built, in_plane, picture
 from solen.sensor.network.response import network_response
@@ -74,7 +74,7 @@ def hello(document: Document) -> bytes:
 
 def suggested(state: State) -> bytes:
     """Return the frame that suggests a search for a more linear response, in the form in which a page requests it."""
-    options = straighter(state.design)
+    options = straightness_options(state.design)
     sought = Sought(**{name: getattr(options, name) for name in ("minimise", "maximise", "free", "subject_to")})
     return encoded({"kind": "suggested", "sought": sought.model_dump()})
 
@@ -220,11 +220,11 @@ def better(
 
 def tolerated(state: State, view: View, stop: Callable[[], bool]) -> Iterator[bytes]:
     """Yield frames of the parameters that matter, largest first, and of all tolerances together, one more each time."""
-    found: list[Matter] = []
-    for one in matters(shown(state, view), stop):
+    found: list[ToleranceEffect] = []
+    for one in tolerance_effects(shown(state, view), stop):
         found = sorted([*found, one], key=lambda each: each.largest, reverse=True)
         rows = [{name: getattr(each, name) for name in ROW} for each in found]
-        yield encoded({"kind": "matters", "rows": rows}, {"angle": one.angle_deg, "band": band(found)})
+        yield encoded({"kind": "matters", "rows": rows}, {"angle": one.angle_deg, "band": combined_change(found)})
 
 
 def _compared(sensor: Sensor, own: Curve, stop: Callable[[], bool], pinned: Sensor | None) -> Iterator[bytes]:

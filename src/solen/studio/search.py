@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import Field
 
 from solen.errors import SpecError
-from solen.explore.optimise import Front, FrontDesign, Grown, OptimiseOptions, Optimum, optimise
+from solen.explore.optimise import Front, FrontDesign, NondominatedDesign, OptimiseOptions, Optimum, optimise
 from solen.explore.optimise.task import Task
 from solen.explore.store import Store
 from solen.spec import Design, value_at
@@ -84,10 +84,10 @@ def work(tell: Tell, design: Design, options: OptimiseOptions, folder: Path) -> 
     """Search, and report each change."""
     keys = sorted({text.partition("=")[0].partition("[")[0] for text in options.free})
 
-    def grown(front: Sequence[Grown]) -> None:
+    def report_designs(front: Sequence[NondominatedDesign]) -> None:
         tell(rows=[_row(one.number, one.design, keys, _so_far(one)) for one in front])
 
-    found = optimise(design, options, Store(folder), lambda share: tell(share=share), grown)
+    found = optimise(design, options, Store(folder), lambda share: tell(share=share), report_designs)
     rows = [_row(number, one, keys, goals) for number, one, goals in _ends(found)]
     return {"rows": rows, "before": _again(found.before), "warnings": found.warnings, "traced": found.traced}
 
@@ -96,7 +96,7 @@ def _row(number: int, design: Design, keys: Sequence[str], goals: dict[str, Any]
     return {"number": number, "values": {key: value_at(design, key) for key in keys}, **goals}
 
 
-def _so_far(one: Grown) -> dict[str, Any]:
+def _so_far(one: NondominatedDesign) -> dict[str, Any]:
     return {"goals": [goal.goal for goal in one.by_goal], "u_goals": [goal.u_goal for goal in one.by_goal]}
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from solen.cli.app import lines
 from solen.cli.explore.tolerance import varied
 from solen.explore.merits import shown
-from solen.explore.optimise import Front, FrontDesign, Judged, Optimum
+from solen.explore.optimise import Front, FrontDesign, GoalResult, Optimum
 from solen.explore.tolerance import Tolerances
 from solen.pipeline.explore.optimise import optimise as optimise
 from solen.report.design.answer import measured
@@ -87,6 +87,6 @@ def _printed(result: Optimum | Front) -> Iterator[str]:
         yield f"traced with the lens as printed by {result.printed_by}"
 
 
-def _merit(judged: Judged, name: str, *, worst: bool = False) -> str:
+def _merit(judged: GoalResult, name: str, *, worst: bool = False) -> str:
     of = judged.worst if worst else judged.merits
     return measured(of[name], of[f"u_{name}"], sign=False)

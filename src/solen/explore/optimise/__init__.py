@@ -5,31 +5,31 @@ conditions must hold for all of them. Two goals give a front of designs of which
 exploits errors of its tracing, its results are traced again, with a smaller tolerance and by samples.
 
 `solen.explore.optimise.options` contains the options of a search, and `solen.explore.optimise.task` checks them.
-`solen.explore.optimise.judge` judges a design, `solen.explore.optimise.course` stores the candidates, and
+`solen.explore.optimise.evaluation` evaluates a design, `solen.explore.optimise.candidates` stores the candidates, and
 `solen.explore.optimise.search` is the algorithm. `solen.explore.optimise.optimum` and `solen.explore.optimise.front`
 are the results, with a check by retracing; `solen.explore.optimise.prints` adds prints of a result and of the initial
-design. `solen.explore.optimise.straighter` sets up the search for a user who only wants a straighter response.
+design. `solen.explore.optimise.straightness` sets up the search for a user who only wants a straighter response.
 """
 
-from solen.explore.optimise.course import Grown
+from solen.explore.optimise.candidates import NondominatedDesign
+from solen.explore.optimise.evaluation import GoalResult
 from solen.explore.optimise.front import Front, FrontDesign
-from solen.explore.optimise.judge import Judged
 from solen.explore.optimise.optimum import FreeNumber, Optimum
 from solen.explore.optimise.options import OptimiseOptions
 from solen.explore.optimise.prints import check_prints, with_prints
 from solen.explore.optimise.run import optimise
-from solen.explore.optimise.straighter import straighter
+from solen.explore.optimise.straightness import straightness_options
 
 __all__ = [
     "FreeNumber",
     "Front",
     "FrontDesign",
-    "Grown",
-    "Judged",
+    "GoalResult",
+    "NondominatedDesign",
     "OptimiseOptions",
     "Optimum",
     "check_prints",
     "optimise",
-    "straighter",
+    "straightness_options",
     "with_prints",
 ]

@@ -4,7 +4,7 @@ The idea: a design is best for some weights of the two goals. Each goal is first
 of the front and the units in which the goals are weighted. Then the larger of the two weighted goals is minimised, in
 steps from one end to the other. All candidates count for every weight.
 
-The interface: `sought` searches; `front_of` a course returns a `Front`.
+The interface: `search_front` searches; `front_of` candidates returns a `Front`.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.explore.optimise.course import Candidate, Course, least
+from solen.explore.optimise.candidates import Candidate, Candidates, least
 from solen.explore.optimise.optimum import INTERRUPTED, at_ends, outside
 from solen.explore.optimise.retraced import Retraced, Sampled
 from solen.explore.optimise.search import Tried, search
@@ -113,45 +113,45 @@ def weights_of(designs: int) -> list[FloatArray]:
     return [*ENDS, *(np.array([1.0 - share, share]) for share in between.tolist())]
 
 
-def sought(course: Course, designs: int, seed: int) -> None:
+def search_front(candidates: Candidates, designs: int, seed: int) -> None:
     """Search for a front with a number of designs; the first goal, which samples the box, has twice the share."""
-    each = course.most // (designs + 1)
+    each = candidates.most // (designs + 1)
     for number, weights in enumerate(weights_of(designs)):
-        ideal, size = (0.0, 1.0) if number < len(ENDS) else units(course)
-        total = _total(course, weights, ideal, size)
-        most = each if number < designs - 1 else course.most - len(course.tried)
-        first = least(course.tried, weights, ideal, size).point if number else course.judge.task.begin
+        ideal, size = (0.0, 1.0) if number < len(ENDS) else units(candidates)
+        total = _total(candidates, weights, ideal, size)
+        most = each if number < designs - 1 else candidates.most - len(candidates.tried)
+        first = least(candidates.tried, weights, ideal, size).point if number else candidates.evaluator.task.begin
         search(Tried(total, most if number else 2 * each), first, (seed, number), sampled=not number)
 
 
 def _total(
-    course: Course, weights: FloatArray, ideal: FloatArray | float, size: FloatArray | float
+    candidates: Candidates, weights: FloatArray, ideal: FloatArray | float, size: FloatArray | float
 ) -> Callable[[FloatArray], float]:
-    return lambda point: course(point).total(weights, ideal, size)
+    return lambda point: candidates(point).total(weights, ideal, size)
 
 
-def units(course: Course) -> tuple[FloatArray, FloatArray]:
+def units(candidates: Candidates) -> tuple[FloatArray, FloatArray]:
     """Return the best value of each goal so far, and its increase at the best value of the other goal."""
-    known = course.feasible or course.tried
+    known = candidates.feasible or candidates.tried
     goals = np.array([least(known, weights).goals for weights in ENDS])
     ideal = goals.min(axis=0)
     size = goals.max(axis=0) - ideal
     return ideal, np.where(size > 0.0, size, 1.0)
 
 
-def front_of(course: Course, designs: int, known: int, *, interrupted: bool) -> Front:
-    """Return the front of a course with each design traced again; ``known`` counts responses stored before."""
-    judge, task = course.judge, course.judge.task
-    traced = len(judge.store.points) - known
-    chosen = _chosen(course, designs)
-    again = [Retraced.of(judge, task.at(one.point)) for one in chosen]
-    kept = _not_worse(np.array([one.verdict.goals for one in again]) / course.scale)
+def front_of(candidates: Candidates, designs: int, known: int, *, interrupted: bool) -> Front:
+    """Return the front of candidates with each design traced again; ``known`` counts responses stored before."""
+    evaluator, task = candidates.evaluator, candidates.evaluator.task
+    traced = len(evaluator.store.points) - known
+    chosen = _chosen(candidates, designs)
+    again = [Retraced.of(evaluator, task.at(one.point)) for one in chosen]
+    kept = _not_worse(np.array([one.evaluation.goals for one in again]) / candidates.scale)
     warnings = [*task.warnings, *outside(task)]
     found: list[FrontDesign] = []
     for one, retraced, is_kept in zip(chosen, again, kept, strict=True):
         if is_kept:
-            found.append(_design(course, len(found) + 1, one, retraced))
-            warnings += [f"design {len(found)}: {text}" for text in _doubts(course, one, retraced)]
+            found.append(_design(candidates, len(found) + 1, one, retraced))
+            warnings += [f"design {len(found)}: {text}" for text in _warnings(candidates, one, retraced)]
     if not all(kept):
         few = len(kept) - sum(kept)
         warnings.append(
@@ -161,21 +161,21 @@ def front_of(course: Course, designs: int, known: int, *, interrupted: bool) -> 
         name=task.design.name,
         goals=task.names,
         printed_by=task.printed_by,
-        before=_design(course, 0, None, Retraced.of(judge, task.design)),
+        before=_design(candidates, 0, None, Retraced.of(evaluator, task.design)),
         designs=tuple(found),
         robust=len(task.cases) > 1,
-        evaluations=len(course.tried),
-        most_evaluations=course.most,
+        evaluations=len(candidates.tried),
+        most_evaluations=candidates.most,
         traced=traced,
         interrupted=interrupted,
         warnings=(*warnings, *_at_ends(task, found), *([INTERRUPTED] if interrupted else [])),
     )
 
 
-def _chosen(course: Course, designs: int) -> list[Candidate]:
+def _chosen(candidates: Candidates, designs: int) -> list[Candidate]:
     """Return the best feasible candidate for each of the weights, without duplicates, sorted by the first goal."""
-    ideal, size = units(course)
-    found = [least(course.feasible, weights, ideal, size) for weights in weights_of(designs)]
+    ideal, size = units(candidates)
+    found = [least(candidates.feasible, weights, ideal, size) for weights in weights_of(designs)]
     best = {one.point.tobytes(): one for one in found}
     return sorted(best.values(), key=lambda one: float(one.goals[0]))
 
@@ -185,11 +185,11 @@ def _not_worse(goals: FloatArray) -> list[bool]:
     return [not (goals < own).all(axis=1).any() for own in goals]
 
 
-def _doubts(course: Course, candidate: Candidate, retraced: Retraced) -> Iterator[str]:
-    yield from retraced.doubts()
-    judge = course.judge
-    sampled = Sampled.of(judge.variant(judge.task.at(candidate.point)).sensor())
-    yield from () if sampled is None else sampled.doubts()
+def _warnings(candidates: Candidates, candidate: Candidate, retraced: Retraced) -> Iterator[str]:
+    yield from retraced.warnings()
+    evaluator = candidates.evaluator
+    sampled = Sampled.of(evaluator.variant(evaluator.task.at(candidate.point)).sensor())
+    yield from () if sampled is None else sampled.warnings()
 
 
 def _at_ends(task: Task, designs: Sequence[FrontDesign]) -> Iterator[str]:
@@ -202,16 +202,16 @@ def _at_ends(task: Task, designs: Sequence[FrontDesign]) -> Iterator[str]:
         yield f"design{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}: {text}"
 
 
-def _design(course: Course, number: int, candidate: Candidate | None, retraced: Retraced) -> FrontDesign:
-    task, judged = course.judge.task, retraced.verdict.by_goal
+def _design(candidates: Candidates, number: int, candidate: Candidate | None, retraced: Retraced) -> FrontDesign:
+    task, results = candidates.evaluator.task, retraced.evaluation.by_goal
     design = task.design if candidate is None else task.at(candidate.point)
     return FrontDesign(
         number=number,
-        goals=tuple(one.goal for one in judged),
-        u_goals=tuple(one.u_goal for one in judged),
+        goals=tuple(one.goal for one in results),
+        u_goals=tuple(one.u_goal for one in results),
         claimed=tuple(one.goal for one in retraced.claimed.by_goal),
         free=task.stated(Sensor.of(design)),
-        meets=retraced.verdict.meets,
-        merits=judged[0].merits,
+        meets=retraced.evaluation.meets,
+        merits=results[0].merits,
         design=design,
     )

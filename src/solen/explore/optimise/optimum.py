@@ -1,6 +1,6 @@
 """Result of a search for one goal.
 
-The interface: `Optimum`; `optimum_of` a course.
+The interface: `Optimum`; `optimum_of` candidates.
 """
 
 from collections.abc import Iterator
@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.explore.optimise.course import Candidate, Course
-from solen.explore.optimise.judge import Judged, Verdict
+from solen.explore.optimise.candidates import Candidate, Candidates
+from solen.explore.optimise.evaluation import Evaluation, GoalResult
 from solen.explore.optimise.retraced import Retraced, Sampled
 from solen.explore.optimise.task import Task
 from solen.explore.tolerance import Tolerances
@@ -88,8 +88,8 @@ class Optimum(Result):
     goal: str
     free: tuple[FreeNumber, ...]
     printed_by: str | None
-    before: Judged
-    after: Judged
+    before: GoalResult
+    after: GoalResult
     claimed: float
     sampled_difference: float | None
     u_sampled_difference: float | None
@@ -121,16 +121,16 @@ class Optimum(Result):
         return variables, coordinates, {"title": f"{self.name}: {self.goal}", "simulated": 1}
 
 
-def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool) -> Optimum:
-    """Return the best candidate of a course, traced again; ``known`` is the number of responses in the store before."""
-    judge, task = course.judge, course.judge.task
-    traced = len(judge.store.points) - known
+def optimum_of(candidates: Candidates, best: Candidate, known: int, *, interrupted: bool) -> Optimum:
+    """Return the best candidate, traced again; ``known`` is the number of responses in the store before."""
+    evaluator, task = candidates.evaluator, candidates.evaluator.task
+    traced = len(evaluator.store.points) - known
     found = task.at(best.point)
-    before, after = Retraced.of(judge, task.design), Retraced.of(judge, found)
-    sampled = Sampled.of(judge.variant(found).sensor())
+    before, after = Retraced.of(evaluator, task.design), Retraced.of(evaluator, found)
+    sampled = Sampled.of(evaluator.variant(found).sensor())
     was, now = task.stated(task.sensor), task.stated(Sensor.of(found))
-    totals = np.array([one.goals[0] if one.violation == 0.0 else np.inf for one in course.tried])
-    history = np.minimum.accumulate(np.where(np.isnan(totals), np.inf, totals)) * course.scale[0]
+    totals = np.array([one.goals[0] if one.violation == 0.0 else np.inf for one in candidates.tried])
+    history = np.minimum.accumulate(np.where(np.isnan(totals), np.inf, totals)) * candidates.scale[0]
     return Optimum(
         name=task.design.name,
         goal=task.names[0],
@@ -140,28 +140,28 @@ def optimum_of(course: Course, best: Candidate, known: int, *, interrupted: bool
             for low, high in [one.values]
         ),
         printed_by=task.printed_by,
-        before=before.verdict.by_goal[0],
-        after=after.verdict.by_goal[0],
+        before=before.evaluation.by_goal[0],
+        after=after.evaluation.by_goal[0],
         claimed=after.claimed.by_goal[0].goal,
         sampled_difference=None if sampled is None else sampled.difference,
         u_sampled_difference=None if sampled is None else sampled.u_difference,
         robust=len(task.cases) > 1,
-        evaluations=len(course.tried),
-        most_evaluations=course.most,
+        evaluations=len(candidates.tried),
+        most_evaluations=candidates.most,
         traced=traced,
         interrupted=interrupted,
         warnings=(
             *task.warnings,
-            *after.doubts(),
-            *(() if sampled is None else sampled.doubts()),
+            *after.warnings(),
+            *(() if sampled is None else sampled.warnings()),
             *outside(task),
             *at_ends(task, found),
-            *_doubts(before, after, task, interrupted=interrupted),
+            *_warnings(before, after, task, interrupted=interrupted),
         ),
         design=found,
         angle_deg=np.array([] if task.sensor.is_network else after.design.motion.angles_deg()),
-        contrast_before=_curves(before.verdict, task),
-        contrast_after=_curves(after.verdict, task),
+        contrast_before=_curves(before.evaluation, task),
+        contrast_after=_curves(after.evaluation, task),
         history=np.where(np.isfinite(history), history, np.nan),
     )
 
@@ -186,18 +186,18 @@ def at_ends(task: Task, found: Design) -> Iterator[str]:
             yield f"{one.key} reaches its limit, {end:g}; widen --free {one.key} if the part allows it"
 
 
-def _doubts(before: Retraced, after: Retraced, task: Task, *, interrupted: bool) -> Iterator[str]:
-    worse = task.signs[0] * (after.verdict.by_goal[0].goal - before.verdict.by_goal[0].goal) > 0.0
-    if worse and all(before.verdict.meets.values()):
+def _warnings(before: Retraced, after: Retraced, task: Task, *, interrupted: bool) -> Iterator[str]:
+    worse = task.signs[0] * (after.evaluation.by_goal[0].goal - before.evaluation.by_goal[0].goal) > 0.0
+    if worse and all(before.evaluation.meets.values()):
         yield "traced with a smaller tolerance, the result is no better than the initial design"
     if interrupted:
         yield INTERRUPTED
 
 
-def _curves(verdict: Verdict, task: Task) -> FloatArray:
+def _curves(evaluation: Evaluation, task: Task) -> FloatArray:
     """Return the contrast of a design without deviations and with those of its worst goal; empty for a network."""
     if task.sensor.is_network:
         return np.empty((2, 0))
-    worst = task.cases.index(verdict.by_goal[0].worst_off)
-    chosen = (verdict.points[0], verdict.points[worst])
+    worst = task.cases.index(evaluation.by_goal[0].worst_off)
+    chosen = (evaluation.points[0], evaluation.points[worst])
     return np.array([point.response(np.arange(float(len(point.power)))).contrast for point in chosen])

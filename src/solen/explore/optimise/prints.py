@@ -6,6 +6,7 @@ The interface: `check_prints` before a search; `with_prints` adds prints to its 
 from dataclasses import replace
 
 from solen.errors import SolenError, SpecError
+from solen.explore.default_variations import variations_of
 from solen.explore.measures import measure_of
 from solen.explore.optimise.optimum import INTERRUPTED, Optimum
 from solen.explore.optimise.options import OptimiseOptions
@@ -14,7 +15,6 @@ from solen.explore.requirement import Requirement
 from solen.explore.store import Store
 from solen.explore.subject import Subject, design_of
 from solen.explore.tolerance import ToleranceOptions, Tolerances, tolerance
-from solen.explore.usual import variations_of
 from solen.progress import Progress, part_of
 from solen.sensor import Sensor
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.explore.measures import Measure
-from solen.explore.optimise.judge import Judge, Verdict
+from solen.explore.optimise.evaluation import Evaluation, Evaluator
 from solen.sensor import Sensor
 from solen.spec import Design
 
@@ -32,36 +32,36 @@ class Retraced(NamedTuple):
         The design with twice as many angles.
     measure
         Its merits.
-    claimed, verdict
-        The verdict of the search, and that of finer tracing.
+    claimed, evaluation
+        The evaluation of the search, and that of finer tracing.
     """
 
     design: Design
     measure: Measure
-    claimed: Verdict
-    verdict: Verdict
+    claimed: Evaluation
+    evaluation: Evaluation
 
     @classmethod
-    def of(cls, judge: Judge, design: Design) -> "Retraced":
+    def of(cls, evaluator: Evaluator, design: Design) -> "Retraced":
         """Trace a design again; raise `SpecError` if it has no response with the smaller tolerance."""
-        denser, is_network = judge.measure.denser(design), design.body.kind == "network"
-        tolerance = judge.tolerance / (FINER_OF_NETWORK if is_network else FINER)
-        fine = Judge(judge.task, judge.store, tolerance, judge.base, lattice=int(is_network))
-        verdict = fine.needed(denser, "result, traced with a smaller tolerance")
-        return cls(denser, judge.measure, judge.needed(design, "result"), verdict)
+        denser, is_network = evaluator.measure.denser(design), design.body.kind == "network"
+        tolerance = evaluator.tolerance / (FINER_OF_NETWORK if is_network else FINER)
+        fine = Evaluator(evaluator.task, evaluator.store, tolerance, evaluator.base, lattice=int(is_network))
+        evaluation = fine.needed(denser, "result, traced with a smaller tolerance")
+        return cls(denser, evaluator.measure, evaluator.needed(design, "result"), evaluation)
 
-    def doubts(self) -> Iterator[str]:
+    def warnings(self) -> Iterator[str]:
         """Return warnings if the search exploited errors of its tracing, or a condition is missed."""
         yield from self.measure.warnings(self.claimed.points)
         step = "the steps of its motions" if self.design.body.kind == "network" else "motion.step_deg"
-        for now, was in zip(self.verdict.by_goal, self.claimed.by_goal, strict=True):
+        for now, was in zip(self.evaluation.by_goal, self.claimed.by_goal, strict=True):
             if abs(now.goal - was.goal) > SURE * was.u_goal:  # regardless of the finer trace's uncertainty
                 yield (
                     f"the goal was {was.goal:.4g} during the search and is {now.goal:.4g} with "
                     "finer tracing: the search exploited errors of its tracing; lower --tolerance "
                     f"or {step}"
                 )
-        for text, met in self.verdict.meets.items():
+        for text, met in self.evaluation.meets.items():
             if not met:
                 yield f"traced with a smaller tolerance, the result misses {text}"
 
@@ -88,7 +88,7 @@ class Sampled(NamedTuple):
             found.append(cls(difference, math.hypot(2.0 * u_sampled / (right + left), integrated.u_contrast[place])))
         return max(found, key=lambda one: one.difference / one.u_difference)
 
-    def doubts(self) -> Iterator[str]:
+    def warnings(self) -> Iterator[str]:
         """Return a warning if the difference exceeds its uncertainty."""
         if self.difference > SURE_OF_FIVE * self.u_difference:
             times = self.difference / self.u_difference

@@ -5,9 +5,9 @@ The interface: `optimise` a design.
 
 import numpy as np
 
-from solen.explore.optimise.course import Course, Keep, least
-from solen.explore.optimise.front import Front, front_of, sought
-from solen.explore.optimise.judge import Judge
+from solen.explore.optimise.candidates import Candidates, Keep, least
+from solen.explore.optimise.evaluation import Evaluator
+from solen.explore.optimise.front import Front, front_of, search_front
 from solen.explore.optimise.optimum import Optimum, optimum_of
 from solen.explore.optimise.options import OptimiseOptions
 from solen.explore.optimise.search import Tried, search
@@ -52,20 +52,20 @@ def optimise(
     store = Store() if store is None else store
     task = Task.of(design_of(subject), options)
     known = len(store.points)
-    judge, begun = Judge.begun(task, store, options.tolerance)
-    course = Course(judge, begun.goals, options.evaluations, progress, keep)
+    evaluator, begun = Evaluator.begun(task, store, options.tolerance)
+    candidates = Candidates(evaluator, begun.goals, options.evaluations, progress, keep)
     interrupted = False
     try:
         if len(task.goals) > 1:
-            sought(course, options.front, options.seed)
+            search_front(candidates, options.front, options.seed)
         else:
-            search(Tried(lambda point: course(point).total(ONE), options.evaluations), task.begin, options.seed)
+            search(Tried(lambda point: candidates(point).total(ONE), options.evaluations), task.begin, options.seed)
     except KeyboardInterrupt:
-        if not course.tried:
+        if not candidates.tried:
             raise
         interrupted = True
-    course.check_feasible()
+    candidates.check_feasible()
     if len(task.goals) > 1:
-        return front_of(course, options.front, known, interrupted=interrupted)
-    best = least(course.feasible, ONE)
-    return optimum_of(course, best, known, interrupted=interrupted)
+        return front_of(candidates, options.front, known, interrupted=interrupted)
+    best = least(candidates.feasible, ONE)
+    return optimum_of(candidates, best, known, interrupted=interrupted)

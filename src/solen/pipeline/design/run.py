@@ -10,9 +10,9 @@ from solen.pipeline.names import stem_of
 from solen.pipeline.options import ProgressBar, Set
 from solen.results import Outcome
 from solen.sensor import DesignStudy, Sensor, study
-from solen.sensor.ahead import compile_ahead
 from solen.sensor.loaded import LoadedStudy, loaded_study
 from solen.sensor.network import NetworkStudy, network_study
+from solen.sensor.precompile import precompile
 
 if TYPE_CHECKING:
     from solen.fabricate import SolidFiles
@@ -49,7 +49,7 @@ def run(
             page = network_page.html(every, drawn, solid)
             return _written(every, out, drawn, page, network.csv_table(every), solid)
         if design.trace.dimension == "extruded":
-            compile_ahead()
+            precompile()
         result = study(design, progress, practical=True)
         drawn = html.figures(result)
         return _written(result, out, drawn, html.html(result, drawn, solid), table.csv_table(result), solid)

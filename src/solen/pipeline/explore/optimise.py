@@ -6,7 +6,7 @@ from typing import Annotated
 
 from solen import files
 from solen.explore.axes import check_not_set
-from solen.explore.optimise import Front, Grown, OptimiseOptions, Optimum, check_prints, with_prints
+from solen.explore.optimise import Front, NondominatedDesign, OptimiseOptions, Optimum, check_prints, with_prints
 from solen.explore.optimise import optimise as optimise_design
 from solen.explore.request import Request
 from solen.explore.store import Store
@@ -54,10 +54,10 @@ def optimise(
     with files.output_folder(out):
         best = out / f"{stem_of(file)}-best.toml"
 
-        def keep(grown: Sequence[Grown]) -> None:
-            if len(grown[0].by_goal) == 1:
+        def keep(designs: Sequence[NondominatedDesign]) -> None:
+            if len(designs[0].by_goal) == 1:
                 files.write_all(request.content)
-                save(best, grown[0].design)
+                save(best, designs[0].design)
 
         store = Store(out)
         result = optimise_design(design, options, store, part_of(progress, 0, parts), keep)

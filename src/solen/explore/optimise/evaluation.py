@@ -1,6 +1,6 @@
-"""Judgement of a design by a task: the worst values of its goals, which limits hold, and its violation of the others.
+"""Evaluation of a design by a task: the worst values of its goals, which limits hold, and its violation of the others.
 
-The interface: `Judge.of` a design returns a `Verdict`.
+The interface: `Evaluator.of` a design returns an `Evaluation`.
 """
 
 import math
@@ -25,8 +25,8 @@ from solen.spec import Design
 NOTHING_OFF: Mapping[str, float] = {}
 
 
-class Judged(Result):
-    """One design judged by a goal, the limits and its merits.
+class GoalResult(Result):
+    """One design evaluated by a goal, the limits and its merits.
 
     Attributes
     ----------
@@ -50,10 +50,10 @@ class Judged(Result):
     worst: dict[str, float]
 
 
-class Verdict(NamedTuple):
-    """A design judged by each goal, its violation of the limits, and its responses in all cases."""
+class Evaluation(NamedTuple):
+    """A design evaluated by each goal, its violation of the limits, and its responses in all cases."""
 
-    by_goal: tuple[Judged, ...]
+    by_goal: tuple[GoalResult, ...]
     violation: float
     points: list[Point]
 
@@ -68,8 +68,8 @@ class Verdict(NamedTuple):
         return self.by_goal[0].meets
 
 
-class Judge:
-    """Judges designs by a task, from responses to a tolerance; ``why`` states why the last design has no response."""
+class Evaluator:
+    """Evaluates designs by a task, from responses to a tolerance; ``why`` states why the last one has none."""
 
     def __init__(
         self, task: Task, store: Store, tolerance: float, base: Mapping[str, float] | None = None, lattice: int = 0
@@ -80,8 +80,8 @@ class Judge:
         self.why = ""
 
     @classmethod
-    def begun(cls, task: Task, store: Store, tolerance: float) -> tuple["Judge", Verdict]:
-        """Return a judge whose ``base`` is the initial design, and the verdict on that design.
+    def begun(cls, task: Task, store: Store, tolerance: float) -> tuple["Evaluator", Evaluation]:
+        """Return an evaluator whose ``base`` is the initial design, and the evaluation of that design.
 
         Raises
         ------
@@ -89,37 +89,37 @@ class Judge:
             If the initial design has no response or lacks a goal.
         """
         design = task.design
-        judge = cls(task, store, tolerance)
-        first = judge.needed(design, "design")
-        judge = cls(task, store, tolerance, first.by_goal[0].merits)
-        verdict = judge.needed(design, "design")
-        for goal, value in zip(task.goals, verdict.goals.tolist(), strict=True):
+        evaluator = cls(task, store, tolerance)
+        first = evaluator.needed(design, "design")
+        evaluator = cls(task, store, tolerance, first.by_goal[0].merits)
+        evaluation = evaluator.needed(design, "design")
+        for goal, value in zip(task.goals, evaluation.goals.tolist(), strict=True):
             if math.isnan(value):
                 limit = f"{goal.text} does not exist for the design, or not with its deviations"
                 remedy = "start from a design that has it, or use smaller steps of the motion"
                 raise SpecError(goal.option, limit=limit, remedy=remedy)
-        return judge, verdict
+        return evaluator, evaluation
 
-    def needed(self, design: Design, what: str) -> Verdict:
-        """Return the verdict on a design; raise `SpecError` naming ``what`` if it has no response."""
-        verdict = self.of(design)
-        if verdict is None:
+    def needed(self, design: Design, what: str) -> Evaluation:
+        """Return the evaluation of a design; raise `SpecError` naming ``what`` if it has no response."""
+        evaluation = self.of(design)
+        if evaluation is None:
             raise SpecError(what, limit=f"has no response: {self.why}")
-        return verdict
+        return evaluation
 
-    def of(self, design: Design) -> Verdict | None:
-        """Return the verdict on a design; None if it has no response in one of the cases."""
+    def of(self, design: Design) -> Evaluation | None:
+        """Return the evaluation of a design; None if it has no response in one of the cases."""
         variants = [partial(self.variant, design, case) for case in self.task.cases]
         points = responses(variants, Accuracy(self.tolerance, lattice=self.lattice), self.store)
         self.why = next((point.why for point in points if not point.is_traced), "")
-        return None if self.why else self._verdict(design, points)
+        return None if self.why else self._evaluation(design, points)
 
     def variant(self, design: Design, case: Mapping[str, float] = NOTHING_OFF) -> Variant:
         """Return the variant of a design to be traced, with the deviations of a case."""
         process = self.task.process if self.task.as_printed else None
         return Variant(design, case, None if process is None else process.process)
 
-    def _verdict(self, design: Design, points: list[Point]) -> Verdict:
+    def _evaluation(self, design: Design, points: list[Point]) -> Evaluation:
         merits = merits_of_points(measure_of(design), points)
         missed = {limit.text: float(limit.violation(merits, self.base).max()) for limit in self.task.limits}
         missed |= self._too_fine(design)
@@ -128,7 +128,7 @@ class Judge:
             self._by(goal, sign, merits, meets) for goal, sign in zip(self.task.goals, self.task.signs, strict=True)
         )
         nowhere = float(any(math.isnan(one.goal) for one in by_goal))
-        return Verdict(by_goal, sum(missed.values()) + nowhere, points)
+        return Evaluation(by_goal, sum(missed.values()) + nowhere, points)
 
     def _too_fine(self, design: Design) -> dict[str, float]:
         """Return the violation of the smallest printable feature by each free-form lens."""
@@ -140,11 +140,11 @@ class Judge:
                 found[text] = max(found.get(text, 0.0), lens.missed_share(least_um))
         return found
 
-    def _by(self, goal: Goal, sign: float, merits: Mapping[str, FloatArray], meets: dict[str, bool]) -> Judged:
-        """Judge a goal from the merits (C,) of all cases."""
+    def _by(self, goal: Goal, sign: float, merits: Mapping[str, FloatArray], meets: dict[str, bool]) -> GoalResult:
+        """Evaluate a goal from the merits (C,) of all cases."""
         values = self._values(goal, merits)
         place = int(np.argmax(np.where(np.isnan(values), np.inf, sign * values)))
-        return Judged(
+        return GoalResult(
             goal=float(values[place]),
             u_goal=sum(abs(float(value)) for value in self._changes(goal, merits, place)),
             meets=meets,

@@ -35,7 +35,7 @@ def parts_to_compile() -> list[str]:
     ]
 
 
-def compile_ahead() -> None:
+def precompile() -> None:
     """Start to compile in separate processes, which end by themselves, and return without waiting."""
     for program in parts_to_compile():
         nowhere = subprocess.DEVNULL

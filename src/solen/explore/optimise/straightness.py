@@ -1,6 +1,6 @@
 """Options of a search for a user who only wants a straighter response: goals, conditions, and free numbers.
 
-The interface: `straighter` of a design returns options for the user to edit.
+The interface: `straightness_options` of a design returns options for the user to edit.
 """
 
 import math
@@ -21,7 +21,7 @@ CONDITIONS = ("light >= 0.9*base", "range_deg >= 0.95*base")
 """Conditions that exclude a response without signal, which would be straight too."""
 
 
-def straighter(design: Design) -> OptimiseOptions:
+def straightness_options(design: Design) -> OptimiseOptions:
     """Return options of a search for a front of straight and steep responses that retain light and range.
 
     The free numbers are those of `KEYS` that affect the design's light, and the knots of a free form.

@@ -21,7 +21,7 @@ WIDENED = 1.2
 """Factor on a standard error of four values: 68 % of Student's t with three degrees of freedom is within it."""
 
 
-class Matter(Result):
+class ToleranceEffect(Result):
     """Change of the contrast when one number exceeds its value by its tolerance: half the difference of high and low.
 
     Attributes
@@ -61,7 +61,7 @@ class Matter(Result):
         return float(self.angle_deg[self.place])
 
 
-def matters(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterator[Matter]:
+def tolerance_effects(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterator[ToleranceEffect]:
     """Yield the change of contrast due to the tolerance of each number as it is traced, until ``stop`` is true.
 
     Numbers that the batch does not support are omitted; a number at its limit is compared on one side only.
@@ -78,12 +78,12 @@ def matters(sensor: Sensor, stop: Callable[[], bool] = lambda: False) -> Iterato
                 yield found
 
 
-def band(found: Sequence[Matter]) -> FloatArray:
+def combined_change(found: Sequence[ToleranceEffect]) -> FloatArray:
     """Return the combined change (A,) if all numbers vary independently: the root of the sum of squares."""
     return np.asarray(np.sqrt(np.sum([one.contrast**2 for one in found], axis=0)))
 
 
-def _of(sensor: Sensor, key: str, angles: Sequence[float]) -> Matter | None:
+def _of(sensor: Sensor, key: str, angles: Sequence[float]) -> ToleranceEffect | None:
     """Return the change of the contrast due to one number; None if the number cannot deviate to either side."""
     tolerance, _ = tolerance_of(sensor, key)
     ends, steps = [], []
@@ -103,4 +103,4 @@ def _of(sensor: Sensor, key: str, angles: Sequence[float]) -> Matter | None:
         low, high = respond(ends, angles, rays=RAYS, seed=seed).contrast[:, 0]
         changes.append((high - low) * tolerance / (steps[1] - steps[0]))
     mean, sd = np.mean(changes, axis=0), np.std(changes, axis=0, ddof=1)
-    return Matter(key, tolerance, np.array(angles), mean, WIDENED * sd / np.sqrt(SEEDS))
+    return ToleranceEffect(key, tolerance, np.array(angles), mean, WIDENED * sd / np.sqrt(SEEDS))

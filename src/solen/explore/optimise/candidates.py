@@ -2,8 +2,8 @@
 
 Goals are scaled by their values for the initial design and are to be minimised.
 
-The interface: `Course` is called with points; `Course.feasible` contains the candidates that meet every limit,
-`Course.grown` the best of them; `least` selects one of several.
+The interface: `Candidates` is called with points; `Candidates.feasible` contains the candidates that meet every limit,
+`Candidates.nondominated` the best of them; `least` selects one of several.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import SolenError, SpecError
-from solen.explore.optimise.judge import Judge, Judged
+from solen.explore.optimise.evaluation import Evaluator, GoalResult
 from solen.progress import Progress
 from solen.spec import Design
 
@@ -43,7 +43,7 @@ class Candidate(NamedTuple):
         return float(weighted.max()) + SECOND * float(goals.sum()) + PENALTY * self.violation
 
 
-class Grown(NamedTuple):
+class NondominatedDesign(NamedTuple):
     """A design that meets every limit and is not dominated by any design tried so far.
 
     Parameters
@@ -53,25 +53,25 @@ class Grown(NamedTuple):
     design
         The design.
     by_goal
-        The judgement of the search, by goal.
+        Its results during the search, by goal.
     """
 
     number: int
     design: Design
-    by_goal: tuple[Judged, ...]
+    by_goal: tuple[GoalResult, ...]
 
 
-Keep = Callable[[Sequence[Grown]], object]
+Keep = Callable[[Sequence[NondominatedDesign]], object]
 """Called with the best designs so far, sorted by the first goal, whenever a further one is added."""
 
 
-class Course:
+class Candidates:
     """Candidates in the order in which they were tried.
 
     Parameters
     ----------
-    judge
-        Judge of the candidates.
+    evaluator
+        Evaluator of the candidates.
     begun
         Goals of the initial design.
     most, progress
@@ -81,41 +81,46 @@ class Course:
     """
 
     def __init__(
-        self, judge: Judge, begun: FloatArray, most: int, progress: Progress | None = None, keep: Keep | None = None
+        self,
+        evaluator: Evaluator,
+        begun: FloatArray,
+        most: int,
+        progress: Progress | None = None,
+        keep: Keep | None = None,
     ) -> None:
-        self.judge, self.most, self.progress, self.keep = judge, most, progress, keep
-        self.grown: list[tuple[Candidate, Grown]] = []
+        self.evaluator, self.most, self.progress, self.keep = evaluator, most, progress, keep
+        self.nondominated: list[tuple[Candidate, NondominatedDesign]] = []
         self.tried: list[Candidate] = []
-        self.scale = np.array(judge.task.signs) * np.where(begun == 0.0, 1.0, np.abs(begun))
+        self.scale = np.array(evaluator.task.signs) * np.where(begun == 0.0, 1.0, np.abs(begun))
 
     def __call__(self, point: FloatArray) -> Candidate:
-        """Judge the candidate at a point and store it."""
+        """Evaluate the candidate at a point and store it."""
         nothing = np.full(self.scale.size, np.nan)
         try:
-            design = self.judge.task.at(point)
-            verdict = self.judge.of(design)
+            design = self.evaluator.task.at(point)
+            evaluation = self.evaluator.of(design)
         except SolenError:
-            verdict = None
+            evaluation = None
         candidate = (
             Candidate(point, nothing, np.inf)
-            if verdict is None
-            else Candidate(point, verdict.goals / self.scale, verdict.violation)
+            if evaluation is None
+            else Candidate(point, evaluation.goals / self.scale, evaluation.violation)
         )
         self.tried.append(candidate)
-        if verdict is not None and candidate.violation == 0.0:
-            self._grow(candidate, Grown(len(self.tried), design, verdict.by_goal))
+        if evaluation is not None and candidate.violation == 0.0:
+            self._insert(candidate, NondominatedDesign(len(self.tried), design, evaluation.by_goal))
         if self.progress is not None:
             self.progress(len(self.tried) / self.most)
         return candidate
 
-    def _grow(self, candidate: Candidate, new: Grown) -> None:
+    def _insert(self, candidate: Candidate, new: NondominatedDesign) -> None:
         """Add a candidate unless another is as good in every goal, and remove the candidates that it dominates."""
-        if any((one.goals <= candidate.goals).all() for one, _ in self.grown):
+        if any((one.goals <= candidate.goals).all() for one, _ in self.nondominated):
             return
-        left = [one for one in self.grown if not (candidate.goals <= one[0].goals).all()]
-        self.grown = sorted([*left, (candidate, new)], key=lambda one: float(one[0].goals[0]))
+        left = [one for one in self.nondominated if not (candidate.goals <= one[0].goals).all()]
+        self.nondominated = sorted([*left, (candidate, new)], key=lambda one: float(one[0].goals[0]))
         if self.keep is not None:
-            self.keep([one for _, one in self.grown])
+            self.keep([one for _, one in self.nondominated])
 
     @property
     def feasible(self) -> list[Candidate]:
@@ -127,9 +132,9 @@ class Course:
         if self.feasible:
             return
         nearest = self.tried[int(np.argmin([one.violation for one in self.tried]))]
-        design = self.judge.task.at(nearest.point)
-        verdict = self.judge.of(design)
-        missed = [] if verdict is None else [text for text, met in verdict.meets.items() if not met]
+        design = self.evaluator.task.at(nearest.point)
+        evaluation = self.evaluator.of(design)
+        missed = [] if evaluation is None else [text for text, met in evaluation.meets.items() if not met]
         limit = f"no design tried meets every condition; the nearest misses {', '.join(missed) or 'a response'}"
         raise SpecError("--subject-to", limit=limit, remedy="loosen the condition, or free more numbers")
 

@@ -1,6 +1,6 @@
 """Keys of a sweep that change neither the response nor the resolution at any of its points.
 
-The interface: `still_on_grid` for a grid; `still_in_samples` for samples, which traces a few more points.
+The interface: `unused_on_grid` for a grid; `unused_in_samples` for samples, which traces a few more points.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,14 +15,14 @@ TRIED = 3
 """Number of samples in which each number is varied alone."""
 
 
-def still_on_grid(axes: Sequence[Axis], points: Sequence[Point]) -> list[str]:
+def unused_on_grid(axes: Sequence[Axis], points: Sequence[Point]) -> list[str]:
     """Return the keys along whose axes all points are equal; the last axis varies fastest."""
     same = {point.content: place for place, point in enumerate(points)}
     kinds = np.array([same[point.content] for point in points]).reshape([len(one.values) for one in axes])
     return [one.key for place, one in enumerate(axes) if len(one.values) > 1 and not np.diff(kinds, axis=place).any()]
 
 
-def still_in_samples(
+def unused_in_samples(
     axes: Sequence[Axis],
     values: Sequence[Mapping[str, Any]],
     points: Sequence[Point],

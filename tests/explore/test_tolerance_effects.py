@@ -1,9 +1,9 @@
-"""What matters at once is what integration finds of the same numbers."""
+"""Quick effects of tolerances equal those from integration of the same numbers."""
 
 import numpy as np
 import pytest
 
-from solen.explore.matters import band, matters
+from solen.explore.tolerance_effects import combined_change, tolerance_effects
 from solen.sensor import Sensor, in_plane
 from solen.sensor.effects import off_by
 from solen.spec import loads, template
@@ -16,7 +16,7 @@ def sensor() -> Sensor:
 
 
 def test_changes_are_those_of_integrated_responses(sensor: Sensor) -> None:
-    found = {one.key: one for one in matters(sensor)}
+    found = {one.key: one for one in tolerance_effects(sensor)}
     assert {"emitter.offset_mm", "emitter.width_mm", "material.index", "body.arm_width_mm"} <= found.keys()
     assert "receivers.gap_mm" not in found
     for key in ("emitter.offset_mm", "material.index"):
@@ -28,9 +28,9 @@ def test_changes_are_those_of_integrated_responses(sensor: Sensor) -> None:
         assert own.u_largest < own.largest
     offset = found["emitter.offset_mm"]
     assert offset.largest == max(one.largest for one in found.values())
-    assert (band(list(found.values())) >= np.abs(offset.contrast)).all()
+    assert (combined_change(list(found.values())) >= np.abs(offset.contrast)).all()
 
 
 def test_it_stops_and_knows_what_the_batch_does_not(sensor: Sensor) -> None:
-    assert list(matters(sensor, lambda: True)) == []
-    assert list(matters(sensor.set({"motion.kind": "bend"}))) == []
+    assert list(tolerance_effects(sensor, lambda: True)) == []
+    assert list(tolerance_effects(sensor.set({"motion.kind": "bend"}))) == []
