@@ -53,9 +53,9 @@ def test_deform_says_what_holds_the_body(capfd: pytest.CaptureFixture[str], desi
     assert "turn by -3 deg, move by +0, +0 mm" in shown
     assert "N mm about 0, 40.2" in shown  # of a symmetric mount: x is rounding
     assert "e-1" not in shown
-    assert "beyond" not in shown
+    assert "outside the motion's range" not in shown
     assert run_command(["deform", str(design), "--at", "4"]) == 0
-    assert "clamp.angle_deg = 4 is beyond the motion's -3 to 3 deg" in "".join(capfd.readouterr())
+    assert "clamp.angle_deg = 4 is outside the motion's range of -3 to 3 deg" in "".join(capfd.readouterr())
 
 
 def test_run_writes_the_response_under_load(capfd: pytest.CaptureFixture[str], design: Path, tmp_path: Path) -> None:
@@ -105,7 +105,7 @@ def check_report(page: Page, found: dict[str, Any]) -> None:
     [
         (["deform", "{}", "--set", "motion.kind=rotation"], "motion.drives = 'clamp.angle_deg'; does not apply"),
         (["deform", "{}", "--at", "95"], "--at = 95.0; must be between"),
-        (["deform", "{}", "--set", "hold[0].face=recievers"], "mount.face = 'recievers'; names no face"),
+        (["deform", "{}", "--set", "hold[0].face=recievers"], "mount.face = 'recievers'; is not the name of a face"),
         (["deform", "{}", "--set", "hold[4].face=lens"], "hold[4].face; the design has 2"),
         (["trace", "{}", "--angle-deg", "1"], "--angle-deg = 1.0; does not apply: the motion drives clamp.angle_deg"),
         (["run", "{}", "--set", "motion.drives=clamp.depth_mm", "--out", "{}.out"], "motion.drives = 'clamp.depth_mm'"),
