@@ -35,8 +35,8 @@ from solen.fabricate.process import (
     straight_edge_um,
 )
 from solen.fabricate.process.growth import growth_um, uneven_um
+from solen.fabricate.process.side_print import Side
 from solen.fabricate.process.source import with_printer
-from solen.fabricate.process.upright import Side
 from tests.fabricate.direct_dose import dose_at
 from tests.fabricate.print_support import ring, round_target, settings
 

@@ -12,7 +12,7 @@ from solen.arrays import FloatArray
 from solen.curve import CartesianOval, Measure, Spline
 from solen.errors import DesignError
 from solen.geometry import Body, Touch, bend_of, displaced, y_body
-from solen.geometry.displaced import Followed
+from solen.geometry.displaced import DisplacedCurve
 from solen.lens import lens_of
 from solen.plane import Rigid
 from solen.scene import sensor_scene
@@ -112,7 +112,7 @@ def test_a_bend_as_a_displacement_is_the_bend() -> None:
 
 def test_a_wall_of_several_cubics_keeps_its_corner() -> None:
     corner = Spline(((0.0, 0.0), (0.3, 0.0), (0.6, 0.0), (1.0, 0.0), (1.0, 1.0), (1.0, 2.0), (1.0, 3.0)))
-    wall = Followed(corner, Moved(PLACES, 1e-3 * np.sin(corner.points(PLACES))))
+    wall = DisplacedCurve(corner, Moved(PLACES, 1e-3 * np.sin(corner.points(PLACES))))
     goal = corner.points(PLACES) + 1e-3 * np.sin(corner.points(PLACES))
     (found,) = wall.between((goal[0, 0], goal[0, 1]), (goal[-1, 0], goal[-1, 1]), np.array([]))
     assert isinstance(found, Spline)

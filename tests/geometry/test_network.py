@@ -95,7 +95,7 @@ def test_a_spline_bends_evenly_and_keeps_its_length() -> None:
             network=tables | {"motion": [motion], "fixed": fixed},
         )
         assert built(design).area_mm2() > 0.0
-        return plan_of(design).ways["g"].spine
+        return plan_of(design).paths["g"].spine
 
     rest, bent = way(0.0), way(25.0)
     assert bent.end_direction == pytest.approx(Rigid.about((0.0, 0.0), 25.0).vector(rest.end_direction), abs=1e-12)
@@ -146,7 +146,7 @@ def lost_and_added(plan: Plan, body: Body) -> tuple[float, float]:
     is a section that sticks out on the far side of a narrower guide, within half its width of the node.
     """
     guides, corners = [], []
-    for way in plan.ways.values():
+    for way in plan.paths.values():
         sides = [way.walls[side].flattened(FLAT_MM) for side in ("right", "left")]
         guides.append(shapely.Polygon(np.vstack([sides[0], sides[1][::-1]])).buffer(0.0))
     near = [
@@ -174,14 +174,14 @@ def crossing(plan: Plan) -> bool:
     """Whether guides that share no node overlap, or sides of two that do cross away from the node."""
     sides = {
         name: shapely.Polygon(np.vstack([way.walls["right"].flattened(1e-3), way.walls["left"].flattened(1e-3)[::-1]]))
-        for name, way in plan.ways.items()
+        for name, way in plan.paths.items()
     }
     names = list(sides)
     pairs = ((a, b) for i, a in enumerate(names) for b in names[i + 1 :])
     return any(
         sides[a].buffer(0.0).intersects(sides[b].buffer(0.0))
         for a, b in pairs
-        if not set(plan.ways[a].guide.nodes) & set(plan.ways[b].guide.nodes)
+        if not set(plan.paths[a].guide.nodes) & set(plan.paths[b].guide.nodes)
     )
 
 

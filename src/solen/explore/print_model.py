@@ -166,7 +166,7 @@ class PrintModel:
 
     def against(self, beyond_um: FloatArray, start: Drawing) -> Compensation:
         """Return the drawing that prints as the designed lens, if the design prints ``beyond_um`` (N,) too large."""
-        return self.plain.against(start, beyond_um - self._printed(self.plain, self.as_designed))
+        return self.plain.corrected(start, beyond_um - self._printed(self.plain, self.as_designed))
 
     def drawn(self, drawing: Drawing) -> Compensation:
         """Return a drawing and its predicted print."""

@@ -10,8 +10,8 @@ from solen.fabricate.bspline import Bspline, primitives
 from solen.fabricate.comsol import as_comsol
 from solen.fabricate.dxf import as_dxf
 from solen.fabricate.export import FORMATS, USUAL, Export, ExportedSolid, SolidFiles, exported_solid, solid_files
-from solen.fabricate.faced import cut_for
 from solen.fabricate.label import Label, label_of
+from solen.fabricate.lens_parts import cut_for
 from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.meshfiles import MESH_WRITERS, as_glb, as_stl, as_threemf
 from solen.fabricate.part import Part, Prism

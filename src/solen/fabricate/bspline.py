@@ -31,7 +31,7 @@ SMOOTH_RAD = 1e-9
 handle.
 """
 FEWEST_SPANS, MOST_SPANS = 8, 4096
-LOOKED_AT = 8
+CHECKS_PER_SPAN = 8
 """Number of points per span at which its distance from the curve is measured."""
 PANELS = 4096
 """Number of equal steps of a curve's own parameter from which the even parameter is computed."""
@@ -131,7 +131,7 @@ def _interpolated(curve: Curve) -> BSpline:
         places: Any = curve.points(parameter(knots))
         at_ends: Any = ([(1, tangents[0])], [(1, tangents[1])])
         spline = make_interp_spline(knots, places, k=3, bc_type=at_ends)
-        between = (np.arange(spans * LOOKED_AT) + 0.5) / (spans * LOOKED_AT)
+        between = (np.arange(spans * CHECKS_PER_SPAN) + 0.5) / (spans * CHECKS_PER_SPAN)
         off = np.hypot(*(spline(between) - curve.points(parameter(between))).T)
         if off.max() <= FIT_TOLERANCE_MM:
             return spline

@@ -15,7 +15,7 @@ import numpy as np
 
 from solen.arrays import FloatArray, IntArray
 from solen.errors import DesignError, SpecError
-from solen.fabricate.faced import FacedPart
+from solen.fabricate.lens_parts import FacedPart
 from solen.fabricate.part import Part, Prism
 
 if TYPE_CHECKING:
@@ -69,29 +69,29 @@ class Mesh:
 
     def open_edges(self) -> int:
         """Number of edges without exactly two triangles that agree on which side is outside; 0 if closed."""
-        ways = self._ways()
-        ways.sort()
-        if np.all(ways[1:] != ways[:-1]):
-            back = self._ways(backwards=True)
-            back.sort()
-            if np.array_equal(ways, back):
+        edges = self._directed_edges()
+        edges.sort()
+        if np.all(edges[1:] != edges[:-1]):
+            reversed_edges = self._directed_edges(backwards=True)
+            reversed_edges.sort()
+            if np.array_equal(edges, reversed_edges):
                 return 0
-        ways, counts = np.unique(ways, return_counts=True)
-        back = ways % len(self.vertices) * len(self.vertices) + ways // len(self.vertices)
-        at = np.minimum(np.searchsorted(ways, back), len(ways) - 1)
-        paired = (counts == 1) & (ways[at] == back) & (counts[at] == 1)
+        edges, counts = np.unique(edges, return_counts=True)
+        reversed_edges = edges % len(self.vertices) * len(self.vertices) + edges // len(self.vertices)
+        at = np.minimum(np.searchsorted(edges, reversed_edges), len(edges) - 1)
+        paired = (counts == 1) & (edges[at] == reversed_edges) & (counts[at] == 1)
         return int(np.count_nonzero(~paired))
 
-    def _ways(self, *, backwards: bool = False) -> IntArray:
+    def _directed_edges(self, *, backwards: bool = False) -> IntArray:
         """Every directed edge of every triangle, encoded as one number."""
         count, sides = len(self.triangles), [(0, 1), (1, 2), (2, 0)]
-        ways = np.empty(3 * count, np.int64)
+        edges = np.empty(3 * count, np.int64)
         for number, (start, end) in enumerate(sides):
             first, second = (end, start) if backwards else (start, end)
-            part = ways[number * count : (number + 1) * count]
+            part = edges[number * count : (number + 1) * count]
             np.multiply(self.triangles[:, first], len(self.vertices), out=part)
             part += self.triangles[:, second]
-        return ways
+        return edges
 
 
 def mesh_of(part: Part, tolerance_mm: float) -> Mesh:

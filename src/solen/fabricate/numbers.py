@@ -49,12 +49,12 @@ _Row = tuple[str, str, str, Point]
 
 
 def _guides(design: Design) -> Iterator[_Row]:
-    ways = {} if design.outline_file is not None else plan_of(design).ways
-    for name, way in ways.items():
-        (a, b), (c, d) = (wall.middle_point for wall in way.walls.values())
-        ends = polynomial.polyval([0.0, way.spine.length_mm], way.guide.widths).tolist()
+    paths = {} if design.outline_file is not None else plan_of(design).paths
+    for name, path in paths.items():
+        (a, b), (c, d) = (wall.middle_point for wall in path.walls.values())
+        ends = polynomial.polyval([0.0, path.spine.length_mm], path.guide.widths).tolist()
         wide = " to ".join(dict.fromkeys(f"{width:.4g}" for width in ends))
-        yield "guide", name, f"{wide} mm wide, {way.spine.length_mm:.4g} mm long", (0.5 * (a + c), 0.5 * (b + d))
+        yield "guide", name, f"{wide} mm wide, {path.spine.length_mm:.4g} mm long", (0.5 * (a + c), 0.5 * (b + d))
 
 
 def _lenses(design: Design, body: Body) -> Iterator[_Row]:

@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 
 from solen.curve import Arc, Curve, Segment
 from solen.errors import DataError, DesignError
-from solen.fabricate.faced import faced_part
+from solen.fabricate.lens_parts import faced_part
 from solen.fabricate.part import Cut, Part, Prism, sensor_prism
 from solen.geometry import Body, Face
 from solen.geometry.body import place_text

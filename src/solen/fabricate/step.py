@@ -22,8 +22,8 @@ from solen.curve import Segment
 from solen.errors import DesignError, OutputError
 from solen.extras import need
 from solen.fabricate.bspline import Bspline, Primitive, primitives
-from solen.fabricate.faced import BEFORE_MM, FacedPart, Hollow, StackedPart
 from solen.fabricate.label import WRITER, Label, ascii_of
+from solen.fabricate.lens_parts import BEFORE_MM, FacedPart, Hollow, StackedPart
 from solen.fabricate.part import Cut, Part, Prism
 from solen.geometry import Face
 from solen.plane import Point

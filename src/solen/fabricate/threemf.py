@@ -48,7 +48,7 @@ class Pieces:
 
 
 @dataclass
-class Thing:
+class MeshObject:
     """An object: its corners, the corner indices of its triangles, and its component objects."""
 
     vertices: "array[float]" = field(default_factory=lambda: array("d"))
@@ -61,21 +61,21 @@ class Model:
     """Content of a model, collected element by element to avoid storing its whole tree in memory."""
 
     about: dict[str, str] = field(default_factory=dict)
-    things: dict[str, Thing] = field(default_factory=dict)
+    objects: dict[str, MeshObject] = field(default_factory=dict)
     items: list[dict[str, str]] = field(default_factory=list)
-    _thing: Thing = field(default_factory=Thing)
+    _current: MeshObject = field(default_factory=MeshObject)
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
         """Handle the start of an element of the core specification."""
         tag = name.removeprefix(SPACE) if name.startswith(SPACE) else ""
         if tag == "vertex":
-            self._thing.vertices.extend([float(attributes[key]) for key in ("x", "y", "z")])
+            self._current.vertices.extend([float(attributes[key]) for key in ("x", "y", "z")])
         elif tag == "triangle":
-            self._thing.triangles.extend([int(attributes[key]) for key in ("v1", "v2", "v3")])
+            self._current.triangles.extend([int(attributes[key]) for key in ("v1", "v2", "v3")])
         elif tag == "object":
-            self._thing = self.things.setdefault(str(attributes.get("id")), Thing())
+            self._current = self.objects.setdefault(str(attributes.get("id")), MeshObject())
         elif tag == "component":
-            self._thing.parts.append(attributes)
+            self._current.parts.append(attributes)
         elif tag == "item":
             self.items.append(attributes)
         elif tag == "model":
@@ -100,7 +100,7 @@ def read_threemf(path: Path) -> Mesh:
     pieces = Pieces()
     try:
         for item in model.items:
-            _gather(item, model.things, np.eye(4), pieces, 0)
+            _gather(item, model.objects, np.eye(4), pieces, 0)
     except (KeyError, ValueError, IndexError, OverflowError):
         raise _damaged(path) from None
     if not pieces.count or not sum(len(some) for some in pieces.triangles):
@@ -155,16 +155,18 @@ def _guarded(model: Model, path: Path) -> Callable[[str, dict[str, str]], None]:
     return start
 
 
-def _gather(reference: dict[str, str], things: dict[str, Thing], outer: FloatArray, pieces: Pieces, depth: int) -> None:
+def _gather(
+    reference: dict[str, str], objects: dict[str, MeshObject], outer: FloatArray, pieces: Pieces, depth: int
+) -> None:
     """Add an item's or component's object, moved by its transformation and all outer ones."""
     pieces.objects += 1
     if depth > DEEPEST or pieces.objects > MOST_OBJECTS:
         raise ValueError("its objects contain one another")
-    thing = things[str(reference.get("objectid"))]
+    mesh_object = objects[str(reference.get("objectid"))]
     moved = _transform(reference.get("transform")) @ outer
-    if len(thing.vertices) or len(thing.triangles):
-        vertices = np.frombuffer(thing.vertices).reshape(-1, 3)
-        triangles = np.frombuffer(thing.triangles, np.int64).reshape(-1, 3)
+    if len(mesh_object.vertices) or len(mesh_object.triangles):
+        vertices = np.frombuffer(mesh_object.vertices).reshape(-1, 3)
+        triangles = np.frombuffer(mesh_object.triangles, np.int64).reshape(-1, 3)
         if not np.isfinite(vertices).all():
             raise ValueError("a number that is not finite")
         if np.linalg.det(moved[:3, :3]) < 0.0:  # a reflection turns the mesh inside out
@@ -172,8 +174,8 @@ def _gather(reference: dict[str, str], things: dict[str, Thing], outer: FloatArr
         if len(triangles) and not 0 <= triangles.min() <= triangles.max() < len(vertices):
             raise IndexError
         pieces.add(vertices @ moved[:3, :3] + moved[3, :3], triangles)
-    for part in thing.parts:
-        _gather(part, things, moved, pieces, depth + 1)
+    for part in mesh_object.parts:
+        _gather(part, objects, moved, pieces, depth + 1)
 
 
 def _transform(text: str | None) -> FloatArray:

@@ -22,8 +22,7 @@ from solen.arrays import FloatArray
 from solen.curve import Curve, Function, Measure, Spline, carried
 from solen.errors import DesignError
 from solen.geometry.body import Body, Face, Front
-from solen.geometry.notches import Closed
-from solen.geometry.notches import closed as closed_notch
+from solen.geometry.notches import ClosedNotch, close_notch
 from solen.geometry.walls import called
 from solen.plane import Point, Rigid, cross
 
@@ -91,7 +90,7 @@ class Displaced:
     carried: Rigid
     lens: Rigid | None
     off_mm: float
-    closed: tuple[Closed, ...] = ()
+    closed: tuple[ClosedNotch, ...] = ()
 
 
 def displaced(
@@ -115,9 +114,9 @@ def displaced(
     DesignError
         If no face has a given name, the displaced outline crosses itself, or a lens that is not a cylinder is deformed.
     """
-    walls = {face.name: Followed(face.curve, moves[face.name]) for face in body.all_faces}
+    walls = {face.name: DisplacedCurve(face.curve, moves[face.name]) for face in body.all_faces}
     front = _front(body, walls)
-    notches: list[Closed] = []
+    notches: list[ClosedNotch] = []
     first, *others = [_outline(outline, walls, front, touches, notches) for outline in body.outlines]
     motion = Rigid() if emitter_on == GROUND else motion_of(body, walls, emitter_on, "motion.emitter_on")
     marks = {name: motion.point(at) if name == "stem-base" else at for name, at in body.marks.items()}
@@ -135,7 +134,7 @@ def displaced(
     return Displaced(moved.check(), motion, lens, max(wall.off_mm for wall in walls.values()), tuple(notches))
 
 
-class Followed:
+class DisplacedCurve:
     """A face's curve with its displacement, as a spline over its length."""
 
     def __init__(self, curve: Curve, moves: Moves) -> None:
@@ -198,7 +197,7 @@ class Followed:
         return CubicSpline(self.measure.lengths_at(u), moves_mm)
 
 
-def motion_of(body: Body, walls: Mapping[str, Followed], pattern: str, key: str) -> Rigid:
+def motion_of(body: Body, walls: Mapping[str, DisplacedCurve], pattern: str, key: str) -> Rigid:
     """Rigid motion that best fits the faces with a name; raises `DesignError`, about a key, if there are none."""
     places = [walls[face.name].places for face in body.all_faces if called(face, pattern)]
     if not places:
@@ -207,7 +206,7 @@ def motion_of(body: Body, walls: Mapping[str, Followed], pattern: str, key: str)
     return Rigid.nearest(*(np.concatenate(each) for each in zip(*places, strict=True)))
 
 
-def _front(body: Body, walls: Mapping[str, Followed]) -> Front | None:
+def _front(body: Body, walls: Mapping[str, DisplacedCurve]) -> Front | None:
     """Moved front of a lens that is not a cylinder and stays rigid."""
     if body.front is None:
         return None
@@ -224,7 +223,7 @@ def _front(body: Body, walls: Mapping[str, Followed]) -> Front | None:
     return replace(body.front, motion=motion)
 
 
-def _beside(face: Face, body: Body, walls: Mapping[str, Followed]) -> Face:
+def _beside(face: Face, body: Body, walls: Mapping[str, DisplacedCurve]) -> Face:
     """A receiver behind a gap, carried by the arm's end; any other separate object is fixed."""
     end = face.name.replace("receiver", "end", 1)
     if face.part != "receiver" or not any(called(other, end) for other in body.all_faces):
@@ -234,10 +233,10 @@ def _beside(face: Face, body: Body, walls: Mapping[str, Followed]) -> Face:
 
 def _outline(
     faces: tuple[Face, ...],
-    walls: Mapping[str, Followed],
+    walls: Mapping[str, DisplacedCurve],
     front: Front | None,
     touches: Sequence[Touch],
-    notches: list[Closed],
+    notches: list[ClosedNotch],
 ) -> tuple[Face, ...]:
     """Displaced closed outline, with exactly shared corners; notches that have closed are added to the list."""
     motions = [
@@ -255,11 +254,11 @@ def _outline(
     return tuple(chain.from_iterable(moved))
 
 
-def _joined(before: Face, after: Face, last: list[Face], first: list[Face]) -> Closed | None:
+def _joined(before: Face, after: Face, last: list[Face], first: list[Face]) -> ClosedNotch | None:
     """The notch between two faces if it has closed; their displaced pieces are cut to the remaining parts."""
     if cross(before.curve.velocity_at(1.0), after.curve.velocity_at(0.0)) >= 0.0:
         return None
-    found = closed_notch((before.name, after.name), last[-1].curve, first[0].curve)
+    found = close_notch((before.name, after.name), last[-1].curve, first[0].curve)
     if found is None:
         return None
     last[-1], first[0] = replace(last[-1], curve=found[0]), replace(first[0], curve=found[1])
@@ -280,7 +279,7 @@ def _pieces(face: Face, curves: list[Curve], ends: list[float], touches: list[To
     return pieces
 
 
-def _corner(face: Face, wall: Followed, motion: Rigid | None) -> Point:
+def _corner(face: Face, wall: DisplacedCurve, motion: Rigid | None) -> Point:
     """Displaced start of a face, moved with a rigid neighbour or by the face's own displacement."""
     if motion is not None:
         return motion.point(face.curve.start)

@@ -21,7 +21,7 @@ from solen.geometry.drawing import Stroke
 from solen.geometry.walls import DARK
 from solen.plane import Point, minus
 
-SUPPLE = (Segment, Arc, Bezier, Spline)
+DEFORMABLE = (Segment, Arc, Bezier, Spline)
 """Kinds of curves that are deformed to meet others."""
 QUARTERS = (0.25, 0.5, 0.75)
 
@@ -56,7 +56,7 @@ class Joints:
     def point(self, label: int) -> Point:
         """Position of a corner: the end of a curve that cannot be changed, otherwise halfway between the ends."""
         members = self.members[label]
-        stiff = [end for end in members if not isinstance(self.strokes[end // 2].curve, SUPPLE)]
+        stiff = [end for end in members if not isinstance(self.strokes[end // 2].curve, DEFORMABLE)]
         x, z = self.ends[stiff[:1] or members].mean(axis=0)
         return (float(x), float(z))
 

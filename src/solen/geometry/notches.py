@@ -28,7 +28,7 @@ MOST_STEPS = 20
 
 
 @dataclass(frozen=True)
-class Closed:
+class ClosedNotch:
     """A notch that has closed.
 
     Attributes
@@ -49,7 +49,7 @@ class Closed:
     overlap_mm: float
 
 
-def closed(names: tuple[str, str], before: Curve, after: Curve) -> tuple[Spline, Spline, Closed] | None:
+def close_notch(names: tuple[str, str], before: Curve, after: Curve) -> tuple[Spline, Spline, ClosedNotch] | None:
     """Remaining parts of two walls into and out of a corner, cut at their crossing; None if they do not cross."""
     import shapely
 
@@ -67,7 +67,7 @@ def closed(names: tuple[str, str], before: Curve, after: Curve) -> tuple[Spline,
     at = before.point_at(u)
     kept, left = before.part(0.0, u).controls, after.part(v, 1.0).controls
     kept, left = (*kept[:-1], (*kept[-1][:-1], at)), ((at, *left[0][1:]), *left[1:])
-    return Spline.of(kept), Spline.of(left), Closed(names, at, lengths[0], overlap_mm)
+    return Spline.of(kept), Spline.of(left), ClosedNotch(names, at, lengths[0], overlap_mm)
 
 
 def _crossing(first: "shapely.LineString", second: "shapely.LineString") -> tuple[float, float] | None:

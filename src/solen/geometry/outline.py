@@ -146,11 +146,11 @@ def lamp_pose(lamp: Lamp, faces: tuple[Face, ...]) -> Pose:
     left = left_of(unit(across))
     right = (-left[0], -left[1])
     sees = {side: _nearest_mm(middle, side, faces) for side in (left, right)}
-    ahead = min(sees, key=sees.__getitem__)
-    if math.isinf(sees[ahead]):
+    direction = min(sees, key=sees.__getitem__)
+    if math.isinf(sees[direction]):
         limit = "faces past the body on both sides"
         raise DesignError("emitter", value=f"a line at {place_text(middle)}", limit=limit, remedy="turn or move it")
-    return Pose(middle, math.degrees(math.atan2(-ahead[0], ahead[1])), math.hypot(*across))
+    return Pose(middle, math.degrees(math.atan2(-direction[0], direction[1])), math.hypot(*across))
 
 
 def _turned(design: Design, rest: Body, angle_deg: float) -> Body:

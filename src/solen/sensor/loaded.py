@@ -16,7 +16,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import SolenError
 from solen.geometry.body import place_text
-from solen.geometry.notches import Closed
+from solen.geometry.notches import ClosedNotch
 from solen.mechanics.deformed import Contact, Reaction
 from solen.mechanics.design import LoadedState, stiffness_cautions
 from solen.mechanics.outcome import LARGE
@@ -341,7 +341,7 @@ def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
     return [*found, *([_of_notch(max(notches, key=lambda notch: notch.overlap_mm))] if notches else [])]
 
 
-def _of_notch(notch: Closed) -> Caution:
+def _of_notch(notch: ClosedNotch) -> Caution:
     where = f"{' and '.join(notch.faces)} close their notch to {place_text(notch.at_mm)}, over {notch.length_mm:.2g} mm"
     deep = f"would lie {1e3 * notch.overlap_mm:.2g} µm in each other"
     return look_at(f"{where}, and {deep}: for light they are one piece, and their contact force is neglected")

@@ -9,8 +9,8 @@ from solen.errors import SpecError
 from solen.fabricate.coupons.job import JOB_KIND, coupon_options, read_job
 from solen.fabricate.coupons.solid import coupon_parts
 from solen.fabricate.label import Label
+from solen.fabricate.layers.options import Slicing
 from solen.fabricate.layers.printable import Printable, placed_mesh, resin_named
-from solen.fabricate.layers.slicing import Slicing
 from solen.fabricate.layers.solid import MESH_MM, Solid, exposures_of, solid_of
 from solen.fabricate.mesh import mesh_of
 from solen.geometry.coupons import Coupon, Stage

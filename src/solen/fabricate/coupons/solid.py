@@ -4,7 +4,7 @@ X and Y are those of the layout, and Z is the height above the plate. Each run o
 """
 
 from solen.curve import Arc, Segment
-from solen.fabricate.faced import StackedPart
+from solen.fabricate.lens_parts import StackedPart
 from solen.fabricate.part import Part, Prism
 from solen.geometry import Face
 from solen.geometry.coupons import Coupon, Feature

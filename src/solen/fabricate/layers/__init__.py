@@ -15,10 +15,10 @@ from solen.fabricate.layers.archive import Stack, as_png, write_archive
 from solen.fabricate.layers.goo import checked_for_goo, write_goo
 from solen.fabricate.layers.job import Job, Layer
 from solen.fabricate.layers.layered import LayeredPrint, layered_print
+from solen.fabricate.layers.options import Orientation, Slicing
 from solen.fabricate.layers.orientation import orientation, turned
 from solen.fabricate.layers.printable import Printable, printable_design, printable_mesh
 from solen.fabricate.layers.sheet import as_sheet
-from solen.fabricate.layers.slicing import Orientation, Slicing
 from solen.fabricate.layers.solid import Plan, Slices, Solid, mesh_solid, solid_of
 
 __all__ = [

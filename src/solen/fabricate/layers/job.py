@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from solen.arrays import FloatArray
 from solen.errors import DesignError, SpecError
 from solen.fabricate.grey import FULL, Greys
-from solen.fabricate.layers.slicing import Slicing
+from solen.fabricate.layers.options import Slicing
 from solen.fabricate.layers.solid import Exposures, Rings, Solid
 from solen.fabricate.process import Process
 from solen.fabricate.raster import coverage_bytes
@@ -287,17 +287,17 @@ class Job:
                 raise SpecError(f"--{key.replace('_', '-')}", limit=limit, remedy="omit one of them")
 
     def _check_size(self) -> None:
-        size, room = self.solid.size_mm, self.printer.size_mm
+        size, build = self.solid.size_mm, self.printer.size_mm
         rows, columns = self._most
-        if self.height_mm <= room[2] * (1.0 + EXACT) and rows * columns >= self.slicing.copies:
+        if self.height_mm <= build[2] * (1.0 + EXACT) and rows * columns >= self.slicing.copies:
             return
-        builds = f"{self.printer.name} builds {_times(room)} mm"
-        if self.slicing.copies > 1 and rows * columns and self.height_mm <= room[2]:
+        builds = f"{self.printer.name} builds {_times(build)} mm"
+        if self.slicing.copies > 1 and rows * columns and self.height_mm <= build[2]:
             limit = f"{builds}, at most {rows * columns} of them {self.slicing.gap_mm:g} mm apart"
             raise DesignError(
                 "--copies", value=self.slicing.copies, limit=limit, remedy="print fewer copies, or reduce --gap-mm"
             )
-        raise DesignError("part", value=f"{_times(size)} mm", limit=builds, remedy=_remedy(size, room))
+        raise DesignError("part", value=f"{_times(size)} mm", limit=builds, remedy=_remedy(size, build))
 
 
 def islands_over(tile: Bytes, below: Bytes) -> int:
@@ -315,16 +315,16 @@ def _times(size: tuple[float, float, float]) -> str:
     return " x ".join(f"{length:.4g}" for length in size)
 
 
-def _fits(size: tuple[float, float, float], room: tuple[float, float, float]) -> bool:
-    return all(length <= most * (1.0 + EXACT) for length, most in zip(size, room, strict=True))
+def _fits(size: tuple[float, float, float], build: tuple[float, float, float]) -> bool:
+    return all(length <= most * (1.0 + EXACT) for length, most in zip(size, build, strict=True))
 
 
-def _remedy(size: tuple[float, float, float], room: tuple[float, float, float]) -> str:
+def _remedy(size: tuple[float, float, float], build: tuple[float, float, float]) -> str:
     """Remedy for a part that is too large."""
     x, y, z = size
-    if _fits((y, x, z), room):
+    if _fits((y, x, z), build):
         return "turn it with --rotate-deg 0 0 90"
-    if _fits(tuple(sorted(size)), tuple(sorted(room))):  # type: ignore[arg-type]  # three each
+    if _fits(tuple(sorted(size)), tuple(sorted(build))):  # type: ignore[arg-type]  # three each
         return "print it in another --orientation"
     larger = [name for name in printers() if _fits(size, library_printer(name).size_mm)]
     larger.sort(key=lambda name: math.prod(library_printer(name).size_mm))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.fabricate.layers.slicing import Degrees, Orientation
+from solen.fabricate.layers.options import Degrees, Orientation
 
 ORIENTATIONS: dict[Orientation, FloatArray] = {
     "flat": np.eye(3),

@@ -13,11 +13,11 @@ from pathlib import Path
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.fabricate.faced import lies_flat
 from solen.fabricate.label import Label, label_of
+from solen.fabricate.layers.options import Slicing
 from solen.fabricate.layers.orientation import orientation
-from solen.fabricate.layers.slicing import Slicing
 from solen.fabricate.layers.solid import MESH_MM, Solid, mesh_solid, solid_of
+from solen.fabricate.lens_parts import lies_flat
 from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.meshfiles import stl_pieces
 from solen.fabricate.part import Part

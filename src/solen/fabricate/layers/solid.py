@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
 from solen.errors import DataError, DesignError
-from solen.fabricate.faced import FacedPart
 from solen.fabricate.layers.cut import Cutter, Shells
+from solen.fabricate.lens_parts import FacedPart
 from solen.fabricate.mesh import Mesh, mesh_of
 from solen.fabricate.part import Part, Prism
 from solen.fabricate.raster import rings_of

@@ -1,7 +1,7 @@
 """From images to printed parts: dose, cured resin, the printed lens, and compensation in the drawing.
 
 `solen.fabricate.process.settings` contains the values of the process file; `solen.fabricate.process.field` computes the
-dose; `solen.fabricate.process.flat` and `solen.fabricate.process.upright` follow a lens's wall in each orientation,
+dose; `solen.fabricate.process.flat` and `solen.fabricate.process.side_print` follow a lens's wall in each orientation,
 `solen.fabricate.process.solid` makes the whole printed part, `solen.fabricate.process.predict` gives its uncertainty,
 `solen.fabricate.process.compensate` corrects the drawing so that the part prints as designed,
 `solen.fabricate.process.print_design` does all of it for a design, and `solen.fabricate.process.calibrate` determines
@@ -31,11 +31,11 @@ from solen.fabricate.process.process_file import (
     read_process,
 )
 from solen.fabricate.process.settings import Settings
+from solen.fabricate.process.side_print import SidePrint
 from solen.fabricate.process.solid import printed_solid
 from solen.fabricate.process.source import PrintOptions, ProcessOptions, files_read, process_of, with_cure, with_resin
 from solen.fabricate.process.target import Deviation, Target, exits_um
 from solen.fabricate.process.terms import terms_at
-from solen.fabricate.process.upright import SidePrint
 
 __all__ = [
     "Calibration",

@@ -31,11 +31,11 @@ from solen.ranks import Caution, look_at, note
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
-SOUGHT = ("Ec_mJ_per_cm2", "shrinkage_percent")
+FITTED = ("Ec_mJ_per_cm2", "shrinkage_percent")
 """Parameters fitted in addition to the width of the blur (or, for a response, its scale)."""
 INSEPARABLE = 0.9
 """Absolute correlation above which two numbers count as inseparable."""
-LEARNED = 0.5
+DETERMINED = 0.5
 """Fraction of its prior variance that a number must lose to count as determined by the coupons."""
 LEAST = 3
 _DOUBT = 2.0
@@ -155,7 +155,7 @@ def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -
     if lateral < LEAST:
         limit = f"must have at least {LEAST} pillars, holes or gaps with a measured size"
         raise DataError("coupons", value=f"{lateral} of {len(features)} features", limit=limit)
-    keys = (process.process.blur_key, *SOUGHT) + (("shrinkage_z_percent",) if lateral < len(used) else ())
+    keys = (process.process.blur_key, *FITTED) + (("shrinkage_z_percent",) if lateral < len(used) else ())
     problem = CouponFit(process, used, Scales.among(coupons, used), keys)
     fit = problem.solved()
     return _calibration(problem, fit, coupons, name)
@@ -238,7 +238,7 @@ def _unknown(fit: PrinterCalibration) -> list[Caution]:
             "before"
         )
         for number in fit.numbers
-        if number.learned < LEARNED
+        if number.learned < DETERMINED
     ]
 
 

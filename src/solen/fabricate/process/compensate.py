@@ -7,7 +7,7 @@ details that it cannot make, such as a corner sharper than its blur. Corrections
 because the drawing would otherwise develop ripples that do not print. Other walls are moved by the growth of a straight
 wall, and the drawing is enlarged to balance shrinkage.
 
-The interface: `Printing` is a body with the process that prints it; `compensated` and `Printing.against` give a
+The interface: `Printing` is a body with the process that prints it; `compensated` and `Printing.corrected` give a
 `Compensation`.
 """
 
@@ -111,8 +111,8 @@ class Printing:
         printed = FlatPrint.of(rings_of(outlines), self.target, self.settings, self.thickness_mm, self.phase)
         return printed.profile_um(self.height_um)
 
-    def against(self, start: Drawing, besides_um: FloatArray | float = 0.0) -> Compensation:
-        """Drawing that prints the designed lens if real prints are ``besides_um`` (N,) beyond the model's.
+    def corrected(self, start: Drawing, offset_um: FloatArray | float = 0.0) -> Compensation:
+        """Drawing that prints the designed lens if real prints are ``offset_um`` (N,) beyond the model's.
 
         Walls and scale are those of ``start``.
         """
@@ -121,7 +121,7 @@ class Printing:
         rounds: list[float] = []
         for _ in range(MOST_ROUNDS):
             outlines = self.outlines(replace(start, drawn_um=drawn))
-            deviation = Deviation(self.target, self.deviation_um(outlines) + besides_um)
+            deviation = Deviation(self.target, self.deviation_um(outlines) + offset_um)
             made = Compensation(outlines, drawn, start.wall_um, start.scale, deviation, ())
             gained = math.inf if best is None else self._inner_rms(best.printed.um) - self._inner_rms(deviation.um)
             best = made if best is None or gained > 0.0 else best
@@ -163,4 +163,4 @@ def compensated(printing: Printing) -> Compensation:
     layers = max(1, round(printing.thickness_mm * 1e3 / settings.layer_um))
     at = 0.5 * layers * settings.layer_um if printing.height_um is None else printing.height_um
     wall_um = -(straight_edge_um(settings, layers, at) / scale + settings.wash_um)
-    return printing.against(Drawing(np.full(len(printing.target.points_mm), wall_um), wall_um, scale))
+    return printing.corrected(Drawing(np.full(len(printing.target.points_mm), wall_um), wall_um, scale))

@@ -141,14 +141,14 @@ class FacePrint:
 
     def moved_um(self, face: PrintedFace, layers: Sequence[int], phase: tuple[float, float]) -> list[FloatArray]:
         """Change of the given layers' deviations (N,) for an uncompensated face at another position in the pixel."""
-        stack, alike = replace(self, phase=phase)._plain, self._alike
+        stack, alike = replace(self, phase=phase)._plain, self._representative
         return [stack.offsets_um(alike[one], self._targets[alike[one]], VERTEX) - face.um[one] for one in layers]
 
     def compensated(self, start: PrintedFace, progress: Progress | None = None) -> PrintedFace:
         """Face printed from the drawing, which is corrected by the deviation of its print until that stops changing."""
         best, share, rounds = start, 1.0, [self._inner_rms_um(start.printed)]
         for number in range(MOST_ROUNDS):
-            drawn = (best.drawn - share * self._smooth(self._blamed(best)))[self._alike]
+            drawn = (best.drawn - share * self._smooth(self._attributed(best)))[self._representative]
             um, z = self._printed(self._layers(self.drawn_body(drawn)), None)
             if progress is not None:
                 progress((number + 1) / MOST_ROUNDS)
@@ -220,20 +220,22 @@ class FacePrint:
         """Deviations (L, N) and printed profiles (L, M)."""
         stack = self._stack(layers)
         known: dict[int, FloatArray] = {}
-        for number in self._alike.tolist():
+        for number in self._representative.tolist():
             if number not in known:
                 known[number] = stack.offsets_um(number, layers[number].target, VERTEX)
             if progress is not None:
                 progress((number + 1) / len(layers))
-        um = [known[number] for number in self._alike.tolist()]
+        um = [known[number] for number in self._representative.tolist()]
         rows = zip(self.y_mm.tolist(), layers, um, self.wanted, strict=True)
         return np.array(um), np.array([self._profile(y, layer.target, off, z) for y, layer, off, z in rows])
 
     def _profile(self, y_mm: float, target: Target, um: FloatArray, wanted: FloatArray) -> FloatArray:
         """Printed profile (M,): the wanted profile plus the deviation along z, continued beyond the last point."""
         x, z = target.moved_um(um).T
-        ahead = (x > np.concatenate([[-np.inf], np.maximum.accumulate(x[:-1])]) + 1e-9) & (x <= self.lens.half_width_mm)
-        x, z = x[ahead], z[ahead]
+        forward = (x > np.concatenate([[-np.inf], np.maximum.accumulate(x[:-1])]) + 1e-9) & (
+            x <= self.lens.half_width_mm
+        )
+        x, z = x[forward], z[forward]
         off = CubicSpline(x, z - self.lens.z_at(x, np.full_like(x, y_mm)), bc_type=((1, np.zeros(())), "not-a-knot"))
         return np.asarray(wanted + off(np.clip(self.places_mm, x[0], x[-1])))
 
@@ -245,7 +247,7 @@ class FacePrint:
         return replace(self.body, front=replace(self.body.front, lens=lens))
 
     @cached_property
-    def _alike(self) -> IntArray:
+    def _representative(self) -> IntArray:
         """Number of a layer that prints the same as each (L,); for an upright lens, the middle of its slab."""
         if np.ptp(self.wanted, axis=0).max() > 0.0:
             return np.arange(self.layers)
@@ -261,7 +263,7 @@ class FacePrint:
     def _inner_rms_um(self, z: FloatArray) -> float:
         return 1e3 * float(np.sqrt(np.mean((z - self.wanted)[:, : self._inner] ** 2)))
 
-    def _blamed(self, face: PrintedFace) -> FloatArray:
+    def _attributed(self, face: PrintedFace) -> FloatArray:
         """Deviations (L, M) along z, assigned to the layers whose light causes them.
 
         A wall moves with the edge of an image in proportion to that edge's light at the wall. Below an overhang, the

@@ -20,8 +20,8 @@ from solen.fabricate.process.flat import FlatPrint
 from solen.fabricate.process.growth import growth_um, with_growth
 from solen.fabricate.process.process_file import GROWTH, Process
 from solen.fabricate.process.settings import Settings
+from solen.fabricate.process.side_print import Side, SidePrint
 from solen.fabricate.process.target import Deviation, Target
-from solen.fabricate.process.upright import Side, SidePrint
 from solen.progress import Progress
 
 Orientation = Literal["flat", "upright", "upright-lens-first", "on-edge"]
@@ -101,7 +101,7 @@ def predicted(
         stands = phase or (0.0, 0.0)
         smooth, ripple, through, printed = _flat(rings, target, process.process, thickness_mm, height_um, stands)
     else:
-        smooth, ripple, through, printed = _standing(rings, target, process.process, orientation)
+        smooth, ripple, through, printed = _side_view(rings, target, process.process, orientation)
     keys, covariance = process.covariance()
     scale = np.sqrt(np.diag(covariance))
     halves = []
@@ -186,7 +186,7 @@ def best_phase(
     return Phase(best, tried[best], tried[0.0, 0.0], max(tried.values()))
 
 
-def _standing(rings: Sequence[FloatArray], target: Target, settings: Settings, side: Side) -> _Lens:
+def _side_view(rings: Sequence[FloatArray], target: Target, settings: Settings, side: Side) -> _Lens:
     def printed(other: Settings) -> FloatArray:
         return SidePrint.of(rings, target, other, side).profile_um()
 

@@ -187,15 +187,15 @@ class _Print:
         )
 
     def compensation(self) -> Compensation:
-        settings, stands = self.process.process, self.phase_px or (0.0, 0.0)
+        settings, phase = self.process.process, self.phase_px or (0.0, 0.0)
         body = self.sensor.body().upright()
-        return compensated(Printing(body, self.target, settings, self.thickness_mm, self.height_um, stands))
+        return compensated(Printing(body, self.target, settings, self.thickness_mm, self.height_um, phase))
 
     def part(self) -> PrintedPart:
         design, body = self.sensor.design, self.sensor.body().upright()
         centre = self.target.centre
-        stands = self.phase_px or (0.0, 0.0)
-        mesh, slabs = printed_solid(self.rings, self.process.process, self.thickness_mm, centre, design.name, stands)
+        phase = self.phase_px or (0.0, 0.0)
+        mesh, slabs = printed_solid(self.rings, self.process.process, self.thickness_mm, centre, design.name, phase)
         label = label_of(design, f"simulated: as printed by the model, {self.process.name}")
         label = replace(label, name=f"simulated print of {label.name}")  # an STL only stores the name
         designed_mm3 = area_mm2(body.outlines) * self.thickness_mm

@@ -14,7 +14,7 @@ import numpy as np
 from solen import files
 from solen.arrays import FloatArray
 from solen.errors import SpecError
-from solen.fabricate.faced import cut_for
+from solen.fabricate.lens_parts import cut_for
 from solen.fabricate.process.compensation_files import LABEL, targets_of
 from solen.fabricate.process.face_print import FacePrint, PrintedFace
 from solen.fabricate.process.growth import uneven_um
@@ -32,11 +32,11 @@ from solen.sensor.lens_responses import LensResponse, lens_responses
 from solen.sensor.sensor import OF_SHAPES
 from solen.spec import Design, dumps, with_values
 
-ALIKE_UM = 1.0
+SYMMETRIC_UM = 1.0
 """Maximum difference by which a pixel's light may move opposite walls."""
 MIDDLE_PIXELS = (0.0, 0.5)
 """Positions in a pixel across the axis at which left mirrors right."""
-ELSEWHERE = (0.5, 0.5)
+FARTHEST_PHASE = (0.5, 0.5)
 """Position in the pixel farthest from a corner; the default is a corner."""
 WELL_KNOWN_UM = 3.0
 CYLINDER, DESIGNED, PRINTED, DRAWN = "cylinder", "designed", "printed", "compensated"
@@ -261,11 +261,11 @@ def _check(options: PrintOptions, *, part: bool) -> None:
 def _check_halves(settings: Settings) -> None:
     """Raise `SpecError` if a pixel's light moves opposite walls differently, as only one half is modelled."""
     least, most = uneven_um(settings)
-    if most - least > ALIKE_UM:
+    if most - least > SYMMETRIC_UM:
         raise SpecError(
             "process.response",
             value=f"walls at {least:+.3g} to {most:+.3g} µm, depending on the side they face",
-            limit=f"must move all sides equally, within {ALIKE_UM:g} µm, for a lens that varies with height",
+            limit=f"must move all sides equally, within {SYMMETRIC_UM:g} µm, for a lens that varies with height",
             remedy="state a symmetric response, or its sigma_um",
         )
 
@@ -298,7 +298,7 @@ def _u_of_layer(
 def _u_by_place_um(model: FacePrint, face: PrintedFace) -> dict[int, float]:
     """Standard uncertainty of the reported layers due to the position in the pixel, as in `predict.predicted`."""
     shown = _shown(model.layers)
-    moved = zip(shown, model.moved_um(face, shown, ELSEWHERE), strict=True)
+    moved = zip(shown, model.moved_um(face, shown, FARTHEST_PHASE), strict=True)
     return {layer: float(np.sqrt(np.mean(um**2) / 3.0)) for layer, um in moved}
 
 

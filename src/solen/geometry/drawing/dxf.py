@@ -97,7 +97,7 @@ class _Reader:
     def drawing(self) -> Drawing:
         """All visible content."""
         for entity, layer in self._shown(self._document.modelspace(), "0", 0):
-            self._take(entity, face_name(layer))
+            self._collect(entity, face_name(layer))
         return Drawing(tuple(self._strokes), tuple(self._lamps), tuple(self._points))
 
     def _shown(self, entities: Iterable[Any], inherited: str, depth: int) -> Iterator[tuple[Any, str]]:
@@ -117,7 +117,7 @@ class _Reader:
         layers = self._document.layers
         return name not in layers or not (layers.get(name).is_off() or layers.get(name).is_frozen())
 
-    def _take(self, entity: Any, name: str) -> None:
+    def _collect(self, entity: Any, name: str) -> None:
         kind, dxf = entity.dxftype(), entity.dxf
         if kind == "POINT":
             point = self._at(dxf.location)

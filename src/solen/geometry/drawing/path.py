@@ -69,12 +69,12 @@ def _numbers(data: str, place: int, command: str, where: str) -> tuple[list[floa
         match = (FLAG if command in "Aa" and i in (3, 4) else NUMBER).match(data, place)
         if match is None:
             raise DataError(where, value=data[place : place + 20], limit=f"{command} requires another number there")
-        numbers.append(held(float(match[1]), where))
+        numbers.append(coordinate(float(match[1]), where))
         place = match.end()
     return numbers, place
 
 
-def held(number: float, where: str) -> float:
+def coordinate(number: float, where: str) -> float:
     """A coordinate of a drawing; raises `DataError` if it is not a finite number, or too large."""
     if not abs(number) <= FARTHEST:
         raise DataError(where, value=number, limit=f"must be a finite number of at most ±{FARTHEST:g}")

@@ -11,9 +11,9 @@ from solen.plane import Point, cross, dot, minus
 
 SHAPE_TOLERANCE_MM = 1e-8
 """Tolerance of the spline that replaces an ellipse, a rational spline or a spline of degree above 3."""
-ROUND = 1e-9
+CIRCULAR = 1e-9
 """Half axes are those of a circle if they are equal and perpendicular within this fraction of their length."""
-STILL = 1e-9
+DEGENERATE = 1e-9
 """A handle closer to its end than this fraction of the piece defines no direction there."""
 CUT_OFF = 1e-4
 """Fraction of a piece without direction that becomes a straight bit; the deviation is of third order in it."""
@@ -24,7 +24,7 @@ Control = tuple[Point, Point, Point, Point]
 def ellipse(center: Point, u: Point, v: Point, start: float, sweep: float) -> Curve:
     """Part of ``center + u cos a + v sin a`` for a from ``start`` by ``sweep`` (radians); an arc if it is round."""
     long = math.hypot(*u)
-    if abs(long - math.hypot(*v)) <= ROUND * long and abs(dot(u, v)) <= ROUND * long * long:
+    if abs(long - math.hypot(*v)) <= CIRCULAR * long and abs(dot(u, v)) <= CIRCULAR * long * long:
         way = math.copysign(1.0, cross(u, v))
         first = math.degrees(math.atan2(u[1], u[0]) + way * start)
         return Arc(center, long, first, max(-360.0, min(360.0, math.degrees(way * sweep))))
@@ -77,10 +77,10 @@ def _moving(cubic: Control) -> list[Control]:
         return [_raised((a, d))] if a != d else []
     first: list[Control] = []
     last: list[Control] = []
-    if math.dist(a, b) <= STILL * size:
+    if math.dist(a, b) <= DEGENERATE * size:
         bit, cubic = cut(cubic, CUT_OFF)
         first = [_raised((a, bit[3]))]
-    if math.dist(c, d) <= STILL * size:
+    if math.dist(c, d) <= DEGENERATE * size:
         cubic, bit = cut(cubic, 1.0 - CUT_OFF)
         last = [_raised((bit[0], d))]
     return [*first, cubic, *last]

@@ -29,15 +29,15 @@ from solen.geometry.drawing.model import (
     is_named,
     lamp_name,
 )
-from solen.geometry.drawing.path import NUMBER, Piece, held, path_pieces
+from solen.geometry.drawing.path import NUMBER, Piece, coordinate, path_pieces
 from solen.geometry.drawing.shapes import beziers, ellipse
 from solen.geometry.drawing.transform import Affine
 from solen.plane import Point, cross, dot, minus
 
 LABEL = "{http://www.inkscape.org/namespaces/inkscape}label"
 HREFS = ("href", "{http://www.w3.org/1999/xlink}href")
-MADE_UP = re.compile(r"(path|rect|circle|ellipse|line|polyline|polygon|g|group|layer|svg|use|shape)[-_\d]*", re.I)
-UNSEEN = frozenset(
+GENERATED = re.compile(r"(path|rect|circle|ellipse|line|polyline|polygon|g|group|layer|svg|use|shape)[-_\d]*", re.I)
+INVISIBLE = frozenset(
     {"defs", "symbol", "clipPath", "mask", "marker", "pattern", "linearGradient", "radialGradient", "filter", "style"}
     | {"title", "desc", "metadata", "namedview", "text", "script", "image", "foreignObject", "switch"}
 )
@@ -106,7 +106,7 @@ class _Reader:
 
     def _element(self, element: ET.Element, onto: Affine, inherited: str, depth: int) -> None:
         tag, name = _tag(element), _name(element) or inherited
-        if tag in UNSEEN or is_aside(name) or _hidden(element):
+        if tag in INVISIBLE or is_aside(name) or _hidden(element):
             return
         onto = onto.after(Affine.of(element.get("transform", ""), self._where))
         if tag in GROUPS:
@@ -117,7 +117,9 @@ class _Reader:
         what = f"{tag} {element.get('id', '')}".strip()
         if tag == "svg":
             raise DataError(f"{self._where}: {what}", limit="a nested svg element is not supported")
-        self._take(name, what, _pieces(element, f"{self._where}: {what}"), onto, is_round=tag in ("circle", "ellipse"))
+        self._collect(
+            name, what, _pieces(element, f"{self._where}: {what}"), onto, is_round=tag in ("circle", "ellipse")
+        )
 
     def _clone(self, element: ET.Element, onto: Affine, name: str, depth: int) -> None:
         target = next((element.get(key) for key in HREFS if element.get(key)), "")
@@ -127,7 +129,7 @@ class _Reader:
         shift = Affine(1.0, 0.0, 0.0, 1.0, _number(element.attrib, "x"), _number(element.attrib, "y"))
         self._element(original, onto.after(shift), name, depth + 1)
 
-    def _take(self, name: str, what: str, pieces: list[Piece], onto: Affine, *, is_round: bool) -> None:
+    def _collect(self, name: str, what: str, pieces: list[Piece], onto: Affine, *, is_round: bool) -> None:
         """Collect a mark, an emitter, or the strokes of one element."""
         placed = [piece.moved(onto) for piece in pieces]
         if not placed:
@@ -226,7 +228,7 @@ def _name(element: ET.Element) -> str | None:
     """Name that was given to an element."""
     classes = element.get("class", "").split()
     for text in (element.get(LABEL), classes[0] if classes else None, element.get("id")):
-        if text and not MADE_UP.fullmatch(text.strip()):
+        if text and not GENERATED.fullmatch(text.strip()):
             return face_name(text)
     return None
 
@@ -243,7 +245,7 @@ def _number(data: Mapping[str, str], key: str) -> float:
         number = float(text)
     except ValueError:
         raise DataError(f"drawing: {key}", value=text, limit="must be a number without a unit") from None
-    return held(number, key)
+    return coordinate(number, key)
 
 
 def _tag(element: ET.Element) -> str:

@@ -13,7 +13,7 @@ from solen.curve import Arc, Bezier, Curve, Measure, Segment
 from solen.errors import DesignError
 from solen.geometry.body import GAP_MM, Face, Pose, place_text
 from solen.geometry.network.corners import Run, cut_at, joined
-from solen.geometry.network.plan import Plan, Way
+from solen.geometry.network.plan import GuidePath, Plan, composed
 from solen.plane import Point, Rigid, along, dot, left_of, minus, right_of, unit
 from solen.spec.network import NamedMotion, Network, Placed, PlacedEmitter, PlacedLens, PlacedReceiver
 
@@ -38,22 +38,22 @@ class Walk:
     @classmethod
     def of(cls, plan: Plan) -> "Walk":
         """Walk around all nodes of a plan."""
-        walk = cls(plan, {(way.guide.name, side): _run(way, side) for way in plan.ways.values() for side in SIDES})
+        walk = cls(plan, {(path.guide.name, side): _run(path, side) for path in plan.paths.values() for side in SIDES})
         for number, node in enumerate(plan.network.nodes):
-            ways = _in_order(plan, node.name)
-            for way, following in zip(ways, [*ways[1:], *ways[:1]], strict=True):
-                arriving, departing = _arriving(way, node.name), _departing(following, node.name)
+            paths = _in_order(plan, node.name)
+            for path, following in zip(paths, [*paths[1:], *paths[:1]], strict=True):
+                arriving, departing = _arriving(path, node.name), _departing(following, node.name)
                 walk.following[arriving] = departing
-                if len(ways) == 1:
-                    walk.between[arriving] = walk.cap(way, node.name, number)
+                if len(paths) == 1:
+                    walk.between[arriving] = walk.cap(path, node.name, number)
                 else:
                     walk.corner(arriving, departing, node.fillet_mm, node.name)
             on_it = [one for one in (*plan.network.lenses, *plan.network.receivers) if one.node == node.name]
-            if node.end != "open" and (len(ways) > 1 or on_it):
-                there = f"{on_it[0].name} is there" if on_it else f"{len(ways)} guides meet there"
+            if node.end != "open" and (len(paths) > 1 or on_it):
+                there = f"{on_it[0].name} is there" if on_it else f"{len(paths)} guides meet there"
                 limit = f"does not apply: {there}, at {place_text(plan.places[node.name])}"
                 raise DesignError(f"network.nodes[{number}].end", value=node.end, limit=limit, remedy="omit it")
-            if len(ways) == 1 and node.fillet_mm:
+            if len(paths) == 1 and node.fillet_mm:
                 limit = f"does not apply where one guide ends, at {place_text(plan.places[node.name])}"
                 raise DesignError(f"network.nodes[{number}].fillet_mm", value=node.fillet_mm, limit=limit)
         return walk
@@ -68,20 +68,20 @@ class Walk:
         if curve is not None:
             self.between[arriving] = [Face(f"{'fillet' if isinstance(curve, Arc) else 'join'}-{node}", curve)]
 
-    def cap(self, way: Way, node: str, number: int) -> list[Face]:
+    def cap(self, path: GuidePath, node: str, number: int) -> list[Face]:
         """Faces across the end of a guide, from the arriving side to the departing one."""
         network = self.plan.network
-        start, end = self.runs[_arriving(way, node)].end, self.runs[_departing(way, node)].start
-        base, ahead = (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])), way.inwards(node)
-        base = base if way.guide.flush else (way.spine.start if node == way.guide.nodes[0] else way.spine.end)
+        start, end = self.runs[_arriving(path, node)].end, self.runs[_departing(path, node)].start
+        base, inward = (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])), path.inwards(node)
+        base = base if path.guide.flush else (path.spine.start if node == path.guide.nodes[0] else path.spine.end)
         lenses = [placed for placed in network.lenses if placed.node == node]
         receivers = [placed for placed in network.receivers if placed.node == node]
         self._check_alone(number, node, [*lenses, *receivers])
         for emitter in network.emitters:
             if emitter.node == node:
-                self.frames[emitter.name] = _frame(base, ahead, 0.0)
+                self.frames[emitter.name] = _frame(base, inward, 0.0)
         if lenses:
-            return self._lens_between(lenses[0], start, end, base, ahead, f"end-{node}")
+            return self._lens_between(lenses[0], start, end, base, inward, f"end-{node}")
         name = f"receiver-{receivers[0].name}" if receivers else f"{network.nodes[number].end}-{node}"
         return [Face(name.replace("open-", "end-", 1), Segment(start, end))]
 
@@ -124,7 +124,7 @@ class Walk:
         return self.plan.carried.get(node or "", Rigid()).point(motion.pivot)
 
     def _lens_between(
-        self, placed: PlacedLens, start: Point, end: Point, base: Point, ahead: Point, beside: str
+        self, placed: PlacedLens, start: Point, end: Point, base: Point, inward: Point, beside: str
     ) -> list[Face]:
         """A lens across an end or on a side, with straight faces on both sides of it if it is narrower."""
         lens = self.plan.lenses[placed.name]
@@ -134,24 +134,24 @@ class Walk:
             limit = f"must be at most {0.5 * room_mm:.4g} mm, half the width there, at {place_text(base)}"
             what = f"network.lenses[{number}].half_width_mm"
             raise DesignError(what, value=lens.half_width_mm, limit=limit, remedy="narrow the lens or widen the guide")
-        frame = _frame(base, ahead, lens.depth_mm)
+        frame = _frame(base, inward, lens.depth_mm)
         motion = self._turn(placed.name, "lenses")
         if motion is not None:
             distance_mm = next((one.distance_mm for one in self.plan.network.emitters if one.lens == placed.name), None)
             before = frame.point((0.0, -(distance_mm or self.plan.distance_mm)))
             turn = Rigid.about(self._pivot(motion, placed.node, before, base), motion.at_deg)
-            rest, frame = lens.front.moved(frame), _turned(frame, turn)
+            rest, frame = lens.front.moved(frame), composed(frame, turn)
             self._check_tear(placed, motion, turn, (rest.start, rest.end), lens.half_width_mm)
         self.frames[placed.name] = frame
         front = lens.front if frame == Rigid() else lens.front.moved(frame)
         faces = [Face(f"lens-{placed.name}", front)]
         if motion is not None and motion.join in ("bridge", "smooth"):
-            walls = self._trimmed(placed, motion, front, (start, end), base, ahead)
+            walls = self._trimmed(placed, motion, front, (start, end), base, inward)
             start, end = walls[0].end, walls[1].start
             if motion.join == "smooth":
                 axis = frame.vector((0.0, 1.0))
                 low, high = (
-                    _smooth(wall, edge, axis, base, ahead)
+                    _smooth(wall, edge, axis, base, inward)
                     for wall, edge in zip(walls, (front.start, front.end), strict=True)
                 )
                 return [Face(beside, low.reversed()), *faces, Face(beside, high)]
@@ -182,10 +182,10 @@ class Walk:
         front: Curve,
         corners: tuple[Point, Point],
         base: Point,
-        ahead: Point,
+        inward: Point,
     ) -> tuple[Run, Run]:
         """Walls of the guide that ends in a turned lens, shortened to meet the lens according to `motion.join`."""
-        (way,), node = self.plan.at(placed.node or ""), placed.node or ""
+        (path,), node = self.plan.at(placed.node or ""), placed.node or ""
         room_mm, lens = math.dist(*corners), self.plan.lenses[placed.name]
         if room_mm > 2.0 * lens.half_width_mm + WIDER_MM:
             number = self.plan.network.motion.index(motion)
@@ -193,13 +193,13 @@ class Walk:
             raise DesignError(
                 f"network.motion[{number}].join", value=motion.join, limit=limit, remedy='set join = "seam"'
             )
-        keys = _arriving(way, node), _departing(way, node)
+        keys = _arriving(path, node), _departing(path, node)
         for key, edge in zip(keys, (front.start, front.end), strict=True):
-            risen_mm = max(0.0, dot(minus(edge, base), ahead)) + (
+            risen_mm = max(0.0, dot(minus(edge, base), inward)) + (
                 lens.half_width_mm if motion.join == "smooth" else 0.0
             )
             if risen_mm > 0.0:
-                self.runs[key] = cut_at(self.runs[key], base, ahead, risen_mm, at_end=key == keys[0])
+                self.runs[key] = cut_at(self.runs[key], base, inward, risen_mm, at_end=key == keys[0])
         return self.runs[keys[0]], self.runs[keys[1]]
 
     def _divided(self, whole: Face, on_it: list[Part]) -> list[Face]:
@@ -227,9 +227,9 @@ class Walk:
         part = _part(whole, measure, low, high)
         if isinstance(one, PlacedReceiver):
             return [Face(f"receiver-{one.name}", part.curve)]
-        frame, ahead = self._on_side(whole, 0.5 * (low + high), 0.0, one)
+        frame, inward = self._on_side(whole, 0.5 * (low + high), 0.0, one)
         base = (frame.shift[0], frame.shift[1])
-        faces = self._lens_between(one, part.curve.start, part.curve.end, base, ahead, whole.name)
+        faces = self._lens_between(one, part.curve.start, part.curve.end, base, inward, whole.name)
         return faces[::-1] if whole.from_end else faces
 
     def _stretch(self, one: Part) -> tuple[float, float]:
@@ -253,8 +253,8 @@ class Walk:
             raise DesignError(f"{one.name}.at_mm", value=at_mm, limit=limit)
         step = at_mm - whole.begins_mm
         base = along(whole.curve.b, walked, -step) if whole.from_end else along(whole.curve.a, walked, step)
-        ahead = left_of(walked)
-        return _frame(base, ahead, depth_mm), ahead
+        inward = left_of(walked)
+        return _frame(base, inward, depth_mm), inward
 
     def _turn(self, name: str, kind: str) -> NamedMotion | None:
         """Motion that turns a part; None if the part is at rest."""
@@ -320,55 +320,50 @@ def _from(faces: list[Face], name: str) -> list[Face]:
     return faces[start:] + faces[:start]
 
 
-def _run(way: Way, side: str) -> Run:
-    curve: Curve = way.walls[side]
-    stated = way.spine.heading_deg if len(way.guide.widths) == 1 and isinstance(curve, Segment) else None
-    back_mm = way.spine.length_mm if way.guide.flush not in (None, side) else 0.0
+def _run(path: GuidePath, side: str) -> Run:
+    curve: Curve = path.walls[side]
+    stated = path.spine.heading_deg if len(path.guide.widths) == 1 and isinstance(curve, Segment) else None
+    back_mm = path.spine.length_mm if path.guide.flush not in (None, side) else 0.0
     return Run(
-        way.guide.name, side, curve if side == "right" else curve.reversed(), heading_deg=stated, back_mm=back_mm
+        path.guide.name, side, curve if side == "right" else curve.reversed(), heading_deg=stated, back_mm=back_mm
     )
 
 
-def _arriving(way: Way, node: str) -> Key:
+def _arriving(path: GuidePath, node: str) -> Key:
     """Side of a guide that is walked towards a node."""
-    return (way.guide.name, "right" if node == way.guide.nodes[1] else "left")
+    return (path.guide.name, "right" if node == path.guide.nodes[1] else "left")
 
 
-def _departing(way: Way, node: str) -> Key:
+def _departing(path: GuidePath, node: str) -> Key:
     """Side of a guide that is walked away from a node."""
-    return (way.guide.name, "right" if node == way.guide.nodes[0] else "left")
+    return (path.guide.name, "right" if node == path.guide.nodes[0] else "left")
 
 
-def _in_order(plan: Plan, node: str) -> list[Way]:
+def _in_order(plan: Plan, node: str) -> list[GuidePath]:
     """Guides at a node, counter-clockwise by their outward directions; of parallel ones, the right one first."""
     at = plan.places[node]
 
-    def order(way: Way) -> tuple[float, float]:
-        ahead = way.inwards(node)
-        angle = round(math.degrees(math.atan2(-ahead[0], ahead[1])), 9) % 360.0
-        return angle, -dot(minus(way.middle(node), at), right_of(ahead))
+    def order(path: GuidePath) -> tuple[float, float]:
+        inward = path.inwards(node)
+        angle = round(math.degrees(math.atan2(-inward[0], inward[1])), 9) % 360.0
+        return angle, -dot(minus(path.middle(node), at), right_of(inward))
 
     return sorted(plan.at(node), key=order)
 
 
-def _smooth(wall: Run, edge: Point, axis: Point, base: Point, ahead: Point) -> Bezier:
+def _smooth(wall: Run, edge: Point, axis: Point, base: Point, inward: Point) -> Bezier:
     """Curve from the edge of a turned lens, along the lens's axis, into the wall of its guide."""
     at_end = math.dist(wall.end, edge) < math.dist(wall.start, edge)
     place, u = (wall.end, wall.high) if at_end else (wall.start, wall.low)
     slope = wall.curve.velocity_at(u)
-    third_mm = (dot(minus(place, base), ahead) - max(dot(minus(edge, base), ahead), 0.0)) / 3.0
-    return Bezier(edge, along(edge, axis, third_mm), along(place, slope, -third_mm / dot(slope, ahead)), place)
+    third_mm = (dot(minus(place, base), inward) - max(dot(minus(edge, base), inward), 0.0)) / 3.0
+    return Bezier(edge, along(edge, axis, third_mm), along(place, slope, -third_mm / dot(slope, inward)), place)
 
 
-def _frame(base: Point, ahead: Point, depth_mm: float) -> Rigid:
+def _frame(base: Point, inward: Point, depth_mm: float) -> Rigid:
     """Motion from the frame of a lens, with its vertex before a base, to the body's frame."""
-    x, z = ahead
-    return Rigid(z, -x, along(base, ahead, -depth_mm))
-
-
-def _turned(frame: Rigid, turn: Rigid) -> Rigid:
-    cos, sin = turn.vector((frame.cos, frame.sin))
-    return Rigid(cos, sin, turn.point(frame.shift))
+    x, z = inward
+    return Rigid(z, -x, along(base, inward, -depth_mm))
 
 
 def _part(whole: Face, measure: Measure, low: float, high: float) -> Face:

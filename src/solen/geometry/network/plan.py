@@ -27,7 +27,7 @@ MEETS_MM = 1e-9
 
 
 @dataclass(frozen=True)
-class Way:
+class GuidePath:
     """A guide with its centre line.
 
     ``right`` and ``left`` are the distances of its walls to the right of that line.
@@ -61,7 +61,7 @@ class Way:
         x, z = self.spine.end_direction
         return (-x, -z)
 
-    def moved(self, motion: Rigid) -> "Way":
+    def moved(self, motion: Rigid) -> "GuidePath":
         """The guide after a rigid motion."""
         return self if motion == Rigid() else replace(self, spine=self.spine.moved(motion))
 
@@ -74,16 +74,16 @@ class Plan:
     """
 
     network: Network
-    ways: dict[str, Way]
+    paths: dict[str, GuidePath]
     places: dict[str, Point]
     lenses: dict[str, Lens]
     carried: dict[str, Rigid] = field(default_factory=dict)
     distance_mm: float = 0.0
     """distance from its lens of an emitter that states none"""
 
-    def at(self, node: str) -> list[Way]:
+    def at(self, node: str) -> list[GuidePath]:
         """Guides at a node."""
-        return [way for way in self.ways.values() if node in way.guide.nodes]
+        return [path for path in self.paths.values() if node in path.guide.nodes]
 
 
 def plan_of(design: Design) -> Plan:
@@ -134,21 +134,21 @@ def _planned(key: _Key) -> Plan:
     first = network.nodes[0].name
     if first not in places:
         places[first] = _origin(network, lenses, first)
-    ways: dict[str, Way] = {}
+    paths: dict[str, GuidePath] = {}
     waiting = list(network.guides)
     while waiting:
-        ready = next((guide for guide in waiting if (way := _placed(guide, network, places, ways)) is not None), None)
+        ready = next((guide for guide in waiting if (path := _placed(guide, network, places, paths)) is not None), None)
         if ready is None:
             number = network.guides.index(waiting[0])
             limit = "has no position: neither of its nodes has one, or its direction is missing"
             remedy = "state direction_deg and length_mm, or at_mm of its nodes"
             raise DesignError(f"network.guides[{number}]", value=waiting[0].name, limit=limit, remedy=remedy)
         waiting.remove(ready)
-        way = _placed(ready, network, places, ways)
-        assert way is not None  # noqa: S101  it was ready
-        ways[ready.name] = way
-        _settle(way, places, network.guides.index(ready))
-    order = {guide.name: ways[guide.name] for guide in network.guides}
+        path = _placed(ready, network, places, paths)
+        assert path is not None  # noqa: S101  it was ready
+        paths[ready.name] = path
+        _settle(path, places, network.guides.index(ready))
+    order = {guide.name: paths[guide.name] for guide in network.guides}
     return Plan(network, order, places, lenses)
 
 
@@ -204,39 +204,39 @@ def _origin(network: Network, lenses: dict[str, Lens], node: str) -> Point:
     return along((0.0, 0.0), start.direction, lens.depth_mm)
 
 
-def _placed(guide: Guide, network: Network, places: dict[str, Point], ways: dict[str, Way]) -> Way | None:
+def _placed(guide: Guide, network: Network, places: dict[str, Point], paths: dict[str, GuidePath]) -> GuidePath | None:
     """A guide with its line; None while that is unknown."""
     start, end = (places.get(node) for node in guide.nodes)
     half = tuple(0.5 * width for width in guide.widths)
     both = (half, tuple(-width for width in half))
     if guide.flush is not None:
-        return _flush(guide, network, ways)
+        return _flush(guide, network, paths)
     if guide.direction_deg is not None and guide.length_mm is not None:
         if start is None and end is None:
             return None
         spine = Spine.towards(start or (0.0, 0.0), guide.direction_deg, guide.length_mm, guide.turn_deg)
         if start is None and end is not None:
             spine = replace(spine, start=minus(end, spine.end))
-        return Way(guide, spine, *both)
+        return GuidePath(guide, spine, *both)
     if start is None or end is None:
         return None
     if math.dist(start, end) <= MEETS_MM:
         number = network.guides.index(guide)
         limit = f"has no length: both its nodes are at {place_text(start)}"
         raise DesignError(f"network.guides[{number}]", value=guide.name, limit=limit)
-    return Way(guide, Spine.between(start, end, guide.turn_deg, guide.through_mm), *both)
+    return GuidePath(guide, Spine.between(start, end, guide.turn_deg, guide.through_mm), *both)
 
 
-def _flush(guide: Guide, network: Network, ways: dict[str, Way]) -> Way | None:
+def _flush(guide: Guide, network: Network, paths: dict[str, GuidePath]) -> GuidePath | None:
     """A guide whose side continues that of the guide leading to its first node."""
     leading = [one for one in network.guides if one.nodes[1] == guide.nodes[0]]
     if len(leading) != 1:
         number = network.guides.index(guide)
         limit = f"requires exactly one guide that leads to {guide.nodes[0]}, but there are {len(leading)}"
         raise DesignError(f"network.guides[{number}].flush", value=guide.flush, limit=limit)
-    if leading[0].name not in ways or guide.length_mm is None or guide.flush is None:
+    if leading[0].name not in paths or guide.length_mm is None or guide.flush is None:
         return None
-    host, side = ways[leading[0].name], 1.0 if guide.flush == "right" else -1.0
+    host, side = paths[leading[0].name], 1.0 if guide.flush == "right" else -1.0
     heading_deg = guide.direction_deg
     if heading_deg is None:
         slope = float(polynomial.polyval(host.spine.length_mm, polynomial.polyder(getattr(host, guide.flush))))
@@ -244,86 +244,88 @@ def _flush(guide: Guide, network: Network, ways: dict[str, Way]) -> Way | None:
         heading_deg = math.degrees(math.atan2(-x, z)) - math.degrees(math.atan(slope))
     spine = Spine.towards(host.walls[guide.flush].end, heading_deg, guide.length_mm, guide.turn_deg)
     far = tuple(-side * width for width in guide.widths)
-    return Way(guide, spine, (0.0,), far) if guide.flush == "right" else Way(guide, spine, far, (0.0,))
+    return GuidePath(guide, spine, (0.0,), far) if guide.flush == "right" else GuidePath(guide, spine, far, (0.0,))
 
 
-def _settle(way: Way, places: dict[str, Point], number: int) -> None:
+def _settle(path: GuidePath, places: dict[str, Point], number: int) -> None:
     """Assign positions to the nodes of a guide; raises `DesignError` if they contradict known positions."""
-    if way.guide.flush is not None:
-        found = {way.guide.nodes[1]: way.middle(way.guide.nodes[1])}
+    if path.guide.flush is not None:
+        found = {path.guide.nodes[1]: path.middle(path.guide.nodes[1])}
     else:
-        found = dict(zip(way.guide.nodes, (way.spine.start, way.spine.end), strict=True))
+        found = dict(zip(path.guide.nodes, (path.spine.start, path.spine.end), strict=True))
     for node, place in found.items():
         off_mm = math.dist(places.setdefault(node, place), place)
         if off_mm > MEETS_MM:
             limit = f"ends {off_mm:.3g} mm from {node}, which is at {place_text(places[node])}"
             remedy = "omit direction_deg and length_mm, or at_mm of the node"
-            raise DesignError(f"network.guides[{number}]", value=way.guide.name, limit=limit, remedy=remedy)
+            raise DesignError(f"network.guides[{number}]", value=path.guide.name, limit=limit, remedy=remedy)
 
 
 def _in_motion(rest: Plan, motions: tuple[NamedMotion, ...]) -> Plan:
     """A plan with its motions at their angles."""
-    moving = {motion.part: motion for motion in motions if motion.at_deg != 0.0 and motion.part in rest.ways}
+    moving = {motion.part: motion for motion in motions if motion.at_deg != 0.0 and motion.part in rest.paths}
     if not moving:
         return rest
     fixed = rest.network.fixed or rest.network.nodes[0].name
     carried: dict[str, Rigid] = {fixed: Rigid()}
-    ways: dict[str, Way] = {}
-    for way, node in _outwards(rest, fixed):
-        moved, beyond = _driven(way, node, moving.get(way.guide.name))
-        ways[way.guide.name] = moved.moved(carried[node])
-        (other,) = set(way.guide.nodes) - {node}
-        motion = _after(beyond, carried[node])
+    paths: dict[str, GuidePath] = {}
+    for path, node in _outwards(rest, fixed):
+        moved, beyond = _driven(path, node, moving.get(path.guide.name))
+        paths[path.guide.name] = moved.moved(carried[node])
+        (other,) = set(path.guide.nodes) - {node}
+        motion = composed(beyond, carried[node])
         known = carried.setdefault(other, motion)
         off_mm = math.dist(known.point(rest.places[other]), motion.point(rest.places[other]))
         if off_mm > MEETS_MM or abs(known.angle_deg - motion.angle_deg) > MEETS_MM:
             name = ", ".join(one.name for one in moving.values())
-            limit = f"would tear {way.guide.name} from {other}, at {place_text(rest.places[other])}, by {off_mm:.3g} mm"
+            limit = (
+                f"would tear {path.guide.name} from {other}, at {place_text(rest.places[other])}, by {off_mm:.3g} mm"
+            )
             remedy = "a guide that bends or turns must not be part of a loop"
             raise DesignError("network.motion", value=name, limit=limit, remedy=remedy)
-    order = {name: ways[name] for name in rest.ways}
+    order = {name: paths[name] for name in rest.paths}
     places = {node: carried[node].point(place) for node, place in rest.places.items()}
-    return replace(rest, ways=order, places=places, carried=carried)
+    return replace(rest, paths=order, places=places, carried=carried)
 
 
-def _outwards(plan: Plan, fixed: str) -> Iterator[tuple[Way, str]]:
+def _outwards(plan: Plan, fixed: str) -> Iterator[tuple[GuidePath, str]]:
     """Guides with their nearer nodes, ordered outwards from the fixed node."""
-    reached, left = [fixed], list(plan.ways.values())
+    reached, left = [fixed], list(plan.paths.values())
     for node in reached:
-        for way in [way for way in left if node in way.guide.nodes]:
-            left.remove(way)
-            yield way, node
-            reached += [other for other in way.guide.nodes if other not in reached]
+        for path in [path for path in left if node in path.guide.nodes]:
+            left.remove(path)
+            yield path, node
+            reached += [other for other in path.guide.nodes if other not in reached]
 
 
-def _driven(way: Way, node: str, motion: NamedMotion | None) -> tuple[Way, Rigid]:
+def _driven(path: GuidePath, node: str, motion: NamedMotion | None) -> tuple[GuidePath, Rigid]:
     """A guide bent or turned about its nearer node, and the motion of its other end."""
     if motion is None:
-        return way, Rigid()
-    from_end = node == way.guide.nodes[1]
+        return path, Rigid()
+    from_end = node == path.guide.nodes[1]
     if motion.kind == "rotation":
-        near = way.spine.end if from_end else way.spine.start
+        near = path.spine.end if from_end else path.spine.start
         turn = Rigid.about(near if not isinstance(motion.pivot, tuple) else motion.pivot, motion.at_deg)
-        _check_tear(way, near, turn, motion)
-        return way.moved(turn), turn
-    spine, beyond = way.spine.bent(motion.at_deg, from_end=from_end)
-    return replace(way, spine=spine), beyond
+        _check_tear(path, near, turn, motion)
+        return path.moved(turn), turn
+    spine, beyond = path.spine.bent(motion.at_deg, from_end=from_end)
+    return replace(path, spine=spine), beyond
 
 
-def _check_tear(way: Way, near: Point, turn: Rigid, motion: NamedMotion) -> None:
+def _check_tear(path: GuidePath, near: Point, turn: Rigid, motion: NamedMotion) -> None:
     """Raise `DesignError` if a rotation moves a guide away from its node by more than half its width there."""
     off_mm = math.dist(turn.point(near), near)
-    half_mm = 0.5 * min(way.guide.widths[0], float(polynomial.polyval(way.spine.length_mm, way.guide.widths)))
+    half_mm = 0.5 * min(path.guide.widths[0], float(polynomial.polyval(path.spine.length_mm, path.guide.widths)))
     if off_mm > half_mm:
         limit = (
-            f"would tear {way.guide.name} from {place_text(near)} by {off_mm:.3g} mm; the limit "
+            f"would tear {path.guide.name} from {place_text(near)} by {off_mm:.3g} mm; the limit "
             f"there is {half_mm:.3g} mm"
         )
         remedy = "turn by a smaller angle, or about a nearer pivot"
         raise DesignError(f"network.motion {motion.name}", value=motion.at_deg, limit=limit, remedy=remedy)
 
 
-def _after(first: Rigid, then: Rigid) -> Rigid:
+def composed(first: Rigid, then: Rigid) -> Rigid:
     """The motion ``first`` followed by another."""
     if then == Rigid():
         return first

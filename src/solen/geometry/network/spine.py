@@ -63,7 +63,7 @@ class Spine:
     def end(self) -> Point:
         """The last point of the line."""
         if self.free is not None:
-            x, z = self.free.end if self.bend_deg == 0.0 else self._begins[-1]
+            x, z = self.free.end if self.bend_deg == 0.0 else self._panel_points[-1]
             return (float(x), float(z))
         if self.turn_deg == 0.0:
             return along(self.start, self.direction, self.length_mm)
@@ -162,7 +162,9 @@ class Spine:
                     return piece.points(u)
                 panel = np.minimum((u * PANELS).astype(int), PANELS - 1)
                 low = start + (end - start) * panel / PANELS
-                return np.asarray(self._begins[first + panel] + self._ways(low, start + (end - start) * u))
+                return np.asarray(
+                    self._panel_points[first + panel] + self._displacements(low, start + (end - start) * u)
+                )
 
             def place(u: FloatArray) -> FloatArray:
                 s, _, ahead = frame(u)
@@ -184,14 +186,14 @@ class Spine:
         return carried(free, carry, WALL_TOLERANCE_MM)
 
     @cached_property
-    def _begins(self) -> FloatArray:
+    def _panel_points(self) -> FloatArray:
         """Points (N, 2) of a bent free line at the ends of panels, several for each of its cubics."""
         assert self.free is not None  # noqa: S101  asked of a free line
         ends = np.linspace(0.0, 1.0, len(self.free.controls) * PANELS + 1)
-        ways = np.cumsum(self._ways(ends[:-1], ends[1:]), axis=0)
+        ways = np.cumsum(self._displacements(ends[:-1], ends[1:]), axis=0)
         return np.asarray(np.array(self.free.start) + np.vstack([np.zeros((1, 2)), ways]))
 
-    def _ways(self, low: FloatArray, high: FloatArray) -> FloatArray:
+    def _displacements(self, low: FloatArray, high: FloatArray) -> FloatArray:
         """Displacements (N, 2) along a bent free line between parameters within one panel, by Gaussian quadrature."""
         assert self.free is not None  # noqa: S101  asked of a free line
         half = 0.5 * (high - low)
@@ -212,17 +214,17 @@ class Spine:
 
         def place(u: FloatArray) -> FloatArray:
             s = u * self.length_mm
-            return np.asarray(self._places(s) + polynomial.polyval(s, offset)[:, None] * _right(self._ahead(s)))
+            return np.asarray(self._places(s) + polynomial.polyval(s, offset)[:, None] * _right(self._directions(s)))
 
         def velocity(u: FloatArray) -> FloatArray:
             s = u * self.length_mm
-            ahead, beside = self._ahead(s), polynomial.polyval(s, offset)
+            ahead, beside = self._directions(s), polynomial.polyval(s, offset)
             along_it = (1.0 + per_mm * beside)[:, None] * ahead
             return np.asarray(self.length_mm * (along_it + polynomial.polyval(s, slope)[:, None] * _right(ahead)))
 
         return place, velocity
 
-    def _ahead(self, s: FloatArray, share: float = 1.0) -> FloatArray:
+    def _directions(self, s: FloatArray, share: float = 1.0) -> FloatArray:
         """Unit directions (N, 2) at lengths, turned by the fraction of the turn up to there."""
         angle = share * math.radians(self.turn_deg) / self.length_mm * s
         x, z = self.direction
@@ -230,7 +232,7 @@ class Spine:
 
     def _places(self, s: FloatArray) -> FloatArray:
         half = 0.5 * math.radians(self.turn_deg) / self.length_mm * s
-        return np.asarray(np.asarray(self.start) + (s * np.sinc(half / math.pi))[:, None] * self._ahead(s, 0.5))
+        return np.asarray(np.asarray(self.start) + (s * np.sinc(half / math.pi))[:, None] * self._directions(s, 0.5))
 
     def _check_fold(self, beside: ArrayLike, per_mm: ArrayLike, what: str) -> None:
         if float(np.min(1.0 + np.multiply(per_mm, beside))) <= 0.0:
