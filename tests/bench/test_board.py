@@ -168,7 +168,9 @@ def test_what_the_core_samples_is_what_the_simulated_board_works_out_at_once(ben
         return np.asarray(3.0 * np.sin(2.0 * time_s))
 
     def simulated(seed: int) -> SimulatedBoard:
-        return SimulatedBoard(clock, quiet, swing, RoomLight(), layout, PERIOD_S, np.random.default_rng(seed), ppm=0.0)
+        return SimulatedBoard(
+            clock, quiet, swing, RoomLight(), np.random.default_rng(seed), layout=layout, period_s=PERIOD_S, ppm=0.0
+        )
 
     whole, sampler = simulated(1), simulated(2)
     controller = BoardController(clock, SimulatedHardware(sampler.counts, 5000, layout.emitters, layout.receivers))

@@ -21,8 +21,8 @@ from solen.bench.catalogue import list_recordings
 from solen.bench.clock import SimulatedClock
 from solen.bench.daq import DaqLosses, Samples, Setup, volts_of
 from solen.bench.frames import Layout
-from solen.bench.glance import Glances
 from solen.bench.journal import read_journal
+from solen.bench.live import LiveReadings
 from solen.bench.netcdf import RecordedRun, write_recording
 from solen.bench.phases import clock_of, states
 from solen.bench.protocol import load_protocol
@@ -108,7 +108,7 @@ def daq_of(
 ) -> Make:
     setup = rig.setup
     assert setup is not None
-    return lambda clock, at: kind(clock, prints, at, room, setup, np.random.default_rng(7))
+    return lambda clock, at: kind(clock, prints, at, room, np.random.default_rng(7), setup=setup)
 
 
 def group(path: Path, name: str) -> dict[str, FloatArray]:
@@ -254,7 +254,7 @@ def board(made: Bench) -> Path:
     layout, rng = Layout(2, 4), np.random.default_rng(6)
 
     def make(clock: SimulatedClock, at: Angles) -> SimulatedBoard:
-        return SimulatedBoard(clock, made.prints, at, ROOM, layout, 0.005, rng)
+        return SimulatedBoard(clock, made.prints, at, ROOM, rng, layout=layout, period_s=0.005)
 
     return recorded(made, made.rig, make, "board")[1]
 
@@ -503,7 +503,7 @@ class Multiplexed:
 def test_a_glance_counts_from_the_channel_of_the_sync() -> None:
     sensor = {"name": "A", "design": "a.toml", "emitter": 1, "right": 1, "left": 2}
     daq: Daq = Multiplexed()
-    glance = Glances(daq, Rig(name="two", sensor=(sensor,))).read()
-    assert glance is not None
-    assert glance.signal == pytest.approx(np.full(glance.signal.shape, 3.0), abs=1e-9)
-    assert glance.off == pytest.approx(np.full(glance.off.shape, 4.0), abs=1e-9)
+    levels = LiveReadings(daq, Rig(name="two", sensor=(sensor,))).read()
+    assert levels is not None
+    assert levels.signal == pytest.approx(np.full(levels.signal.shape, 3.0), abs=1e-9)
+    assert levels.off == pytest.approx(np.full(levels.off.shape, 4.0), abs=1e-9)

@@ -13,7 +13,7 @@ import pytest
 from solen.analysis import study
 from solen.bench.clock import WallClock
 from solen.bench.drivers import DRIVERS
-from solen.bench.glance import sampler_of
+from solen.bench.live import sampler_of
 from solen.bench.meter import AskingMeter, Reading, steady
 from solen.bench.multimeter import Multimeters
 from solen.bench.oscilloscope import Oscilloscope

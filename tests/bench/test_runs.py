@@ -210,7 +210,7 @@ def test_a_silent_board_and_a_stuck_stage_end_the_run_safely(bench: Path, stage:
     on = Instruments(stage(clock), board, clock)
     with (
         begin(bench / "a.journal", on, {}) as journal,
-        pytest.raises(BenchError, match=r"said nothing for 2\.|not arrived"),
+        pytest.raises(BenchError, match=r"sent nothing for 2\.|not arrived"),
     ):
         run(load_protocol(bench / "protocol.toml"), on, journal)
     assert board.calls == ["start", "stop"]
@@ -268,10 +268,10 @@ def test_bad_protocols_are_reported_in_one_line(bench: Path, change: tuple[str, 
         (('name = "B"', 'name = "aux.1"'), "'aux.1'; is a device on Windows"),
         (('name = "B"', 'name = "B."'), "nor end in a dot"),
         (("right = 4", "right = 1"), "input 1 is used twice"),
-        (("[board]", '[stage]\nmodel = "M-1"\n[board]'), "model = 'M-1'; .* M-060.DG, M-111.1DG are"),
+        (("[board]", '[stage]\nmodel = "M-1"\n[board]'), "model = 'M-1'; .* known are M-060.DG, M-111.1DG"),
         (("[board]", '[stage]\nmodel = "M-111.1DG"\nlever_mm = 20.0\n[board]'), "moves in deg, and the stage in mm"),
         (("[board]", '[board]\nport = "COM1"'), "port = 'COM1'; is for a real board"),
-        (("[board]", '[stage]\ndriver = "gcs2"\n[board]'), "a real stage needs it$"),
+        (("[board]", '[stage]\ndriver = "gcs2"\n[board]'), "a real stage requires it$"),
         (("trim_v = 1.0", "trim_v = 9.0"), "must be below the supply, 5 V"),
         (('design = "sensor.toml"', 'design = "none.toml"'), "no such file"),
     ],
@@ -326,7 +326,7 @@ def test_a_cycle_that_was_cut_short_is_in_the_root_and_in_no_group(
 
 def test_a_full_disk_is_reported_before_anything_is_written_to_it(bench: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=200_000))
-    with pytest.raises(OutputError, match=r"protocol\.nc; .*0\.2 MB .*; make room"):
+    with pytest.raises(OutputError, match=r"protocol\.nc; .*0\.2 MB .*; free some space"):
         recorded(bench)
     monkeypatch.undo()
     assert [path.name for path in (bench / "out").iterdir()] == ["protocol.journal"]
@@ -380,7 +380,7 @@ def test_a_folder_that_cannot_be_written_to_is_listed(bench: Path, monkeypatch: 
     (out / "recordings.sqlite").unlink()
     without = list_recordings(out)
     assert with_catalogue.recordings == looked.recordings == without.recordings
-    assert looked.strangers == without.strangers == ("strange.nc",)
+    assert looked.not_recordings == without.not_recordings == ("strange.nc",)
     assert not (out / "recordings.sqlite").exists()
 
 
@@ -391,7 +391,7 @@ def test_a_catalogue_takes_in_what_was_put_there_and_tells_what_is_missing(bench
     (out / "strange.nc").write_bytes(b"no netCDF")
     found = list_recordings(out, look=True)
     assert {row.file: row.there for row in found.recordings} == {"protocol.nc": False, "moved.nc": True}
-    assert found.strangers == ("strange.nc",)
+    assert found.not_recordings == ("strange.nc",)
     assert "strange.nc" in found.warnings[0]
     (out / "recordings.sqlite").write_bytes(b"no database, but long enough to be looked at as one" * 30)
     with pytest.raises(OutputError, match="cannot be used"):

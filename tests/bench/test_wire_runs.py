@@ -75,9 +75,9 @@ def controllers(bench: Path, clock: Clock) -> tuple[Gcs2Controller, BoardControl
         prints,
         lambda time_s: stage.axis.positions(time_s),
         rig.ambient,
-        Layout(rig.emitters, rig.inputs),
-        0.005,
         np.random.default_rng(1),
+        layout=Layout(rig.emitters, rig.inputs),
+        period_s=0.005,
     )
     sampler.start()
     hardware = SimulatedHardware(sampler.counts, 5000, rig.emitters, rig.inputs)

@@ -227,7 +227,7 @@ class BoardStage:
 
     @property
     def search(self) -> str:
-        """Do nothing: there is no reference switch to search for."""
+        """Sentence that states that there is no reference switch."""
         return "It has no switch that marks its zero."
 
     def reference(self) -> None:

@@ -59,19 +59,19 @@ class RecordingList(Result):
         Entries of the catalogue, by date.
     journals
         Names of journals of runs that are in progress or were not closed.
-    strangers
+    not_recordings
         Names of .nc files that are not recordings of a run.
     """
 
     folder: Path
     recordings: tuple[CatalogueEntry, ...]
     journals: tuple[str, ...]
-    strangers: tuple[str, ...]
+    not_recordings: tuple[str, ...]
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
         """Warn of each .nc file that is not a recording."""
-        return tuple(look_at(f"{name} is not a recording of solen bench run") for name in self.strangers)
+        return tuple(look_at(f"{name} is not a recording of solen bench run") for name in self.not_recordings)
 
 
 def list_recordings(folder: Path, *, look: bool = False) -> RecordingList:
@@ -89,22 +89,22 @@ def list_recordings(folder: Path, *, look: bool = False) -> RecordingList:
     catalogue = Catalogue(folder)
     journals = tuple(sorted(path.name for path in folder.glob(f"*{JOURNAL}")))
     try:
-        strangers = catalogue.look() if look or not (folder / NAME).exists() else ()
-        return RecordingList(folder, catalogue.entries(), journals, strangers)
+        not_recordings = catalogue.look() if look or not (folder / NAME).exists() else ()
+        return RecordingList(folder, catalogue.entries(), journals, not_recordings)
     except _ReadOnlyError:
-        entries, strangers = _read(folder)
-        return RecordingList(folder, entries, journals, strangers)
+        entries, not_recordings = _read(folder)
+        return RecordingList(folder, entries, journals, not_recordings)
 
 
 def _read(folder: Path) -> tuple[tuple[CatalogueEntry, ...], tuple[str, ...]]:
     """Return the recordings of a folder without a writable catalogue, and the .nc files that are not recordings."""
-    entries, strangers = [], []
+    entries, not_recordings = [], []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
         try:
             entries.append(entry_of(path))
         except DataError:
-            strangers.append(path.name)
-    return tuple(sorted(entries, key=lambda one: (one.date, one.file))), tuple(strangers)
+            not_recordings.append(path.name)
+    return tuple(sorted(entries, key=lambda one: (one.date, one.file))), tuple(not_recordings)
 
 
 class _ReadOnlyError(OutputError):

@@ -22,9 +22,9 @@ from solen.analysis.load_cell import LoadCell
 from solen.analysis.noise import noise_of, pooled_noise
 from solen.arrays import FloatArray
 from solen.bench.clock import Clock, SimulatedClock, WallClock
-from solen.bench.glance import Glance, Glances, sampler_of, stage_of
 from solen.bench.homing import Confirm, knows_zero, make_known
 from solen.bench.interrupts import ended_by_signals
+from solen.bench.live import InputReadings, LiveReadings, sampler_of, stage_of
 from solen.bench.rig import Rig, SensorOf, load_rig
 from solen.bench.rig_instruments import StageOf
 from solen.errors import BenchError, SpecError
@@ -170,61 +170,61 @@ def check(rig_file: Path, options: CheckOptions = CheckOptions()) -> RigCheck:
     rig = load_rig(rig_file)
     clock = clock_for(rig)
     with ended_by_signals(), sampler_of(rig, rig_file.parent, clock) as sampler:
-        glances, parts = Glances(sampler, rig), []
+        live, parts = LiveReadings(sampler, rig), []
         until = clock.now_s() + options.seconds
         while clock.now_s() < until:
             clock.sleep(LOOK_S)
-            if (glance := glances.read()) is not None:
-                parts.append(glance)
+            if (levels := live.read()) is not None:
+                parts.append(levels)
         name = sampler.name
     if not parts:
         raise BenchError(name, limit="has said nothing", remedy="check the cable and the power")
-    return judged(rig, Glance.joined(parts))
+    return judged(rig, InputReadings.joined(parts))
 
 
-def judged(rig: Rig, glance: Glance) -> RigCheck:
+def judged(rig: Rig, levels: InputReadings) -> RigCheck:
     """Return the problems of a rig that its levels at rest show."""
-    signal = glance.signal
+    signal = levels.signal
     mean, error = signal.mean(axis=0), signal.std(axis=0) / math.sqrt(max(len(signal), 1))
-    answers = np.abs(mean) > np.maximum(ANSWERS_SD * error, ANSWERS * (glance.high_V - glance.low_V))
-    inputs = {one.name: {name: _input(rig, one, name, glance) for name in one.read_on} for one in rig.sensor}
-    faults = [line for one in rig.sensor for line in _faults(rig, one, inputs[one.name], glance, mean, answers)]
+    answers = np.abs(mean) > np.maximum(ANSWERS_SD * error, ANSWERS * (levels.high_V - levels.low_V))
+    inputs = {one.name: {name: _input(rig, one, name, levels) for name in one.read_on} for one in rig.sensor}
+    faults = [line for one in rig.sensor for line in _faults(rig, one, inputs[one.name], levels, mean, answers)]
     if dark := [str(number) for number, seen in enumerate(answers.any(axis=1).tolist(), 1) if not seen]:
         wire = "check its wire, its transistor and its supply"
         faults.append(do_not_use(f"no input responds to emitter {' and '.join(dark)}; {wire}"))
     rows = tuple(tuple(row) for row in mean.tolist())
-    cell = None if rig.load_cell is None else _cell(rig.load_cell, glance)
-    faults += [] if cell is None else _cell_faults(cell, glance)
+    cell = None if rig.load_cell is None else _cell(rig.load_cell, levels)
+    faults += [] if cell is None else _cell_faults(cell, levels)
     return RigCheck(rig.name, rig.unit, len(signal), inputs, rows, rig.simulated, cell, tuple(faults))
 
 
-def _cell(stated: LoadCell, glance: Glance) -> CellCheck:
+def _cell(stated: LoadCell, levels: InputReadings) -> CellCheck:
     """Check the load cell; its level is the mean over emitters on and off."""
     place = (stated.input or 1) - 1
-    level = glance.off[:, 0, place] - 0.5 * glance.signal[:, 0, place]
-    noise_V = _noise(glance.time_s, level)
+    level = levels.off[:, 0, place] - 0.5 * levels.signal[:, 0, place]
+    noise_V = _noise(levels.time_s, level)
     return CellCheck(place + 1, float(level.mean()), noise_V, abs(stated.sensitivity_N_per_V) * noise_V)
 
 
-def _cell_faults(cell: CellCheck, glance: Glance) -> list[Caution]:
-    near_V = SHORTED * (glance.high_V - glance.low_V)
-    if glance.low_V + near_V < cell.level_V < glance.high_V - near_V:
+def _cell_faults(cell: CellCheck, levels: InputReadings) -> list[Caution]:
+    near_V = SHORTED * (levels.high_V - levels.low_V)
+    if levels.low_V + near_V < cell.level_V < levels.high_V - near_V:
         return []
     end = "is at a limit of the input's range: check its wire, its amplifier and its zero"
     return [of(f"load cell (input {cell.input})", do_not_use(end))]
 
 
-def _input(rig: Rig, sensor: SensorOf, side: str, glance: Glance) -> InputCheck:
+def _input(rig: Rig, sensor: SensorOf, side: str, levels: InputReadings) -> InputCheck:
     number = sensor.read_on[side]
-    emitter = _brightest(sensor, number, glance.signal.mean(axis=0))
-    on, off = (float(values[:, emitter - 1, number - 1].mean()) for values in (glance.on, glance.off))
+    emitter = _brightest(sensor, number, levels.signal.mean(axis=0))
+    on, off = (float(values[:, emitter - 1, number - 1].mean()) for values in (levels.on, levels.off))
     return InputCheck(
         input=number,
         off_V=off,
         on_V=on,
         signal_V=off - on,
-        noise_V=_noise(glance.time_s, glance.signal[:, emitter - 1, number - 1]),
-        room_V=float(glance.off[:, emitter - 1, number - 1].std()),
+        noise_V=_noise(levels.time_s, levels.signal[:, emitter - 1, number - 1]),
+        room_V=float(levels.off[:, emitter - 1, number - 1].std()),
         load_factor=_load_factor(sensor, off, off - on) if rig.unit == "V" else None,
     )
 
@@ -251,10 +251,15 @@ def _noise(time_s: FloatArray, signal: FloatArray) -> float:
 
 
 def _faults(
-    rig: Rig, sensor: SensorOf, inputs: dict[str, InputCheck], glance: Glance, mean: FloatArray, answers: FloatArray
+    rig: Rig,
+    sensor: SensorOf,
+    inputs: dict[str, InputCheck],
+    levels: InputReadings,
+    mean: FloatArray,
+    answers: FloatArray,
 ) -> Iterator[Caution]:
     """Return the problems of a sensor; the name of the receiver precedes the colon."""
-    short_V, circuit = SHORTED * (glance.high_V - glance.low_V), rig.unit == "V"
+    short_V, circuit = SHORTED * (levels.high_V - levels.low_V), rig.unit == "V"
     for side, own in inputs.items():
         what = f"{sensor.name} {side} (input {own.input})"
         mine, emitter = answers[:, own.input - 1], _brightest(sensor, own.input, mean)
@@ -271,14 +276,14 @@ def _faults(
         elif circuit and mean[emitter - 1, own.input - 1] < 0.0:
             yield of(what, do_not_use("rises when its emitter is on: its load and its receiver are swapped"))
         else:
-            yield from (of(what, line) for line in _settings(own, glance, emitter - 1, rig))
+            yield from (of(what, line) for line in _settings(own, levels, emitter - 1, rig))
 
 
-def _settings(own: InputCheck, glance: Glance, emitter: int, rig: Rig) -> Iterator[Caution]:
+def _settings(own: InputCheck, levels: InputReadings, emitter: int, rig: Rig) -> Iterator[Caution]:
     """Return possible improvements for a working receiver."""
-    clipped = float(glance.clipped[:, emitter, own.input - 1].mean())
+    clipped = float(levels.clipped[:, emitter, own.input - 1].mean())
     if clipped > 0.0:
-        upper = glance.high_V - own.off_V < own.on_V - glance.low_V
+        upper = levels.high_V - own.off_V < own.on_V - levels.low_V
         phase, end = ("off", "upper") if upper else ("on", "lower")
         yield look_at(
             f"with its emitter {phase} it is at the {end} limit of the range in {100 * clipped:.3g} % of the "

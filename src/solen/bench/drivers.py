@@ -121,9 +121,9 @@ def _kinesis(rig: "Rig", clock: Clock) -> Stage:
 
 
 def _hand(rig: "Rig", clock: Clock) -> Stage:  # noqa: ARG001  a stage turned by hand needs no clock
-    from solen.bench.hand import HandStage
+    from solen.bench.manual_stage import ManualStage
 
-    return HandStage(rig.stage.moves_in)
+    return ManualStage(rig.stage.moves_in)
 
 
 def _motor(rig: "Rig", clock: Clock) -> Stage:

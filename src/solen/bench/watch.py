@@ -13,8 +13,8 @@ from pydantic import Field
 
 from solen.arrays import FloatArray
 from solen.bench.check import clock_for
-from solen.bench.glance import Glances, sampler_of
 from solen.bench.interrupts import ended_by_signals
+from solen.bench.live import LiveReadings, sampler_of
 from solen.bench.rig import Rig, load_rig
 from solen.bench.run import SILENT_S
 from solen.errors import BenchError
@@ -69,16 +69,16 @@ def watch(rig_file: Path, options: WatchOptions, show: Callable[[Seen], object])
     rig = load_rig(rig_file)
     clock, times = clock_for(rig), [0.0]
     with ended_by_signals(), sampler_of(rig, rig_file.parent, clock) as sampler:
-        glances, begun_s = Glances(sampler, rig), clock.now_s()
+        live, begun_s = LiveReadings(sampler, rig), clock.now_s()
         try:
             while (left_s := _left_s(options, clock.now_s() - begun_s)) > 0.0 or len(times) == 1:
                 clock.sleep(min(options.every_s, left_s) if left_s > 0.0 else SHORTEST_S)
-                if (glance := glances.read()) is None:
+                if (levels := live.read()) is None:
                     if clock.now_s() - begun_s - times[-1] > SILENT_S + options.every_s:
                         raise BenchError(sampler.name, limit="says nothing", remedy="check the cable and the power")
                     continue
                 times.append(clock.now_s() - begun_s)
-                signal, off = glance.signal.mean(axis=0), glance.off.mean(axis=0)
+                signal, off = levels.signal.mean(axis=0), levels.off.mean(axis=0)
                 show(Seen(times[-1], _by_sensor(rig, signal), _by_sensor(rig, off), rig.unit))
         except KeyboardInterrupt:
             pass

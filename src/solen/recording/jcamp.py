@@ -18,7 +18,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.recording.model import Recording
 from solen.recording.source import Source
-from solen.recording.stated import spectrum
+from solen.recording.spectrum_statements import spectrum
 
 Lines = list[tuple[int, str]]
 """Lines of a record with their numbers in the file."""

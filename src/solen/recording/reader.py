@@ -15,17 +15,17 @@ from solen.recording import (
     jcamp,
     layout,
     lvm,
-    marked,
     matlab,
     spc,
     specimens,
+    spectrometer_text,
     table,
     tdms,
     testxpert,
     workbook,
 )
-from solen.recording.bulk import bulk
 from solen.recording.grid import Grid, of_text
+from solen.recording.large_table import read_large
 from solen.recording.model import Recording
 from solen.recording.source import Source, load
 
@@ -70,7 +70,7 @@ FORMATS = registry.Registry(
         "matlab": Format(from_arrays=lambda s, names: matlab.read(s, names) if matlab.is_matlab(s) else None),
         "jcamp-dx": Format(from_bytes=lambda source: jcamp.read(source) if jcamp.is_jcamp(source) else None),
         "spc": Format(from_bytes=lambda source: spc.read(source) if spc.is_spc(source) else None),
-        "marked": Format(from_bytes=marked.read),
+        "spectrometer-text": Format(from_bytes=spectrometer_text.read),
         "lvm": Format(from_bytes=lambda source: lvm.read(source) if lvm.is_lvm(source) else None),
         "tdms": Format(from_bytes=lambda source: tdms.read(source) if tdms.is_tdms(source) else None),
         "netcdf3": Format(from_bytes=lambda source: hdf5.read_netcdf3(source) if hdf5.is_netcdf3(source) else None),
@@ -129,7 +129,7 @@ def _parts(source: Source, sheet: str | None, columns: Sequence[str] | None) -> 
     if arrays is not None:
         _check_arrays(source, sheet, columns)
         return [("", arrays)]
-    quick = bulk(source, columns) if sheet is None else None
+    quick = read_large(source, columns) if sheet is None else None
     if quick is not None:
         return [("", quick)]
     if source.is_archive or source.is_old_workbook:

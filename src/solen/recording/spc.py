@@ -18,7 +18,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.recording.model import Recording
 from solen.recording.source import Source
-from solen.recording.stated import spectrum
+from solen.recording.spectrum_statements import spectrum
 
 _HEADER, _SUB = 512, 32
 _NEW, _BIG_ENDIAN, _OLD = 0x4B, 0x4C, 0x4D

@@ -7,76 +7,43 @@ computed at once; a test compares them with the core of the firmware (`solen.ben
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solen.arrays import FloatArray, IntArray
-from solen.bench.clock import Clock
 from solen.bench.frames import Layout, Losses, Periods
-from solen.bench.rig import RoomLight
-from solen.bench.simulated.cell import SimulatedCell
-from solen.bench.simulated.networks import SimulatedNetwork
-from solen.bench.simulated.sensors import SimulatedSensor, room_light_mw_cm2
+from solen.bench.simulated.sampler import SimulatedSampler
+from solen.bench.simulated.sensors import room_light_mw_cm2
 from solen.readout import volts
 
 AT_ONCE = 2000
 """Number of periods that are computed at once, which limits the memory if the board is seldom read."""
 
 
-@dataclass
-class SimulatedBoard:
+@dataclass(kw_only=True)
+class SimulatedBoard(SimulatedSampler):
     """A simulated `EmitterBoard`.
 
     Attributes
     ----------
-    clock
-        Clock of the run.
-    sensors
-        Sensors on its inputs.
-    angle_deg
-        Angles of the sensors (N,) at ascending times (N,), or of their motions (N, M).
-    room
-        Ambient light.
     layout, period_s, volts_per_count, losses
         As for every board.
-    rng
-        Draws noise and the phase of the flicker.
-    ppm
-        How much faster its clock runs than the run's.
     per_count
         Size of one count, for a rig that does not measure volts.
-    cell
-        Its load cell.
     """
 
-    clock: Clock
-    sensors: tuple[SimulatedSensor, ...] | tuple[SimulatedNetwork, ...]
-    angle_deg: Callable[[FloatArray], FloatArray]
-    room: RoomLight
     layout: Layout
     period_s: float
-    rng: np.random.Generator
-    ppm: float = 20.0
     per_count: float | None = None
-    cell: SimulatedCell | None = None
     name: str = "simulated board"
     losses: Losses = field(default_factory=Losses)
-    _begun_s: float | None = None
-    _next: int = 0
-    _phase: float = 0.0
 
     @property
     def volts_per_count(self) -> float:
         """Step of its converter, or the stated one."""
-        return self.sensors[0].circuit.adc.step_V if self.per_count is None else self.per_count
-
-    def start(self) -> None:
-        """Start switching the emitters and sampling."""
-        self._begun_s, self._next = self.clock.now_s(), 0
-        self._phase = float(self.rng.uniform(0.0, 2.0 * math.pi))
+        return self._step_V if self.per_count is None else self.per_count
 
     def read(self) -> Periods:
         """Return the periods that are complete and were not read yet."""
@@ -92,14 +59,6 @@ class SimulatedBoard:
         """Return the board's own time, on the clock that stamps periods."""
         since_s = self.clock.now_s() - (self.clock.now_s() if self._begun_s is None else self._begun_s)
         return since_s * (1.0 + 1e-6 * self.ppm)
-
-    def stop(self) -> None:
-        """Switch the emitters off."""
-        self._begun_s = None
-
-    def close(self) -> None:
-        """Switch the emitters off."""
-        self.stop()
 
     def _periods(self, n: int) -> Periods:
         """Compute the next periods."""
@@ -121,11 +80,10 @@ class SimulatedBoard:
         counts = np.zeros((len(time_s), self.layout.receivers), np.uint16)
         if len(time_s) == 0:
             return counts
-        angle, room = self.angle_deg(time_s), room_light_mw_cm2(self.room, time_s, self._phase)
+        angle, room = self.angle_deg(time_s), room_light_mw_cm2(self.room, time_s, self._flicker)
         for sensor in self.sensors:
             read = volts(sensor.shares(angle, lit), sensor.circuit, room, rng=self.rng)
             counts[:, sensor.places] = np.rint(read / sensor.circuit.adc.step_V).astype(np.uint16)
         if self.cell is not None:
-            step_V = self.sensors[0].circuit.adc.step_V
-            counts[:, self.cell.place] = np.rint(self.cell.volts(angle, self.rng) / step_V).astype(np.uint16)
+            counts[:, self.cell.place] = np.rint(self.cell.volts(angle, self.rng) / self._step_V).astype(np.uint16)
         return counts

@@ -10,18 +10,15 @@ The interface: `SimulatedDaq`, a `Daq`; `settling` of two voltages.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from solen.arrays import FloatArray
-from solen.bench.clock import Clock
 from solen.bench.daq import MODELS, DaqLosses, Samples, Setup
-from solen.bench.rig import RoomLight
-from solen.bench.simulated.cell import SimulatedCell
 from solen.bench.simulated.networks import SimulatedNetwork
+from solen.bench.simulated.sampler import SimulatedSampler
 from solen.bench.simulated.sensors import SimulatedSensor, room_light_mw_cm2
 from solen.readout import noisy
 from solen.readout.emitter import REFERENCE_C
@@ -35,44 +32,22 @@ LONG = 20.0
 """Number of time constants after which a switch is settled."""
 
 
-@dataclass
-class SimulatedDaq:
+@dataclass(kw_only=True)
+class SimulatedDaq(SimulatedSampler):
     """A simulated `Daq`.
 
     Attributes
     ----------
-    clock
-        Clock of the run.
-    sensors
-        Sensors on its inputs.
-    angle_deg
-        Angles of the sensors (N,) at ascending times (N,), or of their motions (N, M).
-    room
-        Ambient light.
     setup
         Its settings.
-    rng
-        Draws noise and phases.
-    ppm, outside_ppm
-        How much faster its clock runs than the run's, and how much faster that of an external switching source runs.
-    cell
-        Its load cell.
+    outside_ppm
+        How much faster the clock of an external switching source runs than the run's.
     """
 
-    clock: Clock
-    sensors: tuple[SimulatedSensor, ...] | tuple[SimulatedNetwork, ...]
-    angle_deg: Callable[[FloatArray], FloatArray]
-    room: RoomLight
     setup: Setup
-    rng: np.random.Generator
-    ppm: float = 20.0
     outside_ppm: float = -60.0
-    cell: SimulatedCell | None = None
     name: str = "simulated data acquisition"
     losses: DaqLosses = field(default_factory=DaqLosses)
-    _begun_s: float | None = None
-    _next: int = 0
-    _flicker: float = 0.0
     _turn: float = 0.0
 
     def __post_init__(self) -> None:
@@ -87,8 +62,7 @@ class SimulatedDaq:
 
     def start(self) -> None:
         """Start sampling; an external switching source is at a random phase."""
-        self._begun_s, self._next = self.clock.now_s(), 0
-        self._flicker = float(self.rng.uniform(0.0, 2.0 * math.pi))
+        super().start()
         self._turn = float(self.rng.uniform()) if self.setup.switching == "external" else 0.0
 
     def read(self) -> Samples:
@@ -100,18 +74,6 @@ class SimulatedDaq:
             while self._next < taken:
                 parts.append(self._samples(min(taken - self._next, AT_ONCE)))
         return Samples(0, first, np.concatenate(parts))
-
-    def stop(self) -> None:
-        """Switch the emitters off."""
-        self._begun_s = None
-
-    def close(self) -> None:
-        """Switch the emitters off."""
-        self.stop()
-
-    @property
-    def _step_V(self) -> float:
-        return self.sensors[0].circuit.adc.step_V
 
     def _samples(self, n: int) -> NDArray[np.int16]:
         """Compute the next samples."""

@@ -69,12 +69,18 @@ def simulated_instruments(
 
     sampler: EmitterBoard | Daq
     if (setup := rig.setup) is not None:
-        sampler = SimulatedDaq(clock, sensors, angles, rig.ambient, setup, noise, cell=cell)
+        sampler = SimulatedDaq(clock, sensors, angles, rig.ambient, noise, setup=setup, cell=cell)
     else:
-        layout, period_s = Layout(rig.emitters, rig.inputs), 1.0 / rig.board.rate_hz
-        per_count = None if rig.unit == "V" else rig.board.step
         sampler = SimulatedBoard(
-            clock, sensors, angles, rig.ambient, layout, period_s, noise, per_count=per_count, cell=cell
+            clock,
+            sensors,
+            angles,
+            rig.ambient,
+            noise,
+            layout=Layout(rig.emitters, rig.inputs),
+            period_s=1.0 / rig.board.rate_hz,
+            per_count=None if rig.unit == "V" else rig.board.step,
+            cell=cell,
         )
     drawn = [sensor.wires.model_dump(mode="json") | {"drawn": sensor.drawn} for sensor in sensors]
     return stages, sampler, drawn

@@ -66,7 +66,7 @@ def _(recording_list: RecordingList) -> Iterator[str]:
     yield from (
         f"not closed: {name}; use solen bench recover, or solen bench run --resume" for name in recording_list.journals
     )
-    if not (recording_list.recordings or recording_list.journals or recording_list.strangers):
+    if not (recording_list.recordings or recording_list.journals or recording_list.not_recordings):
         yield f"no recordings in {recording_list.folder}"
 
 

@@ -3,7 +3,7 @@
 The idea: before a run the wiring may differ from the rig file; all inputs therefore are read with every emitter. Phases
 of a data acquisition are determined as after a run.
 
-The interface: `sampler_of` a rig, started; `Glances`, whose `read` returns a `Glance`; `stage_of` a rig.
+The interface: `sampler_of` a rig, started; `LiveReadings`, whose `read` returns `InputReadings`; `stage_of` a rig.
 """
 
 from collections.abc import Iterator, Sequence
@@ -40,7 +40,7 @@ the first.
 
 
 @dataclass(frozen=True, eq=False)
-class Glance:
+class InputReadings:
     """Readings of each input with each emitter, computed as in a run: on minus the off phases before and after it.
 
     Attributes
@@ -68,7 +68,7 @@ class Glance:
         return self.off - self.signal
 
     @classmethod
-    def of(cls, rows: Sequence[Sequence[Demodulated]], ends_V: tuple[float, float]) -> "Glance | None":
+    def of(cls, rows: Sequence[Sequence[Demodulated]], ends_V: tuple[float, float]) -> "InputReadings | None":
         """Combine the readings of each emitter, one group of inputs after the other; None if there are none."""
         chosen = [
             [np.flatnonzero(one.of(emitter) & ~one.one_sided) for one in row] for emitter, row in enumerate(rows, 1)
@@ -87,7 +87,7 @@ class Glance:
         return cls(rows[0][0].time_s[chosen[0][0][:n]], -signal, off, clipped, *ends_V) if n else None
 
     @classmethod
-    def joined(cls, parts: Sequence["Glance"]) -> "Glance":
+    def joined(cls, parts: Sequence["InputReadings"]) -> "InputReadings":
         """Concatenate live readings."""
         time_s, signal, off, clipped = (
             np.concatenate([getattr(one, name) for one in parts]) for name in ("time_s", "signal", "off", "clipped")
@@ -95,7 +95,7 @@ class Glance:
         return cls(time_s, signal, off, clipped, parts[0].low_V, parts[0].high_V)
 
 
-class Glances:
+class LiveReadings:
     """Live readings from a sampler that has been started."""
 
     def __init__(self, sampler: EmitterBoard | Daq, rig: Rig) -> None:
@@ -103,11 +103,11 @@ class Glances:
         self._samples: Samples | None = None
         self._periods: Periods | None = None
 
-    def read(self) -> Glance | None:
+    def read(self) -> InputReadings | None:
         """Return the readings since the last call; None if there are none, or if they show no switching."""
         return self._of_samples(self._sampler) if isinstance(self._sampler, Daq) else self._of_periods(self._sampler)
 
-    def _of_periods(self, board: EmitterBoard) -> Glance | None:
+    def _of_periods(self, board: EmitterBoard) -> InputReadings | None:
         """Return the readings of sound periods; the last period of the previous call supplies its off phases."""
         came = board.read()
         periods = came if self._periods is None else Periods.joined([self._periods, came], board.layout)
@@ -121,9 +121,9 @@ class Glances:
         rows = [
             [subtracted(periods.counts, time_s, one + 1, inputs, converter)] for one in range(board.layout.emitters)
         ]
-        return Glance.of(rows, (0.0, top * board.volts_per_count))
+        return InputReadings.of(rows, (0.0, top * board.volts_per_count))
 
-    def _of_samples(self, daq: Daq) -> Glance | None:
+    def _of_samples(self, daq: Daq) -> InputReadings | None:
         samples, setup = self._with_kept(daq.read()), daq.setup
         if len(samples.counts) < LEAST_PERIODS * daq.rate_hz / daq.switch_hz:
             self._samples = samples
@@ -138,7 +138,7 @@ class Glances:
             state = states(clock, (channel - place) * daq.convert_s, 1e-6 * setup.settle_us, setup.emitters)
             one = slice(channel, channel + 1)
             readings.append(subtract(slots_of(taken_s, volts[:, one], state, limits=(low[one], high[one]))))
-        return Glance.of([readings] * setup.emitters, (float(low.max()), float(high.min())))
+        return InputReadings.of([readings] * setup.emitters, (float(low.max()), float(high.min())))
 
     def _with_kept(self, samples: Samples) -> Samples:
         """Return the samples joined to a previous block that was too short, unless some are missing in between."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from solen.errors import DataError
-from solen.recording import bulk as fast
+from solen.recording import large_table as fast
 from solen.recording import read
 from solen.recording.source import load
 
@@ -60,7 +60,7 @@ def test_both_ways_agree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: 
 def test_a_large_table_is_taken_at_once(tmp_path: Path) -> None:
     path = tmp_path / "large.csv"
     path.write_text(table(), encoding="utf-8")
-    assert fast.bulk(load(path)) is not None
+    assert fast.read_large(load(path)) is not None
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ The idea: the beginning is read like any table, and defines the columns. If all 
 of the file contains only digits, signs, the decimal mark and the separator, numpy's own reader reads it. Anything else
 (a remark, an empty cell, a word, a row of another length) is left to the reader that reports the error and its place.
 
-The interface: `bulk` returns a recording, or None if a file is not a large plain table.
+The interface: `read_large` returns a recording, or None if a file is not a large plain table.
 """
 
 import io
@@ -27,7 +27,7 @@ _HEAD = 200  # lines from which a table is recognised
 _DIGITS = b"0123456789+-.eE\r\n"
 
 
-def bulk(source: Source, columns: Sequence[str] | None = None) -> Recording | None:
+def read_large(source: Source, columns: Sequence[str] | None = None) -> Recording | None:
     """Read a large table of numbers; None for other files and for tables that must be read row by row."""
     if len(source.data) < LEAST_BYTES or source.is_archive or b"\0" in source.data[:4096]:
         return None

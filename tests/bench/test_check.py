@@ -17,7 +17,7 @@ import solen.cli.bench.look  # noqa: F401  registers its lines
 from solen.arrays import FloatArray
 from solen.bench.check import CheckOptions, JogOptions, RigCheck, check, jog, judged
 from solen.bench.clock import WallClock
-from solen.bench.glance import REACH, Glance
+from solen.bench.live import REACH, InputReadings
 from solen.bench.record import record
 from solen.bench.rig import Rig, load_rig
 from solen.bench.simulated.sensors import simulated_sensors
@@ -56,7 +56,7 @@ def looked(change: Any = None, noise_V: float = 0.003) -> RigCheck:
     rng = np.random.default_rng(3)
     levels = np.minimum(off + room[:, None, None] + rng.normal(0.0, 1e-4, (200, 2, 4)), TOP_V)
     signal = pull + rng.normal(0.0, noise_V, (200, 2, 4))
-    return judged(RIG, Glance(np.linspace(0.0, 0.995, 200), signal, levels, levels == TOP_V, 0.0, TOP_V))
+    return judged(RIG, InputReadings(np.linspace(0.0, 0.995, 200), signal, levels, levels == TOP_V, 0.0, TOP_V))
 
 
 def test_a_good_rig_has_no_faults() -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from solen.analysis import study
 from solen.bench.clock import SimulatedClock
-from solen.bench.hand import HandStage
+from solen.bench.manual_stage import ManualStage
 from solen.bench.protocol import Protocol
 from solen.bench.rig import Rig
 from solen.bench.simulated.stage import Axis
@@ -64,7 +64,7 @@ class Person(SimulatedClock):
 @pytest.mark.parametrize(("every", "hold_s"), [(1, 0.1), (2, 0.5), (3, 0.1), (6, 0.1)])
 def test_stops_by_hand_give_the_response_and_no_angle_between_them(tmp_path: Path, every: int, hold_s: float) -> None:
     person = Person(seed=1)
-    stage = HandStage("deg", person.hear, person.answer)
+    stage = ManualStage("deg", person.hear, person.answer)
     run = closed(tmp_path, stops(3, every, hold_s), stage, person, person.axis.positions)
     assert run.outcome == "done"
     assert person.asked == 3 * 24 // every + 1
@@ -83,7 +83,7 @@ def test_stops_by_hand_give_the_response_and_no_angle_between_them(tmp_path: Pat
     assert found["hysteresis_percent"] < 0.5
 
 
-def answered(stage: HandStage) -> None:
+def answered(stage: ManualStage) -> None:
     due = time.monotonic() + 5.0
     while not stage.on_target() and time.monotonic() < due:
         time.sleep(1e-3)
@@ -92,7 +92,7 @@ def answered(stage: HandStage) -> None:
 def test_what_is_typed_is_where_it_stands() -> None:
     said: list[str] = []
     lines = iter(["2,9\n", "there\n", "-3.1\n", ""])
-    stage = HandStage("deg", said.append, lambda: next(lines))
+    stage = ManualStage("deg", said.append, lambda: next(lines))
     assert math.isnan(stage.position())
     stage.begin_move(3.0, 1.0)
     answered(stage)
@@ -121,7 +121,7 @@ def test_enter_after_a_stop_is_no_arrival_at_the_next_target(late: bool) -> None
         heard.release()
         return line
 
-    stage = HandStage("deg", lambda _: None, answer)
+    stage = ManualStage("deg", lambda _: None, answer)
     stage.begin_move(3.0, 1.0)
     stage.stop()
     if not late:

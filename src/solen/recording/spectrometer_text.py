@@ -20,7 +20,7 @@ from solen.recording.grid import cut_note
 from solen.recording.model import Recording
 from solen.recording.numbers import is_number, parse
 from solen.recording.source import Source
-from solen.recording.stated import number, spectrum
+from solen.recording.spectrum_statements import number, spectrum
 
 Header = dict[str, str]
 _EVEN = 0.1  # largest deviation of an abscissa from uniform steps, as a fraction of a step
@@ -45,7 +45,7 @@ class Program:
     named
         Whether the line above the numbers contains the units of columns, and the line before it their names.
     labels
-        The file's own keys, mapped to labels of JCAMP-DX (`solen.recording.stated`) and others used here.
+        The file's own keys, mapped to labels of JCAMP-DX (`solen.recording.spectrum_statements`) and others used here.
     """
 
     mark: re.Pattern[bytes]

@@ -1,0 +1,68 @@
+"""Common part of simulated samplers: simulated sensors, read in the time of a run.
+
+The interface: `SimulatedSampler`, the base of the simulated board and of the simulated data acquisition.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from solen.arrays import FloatArray
+from solen.bench.clock import Clock
+from solen.bench.rig import RoomLight
+from solen.bench.simulated.cell import SimulatedCell
+from solen.bench.simulated.networks import SimulatedNetwork
+from solen.bench.simulated.sensors import SimulatedSensor
+
+
+@dataclass
+class SimulatedSampler:
+    """A sampler of simulated sensors.
+
+    Attributes
+    ----------
+    clock
+        Clock of the run.
+    sensors
+        Sensors on its inputs.
+    angle_deg
+        Angles of the sensors (N,) at ascending times (N,), or of their motions (N, M).
+    room
+        Ambient light.
+    rng
+        Draws noise and phases.
+    ppm
+        How much faster its clock runs than the run's.
+    cell
+        Its load cell.
+    """
+
+    clock: Clock
+    sensors: tuple[SimulatedSensor, ...] | tuple[SimulatedNetwork, ...]
+    angle_deg: Callable[[FloatArray], FloatArray]
+    room: RoomLight
+    rng: np.random.Generator
+    ppm: float = field(default=20.0, kw_only=True)
+    cell: SimulatedCell | None = field(default=None, kw_only=True)
+    _begun_s: float | None = field(default=None, init=False)
+    _next: int = field(default=0, init=False)
+    _flicker: float = field(default=0.0, init=False)
+
+    def start(self) -> None:
+        """Start switching the emitters and sampling."""
+        self._begun_s, self._next = self.clock.now_s(), 0
+        self._flicker = float(self.rng.uniform(0.0, 2.0 * math.pi))
+
+    def stop(self) -> None:
+        """Switch the emitters off."""
+        self._begun_s = None
+
+    def close(self) -> None:
+        """Switch the emitters off."""
+        self.stop()
+
+    @property
+    def _step_V(self) -> float:
+        return self.sensors[0].circuit.adc.step_V
