@@ -69,7 +69,7 @@ def test_a_board_in_another_unit_goes_from_rig_to_angles(bench: Path, unit: str,
     assert isinstance(decoded, Decoding)
     assert decoded.against_angle is not None
     assert decoded.against_angle.within_95 > 0.9
-    with pytest.raises(DataError, match=rf"'V'; is the unit of the readings.* are in {unit}"):
+    with pytest.raises(DataError, match=rf"'V'; is the unit of the readings.* in {unit}"):
         decode(place, str(paths["volts"]))
     live = decode(place, "-", text=[f"time_s,left ({unit}),right ({unit})\n", *lines_of(paths["again"])]).result
     assert isinstance(live, Decoding)

@@ -87,7 +87,7 @@ def test_faults_of_the_axis_and_of_the_line_end_in_a_line() -> None:
     with pytest.raises(BenchError, match="no answer within 1 s"):
         stage.position()
     other = Written([(b"/1 1 get limit.min\n", b"@02 1 OK IDLE -- 0\r\n")])
-    with pytest.raises(BenchError, match=r"'@02 1 OK IDLE -- 0' .*; check address"):
+    with pytest.raises(BenchError, match=r"'@02 1 OK IDLE -- 0' .*; check the address"):
         ZaberStage(other, clock, steps_per_unit=PER_DEG)
 
 
