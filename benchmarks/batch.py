@@ -1,7 +1,7 @@
-"""How long a design takes in the batch, and beside the public call; all in one run, in this process's own time.
+"""Time of a design in the batch and with the public call, both in one run, in CPU time of this process.
 
-Run with ``python -m benchmarks.batch``. The designs are the paper's with numbers drawn at random, 25 angles each, and
-every response is that of 100 chips: 20 decentres within 60 µm by 5 widths of 0.2 mm ± 20 %.
+Run with ``python -m benchmarks.batch``. The designs are the paper's with random numbers, 25 angles each, and every
+response is that of 100 chips: 20 decentres within 60 µm by 5 widths of 0.2 mm ± 20 %.
 """
 
 import os
@@ -24,14 +24,14 @@ MANY = 100_000
 
 
 def cpu_s(call: Callable[[], object]) -> float:
-    """Own time of a call, of all threads of the process."""
+    """Return the CPU time of a call, over all threads of the process."""
     begun = time.process_time()
     call()
     return time.process_time() - begun
 
 
 def designs(base: Sensor) -> list[Sensor]:
-    """Designs drawn at random."""
+    """Return randomly drawn designs."""
     draw = np.random.default_rng(1)
     return [
         base.set(
@@ -47,7 +47,7 @@ def designs(base: Sensor) -> list[Sensor]:
 
 
 def without_compiled_code(sensors: list[Sensor], rays: int) -> None:
-    """Respond with powers that are not traced: what Python takes."""
+    """Respond with powers that are not traced, to measure the time of the Python code."""
 
     def nothing(lot: batch.Lot, *_: object) -> batch.Found:
         angles = len(lot.angle_deg)
@@ -59,7 +59,7 @@ def without_compiled_code(sensors: list[Sensor], rays: int) -> None:
 
 
 def throughput(name: str, base: Sensor, rays: int) -> None:
-    """Time and stated error of a design with all its chips."""
+    """Print time and stated error of a design with all its chips."""
     made: list[Sensor] = []
     making = cpu_s(lambda: made.extend(designs(base)))
     found: list[Responses] = []
@@ -75,7 +75,7 @@ def throughput(name: str, base: Sensor, rays: int) -> None:
 
 
 def beside_the_public_call(name: str, base: Sensor, rays: int) -> None:
-    """One chip of one design, by `Sensor.power` to 1e-3 and by the batch with that uncertainty."""
+    """Compare `Sensor.power` to 1e-3 with the batch at that uncertainty, for one chip of one design."""
     sensor = base.set({"lens.focus_mm": 19.0})
     sensor.power(ANGLES[:2], tolerance=1e-3)
     public = cpu_s(lambda: base.set({"lens.focus_mm": 19.01}).power(ANGLES, tolerance=1e-3))

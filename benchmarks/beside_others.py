@@ -1,12 +1,12 @@
-"""How fast solen's engine is beside other tracers that a user could take: same scenes, same machine, one run.
+"""Speed of solen's engine compared with other tracers: same scenes, same machine, one run.
 
 Run with ``python -m benchmarks.beside_others`` in the project's folder; ``--markdown`` prints a table for the
-documentation. A tracer that is not installed is named with the way to install it. All trace in counting mode, as
-`benchmarks.cases` says; the detected share and the interactions of a ray show that they compute the same thing.
+documentation. A tracer that is not installed is listed with the command that installs it. All trace in counting mode,
+as described in `benchmarks.cases`; the detected fraction and the interactions of a ray show that they compute the same.
 
-Each figure is the best of several runs in CPU time of the process, compilation left out; pvtrace runs once, with a
-hundred rays, so its share goes in steps of 0.01. solen's curves are exact, the others' geometry is a mesh within
-1e-5 mm of them or a box. In space the error of the detected share is stated, and the time to one of 1e-4 on one core.
+Each figure is the best of several runs in CPU time of the process, without compilation; pvtrace runs once, with a
+hundred rays, so its fraction has steps of 0.01. solen's curves are exact; the other tracers use a mesh within 1e-5 mm
+of them, or a box. In space, the table states the error of the detected fraction, and the time to 1e-4 on one core.
 """
 
 import argparse
@@ -33,13 +33,13 @@ TEXT_COLUMNS = 3
 
 
 def solen_versions() -> str:
-    """Versions of solen and what compiles it, and the machine's cores."""
+    """Return versions of solen and its compiler, and the number of cores."""
     python = f"Python {platform.python_version()} on {os.cpu_count()} cores"
     return f"solen {solen.__version__}, numba {numba.__version__}, {python}"
 
 
 def solen_rows(case: Case, rays: int) -> list[Row]:
-    """The engine on one thread and on all; in the plane also in single precision, in space also integrated."""
+    """Return rows of the engine on one thread and on all, in single precision (plane) or integrated (space)."""
     scene, cores = case.make(rays), os.cpu_count() or 1
     settings: list[tuple[str, int, Literal["double", "single"]]] = [
         ("solen, 1 thread", 1, "double"),
@@ -60,7 +60,7 @@ def solen_rows(case: Case, rays: int) -> list[Row]:
 
 
 def integrated_row(case: Case, scene: Scene) -> Row:
-    """Integration in place of rays, which counts what it met nowhere."""
+    """Return a row for integration instead of rays; it counts no hits."""
     run = partial(integrate, scene, "count", ERROR)
     found = run()
     seconds, error = best_s(run, clock=time.process_time), found.u_power
@@ -72,7 +72,7 @@ TOOLS = (Tool("solen", lambda: None, solen_versions, solen_rows), with_mitsuba.T
 
 
 def cells(row: Row) -> tuple[str, ...]:
-    """A row as text, in the order of `HEADER`."""
+    """Return a row as text, in the order of `HEADER`."""
     return (
         row.case,
         row.tool,
@@ -89,7 +89,7 @@ def cells(row: Row) -> tuple[str, ...]:
 
 
 def plain(rows: list[tuple[str, ...]]) -> str:
-    """A table of aligned columns."""
+    """Return a table of aligned columns."""
     widths = [max(len(row[column]) for row in (HEADER, *rows)) for column in range(len(HEADER))]
     lines = []
     for row in (HEADER, *rows):
@@ -102,7 +102,7 @@ def plain(rows: list[tuple[str, ...]]) -> str:
 
 
 def markdown(rows: list[tuple[str, ...]]) -> str:
-    """A table for the documentation."""
+    """Return a table for the documentation."""
     rule = ["---" if column < TEXT_COLUMNS else "--:" for column in range(len(HEADER))]
     return "\n".join("| " + " | ".join(row) + " |" for row in (HEADER, rule, *rows))
 

@@ -1,8 +1,8 @@
-"""What every tracer of a comparison is given, and what it hands back.
+"""Input and output of every tracer in a comparison.
 
-A *case* is a scene of solen's; another tracer gets the same outline, index and fan of rays from it. The receivers are
-black: a ray that reaches one from inside is detected, whatever its angle. Nothing splits: a ray is refracted, or
-totally reflected.
+A *case* is a scene of solen's; another tracer uses the same outline, index and fan of rays. The receivers are black: a
+ray that reaches one from inside is detected at any angle. Nothing splits: a ray is either refracted or totally
+reflected.
 """
 
 from collections.abc import Callable
@@ -22,11 +22,11 @@ INDEX = 1.44
 SLAB_MM = (5.0, 100.0)
 """Width and length of the slab; it starts at z = 0."""
 FLAT_MM = 1e-5
-"""How far a mesh may leave a curved face."""
+"""Largest deviation of a mesh from a curved face."""
 CHIP_MM, CONE_DEG = 0.2, 120.0
-"""Of the chip in space: width and height, and the cone that its light is cut at."""
+"""Width and height of the chip in space, and the cone to which its light is limited."""
 ERROR = 1e-4
-"""Of the detected share, that times are stated to."""
+"""Error of the detected fraction for which times are stated."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Outline:
 
 @dataclass(frozen=True)
 class Case:
-    """A scene for any number of rays; ``box_mm`` is its width and length where it is a box from z = 0 on."""
+    """A scene for any number of rays; ``box_mm`` is its width and length if it is a box from z = 0 on."""
 
     name: str
     make: Callable[[int], Scene]
@@ -48,7 +48,7 @@ class Case:
 
     @cached_property
     def outline(self) -> Outline:
-        """The scene's outline within `FLAT_MM`."""
+        """Return the scene's outline within `FLAT_MM`."""
         faces = self.make(1).interfaces
         lines = [face.curve.flattened(FLAT_MM) for face in faces]
         pieces = [len(line) - 1 for line in lines]
@@ -65,7 +65,7 @@ class Case:
         return None if extrusion is None else 0.5 * extrusion.thickness_mm
 
     def fan(self, rays: int) -> Fan:
-        """Its only source."""
+        """Return the only source of the scene."""
         (source,) = self.make(rays).sources
         if not isinstance(source, Fan):
             raise TypeError("the other tracers are only given fans")
@@ -74,10 +74,10 @@ class Case:
 
 @dataclass(frozen=True)
 class Row:
-    """What one tracer did with one case.
+    """Results of one tracer for one case.
 
-    ``hits`` counts every meeting of a ray with a face, the receiver's included; ``lost`` rays met a face from the wrong
-    side, left the body without meeting one, or ended in an error.
+    ``hits`` counts every hit of a ray on a face, including the receiver's; ``lost`` rays hit a face from the wrong
+    side, left the body without a hit, or ended in an error.
     """
 
     case: str
@@ -89,19 +89,19 @@ class Row:
     detected: float
     lost: int
     error: float | None = None
-    """of the detected share, as far as it is known"""
+    """error of the detected fraction, if known"""
 
     @property
     def to_error_s(self) -> float | None:
-        """Time to an error of `ERROR`, which falls with the root of the number of rays."""
+        """Time to an error of `ERROR`, given that the error falls with the square root of the number of rays."""
         return None if self.error is None else self.seconds * max(self.error / ERROR, 1.0) ** 2
 
 
 @dataclass(frozen=True)
 class Tool:
-    """A tracer: why it cannot run here (None: it can), its versions once it has run, and its rows for a case.
+    """A tracer: the reason if it cannot run here (else None), its versions once it has run, and its rows for a case.
 
-    ``measure`` takes the case and the number of rays that a fast tracer should trace.
+    ``measure`` needs the case and the number of rays that a fast tracer should trace.
     """
 
     name: str
@@ -111,13 +111,13 @@ class Tool:
 
 
 def paper_case() -> Case:
-    """The paper's sensor, turned by −3°."""
+    """Return the paper's sensor, turned by −3°."""
     sensor = Sensor.of(Design(name="paper", material=Material(index=INDEX)))
     return Case("sensor at −3°", lambda rays: sensor.scene(-3.0, rays))
 
 
 def space_case() -> Case:
-    """The same in space, as thick as the design says, and the emitter a chip with a Lambertian pattern."""
+    """Return the same sensor in space, with the design's thickness, and as emitter a chip with a Lambertian pattern."""
     sensor = Sensor.of(Design(name="paper", material=Material(index=INDEX)))
     pose = sensor.body(-3.0).emitter
 
@@ -129,7 +129,7 @@ def space_case() -> Case:
 
 
 def slab_case() -> Case:
-    """A plain slab; a fan of 120° starts 1 mm before the middle of one end, the other end is the receiver."""
+    """Return a plain slab; a fan of 120° starts 1 mm before the middle of one end, the other end is the receiver."""
     return Case("slab", slab_scene, SLAB_MM)
 
 

@@ -1,7 +1,7 @@
-"""How many readings become angles per second, against the rate of a bench, and how long a single one takes.
+"""Decoded readings per second, compared with the rate of a bench, and the time of a single reading.
 
-Run with ``python benchmarks/decoding.py``. All in one run, so that the ratios hold on any machine; each figure is the
-best of several runs. The sensor is a made one, of five cycles with 10 mV of noise.
+Run with ``python benchmarks/decoding.py``. Everything is timed in one run, so the ratios hold on any machine; each
+figure is the best of several runs. The sensor is synthetic, with five cycles and 10 mV of noise.
 """
 
 import os
@@ -22,7 +22,7 @@ RATE_HZ, READINGS, REPEATS = 200.0, 20_000, 5
 
 
 def best_s(call: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Shortest of several runs, s of this process's own time."""
+    """Return the shortest CPU time of several runs, s."""
     times = []
     for _ in range(repeats):
         begun = time.process_time()
@@ -32,13 +32,13 @@ def best_s(call: Callable[[], object], repeats: int = REPEATS) -> float:
 
 
 def one_by_one(decoder: Decoder, volts: FloatArray) -> None:
-    """Decode readings as they come live."""
+    """Decode readings one by one, as in a live stream."""
     for row in volts:
         decoder.decode(row[None, :])
 
 
 def recording(noise_V: float) -> Signals:
-    """Six cycles of ±3° at 15°/s with holds, as saturating voltages."""
+    """Return six cycles of ±3° at 15°/s with holds, as saturating voltages."""
     rng = np.random.default_rng(1)
     corners = np.cumsum([0.0, 0.2, 0.8, 0.4, 0.8, 0.2])
     time_s = np.arange(0.0, 6 * corners[-1] + 2.0, 1.0 / RATE_HZ)

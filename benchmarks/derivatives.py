@@ -1,12 +1,12 @@
-"""The derivative of a received power where only a shadow's edge moves: solen beside other ways to it.
+"""The derivative of a received power when only a shadow's edge moves, computed by solen and by other methods.
 
-Run with ``python -m benchmarks.derivatives`` in the project's folder. A square chip of 0.2 mm emits by Lambert's law; a
-knife stands half way, and the received share of the light is differentiated by where its edge is. No ray's path changes
-with that, so that whoever differentiates along paths finds zero; Optiland's non-sequential mode documents that it does
-(0.6.3: "visibility gradients are zero") and is not run here. The truth is an integral over the edge: what crosses a
-millimetre of it on the way to the receiver.
+Run with ``python -m benchmarks.derivatives`` in the project's folder. A square chip of 0.2 mm has a Lambertian emission
+pattern; a knife edge is half way to the receiver, and the received fraction is differentiated with respect to the
+position of the edge. No ray's path changes with it, so differentiation along paths gives zero; the documentation of
+Optiland's non-sequential mode states this (0.6.3: "visibility gradients are zero"), and it is not run here. The true
+value is an integral over the edge, of the light per millimetre that passes it on the way to the receiver.
 
-All times are of one process on all cores, compilation left out; ``error`` is beside the truth, relative.
+All times are of one process on all cores, without compilation; ``error`` is relative to the true value.
 """
 
 import math
@@ -29,7 +29,7 @@ SAMPLES, PIXELS_WIDE, PIXELS_HIGH = 64, 64, 32
 
 
 class Found(NamedTuple):
-    """A derivative per mm, how long it took in s, and what was done."""
+    """A derivative per mm, its computing time in s, and its method."""
 
     how: str
     value: float
@@ -37,7 +37,7 @@ class Found(NamedTuple):
 
 
 def scene_at(edge_mm: float, rays: int = RAYS) -> Scene:
-    """The scene with the knife's edge there: black to the right of it."""
+    """Return the scene with the knife's edge at a position; the knife is to the right of it."""
     knife = Segment((edge_mm, KNIFE_MM), (KNIFE_END_MM, KNIFE_MM))
     screen = Segment((HALF_WIDTH_MM, SCREEN_MM), (-HALF_WIDTH_MM, SCREEN_MM))
     faces = (
@@ -49,7 +49,7 @@ def scene_at(edge_mm: float, rays: int = RAYS) -> Scene:
 
 
 def truth(nodes: int = 60) -> float:
-    """Light that crosses a millimetre of the edge and goes on to the screen, by Gauss's rule over chip and edge."""
+    """Return the light that crosses a millimetre of the edge and reaches the screen, by Gauss's rule."""
     points, weights = np.polynomial.legendre.leggauss(nodes)
     chip, on_chip = 0.5 * CHIP_MM * points, 0.5 * weights
     x, y = chip[:, None, None], chip[None, :, None]
@@ -62,7 +62,7 @@ def truth(nodes: int = 60) -> float:
 
 
 def by_solen() -> list[Found]:
-    """The derivative of the integral, and central differences of a million sampled rays."""
+    """Return the derivative of the integral, and central differences of a million sampled rays."""
     power = partial(derivative, scene_at, EDGE_MM)
     rows = [Found("solen, derivative", power().detectors["screen"].value, best_s(power, 3))]
 
@@ -81,9 +81,9 @@ def by_solen() -> list[Found]:
 
 
 def by_mitsuba() -> list[Found]:
-    """Projective sampling of silhouettes, and derivatives along paths alone.
+    """Return derivatives from projective sampling of silhouettes, and from differentiation along paths only.
 
-    A camera that faces the white screen sees its radiance, the irradiance over π, evenly over its picture.
+    A camera that faces the white screen sees its radiance, the irradiance divided by π, uniformly over its picture.
     """
     import drjit as dr
     import mitsuba as mi
@@ -112,7 +112,7 @@ def by_mitsuba() -> list[Found]:
 
 
 def _knife(edge: Any) -> Any:
-    """Where the square from −1 to 1 has to be for the knife."""
+    """Return the transformation of the square from −1 to 1 to the knife."""
     import mitsuba as mi
 
     size = mi.Vector3f(0.5 * (KNIFE_END_MM - edge), 4.0 * HALF_HEIGHT_MM, 1.0)
@@ -121,7 +121,7 @@ def _knife(edge: Any) -> Any:
 
 
 def _mitsuba_scene() -> dict[str, Any]:
-    """Chip, knife, white screen and camera, in Mitsuba's (x, z, y)."""
+    """Return chip, knife, white screen and camera, in Mitsuba's (x, z, y)."""
     import mitsuba as mi
 
     transform = mi.ScalarTransform4f

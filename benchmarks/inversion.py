@@ -1,7 +1,7 @@
-"""How many wavelengths of R and T become n and k per second, beside the formulas as printed, at fifty digits.
+"""Inversions of R and T to n and k per second, compared with the published formulas at fifty digits.
 
-Run with ``python benchmarks/inversion.py``. All in one run, so that the ratios hold on any machine; each figure is the
-best of several runs. The last row is a map: 10⁵ wavelengths of 10³ spectra in one call.
+Run with ``python benchmarks/inversion.py``. Everything is timed in one run, so the ratios hold on any machine; each
+figure is the best of several runs. The last row is a map: 10⁵ wavelengths of 10³ spectra in one call.
 """
 
 import os
@@ -20,7 +20,7 @@ THICKNESS_UM = 50.0
 
 
 def best_s(call: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Shortest of several runs, s."""
+    """Return the shortest of several runs, s."""
     times = []
     for _ in range(repeats):
         begun = time.perf_counter()
@@ -63,7 +63,7 @@ def main() -> None:
 
 
 def a_map(nm: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
-    """Time and memory of a map; R differs from wavelength to wavelength and T from spectrum to spectrum."""
+    """Print time and memory of a map; R differs from wavelength to wavelength and T from spectrum to spectrum."""
     r, _ = forward(np.linspace(1.45, 1.55, POINTS), 0.0, THICKNESS_UM, nm)
     t = np.linspace(0.5, 0.9, SPECTRA)[:, None]
     out = np.zeros((SPECTRA, POINTS)), np.zeros((SPECTRA, POINTS))

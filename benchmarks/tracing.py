@@ -1,6 +1,6 @@
-"""How fast the tracers are, on the paper's sensor at −3°: all in one run, so that the ratios hold on any machine.
+"""Speed of the tracers on the paper's sensor at −3°, all in one run, so that the ratios hold on any machine.
 
-Run with ``python benchmarks/tracing.py``. Each figure is the least CPU time of several runs, compilation left out.
+Run with ``python benchmarks/tracing.py``. Each figure is the least CPU time of several runs, without compilation.
 """
 
 import os
@@ -24,7 +24,7 @@ MODES: tuple[Mode, ...] = ("count", "power")
 
 
 def best_s(call: Callable[[], object], repeats: int = REPEATS, clock: Callable[[], float] = time.process_time) -> float:
-    """Shortest of several runs by a clock, s."""
+    """Return the shortest of several runs by a clock, s."""
     times = []
     for _ in range(repeats):
         begun = clock()
@@ -59,7 +59,7 @@ def main() -> None:
 
 
 def shipped(sensor: Sensor) -> None:
-    """Integrals of the shipped design, whose LED has a chip, in space."""
+    """Print integrals of the shipped design, whose LED has a chip, in space."""
     angles = [float(angle) for angle in np.linspace(-3.0, 3.0, ANGLES)]
     for name, case in (("with lens", sensor), ("without", sensor.without_lens)):
         scene = case.scene(1.0)
@@ -73,7 +73,7 @@ def shipped(sensor: Sensor) -> None:
 
 
 def space(sensor: Sensor) -> None:
-    """Rays in space beside rays in the plane, of a fan and of a chip."""
+    """Compare rays in space with rays in the plane, for a fan and a chip."""
     flat = sensor.scene(-3.0, RAYS // 5)
     (fan,) = flat.sources
     pose = sensor.body(-3.0).emitter
@@ -86,7 +86,7 @@ def space(sensor: Sensor) -> None:
 
 
 def sweep(sensor: Sensor) -> None:
-    """Print what the angles of a response cost, with the lens and without: the scenes, and what is done with them."""
+    """Print the time for the angles of a response, with the lens and without: making the scenes, and using them."""
     angles = [float(angle) for angle in np.linspace(-3.0, 3.0, ANGLES)]
     cases = (sensor, sensor.without_lens)
 

@@ -1,11 +1,11 @@
 """The cases in Mitsuba 3: the outline as the walls of a prism, and a loop of our own over ``Scene.ray_intersect``.
 
 Dr.Jit records the loop once and LLVM compiles it into one kernel that follows a whole wavefront of rays; Embree finds
-the hits. Coordinates are 32-bit floats, as in every LLVM variant of Mitsuba's published builds, and a ray starts a
-little off the face that it left (``spawn_ray``).
+the hits. Coordinates are 32-bit floats, as in every LLVM variant of Mitsuba's published builds, and a ray starts
+slightly off the face that it left (``spawn_ray``).
 
-Neighbouring rays of a fan go nearly the same way. Embree can be told so, which lets it search for a whole packet at
-once; Mitsuba leaves that off unless asked, so both are measured.
+Neighbouring rays of a fan have nearly the same path. Embree has an option for this, with which it searches for a whole
+packet at once; Mitsuba disables it by default, so both are measured.
 """
 
 import math
@@ -25,7 +25,7 @@ from solen.scene.sources import Source
 
 VARIANT = "llvm_ad_rgb"
 OLDEST = (3, 6)
-"""Its Dr.Jit is the first with ``while_loop``."""
+"""Oldest supported version, whose Dr.Jit is the first with ``while_loop``."""
 MOST_HITS = 10_000
 HALF_DEPTH_MM = 1.0
 
@@ -49,7 +49,7 @@ class Found(NamedTuple):
 
 
 def missing() -> str | None:
-    """Why Mitsuba cannot run here."""
+    """Return why Mitsuba cannot run here, or None."""
     if find_spec("mitsuba") is None:
         return HOW
     import mitsuba as mi
@@ -64,7 +64,7 @@ def missing() -> str | None:
 
 
 def versions() -> str:
-    """Versions of Mitsuba and what it runs on."""
+    """Return versions of Mitsuba and its components."""
     import drjit as dr
     import mitsuba as mi
 
@@ -73,7 +73,7 @@ def versions() -> str:
 
 
 def measure(case: Case, rays: int) -> list[Row]:
-    """Rows of a case, without packets and with them."""
+    """Return rows of a case, without packets and with them."""
     made, (source,) = prism(case.outline, case.half_mm), case.make(rays).sources
     rows = []
     for how, coherent in (("", False), (", packets", True)):
@@ -89,7 +89,7 @@ def measure(case: Case, rays: int) -> list[Row]:
 
 
 def prism(outline: Outline, half_mm: float | None = None) -> Prism:
-    """Two triangles for each piece of the outline, receivers last; their normals point out of the body.
+    """Return two triangles for each piece of the outline, receivers last; their normals point out of the body.
 
     With half a thickness, as in space, top and bottom come first.
     """
@@ -120,7 +120,7 @@ def prism(outline: Outline, half_mm: float | None = None) -> Prism:
 
 
 def trace(made: Prism, source: Source, *, coherent: bool, watch: bool = False) -> Found:
-    """Follow every ray of a source to its end; with ``watch``, which costs half as much again, count lost rays."""
+    """Follow every ray of a source to its end; ``watch`` counts lost rays, which takes half as much time again."""
     import drjit as dr
     import mitsuba as mi
 
@@ -128,7 +128,7 @@ def trace(made: Prism, source: Source, *, coherent: bool, watch: bool = False) -
         return going
 
     def step(ray: Any, going: Any, inside: Any, hits: Any, detected: Any, lost: Any) -> tuple[Any, ...]:
-        """One meeting with a face."""
+        """Follow all rays to their next face."""
         hit = made.scene.ray_intersect(ray, mi.RayFlags.Minimal, coherent, going)
         met = going & hit.is_valid()
         cos = dr.dot(ray.d, hit.n)
@@ -158,7 +158,7 @@ def trace(made: Prism, source: Source, *, coherent: bool, watch: bool = False) -
 
 
 def _launched(fan: Fan) -> Any:
-    """Rays of a fan in the plane y = 0 of Mitsuba's (x, z, y)."""
+    """Return rays of a fan in the plane y = 0 of Mitsuba's (x, z, y)."""
     import drjit as dr
     import mitsuba as mi
 
@@ -168,7 +168,7 @@ def _launched(fan: Fan) -> Any:
 
 
 def _emitted(source: Source) -> Any:
-    """Independent rays of a chip with a Lambertian pattern, in Mitsuba's (x, z, y)."""
+    """Return independent rays of a chip with a Lambertian pattern, in Mitsuba's (x, z, y)."""
     import drjit as dr
     import mitsuba as mi
 
@@ -187,9 +187,9 @@ def _emitted(source: Source) -> Any:
 
 
 def _bent(direction: Any, normal: Any, cos: Any, *, flat: bool) -> tuple[Any, Any]:
-    """Direction behind the face, or before it where the reflection is total; and whether it is.
+    """Return the direction behind the face, or before it after total reflection, and whether it is total.
 
-    ``cos`` is the direction's along the outward normal: positive for a ray in the body.
+    ``cos`` is the direction's cosine with the outward normal: positive for a ray in the body.
     """
     import drjit as dr
     import mitsuba as mi

@@ -1,8 +1,8 @@
 """The cases in pvtrace 2: its own box for the slab, a closed prism for the sensor, its ``follow`` for the rays.
 
-pvtrace is plain Python, one ray at a time; it gets a hundred. Its surfaces draw by lot between Fresnel reflection and
-refraction, so here a surface of ours does what solen's counting mode does: it refracts or totally reflects, and lets a
-ray through a receiver as it is, from where it goes on to the wall of pvtrace's world.
+pvtrace is plain Python and traces one ray at a time, so it traces only a hundred. Its surfaces choose at random between
+Fresnel reflection and refraction; a surface defined here does the same as solen's counting mode instead: it refracts or
+totally reflects, and transmits a ray through a receiver unchanged, to the wall of pvtrace's world.
 """
 
 import logging
@@ -23,28 +23,28 @@ from benchmarks.cases import INDEX, Case, Outline, Row, Tool
 RAYS = 100
 DEPTH_MM, WORLD_MM = 10.0, 1000.0
 ON_IT_MM = 1e-9
-HOW = 'pip install "pvtrace>=2.1,<3" pandas (which it needs and does not ask for)'
+HOW = 'pip install "pvtrace>=2.1,<3" pandas (which it needs but does not require)'
 
 
 class CountingSurface:
-    """What `solen.interface` does at a face; ``receivers`` (N, 2, 2) are pieces (start, end) in the body's frame."""
+    """Surface that behaves as `solen.interface`; ``receivers`` (N, 2, 2) are (start, end) in the body's frame."""
 
     def __init__(self, receivers: NDArray[np.float64]) -> None:
         self.receivers = receivers
         self.arrived = 0
 
     def is_reflected(self, ray: Any, geometry: Any, container: Any, adjacent: Any) -> bool:  # noqa: ARG002
-        """Whether the reflection is total."""
+        """Return whether the reflection is total."""
         cos, _, ratio = self._met(ray, geometry)
         return not self._at_receiver(ray, cos) and ratio * ratio * (1.0 - cos * cos) >= 1.0
 
     def reflect(self, ray: Any, geometry: Any, container: Any, adjacent: Any) -> Any:  # noqa: ARG002
-        """The ray after a total reflection."""
+        """Return the ray after a total reflection."""
         cos, normal, _ = self._met(ray, geometry)
         return _turned(ray, np.asarray(ray.direction) - 2.0 * cos * normal)
 
     def transmit(self, ray: Any, geometry: Any, container: Any, adjacent: Any) -> Any:  # noqa: ARG002
-        """The ray behind the face."""
+        """Return the ray behind the face."""
         cos, normal, ratio = self._met(ray, geometry)
         if self._at_receiver(ray, cos):
             self.arrived += 1
@@ -53,7 +53,7 @@ class CountingSurface:
         return _turned(ray, ratio * np.asarray(ray.direction) + (through - ratio * cos) * normal)
 
     def _met(self, ray: Any, geometry: Any) -> tuple[float, NDArray[np.float64], float]:
-        """Cosine to the outward normal, that normal, and the ratio of the indices."""
+        """Return the cosine to the outward normal, that normal, and the ratio of the indices."""
         normal = np.asarray(geometry.normal(ray.position))
         cos = float(normal @ np.asarray(ray.direction))
         return cos, normal, INDEX if cos > 0.0 else 1.0 / INDEX
@@ -66,20 +66,20 @@ class CountingSurface:
 
 
 def missing() -> str | None:
-    """Why pvtrace cannot run here."""
+    """Return why pvtrace cannot run here, or None."""
     if find_spec("pvtrace") is None or find_spec("pandas") is None:
         return HOW
     found = version("pvtrace")
-    return None if found.startswith("2.") else f"this is {found}, and only 2 is known here; {HOW}"
+    return None if found.startswith("2.") else f"this is {found}, but only version 2 is supported; {HOW}"
 
 
 def versions() -> str:
-    """Versions of pvtrace and what finds its hits."""
+    """Return versions of pvtrace and of the library that finds its hits."""
     return f"pvtrace {version('pvtrace')}, trimesh {version('trimesh')}"
 
 
 def measure(case: Case, rays: int) -> list[Row]:
-    """One row, of a few rays whatever is asked for."""
+    """Return one row, of few rays whatever number is requested."""
     if case.half_mm is not None:
         return []  # its rays are those of a fan
     rays = min(rays, RAYS)
@@ -97,7 +97,7 @@ def measure(case: Case, rays: int) -> list[Row]:
 
 @contextmanager
 def _old_numpy() -> Iterator[None]:
-    """Lend numpy the names that it dropped in 1.24, which pvtrace asks for; keep pvtrace from logging all it does."""
+    """Restore names for numpy that it dropped in 1.24 but pvtrace needs, and silence pvtrace's logging."""
     logging.getLogger().addHandler(logging.NullHandler())  # with a handler there, it does not set up its own
     lent = {name: kind for name, kind in (("float", float), ("int", int)) if name not in vars(np)}
     for name, kind in lent.items():
@@ -110,7 +110,7 @@ def _old_numpy() -> Iterator[None]:
 
 
 def _scene(case: Case) -> tuple[Any, CountingSurface]:
-    """A body in air inside a spherical world, and the body's surface; x and z are solen's."""
+    """Return a body in air inside a spherical world, and the body's surface; x and z are solen's."""
     import pvtrace
 
     air = pvtrace.Material(refractive_index=1.0)
@@ -130,7 +130,7 @@ def _scene(case: Case) -> tuple[Any, CountingSurface]:
 
 
 def _closed(outline: Outline) -> Any:
-    """Closed prism of the outline about y = 0."""
+    """Return a closed prism of the outline about y = 0."""
     import shapely
     import trimesh
 
@@ -149,7 +149,7 @@ def _launched(case: Case, rays: int) -> Iterator[Any]:
 
 
 def _follow(scene: Any, rays: list[Any]) -> tuple[int, int]:
-    """Faces met by all rays, and how many rays did not reach the world's wall."""
+    """Return the number of faces met by all rays, and how many rays did not reach the world's wall."""
     from pvtrace import Event
     from pvtrace.algorithm import photon_tracer
 

@@ -1,8 +1,9 @@
-"""How much ambient light a subtraction takes out: rejection in dB of what one receiver reads, by kind of light.
+"""How much ambient light a subtraction removes: rejection in dB of one receiver's readings, by kind of light.
 
 A receiver of the paper's circuit is read 200 times a second with its emitter on and off. Ambient light of 0.5 mW/cm²
-rises, flickers, or comes and goes at once. What is left of it in the readings is compared with what it does to the
-voltage: by their spread over 20 s, for a step by the largest. The mains are 0.1 % off, so that all phases are met.
+rises, flickers, or changes in a step. Its residual in the readings is compared with its effect on the voltage: by their
+standard deviation over 20 s, or for a step by the largest value. The mains frequency is 0.1 % off, so that all phases
+occur.
 """
 
 import numpy as np
@@ -20,7 +21,7 @@ FLICKER_HZ = {"1 Hz": 1.0, "50 Hz": 50.05, "100 Hz": 100.1, "120 Hz": 120.12}
 
 
 def light(name: str) -> NDArray[np.float64]:
-    """Ambient light of a kind over time, from 0 to 1."""
+    """Return ambient light of a kind as a function of time, from 0 to 1."""
     if name in FLICKER_HZ:
         return np.asarray(0.5 + 0.5 * np.cos(2 * np.pi * FLICKER_HZ[name] * TIME_S))
     step = (TIME_S > 5.00125) & (TIME_S < 7.00375)
@@ -28,7 +29,10 @@ def light(name: str) -> NDArray[np.float64]:
 
 
 def rejections(name: str) -> list[float]:
-    """One-sided, two-sided, and two-sided with means over a period of 50 Hz, in dB; at most 160."""
+    """Return the rejection of one-sided, two-sided, and two-sided subtraction with means over a period of 50 Hz, in dB.
+
+    Values are limited to 160 dB.
+    """
     power = SHARE * STATE[:, None].astype(float)
     read, dark = volts(power, CIRCUIT, LEVEL_MW_CM2 * light(name)), volts(power, CIRCUIT)
     slots, truth = slots_of(TIME_S, read, STATE), float(dark[0, 0] - dark[1, 0])
@@ -41,7 +45,7 @@ def rejections(name: str) -> list[float]:
 
 
 def main() -> dict[str, list[float]]:
-    """Rejections by kind of light."""
+    """Return the rejections by kind of light."""
     found = {name: rejections(name) for name in ("ramp", *FLICKER_HZ, "step")}
     print("rejection in dB   one-sided  two-sided  mean of 4")
     for name, row in found.items():

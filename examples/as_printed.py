@@ -1,7 +1,8 @@
-"""A lens as it was printed, here simulated and 20 µm (root mean square) from its design: what it does to the response.
+"""The response of a lens as it was printed, here simulated with a deviation of 20 µm (rms) from its design.
 
-The profile is what a micrograph would give: points 4 µm apart, each known to 0.5 µm. It is smoothed by as much as that
-asks for, traced, and compared with the designed lens; outlines drawn within the uncertainty tell that of the response.
+The profile is like that from a micrograph: points 4 µm apart, each with an uncertainty of 0.5 µm. It is smoothed
+accordingly, traced, and compared with the designed lens; random outlines within the uncertainty give the uncertainty of
+the response.
 """
 
 from dataclasses import replace
@@ -18,14 +19,14 @@ ANGLES_DEG = (-1.0, 0.0, 1.0)
 
 
 class Found(NamedTuple):
-    """The printed lens, and how its response compares with the designed one's."""
+    """The printed lens, and the comparison of its response with that of the designed lens."""
 
     lens: MeasuredLens
     response: Comparison
 
 
 def printed_lens(oval: OvalLens) -> MeasuredLens:
-    """Lens with a wave of `RMS_UM` in its face, as points with noise tell it."""
+    """Return a lens with a wave of `RMS_UM` in its face, measured as points with noise."""
     x = np.linspace(-oval.half_width_mm, oval.half_width_mm, 1001)
     steep = np.hypot(1.0, oval.slope(x))
     wave = np.sin(2.5 * x + 0.4)
@@ -36,7 +37,7 @@ def printed_lens(oval: OvalLens) -> MeasuredLens:
 
 
 def main() -> Found:
-    """Focus and contrast of the printed lens beside those of the designed one, with a chip 0.2 mm wide."""
+    """Compare focus and contrast of the printed lens with those of the designed lens, with a chip 0.2 mm wide."""
     sensor = Sensor.of(with_values(loads(template("paper-860")), {"emitter.width_mm": 0.2}))
     if not isinstance(sensor.lens, OvalLens):
         raise TypeError("this design has no oval")

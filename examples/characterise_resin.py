@@ -1,4 +1,4 @@
-"""A resin from simulated measurements to a response: what solen finds in the files goes along with its uncertainty."""
+"""A resin from simulated measurements to a response, with propagated uncertainties of the measurements."""
 
 import tempfile
 from pathlib import Path
@@ -17,13 +17,13 @@ NOISE = np.random.default_rng(5).normal
 
 
 def table(file: Path, header: str, *columns: ArrayLike) -> Path:
-    """A simulated file of columns."""
+    """Write a simulated file of columns."""
     np.savetxt(file, np.array(columns).T, "%.6g", ",", header=f"# simulated\n{header}", comments="")
     return file
 
 
 def results(folder: Path) -> dict[str, Path]:
-    """Results of four measurements: a clear layer of 1.48 + 0.005/λ², guides, cured discs, a neo-Hookean cube."""
+    """Return results of four measurements: a clear layer of 1.48 + 0.005/λ², guides, cured discs, a cube."""
     out = {name: folder / f"{name}.json" for name in ("index", "cutback", "cure", "stiffness")}
     layer = IndexOptions(thickness_um=50.0, u_T=0.001, u_R=0.001, baseline="air")
     n = 1.48 + 0.005 / ((nm := np.arange(430, 901, 2)) * 1e-3) ** 2
@@ -40,7 +40,7 @@ def results(folder: Path) -> dict[str, Path]:
 
 
 def main() -> dict[str, float]:
-    """What is found of the resin, and how far its response moves within the uncertainty of the index."""
+    """Return the measured properties of the resin, and the effect of the index's uncertainty on the response."""
     with tempfile.TemporaryDirectory() as name:
         out, options = Path(name) / "resin.toml", BuildOptions(name="simulated resin")
         made = library.build(out, options=options, force=False, **results(Path(name))).result.to_dict()

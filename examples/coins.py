@@ -1,7 +1,7 @@
-"""Round outlines on uneven ground: the coins of scikit-image's photograph, by the edge fit that measures lenses.
+"""Round outlines on uneven ground: the coins of scikit-image's photograph, measured by the edge fit for lenses.
 
 The photograph (Greek coins from Pompeii, Brooklyn Museum, no known copyright restrictions) comes with scikit-image and
-states no scale: all lengths are in pixels. Needs `pip install "solen[vision]"`.
+states no scale: all lengths are in pixels. This example needs `pip install "solen[vision]"`.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ from solen.metrology import Edge, fit_edge, normals_of
 
 
 def contours(grey: FloatArray) -> list[FloatArray]:
-    """Rough closed contours (N, 2) in px of what stands out of the ground."""
+    """Return rough closed contours (N, 2) in px of the objects on the background."""
     ground = ndimage.gaussian_filter(ndimage.minimum_filter(ndimage.gaussian_filter(grey, 2.0), 61), 30.0)
     flat = ndimage.gaussian_filter(grey - ground, 1.5)
     solid = ndimage.binary_fill_holes(flat > filters.threshold_otsu(flat)).astype(float)
@@ -22,7 +22,7 @@ def contours(grey: FloatArray) -> list[FloatArray]:
 
 
 def circle(edge: Edge) -> tuple[float, float, float, float]:
-    """Centre (x, y), diameter and rms deviation from round, px, by least squares over the places that are edges."""
+    """Return centre (x, y), diameter and rms deviation from a circle, px, by least squares over the points on edges."""
     points = edge.points_px[edge.kept]
     x, y, rest = np.linalg.lstsq(np.column_stack([2 * points, np.ones(len(points))]), (points**2).sum(axis=1))[0]
     radius = float(np.sqrt(rest + x * x + y * y))
@@ -31,13 +31,16 @@ def circle(edge: Edge) -> tuple[float, float, float, float]:
 
 
 def edges(grey: FloatArray) -> list[Edge]:
-    """Outlines of which most can be measured."""
+    """Return the outlines that can be measured over most of their length."""
     found = [fit_edge(grey, c, normals_of(c, closed=True), half_px=6, lines=3, closed=True) for c in contours(grey)]
     return [edge for edge in found if edge.kept.mean() > 0.6]
 
 
 def main() -> dict[str, FloatArray]:
-    """Diameters in px of the coins as taken, and of the same turned by 90°, and their rms deviations from round."""
+    """Measure the coins in the original and in the picture rotated by 90°.
+
+    Return their diameters in px in both, and their rms deviations from a circle.
+    """
     grey = data.coins() / 255.0
     taken, turned = (np.array([circle(edge) for edge in edges(picture)]) for picture in (grey, np.rot90(grey)))
     back = np.stack([grey.shape[1] - 1 - turned[:, 1], turned[:, 0]], axis=1)

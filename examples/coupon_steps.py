@@ -12,7 +12,7 @@ UM_PER_PX, LAYER_MM, ROUGH_MM = 15.0, 0.05, 0.002
 
 
 def z_map_mm() -> np.ndarray:
-    """Heights over the build plate: whole layers, rough by 2 µm from pixel to pixel."""
+    """Return the heights above the build plate: whole layers, with a roughness of 2 µm from pixel to pixel."""
     coupon = group_c()
     width, depth, top = coupon.size_mm
     slab = top - max(one.height_mm for one in coupon.features)
@@ -28,7 +28,7 @@ def z_map_mm() -> np.ndarray:
 
 
 def main() -> dict[str, float | None]:
-    """The smallest step, what came out at that nominal size, and the one that is not reproduced."""
+    """Return the smallest reproduced step, its measured size, and the next one, which is not reproduced."""
     source = Provenance(file="simulated z map", simulated=True)
     found = measure_coupon(ZMap(z_map_mm(), Scale(UM_PER_PX), source), group_c())
     (step,) = [one for one in found.limits if one.kind == "z_step"]

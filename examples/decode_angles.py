@@ -1,6 +1,6 @@
 """A calibration and its use: a simulated recording with known angles, and one of another day that is decoded.
 
-The voltages of both receivers together state the angle, with a band; how good that is shows where the angle is known.
+The voltages of both receivers together determine the angle, with a 95 % band; the known angles test how good it is.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ SENSOR = "S1"
 
 
 def main() -> tuple[SensorCalibrations, np.ndarray, np.ndarray]:
-    """The calibration; decoded and known angles of the other day."""
+    """Return the calibration, and decoded and known angles of the other day."""
     found = study([FOLDER / "rotation-simulated.csv"])
     calibrations = calibrated_sensors(found, CalibrationOptions(sensor=SENSOR))
     calibration = calibrations.calibrations[0].calibration

@@ -1,8 +1,8 @@
-"""A fingertip sensor: what a mount makes of it, and from a force to volts and back, as a bench does it.
+"""A fingertip sensor: the effect of its mount, and the conversion of a force to volts and back, as on a bench.
 
-A damp finger presses a soft Y at the side of its stem. Where the mount holds all of the arms, the stem dents and the
-light stays; where it holds their ends, the body bends and the light moves over. That one is recorded on the simulated
-press of `solen bench new`, with a load cell, and calibrated; its first cycle, which is left out, is decoded.
+A damp finger presses a soft Y at the side of its stem. If the mount holds all of the arms, the stem dents and the light
+stays; if it holds their ends, the body bends and the light moves. The second sensor is recorded on the simulated press
+of `solen bench new`, with a load cell, and calibrated; its first cycle, which the calibration omits, is decoded.
 """
 
 from pathlib import Path
@@ -19,13 +19,13 @@ MOUNTS = {"all of the arms": "outer-*", "the ends of the arms": "receiver-*"}
 
 
 def contrast(face: str) -> float:
-    """Contrast of the shipped design at 0.3 N, its mount on some faces."""
+    """Return the contrast of the shipped design at 0.3 N, with its mount on some faces."""
     sensor = Sensor.of(loads(template("press-860")).set({"hold[0].face": face, "motion.forces_N": (0.0, 0.3)}))
     return float(sensor.power((0.3,)).contrast[0])
 
 
 def recorded() -> Study:
-    """The shipped press, run and analysed."""
+    """Run the shipped press and analyse the recording."""
     with TemporaryDirectory() as name:
         folder, texts = Path(name), starter_files()
         for file in ("press", "rig-press", "sensor-press"):
@@ -34,7 +34,7 @@ def recorded() -> Study:
 
 
 def held(found: Study, calibrations: SensorCalibrations) -> tuple[float, float, float]:
-    """Force of the first cycle's hold, decoded: its median, and its band of 95 %."""
+    """Return the decoded force of the first cycle's hold: its median and its 95 % band."""
     run = found.sensors["finger"].runs[0]
     sides = [run.signals.receivers.index(side) for side in ("left", "right")]
     volts = run.signals.volts[slice(*run.motion.holds[1])][:, sides]

@@ -1,7 +1,7 @@
-"""What moves decides the answer: four motions of one sensor with an LED chip 0.2 mm wide, side by side.
+"""The response depends on what moves: four motions of one sensor with an LED chip 0.2 mm wide.
 
-Lens and emitter turn about the stem's base, or about the emitter; or the emitter alone turns; or the stem bends. At the
-same angle they are different calibrations: a bend gives about half the signal of the turn about the base.
+Lens and emitter turn about the stem's base, or about the emitter; or only the emitter turns; or the stem bends. At the
+same angle these give different calibrations: a bend gives about half the signal of the turn about the base.
 """
 
 from typing import Any
@@ -20,7 +20,7 @@ RAYS = 50_000
 
 
 def main() -> dict[str, tuple[float, ...]]:
-    """Contrast in power by motion, at each of the angles."""
+    """Return the contrast in power by motion, at each of the angles."""
     chip = with_values(loads(template("paper-860")), {"emitter.width_mm": 0.2, "emitter.rays": RAYS})
     found: dict[str, tuple[float, ...]] = {}
     for name, values in MOTIONS.items():

@@ -1,8 +1,8 @@
-"""One clear layer read in four ways, of which one gives no index at all.
+"""One clear layer evaluated in four ways, one of which gives no valid index.
 
 A layer of 80 µm with the dispersion of an acrylate is measured, in this simulation, with an error of 0.1 % in T and R.
-The same spectra are read in four ways. The last one takes the absorbance that a spectrophotometer exports, −log10 T,
-for the share of the light that stays in the layer: it gives numbers that look like an index and are none.
+The same spectra are evaluated in four ways. The last one uses the absorbance that a spectrophotometer exports, −log10
+T, as the fraction of light absorbed in the layer: its numbers look like an index, but they are wrong.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ EXTINCTION = np.full(WAVELENGTH_NM.shape, 2e-6)  # 0.3 % of the light is lost at
 
 
 def routes(seed: int = 1) -> dict[str, IndexSpectrum]:
-    """Index by four routes from the same simulated spectra."""
+    """Return the index determined by four methods from the same simulated spectra."""
     rng = np.random.default_rng(seed)
     exact_r, exact_t = forward(INDEX, EXTINCTION, THICKNESS_UM, WAVELENGTH_NM)
     r, t, a = (value + rng.normal(0.0, U, value.size) for value in (exact_r, exact_t, 1.0 - exact_r - exact_t))
@@ -31,7 +31,7 @@ def routes(seed: int = 1) -> dict[str, IndexSpectrum]:
 
 
 def main() -> dict[str, tuple[float, float | None]]:
-    """Index of the layer in the light of an LED of 860 nm, by route, with its uncertainty."""
+    """Return the index of the layer for light of an LED at 860 nm, by method, with its uncertainty."""
     light = led(860.0, 30.0)
     truth = float(light.share @ (1.482 + 5.0e3 / light.wavelength_nm**2))
     print(f"simulated layer in the light of an LED of 860 nm: n = {truth:.4f}")

@@ -1,6 +1,7 @@
-"""A network of guides: the shipped hand with three emitters and six receivers, lit in turn, in the plane.
+"""A network of guides: the shipped hand with three emitters, lit in turn, and six receivers, in the plane.
 
-The wrist lights the middle finger; two fingers light the palm, and little of it strays into the thumb and the sides.
+The wrist illuminates the middle finger; two fingers illuminate the palm, and little of their light strays into the
+thumb and the sides.
 """
 
 from solen.sensor.network import NetworkTrace, network_trace
@@ -8,7 +9,7 @@ from solen.spec import loads, template, with_values
 
 
 def main() -> NetworkTrace:
-    """Power at each receiver by emitter, as a share of what that emitter sends."""
+    """Return the power at each receiver by emitter, as a fraction of that emitter's power."""
     design = with_values(loads(template("hand-860")), {"trace.dimension": "2d", "emitter.rays": 20_000})
     found = network_trace(design)
     print("emitter " + "".join(f"{name:>11}" for name in found.receivers))

@@ -1,7 +1,7 @@
 """A scene that is not a Y: a parabolic mirror makes a beam, a ball lens focuses it on a small receiver.
 
-The emitter stands in the mirror's focus, so its light leaves parallel to +x, shifted upwards. The ball brings it to a
-spot, blurred by spherical aberration; a second receiver round the first one catches what the blur takes away.
+The emitter is at the mirror's focus, so its light leaves parallel to +x, shifted upwards. The ball focuses it to a
+spot, blurred by spherical aberration; a second receiver around the first one collects the blur.
 """
 
 from solen.curve import Arc, Parabola, Segment
@@ -15,12 +15,12 @@ AXIS_DEG, CONE_DEG = 36.87, 28.0  # counter-clockwise from +z: up and to the lef
 
 
 def focus_x_mm() -> float:
-    """Where rays near the ball's axis meet: n R / (2 (n - 1)) behind its centre."""
+    """Return where rays near the ball's axis meet: n R / (2 (n - 1)) behind its centre."""
     return BALL_X_MM + INDEX * BALL_RADIUS_MM / (2.0 * (INDEX - 1.0))
 
 
 def scene(rays: int) -> Scene:
-    """Mirror, ball and receivers; a receiver's face is its left side, here the one towards the ball."""
+    """Return mirror, ball and receivers; a receiver's face is its left side, here the side towards the ball."""
     mirror = Parabola((0.0, 0.0), (0.0, 1.0), 1.0 / (4.0 * FOCAL_MM), 0.0, 20.0)
     x, low, high = focus_x_mm(), BALL_Z_MM - SPOT_HALF_MM, BALL_Z_MM + SPOT_HALF_MM
     return Scene(
@@ -37,7 +37,7 @@ def scene(rays: int) -> Scene:
 
 
 def main() -> tuple[float, float]:
-    """Shares of the counted rays in the spot and in the blur round it."""
+    """Return the fractions of the counted rays in the spot and in the blur around it."""
     found = trace(scene(100_000), "count")
     spot, blur = found.detectors["spot"].power, found.detectors["blur"].power
     print(f"focus of the ball at x = {focus_x_mm():.4f} mm")

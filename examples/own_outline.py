@@ -1,7 +1,7 @@
-"""A scene of one's own: a body outlined by a spline, a chip as wide as an LED's, a spectrum and a dispersive resin.
+"""A scene with its own outline: a body bounded by a spline, a chip as wide as an LED's, a dispersive resin.
 
-The chip sends light of three wavelengths; the drop bends blue more than red. Rays are drawn from Sobol' samples, so
-that the share that arrives has a standard error. The scene goes through a file and comes back the same.
+The chip emits three wavelengths; the drop refracts blue more than red. Rays are drawn from Sobol' samples, so the
+received fraction has a standard error. The scene is written to a file and read back unchanged.
 """
 
 from pathlib import Path
@@ -17,7 +17,7 @@ LED = ((450.0, 0.2), (530.0, 0.5), (625.0, 0.3))  # wavelength in nm, weight
 
 
 def drop() -> Scene:
-    """Points walked counter-clockwise have the body on the left; the receiver's left is its face."""
+    """Return the drop; its points run counter-clockwise, so the body and the receiver's face are on the left."""
     body = Spline.through(OUTLINE_MM, closed=True)
     resin = Cauchy(A=1.49, B_um2=0.006, C_um4=0.0, valid_nm=(400.0, 900.0))
     return Scene(
@@ -31,7 +31,7 @@ def drop() -> Scene:
 
 
 def main() -> tuple[float, float, float]:
-    """Share of the power on the screen by Sobol' samples with its standard error, and by the chip's own lattice."""
+    """Return the fraction of the power on the screen from Sobol' samples, with its error, and from a lattice."""
     with TemporaryDirectory() as folder:
         scene = load(save(Path(folder) / "drop.json", drop()))
     sampled = trace(scene, "power", sampling="sobol", seed=1, position_bins=6).detectors["screen"]

@@ -1,6 +1,6 @@
-"""The paper's 860 nm sensor at -3, 0 and +3 degrees: the share of the emitted rays that reaches each receiver.
+"""The paper's 860 nm sensor at -3, 0 and +3 degrees: the fraction of the emitted rays that reaches each receiver.
 
-Rays are counted, as in the paper, but many more of them than its 100.
+Rays are counted, as in the paper, but many more than its 100.
 """
 
 from solen.sensor import Sensor
@@ -11,7 +11,7 @@ RAYS = 200_000
 
 
 def main() -> dict[float, tuple[float, float]]:
-    """Shares at the right and the left receiver, by angle."""
+    """Return the fractions at the right and the left receiver, by angle."""
     sensor = Sensor.of(loads(template("paper-860")))
     shares = {}
     print(f"{sensor.design.name}: the lens accepts ±{sensor.lens.acceptance_deg:.2f}° of the emitter's ±60°")

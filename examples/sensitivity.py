@@ -1,7 +1,7 @@
-"""Which dimension must be right: how the contrast answers to three of them, and what angle their error looks like.
+"""Which dimensions matter: the sensitivity of the contrast to three of them, and the angle that an error simulates.
 
-An error of a dimension that changes the contrast is read as an angle. The derivatives count the light whose way changes
-as well as the light that only gets brighter or darker on its way.
+An error of a dimension that changes the contrast is read as an angle. The derivatives include light whose path changes
+as well as light that only becomes brighter or darker along its path.
 """
 
 from solen.sensor import Sensor
@@ -12,7 +12,7 @@ ANGLE_DEG, ERROR_MM = 0.2, 0.01
 
 
 def main() -> dict[str, float]:
-    """Change of the contrast per mm of each dimension."""
+    """Return the change of the contrast per mm of each dimension."""
     sensor = Sensor.of(loads(template("paper-860")))
     per_deg = sensor.slope_per_deg(ANGLE_DEG)
     if per_deg is None:

@@ -1,8 +1,8 @@
-"""A scene by hand: a beam through an absorbing slab, with a monitor on each side.
+"""A scene defined in code: a beam through an absorbing slab, with a monitor on each side.
 
-Light bounces to and fro between the two faces, each time weaker. The tracer follows both branches of every split, so
-its sums are those of a geometric series: T = (1 - R)² τ / (1 - R² τ²) goes through and R + R τ T comes back, where R is
-the reflectance of one face and τ what one passage leaves.
+Light is reflected to and fro between the two faces, weaker each time. The tracer follows both branches of every split,
+so its sums are those of a geometric series: T = (1 - R)² τ / (1 - R² τ²) is transmitted and R + R τ T reflected, where
+R is the reflectance of one face and τ the transmission of one passage.
 """
 
 from solen.curve import Segment
@@ -15,7 +15,7 @@ WIDE_MM = 100.0
 
 
 def slab() -> Scene:
-    """Glass between z = 0 and its thickness; a curve's left is the side of +90° as one walks along it."""
+    """Return glass between z = 0 and its thickness; the left of a curve is at +90° from its direction."""
     left, right = -WIDE_MM, WIDE_MM
     front = Segment((left, 0.0), (right, 0.0))  # walked to the right: +z, the glass, is on its left
     back = Segment((right, THICKNESS_MM), (left, THICKNESS_MM))
@@ -32,7 +32,7 @@ def slab() -> Scene:
 
 
 def main() -> tuple[float, float, float]:
-    """Power that goes on towards +z before and behind the slab, and power absorbed in it."""
+    """Return the net power towards +z before and behind the slab, and the power absorbed in it."""
     found = trace(slab(), "power", Limits(min_weight=1e-12))
     before, behind = found.monitors["before"].power, found.monitors["behind"].power
     one_face = fresnel(1.0, 1.0, INDEX).s

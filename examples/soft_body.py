@@ -1,6 +1,6 @@
-"""A soft body under load: the shipped press at 0.3 N, solved by finite elements, and the light that it moves.
+"""A soft body under load: the shipped press at 0.3 N, solved by finite elements, and the light that it redirects.
 
-The finger dents the stem and bends it. Emitter and lens are held, so that only the way of the light changes.
+The finger dents the stem and bends it. Emitter and lens are held, so only the path of the light changes.
 """
 
 from solen.sensor import Sensor
@@ -11,7 +11,7 @@ FORCE_N = 0.3
 
 
 def main() -> Deformation:
-    """The deformed body: where the finger touches it, and how far it is strained."""
+    """Return the deformed body, with the contact of the finger and the strain."""
     found = deform(Sensor.of(loads(template("press-860"))), FORCE_N)
     (finger,) = found.contacts
     print(f"{finger.force_N:.2f} N push the finger {finger.depth_mm:.3f} mm into the {finger.face}")

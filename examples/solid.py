@@ -1,7 +1,7 @@
-"""The solid of a sensor: its volume by exact curves, what pockets take, and how a mesh comes near it.
+"""The solid of a sensor: its volume from exact curves, the volume of its pockets, and the accuracy of its meshes.
 
-`solen export` writes the same as files. The exact volume is the outline's area, by Green's theorem, times the
-thickness; a mesh within a tolerance may differ by that times the area of the walls.
+`solen export` writes the same solid to files. The exact volume is the area of the outline, by Green's theorem, times
+the thickness; a mesh within a tolerance may differ by that tolerance times the area of the walls.
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ TOLERANCES_MM = (1e-2, 1e-3, 1e-4)
 
 
 def main() -> tuple[float, float, dict[float, float]]:
-    """Volumes in mm³: of the bare sensor, of the one with pockets, and of its meshes by their tolerance."""
+    """Return volumes in mm³: of the bare sensor, of the one with pockets, and of its meshes by their tolerance."""
     design = loads(template("paper-860"))
     seated = with_values(design, {"fabricate.pockets": True})
     bare, part = (sensor_part(one, Sensor.of(one).body()) for one in (design, seated))

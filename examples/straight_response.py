@@ -1,6 +1,6 @@
-"""A straight response: the paper's lens and a free form that `solen explore optimise` found, in space, with a chip.
+"""A straight response: the paper's lens and a free form found by `solen explore optimise`, in space, with a chip.
 
-The deviation from a straight line is that of both where the emitter is 0.03 mm off, as a share of the span.
+The deviation of both from a straight line is for an emitter 0.03 mm off axis, as a fraction of the span.
 """
 
 from solen.explore.merits import Merits, merits_of
@@ -27,7 +27,7 @@ RESPONSES: dict[str, Response] = {}
 
 
 def main() -> dict[str, Merits]:
-    """Merits of each design with the emitter off."""
+    """Return the merits of each design with a decentred emitter."""
     found = {}
     for design in (PAPER, STRAIGHT):
         sensor = Sensor.of(design.set({"emitter.offset_mm": OFF_MM}))

@@ -1,6 +1,7 @@
-"""Emitter out of place: how far a decentre moves the angle at which both receivers see the same.
+"""Decentre of the emitter: how far it shifts the angle at which both receivers receive the same power.
 
-The lens magnifies the decentre, so a few hundredths of a millimetre move the balance point by a good part of a degree.
+The lens magnifies the decentre, so a few hundredths of a millimetre shift the balance point by a large part of a
+degree.
 """
 
 import numpy as np
@@ -14,7 +15,7 @@ RAYS = 10_000
 
 
 def main() -> dict[float, float]:
-    """Balance point in degrees by offset in mm; a design's own number of rays is what `Sensor.count` traces."""
+    """Return the balance point in degrees by offset in mm; `Sensor.count` traces the design's number of rays."""
     design, balance = loads(template("paper-860")), {}
     for offset_mm in OFFSETS_MM:
         sensor = Sensor.of(with_values(design, {"emitter.offset_mm": offset_mm, "emitter.rays": RAYS}))

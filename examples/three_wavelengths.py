@@ -1,7 +1,7 @@
-"""The three shipped designs, for 860, 500 and 450 nm: how the index shapes the lens and what light gets in.
+"""The three shipped designs, for 860, 500 and 450 nm: how the index shapes the lens and how much light it accepts.
 
-A higher index makes a flatter lens, which accepts more of the emitter's cone. The received power counts the losses by
-reflection; it is the same at every angle of the motion but for rays that cross the body more than once.
+A higher index makes a flatter lens, which accepts more of the emitter's cone. The received power includes reflection
+losses; it is the same at every angle of the motion except for rays that cross the body more than once.
 """
 
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from solen.spec import loads, template
 
 
 class Row(NamedTuple):
-    """What one design comes to."""
+    """Results for one design."""
 
     refractive_index: float
     depth_mm: float
@@ -20,7 +20,7 @@ class Row(NamedTuple):
 
 
 def main() -> list[Row]:
-    """One row for each wavelength, the longest first."""
+    """Return one row for each wavelength, the longest first."""
     rows = []
     print("wavelength   index   depth    accepts   received at rest")
     for name in ("paper-860", "paper-500", "paper-450"):

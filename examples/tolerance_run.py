@@ -1,7 +1,7 @@
-"""A tolerance run: how many of 128 prints are good, when the emitter of each is glued a little off its place.
+"""A tolerance run: how many of 128 prints meet the limit if the emitter of each is glued slightly off its position.
 
 A print is good if it balances within 0.2° of zero. The lens magnifies a decentre of the emitter, so a few micrometres
-decide; where the index of the resin scatters as well, that adds next to nothing.
+are decisive; variation of the resin's index adds almost nothing.
 """
 
 from solen.explore import ToleranceOptions, Tolerances, tolerance
@@ -13,7 +13,7 @@ VARIED = (f"emitter.offset_mm=normal:0:{SD_MM}", "material.index=normal:0:0.002"
 
 
 def main() -> Tolerances:
-    """Yield of the prints, and what their balance comes to."""
+    """Return the yield of the prints, and the statistics of their balance points."""
     options = ToleranceOptions(vary=VARIED, require=(f"abs(null_deg) < {LIMIT_DEG}",), prints=128, rays=1024)
     found = tolerance(Sensor.of(loads(template("paper-860"))), options)
     nulls = found.to_dataset()["null_deg"]

@@ -1,7 +1,7 @@
 """The index of a resin from two spectra: transmittance and reflectance of a printed layer, simulated.
 
-Both are read from one table. The layer is 50 µm thick and nearly clear, so that its index follows from what the faces
-reflect; its uncertainty follows from those of the spectra.
+Both are read from one table. The layer is 50 µm thick and nearly clear, so its index follows from the reflectance of
+its faces; its uncertainty follows from those of the spectra.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ AT_NM = (450.0, 589.3, 860.0)
 
 
 def main() -> LayerIndex:
-    """Index of the layer with its uncertainty, at some wavelengths."""
+    """Return the index of the layer with its uncertainty, at some wavelengths."""
     options = IndexOptions(thickness_um=50.0, u_thickness_um=1.0, u_T=0.001, u_R=0.001, baseline="air")
     found = index_of_layer(read(FOLDER / "layer-simulated.csv"), options)
     for nm in AT_NM:

@@ -1,7 +1,7 @@
-"""What each way to an index costs: the uncertainty of n at 860 nm of one clear resin, by route.
+"""The accuracy of each method for an index: the uncertainty of n at 860 nm of one clear resin.
 
-A resin of n = 1.48 is known by R and T of a free layer, by R and T or T alone of a layer on its sheet of PET, or by a
-refractometer. Each takes the errors that usually go in; the uncertainties are those that solen states.
+A resin of n = 1.48 is measured by R and T of a free layer, by R and T or only T of a layer on its sheet of PET, or by a
+refractometer. Each method has its typical errors; the uncertainties are those that solen states.
 """
 
 import numpy as np
@@ -15,13 +15,13 @@ U_T = 1e-3
 
 
 def free(u_r: float) -> float:
-    """R and T of the layer, peeled off."""
+    """Return n from R and T of the layer, peeled off."""
     r, t = forward(N, K, LAYER_UM, NM)
     return float(measured([NM], reading([t], U_T), reading([r], u_r), Length(LAYER_UM)).n.u[0])
 
 
 def on_pet(u_pet: float, *, both: bool = True) -> float:
-    """R and T of the layer on its sheet, or T alone of a clear one, against the bare sheet."""
+    """Return n from R and T of the layer on its sheet, or from T of a clear layer against the bare sheet."""
     sheet = Substrate(PET, 0.0, PET_UM, u_n=u_pet)
     t, r = on_substrate(N, K if both else 0.0, LAYER_UM, NM, Setup(sheet))
     if both:
@@ -32,13 +32,13 @@ def on_pet(u_pet: float, *, both: bool = True) -> float:
 
 
 def by_refractometer(*wavelength_nm: float) -> float:
-    """Values at some wavelengths, good to 0.0005, and the dispersion that polymers have."""
+    """Return n from values at some wavelengths, good to 0.0005, and the typical dispersion of polymers."""
     n = 1.4733 + 0.0045 / (np.array(wavelength_nm) * 1e-3) ** 2
     return float(refractometer(n, 5e-4, wavelength_nm).fit.along(NM)[1][0])
 
 
 def main() -> dict[str, float]:
-    """Standard uncertainty of n(860 nm) by route."""
+    """Return the standard uncertainty of n(860 nm) by method."""
     found = {
         "free layer, R to 0.001": free(1e-3),
         "free layer, R to 0.003": free(3e-3),

@@ -1,7 +1,7 @@
-"""Dose: a working curve from simulated discs, what a layer of a print receives, and what published words allow.
+"""Dose: a working curve from simulated discs, the dose of a layer in a print, and limits from published statements.
 
-The paper gives no penetration depth and no critical dose, but statements: 3 s at 13 mW/cm² cure more than 200 µm, and
-layers of 25 µm are printed with 2 s. The discs here are simulated, with values that such statements allow.
+The paper gives no penetration depth and no critical dose, but states that 3 s at 13 mW/cm² cure more than 200 µm, and
+that layers of 25 µm are printed with 2 s. The discs here are simulated, with values that satisfy these statements.
 """
 
 import numpy as np
@@ -15,7 +15,7 @@ DISCS = FOLDER / "discs-simulated.csv"
 
 
 def main() -> dict[str, float]:
-    """Numbers of the curve, of a part of 100 layers, six of them burnt in, and of the statements."""
+    """Return numbers of the curve, of a part of 100 layers with six burn-in layers, and of the statements."""
     table = read(DISCS)
     dose = table.need("exposure").to("s") * IRRADIANCE_MW_PER_CM2
     curve = working_curve(dose, table.need("thickness").to("um"))

@@ -1,7 +1,7 @@
-"""A lens cut for 1.44 in a material of 1.484: where its focus goes, and how much of the response is left.
+"""A lens designed for 1.44 in a material of 1.484: where its focus moves, and how much of the response remains.
 
 Rays near the axis now meet far too early, and the spot between the arms is wide. So the response is flat where it was
-steep, near the balance point; at the ends of the motion all light still goes to one side.
+steep, near the balance point; at the ends of the motion all light still reaches one side.
 """
 
 from typing import NamedTuple
@@ -24,14 +24,14 @@ class Found(NamedTuple):
 
 
 def contrast(sensor: Sensor, angle_deg: float) -> float:
-    """(R - L) / (R + L) by counting rays."""
+    """Return (R - L) / (R + L) from counted rays."""
     found = sensor.trace(angle_deg, "count", RAYS).detectors
     right, left = found["right"].power, found["left"].power
     return (right - left) / (right + left)
 
 
 def main() -> dict[float, Found]:
-    """What the lens does in the material it was cut for and in the other one, by index."""
+    """Return focus and contrast of the lens in the design material and in the other one, by index."""
     design, found = loads(template("paper-860")), {}
     for index in (CUT_FOR, PRINTED):
         sensor = Sensor.of(with_values(design, {"material.index": index, "lens.design_index": CUT_FOR}))

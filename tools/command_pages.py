@@ -1,7 +1,7 @@
-"""Run the worked calls of docs/commands in the sample data: ``python -m tools.command_pages [COMMAND ...]``.
+"""Run the example calls of docs/commands on the sample data: ``python -m tools.command_pages [COMMAND ...]``.
 
-Writes under each call the first lines of what it prints, and its figure to docs/images/commands. A command that reads
-what another one wrote is run with that one.
+Under each call the tool writes the first lines of its output, and its figure to docs/images/commands. A command that
+reads a file of another command is run together with that command.
 """
 
 import io
@@ -27,22 +27,22 @@ from solen.results import Outcome, Result
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 CALL = re.compile(r"(?<=^```console\n)\$ solen ((?:.*\\\n)*.*)\n([^`]*)(?=^```$)", re.MULTILINE)
 SAMPLES = "project examples"
-"""The command in whose folder the other calls are run."""
+"""The command that makes the folder in which the other calls are run."""
 OF_THE_COMPUTER = {"doctor", "completion"}
-"""Commands whose answer is another one on each computer: their pages show none."""
+"""Commands whose output differs between computers; their pages show none."""
 ROUNDED = re.compile(r"(?<=adaptive with )\d+(?= rays)")
-"""Rays of an integral to 1e-11: rounding decides the last ones, and differs between systems."""
+"""Numbers of rays of an integral to 1e-11: the last ones depend on rounding, which differs between systems."""
 MOST_LINES = 12
 PAGE_MM = 180.0
 
 
 def page_of(command: str) -> Path:
-    """Page of a command."""
+    """Return the page of a command."""
     return DOCS / "commands" / f"{command.replace(' ', '-', 1)}.md"
 
 
 def calls() -> dict[str, tuple[list[str], list[str]]]:
-    """Arguments of the call on each command's page, and the lines that it shows; sample data first."""
+    """Return the arguments of the call on each command's page, and the lines that it shows; sample data come first."""
     found = {}
     for command in sorted(commands(), key=lambda one: one != SAMPLES):
         for call, shown in CALL.findall(page_of(command).read_text(encoding="utf-8")):
@@ -51,13 +51,13 @@ def calls() -> dict[str, tuple[list[str], list[str]]]:
 
 
 def head(printed: str) -> str:
-    """First lines of what a command printed, and dots for the others."""
+    """Return the first lines of a command's output, with dots for the remaining ones."""
     lines = [line.rstrip() for line in ROUNDED.sub("...", printed.replace(os.sep, "/")).splitlines()]
     return "\n".join(lines if len(lines) <= MOST_LINES else [*lines[: MOST_LINES - 2], "..."]) + "\n"
 
 
 def picture(figure: bytes) -> bytes:
-    """A figure as WebP without loss, or as a photograph where that is much smaller."""
+    """Return a figure as lossless WebP, or as a photograph if that is much smaller."""
     files = []
     with Image.open(io.BytesIO(figure)) as image:
         for settings in ({"lossless": True, "quality": 100}, {"quality": 85}):
@@ -68,7 +68,7 @@ def picture(figure: bytes) -> bytes:
 
 
 def run(command: str, arguments: list[str]) -> tuple[str, Outcome[Result] | None]:
-    """What a call prints, and its outcome."""
+    """Return the output and the outcome of a call."""
     outcomes: list[Outcome[Result]] = []
 
     def keep(outcome: Outcome[Result]) -> None:

@@ -1,4 +1,4 @@
-"""Pictures of the gallery: each is drawn of what the example under it computes, by its functions and its results."""
+"""Pictures of the gallery, each drawn from the results of the example that it illustrates."""
 
 import json
 import runpy
@@ -22,11 +22,11 @@ from solen.trace.described import SceneFile, described, trace_scene
 ROOT = Path(__file__).parent.parent
 IMAGES = ROOT / "docs" / "images" / "gallery"
 STATED = IMAGES / "drawn.json"
-"""What the pictures show: their checksums, and how many parts are drawn with the sum over them."""
+"""File of the pictures' checksums, with the number of drawn parts and the sum of their values."""
 
 
 class Example(NamedTuple):
-    """An example that was run: its names, and what its ``main`` returned."""
+    """An example after it has run: its names, and the return value of its ``main``."""
 
     names: dict[str, Any]
     result: Any
@@ -44,7 +44,7 @@ def _axes(width: float = 6.4, height: float = 3.0) -> tuple[Figure, Any]:
 
 
 def _bars(values: dict[str, float], label: str, colour: str = RIGHT) -> Figure:
-    """Values by their names, the first on top."""
+    """Draw values as bars with their names, the first on top."""
     figure, axes = _axes(height=0.6 + 0.3 * len(values))
     axes.barh(list(values), list(values.values()), color=colour, height=0.6)
     axes.invert_yaxis()
@@ -55,7 +55,7 @@ def _bars(values: dict[str, float], label: str, colour: str = RIGHT) -> Figure:
 
 
 def _scene(scene: Any, title: str) -> Figure:
-    """A scene with its rays."""
+    """Draw a scene with its rays."""
     file = SceneFile(scene)
     figure = figure_of(described(file, trace_scene(file, paths=True), paths=True))
     figure.axes[0].set_title(f"simulated: {title}")
@@ -63,18 +63,18 @@ def _scene(scene: Any, title: str) -> Figure:
 
 
 def _rays(values: dict[str, Any], angle_deg: float = 0.0) -> Figure:
-    """Rays in the paper's sensor with some values of its design."""
+    """Draw rays in the paper's sensor with some values of its design changed."""
     sensor = Sensor.of(with_values(loads(template("paper-860")), {"emitter.rays": 60} | values))
     return figure_of(trace_design(sensor, angle_deg))
 
 
 def paper_sensor(example: Example) -> Figure:
-    """Rays as counted, turned to the right."""
+    """Draw counted rays of the sensor turned to the right."""
     return _rays({"trace.mode": "count"}, example.names["ANGLES_DEG"][0])
 
 
 def three_wavelengths(example: Example) -> Figure:
-    """Depth, acceptance and light of the three designs over their index."""
+    """Draw depth, acceptance and received light of the three designs against their index."""
     figure = Figure(figsize=(7.2, 2.6))
     index = [row.refractive_index for row in example.result]
     labels = {"depth_mm": "depth (mm)", "acceptance_deg": "accepts ± (deg)", "received": "received share"}
@@ -87,7 +87,7 @@ def three_wavelengths(example: Example) -> Figure:
 
 
 def straight_response(example: Example) -> Figure:
-    """Contrast of both designs over the angle, beside the straight line between its ends."""
+    """Draw the contrast of both designs against the angle, with the straight line between its ends."""
     figure, axes = _axes()
     for number, (name, response) in enumerate(example.names["RESPONSES"].items()):
         axes.plot(response.angle_deg, response.contrast, **series(number), label=name)
@@ -98,13 +98,13 @@ def straight_response(example: Example) -> Figure:
 
 
 def wrong_index(example: Example) -> Figure:
-    """Rays of the lens in the other index, which meet before the arms part."""
+    """Draw rays of the lens in the other index, which meet before the arms part."""
     printed, cut_for = example.names["PRINTED"], example.names["CUT_FOR"]
     return _rays({"material.index": printed, "lens.design_index": cut_for})
 
 
 def sweep_a_parameter(example: Example) -> Figure:
-    """Balance over the decentre."""
+    """Draw the balance angle against the decentre."""
     figure, axes = _axes()
     axes.plot(list(example.result), list(example.result.values()), color=RIGHT, marker="o")
     axes.set(xlabel="emitter off its place (mm)", ylabel="balance at (deg)", title="simulated")
@@ -112,32 +112,32 @@ def sweep_a_parameter(example: Example) -> Figure:
 
 
 def sensitivity(example: Example) -> Figure:
-    """Change of the contrast by an error of 0.01 mm."""
+    """Draw the change of the contrast caused by an error of 0.01 mm."""
     error_mm = example.names["ERROR_MM"]
     changes = {key: error_mm * change for key, change in example.result.items()}
     return _bars(changes, f"change of the contrast at {example.names['ANGLE_DEG']}° by {error_mm} mm")
 
 
 def slab(example: Example) -> Figure:
-    """Where the light goes."""
+    """Draw the fractions of the power that are reflected, absorbed and transmitted."""
     before, behind, absorbed = example.result
     return _bars({"sent back": 1.0 - before, "absorbed": absorbed, "transmitted": behind}, "share of the power")
 
 
 def own_outline(example: Example) -> Figure:
-    """The drop and its rays."""
+    """Draw the drop and its rays."""
     scene = example.names["drop"]()
     (chip,) = scene.sources
     return _scene(replace(scene, sources=(chip.with_rays(60),)), "a drop, a chip and a screen")
 
 
 def own_curve_scene(example: Example) -> Figure:
-    """Mirror, ball lens and receivers."""
+    """Draw mirror, ball lens and receivers."""
     return _scene(example.names["scene"](60), "mirror, ball lens and receivers")
 
 
 def solid(example: Example) -> Figure:
-    """Error of the meshes over their tolerance."""
+    """Draw the error of the meshes against their tolerance."""
     _, seated, meshes = example.result
     figure, axes = _axes()
     axes.loglog(list(meshes), [abs(volume - seated) for volume in meshes.values()], color=RIGHT, marker="o")
@@ -146,7 +146,7 @@ def solid(example: Example) -> Figure:
 
 
 def as_printed(example: Example) -> Figure:
-    """The printed lens beside its design, and the contrast with both."""
+    """Draw the printed lens and its design, and the contrast with both."""
     figure = Figure(figsize=(7.6, 3.2))
     left, right = figure.subplots(1, 2)
     draw_deviation(left, example.result.lens)
@@ -160,19 +160,19 @@ def as_printed(example: Example) -> Figure:
 
 
 def which_route(example: Example) -> Figure:
-    """Uncertainties by route."""
+    """Draw uncertainties by method."""
     return _bars(example.result, "standard uncertainty of n at 860 nm")
 
 
 def characterise_resin(example: Example) -> Figure:
-    """What is found of the resin, in the uncertainty or share of what its files were made of."""
+    """Draw the errors of the measured resin properties, as multiples of their uncertainty or in per cent."""
     made = {"n": 1.48 + 0.005 / 0.86**2, "loss": 0.02, "Dp": 150.0, "C10_MPa": 0.2}
     off = {name: 100.0 * (example.result[name] / value - 1.0) for name, value in made.items()}
     return _bars(off, "found less what it was made of (%)")
 
 
 def working_curve(example: Example) -> Figure:
-    """Cure depth over the dose, with the discs' own numbers."""
+    """Draw the cure depth against the dose, with the measured discs."""
     found = example.result
     figure, axes = _axes()
     dose = np.geomspace(found["Ec_mJ_per_cm2"], 100.0, 50)
@@ -185,7 +185,7 @@ def working_curve(example: Example) -> Figure:
 
 
 def ambient_light(example: Example) -> Figure:
-    """Rejection by kind of light and way of subtraction."""
+    """Draw the rejection by kind of light and method of subtraction."""
     figure, axes = _axes()
     places = np.arange(len(example.result))
     for number, name in enumerate(("one-sided", "two-sided", "mean of 4")):
@@ -198,7 +198,7 @@ def ambient_light(example: Example) -> Figure:
 
 
 def coupon_steps(example: Example) -> Figure:
-    """Heights along the middle row of the z map."""
+    """Draw the heights along the middle row of the z map."""
     figure, axes = _axes()
     z_map = example.names["z_map_mm"]()
     row = z_map[np.argmax(z_map.max(axis=1))]
@@ -208,22 +208,22 @@ def coupon_steps(example: Example) -> Figure:
 
 
 def fingertip(example: Example) -> Figure:
-    """The calibration to newtons."""
+    """Draw the calibration to newtons."""
     return figure_of(example.result[2])
 
 
 def tolerance_run(example: Example) -> Figure:
-    """Yield, its causes and the spread of the prints."""
+    """Draw the yield, its causes and the spread of the prints."""
     return figure_of(example.result)
 
 
 def two_spectra(example: Example) -> Figure:
-    """Spectra, index and extinction of the layer."""
+    """Draw spectra, index and extinction of the layer."""
     return figure_of(example.result)
 
 
 def decode_angles(example: Example) -> Figure:
-    """Decoded and known angles of the other day, in the order they were read."""
+    """Draw decoded and known angles of the other day, in the order of the readings."""
     _, decoded, known = example.result
     figure, axes = _axes()
     axes.plot(known, decoded, **series(0, dots=True), ms=3, label="decoded")
@@ -234,12 +234,12 @@ def decode_angles(example: Example) -> Figure:
 
 
 def network_of_guides(example: Example) -> Figure:
-    """Rays of each emitter."""
+    """Draw the rays of each emitter."""
     return figure_of(example.result)
 
 
 def soft_body(example: Example) -> Figure:
-    """Strain, forces and light."""
+    """Draw strain, forces and light."""
     return figure_of(example.result)
 
 
@@ -252,18 +252,18 @@ PICTURES = {
         *(network_of_guides, soft_body),
     )
 }
-"""How the picture of an example is drawn, by the example's name; three others are drawn by `tools.pictures`."""
+"""Functions that draw the picture of an example, by the example's name; `tools.pictures` draws three others."""
 LARGE = {"network_of_guides", "soft_body", "own_outline", "own_curve_scene", "fingertip", "as_printed"}
-"""Pictures that are smaller as pixels."""
+"""Pictures whose files are smaller as pixels than as vectors."""
 
 
 def file_of(name: str) -> Path:
-    """Where the picture of an example lies."""
+    """Return the path of an example's picture."""
     return IMAGES / f"{name}{'.png' if name in LARGE else '.svg'}"
 
 
 def values_of(figure: Figure) -> list[float]:
-    """Sums over what each part of a figure draws: they depend on the numbers alone, not on fonts and sizes."""
+    """Return sums of the values that each part of a figure shows, which do not depend on fonts and sizes."""
     drawn_points = [
         points
         for axes in figure.axes
@@ -277,7 +277,7 @@ def values_of(figure: Figure) -> list[float]:
 
 
 def main() -> None:
-    """Draw them all, and write what they show and their checksums beside them."""
+    """Draw all pictures, and write their checksums and sums into a file beside them."""
     IMAGES.mkdir(exist_ok=True)
     stated = {}
     for name, draw in PICTURES.items():

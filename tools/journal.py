@@ -1,6 +1,6 @@
 """Copy some figures of `solen project reproduce` for the page that shows them (docs/paper-figures.md).
 
-``python -m tools.journal FOLDER`` makes them in the folder, or takes those that are finished there.
+``python -m tools.journal FOLDER`` makes the figures in the folder, or uses those already finished there.
 """
 
 import sys
@@ -13,11 +13,11 @@ from solen.pipeline.project.reproduce import reproduce
 IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
 DRAWN = ("2", "3CD", "4D", "5", "S1C", "S2")
 PHOTOGRAPHS = ("3E", "S5B")
-"""Of these a PNG would be several times as large as a JPEG."""
+"""Figures that are several times as large as a PNG than as a JPEG."""
 
 
 def main(folder: Path) -> None:
-    """Make and copy them."""
+    """Make and copy the figures."""
     reproduce(out=folder)
     for name in DRAWN:
         (IMAGES / f"paper-{name}.svg").write_bytes((folder / "figures" / f"{name}.svg").read_bytes())

@@ -1,7 +1,8 @@
 """The sample micrograph, which ``python -m tools.samples`` writes.
 
-A lens of the 860 nm design at 6 µm to a pixel, with a bump of 20 µm at x = 0.8 mm and a hollow of 15 µm at x = −0.6 mm,
-turned by 4°, in uneven light, with dust. The image model is that of the tests: areas, a blur by the Airy disc, noise.
+It shows a lens of the 860 nm design at 6 µm per pixel, with a bump of 20 µm at x = 0.8 mm and a dimple of 15 µm at x =
+−0.6 mm, rotated by 4°, in uneven light, with dust. The image model is that of the tests: areas, a blur by the Airy
+disc, noise.
 """
 
 import io
@@ -25,12 +26,12 @@ SIZE_PX = (360, 740)
 
 
 def printed(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The front with its bump and its hollow."""
+    """Return the front with its bump and its dimple."""
     return bump(HOLLOW_AT_MM, HOLLOW_UM, WIDTH_MM)(bump(BUMP_AT_MM, BUMP_UM, WIDTH_MM)(points))
 
 
 def micrograph() -> bytes:
-    """The file: OME-TIFF, 8 bits, with its scale and the word simulated in its description."""
+    """Return the file: OME-TIFF, 8 bits, with its scale and the word simulated in its description."""
     placing = Placing(UM_PER_PX, (365.0, 345.0), TURN_DEG)
     scenery = [gradient(0.25, 30.0), dust(10, 2.5, -0.7), fibres(1, 90.0, 2.5, -0.5)]
     levels = reflected(outline_mm(shipped(), printed), placing, step=0.5, optics=airy(3.5))

@@ -38,7 +38,7 @@ CHIPS = {"point emitter": 0.0, "chip 0.2 mm wide": 0.2}
 
 
 def four_motions() -> Figure:
-    """Contrast over angle of the four motions, under a point emitter and under a chip."""
+    """Draw the contrast against the angle for the four motions, with a point emitter and with a chip."""
     figure = Figure(figsize=(8.0, 3.4))
     panels = figure.subplots(1, 2, sharey=True)
     design = loads(template("paper-860"))
@@ -54,7 +54,7 @@ def four_motions() -> Figure:
 
 
 def index_routes() -> Figure:
-    """Index of a simulated layer by four routes, beside its own."""
+    """Draw the index of a simulated layer determined by four methods, and its true index."""
     figure = Figure(figsize=(8.0, 3.6))
     axes = figure.add_subplot()
     colours = {"R and T measured": RIGHT, "T alone, lossless": LOST, "as published": LEFT}
@@ -71,7 +71,7 @@ def index_routes() -> Figure:
 
 
 def index_command() -> Figure:
-    """What ``solen resin index --figure`` draws, for a simulated layer with a reflectance that was spoilt in part."""
+    """Draw the figure of ``solen resin index --figure`` for a simulated layer with a partly corrupted reflectance."""
     rng = np.random.default_rng(2)
     nm = np.arange(400.0, 901.0, 2.0)
     loss = 2e-6 + 4e-5 * np.exp(-(nm - 380.0) / 25.0)
@@ -85,7 +85,7 @@ def index_command() -> Figure:
 
 
 def two_indices() -> Figure:
-    """T and R of a clear layer on PET against the layer's index, and the two that read the same."""
+    """Draw T and R of a clear layer on PET against its index, and the two indices that give the same reading."""
     figure = Figure(figsize=(8.0, 3.2))
     setup, n = Setup(Substrate(1.57, 0.0, 100.0)), np.linspace(1.0, 1.8, 161)
     read = on_substrate(n, 0.0, 25.0, 589.3, setup)
@@ -106,7 +106,7 @@ def two_indices() -> Figure:
 
 
 def coins() -> Figure:
-    """The outlines that ``examples/coins.py`` measures, on the photograph, coloured by their distance from a circle."""
+    """Draw the outlines that ``examples/coins.py`` measures, coloured by their distance from a circle."""
     figure = Figure(figsize=(6.4, 4.6))
     axes = figure.add_subplot()
     photograph = data.coins()
@@ -128,13 +128,13 @@ READ_WITH = {"emitter.width_mm": 0.2, "readout.emitter_current_ma": 2.0, "readou
 
 
 def readout_picture() -> Figure:
-    """What ``solen readout --figure`` draws of the paper's sensor with a chip."""
+    """Draw the figure of ``solen readout --figure`` for the paper's sensor with a chip."""
     design = with_values(loads(template("paper-860")), READ_WITH)
     return readout_figure(design_readings(Sensor.of(design)))
 
 
 def ambient_light() -> Figure:
-    """The figure of ``solen bench demodulate`` of a simulated waveform, in a room that flickers and is lit at once."""
+    """Draw the figure of ``solen bench demodulate`` for a simulated waveform with flicker and a step of light."""
     rng = np.random.default_rng(4)
     circuit = circuit_of(with_values(loads(template("paper-860")), READ_WITH), {"right": 12.0, "left": 12.0})
     time = np.arange(40_000) / 10_000.0
@@ -150,7 +150,7 @@ def ambient_light() -> Figure:
 
 
 def lens_in_space() -> Figure:
-    """The faces of both lenses for space, the layered one in slabs that can be seen, and their profiles."""
+    """Draw the faces of both lenses for space, the layered one in visibly thick slabs, and their profiles."""
     paper = {"distance_mm": 1.0, "focus_mm": 20.0, "half_width_mm": 2.0, "design_index": 1.44}
     smooth, slabs = LineFocusLens(**paper, y_focus_mm=2.0), LayeredLens(**paper, layer_mm=0.5)
     layered = LayeredLens(**paper)
@@ -179,12 +179,12 @@ def lens_in_space() -> Figure:
 
 
 def soft_body() -> Figure:
-    """The shipped press at 0.3 N: strain, forces and light."""
+    """Draw the shipped press at 0.3 N: strain, forces and light."""
     return deformation_figure(deform(Sensor.of(loads(template("press-860"))), 0.3))
 
 
 def main() -> None:
-    """Draw them all."""
+    """Draw all pictures."""
     photograph = io.BytesIO(encoded(drawn(coins), ".png", "coins"))  # a PNG of it would have 700 kB
     with Pillow.open(photograph) as picture:
         picture.convert("RGB").save(IMAGES / "coins.jpg", quality=80)

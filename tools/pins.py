@@ -1,9 +1,9 @@
-"""Check ``requirements.lock``: its form, that it is complete, and that every pin is a wheel wherever solen may run.
+"""Check ``requirements.lock``: its form, its completeness, and that every pin has a wheel for each supported system.
 
 ``python tools/pins.py`` checks the form and the direct dependencies, offline. ``python tools/pins.py --wheels`` also
-asks the package index, through pip, for the wheels of each Python and platform below, and follows what they require
-with the markers of that Python and platform: every package reached must be pinned, every pin must be reached somewhere.
-It shows that the pins can be installed there, not that solen was run there.
+asks the package index, through pip, for the wheels of each Python and platform below, and follows their requirements
+with the markers of that Python and platform: every required package must be pinned, and every pin must be required
+somewhere. This shows that the pins can be installed there, not that solen runs there.
 """
 
 import argparse
@@ -29,7 +29,7 @@ PYTHONS = ("3.11", "3.12", "3.13")
 
 @dataclass(frozen=True)
 class System:
-    """An operating system on one processor: the wheels it takes and what markers see there."""
+    """An operating system on one processor: the wheels that it accepts and the values of its markers."""
 
     tags: tuple[str, ...]
     markers: Mapping[str, str]
@@ -57,17 +57,17 @@ SYSTEMS = {
 
 
 def lock_lines(text: str) -> list[str]:
-    """Lines of a lock that are not blank and not comments."""
+    """Return the lines of a lock that are neither blank nor comments."""
     return [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
 
 
 def malformed(text: str) -> list[str]:
-    """Lines that are anything else than ``name==version``, with a simple marker or without."""
+    """Return the lines that are not ``name==version``, with or without a simple marker."""
     return [line for line in lock_lines(text) if not LINE.fullmatch(line)]
 
 
 def pins(text: str) -> dict[str, Requirement]:
-    """The lock's requirements by normalised name; ``ValueError`` where a name comes twice."""
+    """Return the lock's requirements by normalised name; raise ``ValueError`` if a name occurs twice."""
     found: dict[str, Requirement] = {}
     for line in lock_lines(text):
         requirement = Requirement(line)
@@ -77,14 +77,14 @@ def pins(text: str) -> dict[str, Requirement]:
 
 
 def direct(project: Mapping[str, Any]) -> list[Requirement]:
-    """What ``pyproject.toml`` asks for: to build, to run, and in every extra."""
+    """Return the requirements in ``pyproject.toml``: to build, to run, and of every extra."""
     about = project["project"]
     lists = (project["build-system"]["requires"], about["dependencies"], *about["optional-dependencies"].values())
     return [Requirement(text) for wanted in lists for text in wanted]
 
 
 def unpinned(requirements: Iterable[Requirement], locked: Mapping[str, Requirement]) -> list[str]:
-    """Requirements with no pin, or with one that does not satisfy them."""
+    """Return the requirements without a pin, or with a pin that does not satisfy them."""
     faults = []
     for requirement in requirements:
         pin = locked.get(canonicalize_name(requirement.name))
@@ -96,13 +96,13 @@ def unpinned(requirements: Iterable[Requirement], locked: Mapping[str, Requireme
 
 
 def pinned_version(pin: Requirement) -> str:
-    """The version of a ``name==version`` requirement."""
+    """Return the version of a ``name==version`` requirement."""
     (only,) = pin.specifier
     return only.version
 
 
 def environment(python: str, system: System) -> dict[str, str]:
-    """What markers see with CPython ``python`` on ``system``; the patch release is taken as 0."""
+    """Return the marker values of CPython ``python`` on ``system``; the patch release is assumed to be 0."""
     seen = {name: str(value) for name, value in default_environment().items()}
     versions = {"python_version": python, "python_full_version": f"{python}.0", "implementation_version": f"{python}.0"}
     kind = {"implementation_name": "cpython", "platform_python_implementation": "CPython"}
@@ -110,14 +110,14 @@ def environment(python: str, system: System) -> dict[str, str]:
 
 
 def applies(requirement: Requirement, seen: Mapping[str, str], extra: str = "") -> bool:
-    """Whether the requirement's marker holds in environment ``seen`` for ``extra``."""
+    """Return whether the requirement's marker is true in environment ``seen`` for ``extra``."""
     return requirement.marker is None or requirement.marker.evaluate({**seen, "extra": extra})
 
 
 def wheels(chosen: Iterable[Requirement], python: str, system: System) -> dict[str, list[Requirement]]:
-    """Ask pip for the wheel of each pin, and return what each one requires.
+    """Ask pip for the wheel of each pin, and return the requirements of each.
 
-    ``RuntimeError`` with pip's last word where one has no wheel for that Python and system.
+    Raise ``RuntimeError`` with pip's last message if one has no wheel for that Python and system.
     """
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.json"
@@ -142,7 +142,7 @@ def wheels(chosen: Iterable[Requirement], python: str, system: System) -> dict[s
 def reached(
     start: Iterable[Requirement], requires: Mapping[str, list[Requirement]], seen: Mapping[str, str]
 ) -> dict[tuple[str, str], Requirement]:
-    """Follow ``start`` through what each package requires; keyed by package and by the text of the requirement."""
+    """Return all packages that ``start`` requires, directly or not, by package and text of the requirement."""
     found: dict[tuple[str, str], Requirement] = {}
     waiting = [one for one in start if applies(one, seen)]
     while waiting:
@@ -157,7 +157,7 @@ def reached(
 
 
 def check_wheels(locked: Mapping[str, Requirement], wanted: list[Requirement]) -> list[str]:
-    """Check the pins for every Python on every system; prints a line for each and returns the faults."""
+    """Check the pins for every Python on every system; print a line for each and return the faults."""
     faults: list[str] = []
     used: set[str] = set()
     for label, system in SYSTEMS.items():
@@ -178,7 +178,7 @@ def check_wheels(locked: Mapping[str, Requirement], wanted: list[Requirement]) -
 
 
 def main() -> int:
-    """Check the lock beside this folder; 0 when nothing is wrong."""
+    """Check the lock of this project; return 0 if it has no fault."""
     parser = argparse.ArgumentParser(description="Check requirements.lock.")
     parser.add_argument("--wheels", action="store_true", help="also ask the package index for every wheel")
     asked = parser.parse_args()

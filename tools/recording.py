@@ -1,9 +1,9 @@
 """Two of the sample recordings: three simulated prints with a lens and one without, and one of them on another day.
 
-Each print is the shipped 860 nm design with an index and an emitter that are a little off, traced angle by angle; its
-light goes through the readout of the design (parts, load, converter, noise), and what the stage does is the paper's
-test. Nothing in them was measured, and their first lines say so. ``python -m tools.samples`` writes the files again;
-the same seed gives the same bytes.
+Each print is the shipped 860 nm design with slightly different index and emitter position, traced angle by angle. Its
+light passes through the readout of the design (parts, load, converter, noise), and the stage performs the paper's test.
+Nothing was measured, which the first lines of the files state. ``python -m tools.samples`` writes the files again; the
+same seed gives the same bytes.
 """
 
 import io
@@ -20,9 +20,9 @@ from solen.spec import loads, template, with_values
 SEED = 20
 RATE_HZ, SPEED_DEG_PER_S, HOLD_S, REACH_DEG, CYCLES, REST_S = 100.0, 15.0, 0.8, 3.0, 6, 0.5
 PRINTS = {"S1": (0.0, 0.004), "S2": (0.003, -0.003), "S3": (-0.003, 0.001), "C": (0.0, 0.004)}
-"""How far each print's index and its emitter (mm) are off; C has no lens."""
+"""Errors of each print's index and of its emitter's position (mm); C has no lens."""
 CHIP_MM, ANGLE_NOISE_DEG, DRIFT = 0.2, 0.002, -0.002
-"""Width of the chip, noise of the encoder, and the emitter's loss of light in the run."""
+"""Width of the chip, noise of the encoder, and the relative change of the emitter's power during the run."""
 REMARK = """\
 # simulated: yes
 # control: C
@@ -31,7 +31,7 @@ REMARK = """\
 
 
 def angle_of(time_s: FloatArray) -> FloatArray:
-    """The paper's test: to one side, hold, back, the other side."""
+    """Return the angles of the paper's test: to one side, hold, back, to the other side."""
     ramp = REACH_DEG / SPEED_DEG_PER_S
     took = np.tile([ramp, HOLD_S, ramp, ramp, HOLD_S, ramp], CYCLES)
     corners = np.tile([1.0, 1.0, 0.0, -1.0, -1.0, 0.0], CYCLES) * REACH_DEG
@@ -39,7 +39,7 @@ def angle_of(time_s: FloatArray) -> FloatArray:
 
 
 def readings(name: str, angle_deg: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Volts of the left and the right receiver of a print, (n, 2)."""
+    """Return the voltages of the left and the right receiver of a print, (n, 2)."""
     index, offset_mm = PRINTS[name]
     design = loads(template("paper-860"))
     end = 1.02 * REACH_DEG
@@ -56,7 +56,7 @@ def readings(name: str, angle_deg: FloatArray, rng: np.random.Generator) -> Floa
 
 
 def recording() -> str:
-    """The file."""
+    """Return the content of the recording."""
     rng = np.random.default_rng(SEED)
     end = 2.0 * REST_S + CYCLES * (4.0 * REACH_DEG / SPEED_DEG_PER_S + 2.0 * HOLD_S)
     time_s = np.arange(0.0, end, 1.0 / RATE_HZ)
@@ -65,7 +65,7 @@ def recording() -> str:
 
 
 def second() -> str:
-    """The file of another day: S1 alone, moved by hand, with the angle of the encoder to compare with."""
+    """Return the content of the other day's file: S1 only, moved by hand, with the encoder for comparison."""
     time_s = np.arange(0.0, 12.0, 1.0 / RATE_HZ)
     angle = 1.7 * np.sin(2.0 * np.pi * 0.21 * time_s) + 0.8 * np.sin(2.0 * np.pi * 0.57 * time_s + 1.0)
     remark = "# simulated: yes\n# design: solen-860, the print S1 of rotation-simulated.csv on another day\n"
@@ -73,7 +73,7 @@ def second() -> str:
 
 
 def written(time_s: FloatArray, angle: FloatArray, prints: list[str], rng: np.random.Generator) -> str:
-    """Table of time, angle and volts of some prints."""
+    """Return a table of time, angle and voltages of some prints."""
     columns = np.column_stack([readings(name, angle, rng) for name in prints])
     shown = angle + ANGLE_NOISE_DEG * rng.standard_normal(angle.size)
     text = io.StringIO()

@@ -1,7 +1,7 @@
 """The sample data that `solen project examples` copies: ``python -m tools.samples`` writes all of it again.
 
-Nothing was measured: tables say so in their first line, pictures and the video in their names and their descriptions.
-What describes a picture is an image model of the tests, which shares nothing with what measures it.
+Nothing was measured: tables state this in their first line, pictures and the video in their names and their
+descriptions. Pictures are made with an image model of the tests, which shares no code with the measurement.
 """
 
 import io
@@ -39,7 +39,7 @@ LENGTHS_MM = (10, 20, 30, 40, 50)
 
 
 def discs() -> str:
-    """Cured discs, three of each exposure, that scatter by 5 %; one is torn, and one exposure was too short."""
+    """Return cured discs, three for each exposure, scattered by 5 %; one is torn, one exposure was too short."""
     rng = np.random.default_rng(39)
     rows = [
         f"# simulated: Dp {DP_UM:g} µm, Ec {EC_MJ_PER_CM2:g} mJ/cm², 13 mW/cm²; discs scatter by 5 %, one is torn",
@@ -55,7 +55,7 @@ def discs() -> str:
 
 
 def guides() -> str:
-    """Guides of five lengths, three of each in two orientations, read twice; one has a defect that costs 4 dB."""
+    """Return guides of five lengths, three each in two orientations, read twice; one has a defect that costs 4 dB."""
     rng = np.random.default_rng(41)
     rows = [
         "# simulated: 1.3 dB/cm flat, 2.1 upright; coupling 5 dB; guides scatter by 0.3 dB; guide 8 is bad",
@@ -74,7 +74,7 @@ def guides() -> str:
 
 
 def table(header: str, *columns: ArrayLike, form: str = "%.6g", remark: str = "# simulated") -> str:
-    """A table of simulated numbers, which says so."""
+    """Return a table of simulated numbers, which states that they are simulated."""
     text = io.StringIO()
     rows = np.column_stack([np.asarray(one, float) for one in columns])
     np.savetxt(text, rows, form, ",", header=f"{remark}\n{header}", comments="")
@@ -82,7 +82,7 @@ def table(header: str, *columns: ArrayLike, form: str = "%.6g", remark: str = "#
 
 
 def layer() -> str:
-    """T and R of a layer of 50 µm, n = 1.48 + 0.005 µm²/λ² and k = 1e-6, with noise of 0.05 %."""
+    """Return T and R of a layer of 50 µm, n = 1.48 + 0.005 µm²/λ² and k = 1e-6, with noise of 0.05 %."""
     nm = np.arange(430.0, 901.0, 2.0)
     reflected, transmitted = forward(1.48 + 5e3 / nm**2, 1e-6, 50.0, nm)
     noise = 5e-4 * np.random.default_rng(5).standard_normal((2, nm.size))
@@ -91,7 +91,7 @@ def layer() -> str:
 
 
 def absorbance() -> str:
-    """Decadic absorbance of a film of 93 µm of liquid resin, which falls off over the violet."""
+    """Return the decadic absorbance of a film of 93 µm of liquid resin, which decreases across the violet."""
     nm = np.arange(360.0, 441.0, 2.0)
     noise = 0.002 * np.random.default_rng(6).standard_normal(nm.size)
     falls = 0.02 + 0.9 / (1.0 + np.exp((nm - 398.0) / 7.0))
@@ -99,14 +99,14 @@ def absorbance() -> str:
 
 
 def exposures() -> str:
-    """Transmittance of layers that were exposed for 2, 4 and 6 s."""
+    """Return the transmittance of layers exposed for 2, 4 and 6 s."""
     nm, rng = np.arange(440.0, 881.0, 10.0), np.random.default_rng(7)
     curves = [91.0 - 0.5 * s + 1e-3 * nm + 0.05 * rng.standard_normal(nm.size) for s in (2, 4, 6)]
     return table("wavelength_nm,layer 2 s (%T),layer 4 s (%T),layer 6 s (%T)", nm, *curves, form="%.5g")
 
 
 def cube() -> str:
-    """Two cycles of compression of a neo-Hookean cube of 10 mm, C10 = 0.2 MPa, behind a gap of 0.2 mm."""
+    """Return two cycles of compression of a neo-Hookean cube of 10 mm, C10 = 0.2 MPa, after a gap of 0.2 mm."""
     travel = np.concatenate([np.linspace(0, 3, 150), np.linspace(3, 0, 150)[1:]] * 2)
     stretch = 1.0 - np.maximum(travel - 0.2, 0.0) / 10.0
     force = 100.0 * 0.4 * (stretch**-2 - stretch) + 0.02 * np.random.default_rng(8).standard_normal(travel.size)
@@ -114,14 +114,14 @@ def cube() -> str:
 
 
 def greys() -> str:
-    """Thickness of the discs of the coupon grey-steps, three of each, where light goes as grey to the power of 1.8."""
+    """Return thicknesses of the discs of grey-steps, three each, for light proportional to grey to the power 1.8."""
     grey = np.repeat([255.0, 225.0, 200.0, 175.0, 150.0, 125.0], 3)
     um = 300.0 + DP_UM * 1.8 * np.log(grey / 255.0) + 2.0 * np.random.default_rng(9).standard_normal(grey.size)
     return table("grey,thickness_um", grey, um, form="%.1f", remark="# simulated: light = (grey / 255)^1.8, Dp 110 µm")
 
 
 def switched() -> str:
-    """A receiver under an emitter that is switched at 100 Hz, in light of the room that drifts and flickers."""
+    """Return the readings of a receiver under an emitter switched at 100 Hz, in room light that drifts and flickers."""
     time_s = np.arange(0.0, 3.0, 0.005)
     on = np.arange(time_s.size) % 2 == 0
     room = 0.4 + 0.05 * time_s + 0.03 * np.sin(2 * np.pi * 1.3 * time_s)
@@ -132,7 +132,7 @@ def switched() -> str:
 
 
 def png(grey: FloatArray, about: str) -> bytes:
-    """A grey picture of 32 levels that is described as simulated."""
+    """Return a grey picture of 32 levels whose description states that it is simulated."""
     file, words = io.BytesIO(), PngImagePlugin.PngInfo()
     words.add_text("Description", f"simulated: {about}")
     Image.fromarray(8 * np.rint(31.0 * np.clip(grey, 0.0, 1.0)).astype(np.uint8)).save(
@@ -142,22 +142,22 @@ def png(grey: FloatArray, about: str) -> bytes:
 
 
 def pillars() -> bytes:
-    """The coupon group-a under a microscope, 14 µm to a pixel."""
+    """Return a picture of the coupon group-a under a microscope, 14 µm per pixel."""
     return png(Camera(14.0, 3.0, blur_px=1.2, noise=0.005).picture(Print(layout("group-a"))), "coupon group-a")
 
 
 def holes() -> bytes:
-    """The coupon holes under the same microscope."""
+    """Return a picture of the coupon holes under the same microscope."""
     return png(Camera(14.0, -2.0, blur_px=1.2, noise=0.005).picture(Print(layout("holes"))), "coupon holes")
 
 
 def micrometer() -> bytes:
-    """A stage micrometer with a line every 10 µm, 0.625 µm to a pixel."""
+    """Return a picture of a stage micrometer with a line every 10 µm, 0.625 µm per pixel."""
     return png(ruler(np.random.default_rng(1), 16.0, 3.0, noise=0.01), "stage micrometer, 10 µm")
 
 
 def marker() -> bytes:
-    """A marker that rests, then turns by ±3° and back, in two seconds."""
+    """Return a video of a marker that rests, then turns by ±3° and back, in two seconds."""
     eye = VideoCamera(seen_by(20.0, 0.0), cells("DICT_4X4_1000", 3, 6), noise=1.0)
     angles = 3.0 * np.sin(2 * np.pi * np.clip(np.arange(42) - 12, 0, 30) / 30)
     with tempfile.TemporaryDirectory() as folder:
@@ -167,13 +167,13 @@ def marker() -> bytes:
 
 
 def features() -> bytes:
-    """Sizes of coupons as a printer that blurs by 20 µm leaves them, as `solen print fidelity` writes them."""
+    """Return sizes of coupons from a printer that blurs by 20 µm, in the form that `solen print fidelity` writes."""
     with tempfile.TemporaryDirectory() as folder:
         return features_file(Path(folder) / "features.json").read_bytes()
 
 
 def journal() -> bytes:
-    """The journal of a run on the simulated rig that was interrupted."""
+    """Return the journal of an interrupted run on the simulated rig."""
 
     def interrupt(_: object) -> None:
         raise KeyboardInterrupt
@@ -212,7 +212,7 @@ OTHERS: dict[str, Callable[[], bytes]] = {
 
 
 def main() -> None:
-    """Write them all."""
+    """Write all sample data."""
     tables = {name: lambda made=made: made().encode() for name, made in TABLES.items()}
     for name, made in (tables | OTHERS).items():
         (SAMPLES / name).write_bytes(made())

@@ -1,9 +1,9 @@
-"""Film the studio: frames of a real browser while the lens is turned and the emitter is dragged, as docs show them.
+"""Film the studio: frames of a real browser while the lens is turned and the emitter is dragged, for the documentation.
 
     python tools/studio_film.py docs/images/studio-moving.webp docs/images/studio.png
 
-The first file is the moving picture, the second one frame of it with sharp text. It needs Chromium, Node, and `npm ci`
-in web/; nothing is drawn that the page did not show.
+The first file is the moving picture, the second one of its frames with sharp text. The tool needs Chromium, Node, and
+`npm ci` in web/; it draws nothing that the page did not show.
 """
 
 import argparse
@@ -22,11 +22,11 @@ from solen.studio.server import server_at
 DRIVER = Path(__file__).resolve().parents[1] / "web" / "tests" / "film.mjs"
 WIDTH, FRAME_MS, QUALITY = 1000, 90, 58
 LARGEST = 1_000_000
-"""Bytes of the moving picture, at most."""
+"""Largest size of the moving picture in bytes."""
 
 
 def filmed(folder: Path) -> list[Image.Image]:
-    """Frames of the page in their order."""
+    """Return the frames of the page in their order."""
     browser = shutil.which("chromium") or shutil.which("google-chrome") or sys.exit("no Chromium")
     server, listening, page = server_at(Document(folder / "sensor.toml"))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]})

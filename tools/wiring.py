@@ -10,12 +10,12 @@ Point = tuple[float, float]
 
 
 def wire(axes: Axes, *points: Point) -> None:
-    """A line through some points."""
+    """Draw a line through some points."""
     axes.plot(*zip(*points, strict=True), color=INK, lw=1.4, solid_capstyle="round")
 
 
 def resistor(axes: Axes, x: float, low: float, high: float, text: str, *, tuned: bool = False) -> None:
-    """An upright one between two heights; the wires reach both ends."""
+    """Draw a vertical resistor between two heights, with wires to both ends."""
     middle = 0.5 * (low + high)
     wire(axes, (x, low), (x, middle - 0.5))
     wire(axes, (x, middle + 0.5), (x, high))
@@ -27,25 +27,25 @@ def resistor(axes: Axes, x: float, low: float, high: float, text: str, *, tuned:
 
 
 def ground(axes: Axes, x: float, y: float) -> None:
-    """Ground below a point."""
+    """Draw a ground symbol below a point."""
     for place, half in enumerate((0.32, 0.2, 0.08)):
         wire(axes, (x - half, y - 0.12 * place), (x + half, y - 0.12 * place))
 
 
 def supply(axes: Axes, x: float, y: float, text: str) -> None:
-    """A supply above a point."""
+    """Draw a supply symbol above a point."""
     wire(axes, (x - 0.3, y), (x + 0.3, y))
     axes.text(x, y + 0.12, text, ha="center", va="bottom", fontsize=8)
 
 
 def pin(axes: Axes, x: float, y: float, text: str, colour: str) -> None:
-    """A pin of the board that ends at a point."""
+    """Draw a pin of the board that ends at a point."""
     axes.add_patch(Rectangle((x - 2.1, y - 0.3), 2.1, 0.6, fc=colour, alpha=0.18, ec=colour))
     axes.text(x - 1.05, y, text, ha="center", va="center", fontsize=8)
 
 
 def transistor(axes: Axes, x: float, y: float, text: str, *, light: bool = False) -> None:
-    """An NPN whose collector is at (x, y + 0.8) and whose emitter is at (x, y - 0.8)."""
+    """Draw an NPN transistor with its collector at (x, y + 0.8) and its emitter at (x, y - 0.8)."""
     axes.add_patch(Circle((x - 0.15, y), 0.55, fill=False, ec=INK, lw=1.2))
     wire(axes, (x - 0.35, y - 0.3), (x - 0.35, y + 0.3))
     wire(axes, (x - 0.35, y + 0.12), (x, y + 0.4), (x, y + 0.8))
@@ -58,14 +58,14 @@ def transistor(axes: Axes, x: float, y: float, text: str, *, light: bool = False
 
 
 def rays(axes: Axes, x: float, y: float) -> None:
-    """Light that comes or goes."""
+    """Draw arrows of emitted or received light."""
     for up in (0.0, 0.25):
         arrow = {"arrowstyle": "->", "color": RIGHT, "lw": 1.2}
         axes.annotate("", (x + 0.65, y + up - 0.25), (x, y + up), arrowprops=arrow)
 
 
 def emitter(axes: Axes) -> None:
-    """GPIO, transistor, LED, resistor and trimmer to 5 V."""
+    """Draw GPIO, transistor, LED, resistor and trimmer to 5 V."""
     supply(axes, 4.0, 8.2, "5 V")
     resistor(axes, 4.0, 6.6, 8.2, "2 kΩ trimmer\n(power)", tuned=True)
     resistor(axes, 4.0, 5.2, 6.6, "100 Ω")
@@ -89,7 +89,7 @@ def emitter(axes: Axes) -> None:
 
 
 def receiver(axes: Axes) -> None:
-    """Trimmer as the load, phototransistor to ground, the node to the converter."""
+    """Draw the trimmer as the load, the phototransistor to ground, and the node to the converter."""
     supply(axes, 3.0, 8.2, "3.3 V (Uno: 5 V)")
     resistor(axes, 3.0, 6.4, 8.2, "2 kΩ trimmer\n(sensitivity)", tuned=True)
     resistor(axes, 3.0, 4.9, 6.4, "220 Ω")
@@ -104,7 +104,7 @@ def receiver(axes: Axes) -> None:
 
 
 def motor(axes: Axes) -> None:
-    """Step and direction to a driver with its own supply."""
+    """Draw step and direction lines to a driver with its own supply."""
     axes.add_patch(Rectangle((2.2, 2.6), 2.6, 4.2, fill=False, ec=INK, lw=1.4))
     axes.text(3.5, 4.7, "stepper\ndriver\n(A4988)\nor servo", ha="center", va="center", fontsize=8)
     for height, text in ((6.1, "STEP pin"), (5.1, "DIR pin")):
@@ -122,7 +122,7 @@ def motor(axes: Axes) -> None:
 
 
 def wiring() -> Figure:
-    """All three, side by side."""
+    """Draw all three circuits side by side."""
     figure = Figure(figsize=(10.0, 3.8), layout="constrained")
     for axes, draw in zip(figure.subplots(1, 3), (emitter, receiver, motor), strict=True):
         draw(axes)

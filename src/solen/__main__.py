@@ -1,4 +1,4 @@
-"""``python -m solen`` is the command ``solen``."""
+"""Run the command `solen` as ``python -m solen``."""
 
 from solen.cli import main
 

@@ -1,7 +1,7 @@
 """Functions for scripts: files in, typed results out. Only `export` writes files.
 
 Each function does the work of a command, without writing files. Options are given by keyword: they are the fields of
-the options class named in the function's docstring; see `help` of that class.
+the options class named in the function's docstring, and `help` of that class describes them.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,10 @@ FilePath = Path | str
 
 
 def index_of_layer(file: FilePath, *, sheet: str | None = None, **options: Any) -> "LayerIndex":
-    """Refractive index of a printed layer from a file of its R and T; `solen.material.index.options.IndexOptions`."""
+    """Compute the refractive index of a printed layer from a file of its R and T.
+
+    Options: `solen.material.index.options.IndexOptions`.
+    """
     from solen.material.index.layer import index_of_layer as compute
     from solen.material.index.options import IndexOptions
     from solen.recording import read
@@ -34,7 +37,10 @@ def index_of_layer(file: FilePath, *, sheet: str | None = None, **options: Any) 
 
 
 def loss_of_guide(file: FilePath, *, sheet: str | None = None, **options: Any) -> "GuideLoss":
-    """Loss of a guide in dB/cm from a file of powers at several lengths; `solen.material.loss.CutbackOptions`."""
+    """Compute the loss of a guide in dB/cm from a file of powers at several lengths.
+
+    Options: `solen.material.loss.CutbackOptions`.
+    """
     from solen.material.loss import CutbackOptions, guide_loss
     from solen.recording import read
 
@@ -42,7 +48,10 @@ def loss_of_guide(file: FilePath, *, sheet: str | None = None, **options: Any) -
 
 
 def working_curve(file: FilePath, *, sheet: str | None = None, **options: Any) -> "MeasuredCurve":
-    """Working curve of a resin from a file of cured discs; `solen.material.cure.CureOptions`."""
+    """Fit the working curve of a resin to a file of cured discs.
+
+    Options: `solen.material.cure.CureOptions`.
+    """
     from solen.material.cure import CureOptions
     from solen.pipeline.resin.cure import cure
 
@@ -52,7 +61,10 @@ def working_curve(file: FilePath, *, sheet: str | None = None, **options: Any) -
 def measure_lens(
     picture: FilePath, design: "Design | FilePath", *, against: "Sequence[Design]" = (), **options: Any
 ) -> "LensInspection":
-    """Printed lens in a picture, measured against its design; `solen.metrology.InspectOptions`."""
+    """Measure a printed lens in a picture against its design.
+
+    Options: `solen.metrology.InspectOptions`.
+    """
     from solen.metrology import InspectOptions, read_image
     from solen.metrology import measure_lens as measure
     from solen.spec import Design, load
@@ -64,28 +76,37 @@ def measure_lens(
 
 
 def analyse(*recordings: FilePath, **options: Any) -> "Study":
-    """Response and figures of merit of each recorded sensor; `solen.analysis.AnalysisOptions`."""
+    """Compute the response and figures of merit of each recorded sensor.
+
+    Options: `solen.analysis.AnalysisOptions`.
+    """
     from solen.analysis import AnalysisOptions, study
 
     return study([Path(file) for file in recordings], AnalysisOptions(**options))
 
 
 def diagnose(study: "Study", **options: Any) -> "SensorDiagnoses":
-    """Decentre, chip width, loss and gains of analysed sensors; `solen.analysis.diagnosis.DiagnosisOptions`."""
+    """Estimate decentre, chip width, loss and gains of analysed sensors.
+
+    Options: `solen.analysis.diagnosis.DiagnosisOptions`.
+    """
     from solen.analysis.diagnosis import DiagnosisOptions, diagnosed_sensors
 
     return diagnosed_sensors(study, DiagnosisOptions(**options))
 
 
 def calibrate_sensor(study: "Study", **options: Any) -> "SensorCalibrations":
-    """Calibrations of sensors that were analysed; `solen.analysis.calibration.CalibrationOptions`."""
+    """Calibrate sensors that were analysed.
+
+    Options: `solen.analysis.calibration.CalibrationOptions`.
+    """
     from solen.analysis.calibration import CalibrationOptions, calibrated_sensors
 
     return calibrated_sensors(study, CalibrationOptions(**options))
 
 
 def calibrate_printer(*measurements: FilePath, process: FilePath | None = None) -> "PrinterCalibration":
-    """Blur, growth and shrinkage of a printer from files of measured coupons, as `solen print fidelity` writes them."""
+    """Fit blur, edge growth and shrinkage of a printer to coupons measured by `solen print fidelity`."""
     from solen.pipeline.print.calibrate import calibrate as run
 
     return run([Path(file) for file in measurements], process=None if process is None else Path(process)).result

@@ -16,7 +16,7 @@ from solen.registry import GROUPS, offered
 from solen.results import Result
 
 CORE = ("numpy", "scipy", "numba", "matplotlib", "pydantic", "cyclopts")
-"""Distributions whose versions change numbers, figures or messages."""
+"""Distributions whose versions can change numbers, figures or messages."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class Optional:
     Attributes
     ----------
     name
-        The distribution.
+        Name of the distribution.
     version
-        The installed one; None if it is missing.
+        The installed version; None if it is missing.
     extra
         The extra of solen that installs it.
     install
@@ -48,11 +48,11 @@ class KernelCache:
     Attributes
     ----------
     folder
-        Its folder; None if no folder is writable.
+        Folder of the cache; None if no folder is writable.
     files
-        Compiled functions in it; 0 until the first trace.
+        Number of compiled functions in it; 0 until the first trace.
     size_bytes
-        Size of these files.
+        Total size of these files.
     """
 
     folder: Path | None
@@ -68,7 +68,7 @@ class Installation(Result):
     version, python, platform
         Version of solen; version and implementation of Python; the system and its processor.
     executable
-        The Python that runs.
+        Path of the Python interpreter.
     threads
         Number of threads that a trace uses by default.
     packages
@@ -76,11 +76,11 @@ class Installation(Result):
     optional
         Packages that only some commands need.
     cache
-        The compiled tracer on disk.
+        Cache of the compiled tracer.
     plugins
         Additions of other installed packages, by entry-point group.
     warnings
-        Problems.
+        Problems of the installation.
     """
 
     version: str
@@ -119,7 +119,7 @@ def examine() -> Installation:
 
 
 def kernel_cache() -> KernelCache:
-    """Folder and size of the compiled tracer's cache."""
+    """Return folder and size of the compiled tracer's cache."""
     from solen.trace.kernel.compiled import cache_folder
 
     folder = cache_folder()

@@ -1,7 +1,7 @@
-"""Errors a user can act on: each says in one line what is wrong, the value, the limit and the remedy.
+"""Errors that a user can act on: each states in one line what is wrong, the value, the limit and the remedy.
 
-The class of an error says which input is at fault; the command line prints the message and exits with code 2.
-Anything that is not a :class:`SolenError` is a defect of solen itself.
+The class of an error identifies the kind of input at fault; the command line prints the message and exits with code 2.
+Any exception that is not a :class:`SolenError` is a defect of solen itself.
 """
 
 import re
@@ -18,9 +18,9 @@ class SolenError(Exception):
     what
         What is wrong, named as the user did (``lens.half_width_mm``, a file's path).
     value
-        The value in question; left out of the line when ``None``.
+        The value in question; omitted from the line if ``None``.
     limit
-        The limit that it breaks.
+        The limit that it violates.
     remedy
         How to correct it.
     """
@@ -36,7 +36,7 @@ class SolenError(Exception):
 
 
 def _shown(value: object) -> str:
-    """A value in short form: a number to nine digits, a long text cut off."""
+    """Return a value in short form: a number to nine digits, a long text truncated."""
     if isinstance(value, float):
         return str(float(f"{value:.9g}"))
     text = _DIGITS.sub(r"\1…", str(value))

@@ -1,11 +1,11 @@
 """Expressions such as ``abs(null_deg) < 0.3``, parsed and never run as code.
 
-Allowed are names, numbers, + - * / ** and brackets, abs, min and max, comparisons, ``and``, ``or`` and ``not``. A
-`Grammar` defines the names; it may also have functions of one name, as ``worst(light)``, whose value is found under the
-name ``worst light``.
+Allowed are names, numbers, + - * / ** and parentheses, abs, min and max, comparisons, ``and``, ``or`` and ``not``. A
+`Grammar` defines the names. It may also define functions of one name, such as ``worst(light)``, whose value is looked
+up under the name ``worst light``.
 
-The interface: `parsed` a text, the `names` in it; its `value` for values of the names, `slopes` by them, and how far a
-condition is `missed`.
+The interface: `parsed` parses a text, and `names` lists its names; `value` evaluates it, `slopes` differentiates it
+with respect to its names, and `missed` measures by how much a condition is not met.
 """
 
 import ast
@@ -43,20 +43,20 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 
 @dataclass(frozen=True)
 class Grammar:
-    """What an expression holds.
+    """What an expression may contain.
 
     Attributes
     ----------
     what
         Kind of quantity that a name refers to, in one word.
     is_condition
-        Whether it is a condition, or else a value.
+        Whether the expression is a condition; otherwise it is a value.
     refusal
-        Makes an error of a limit and a remedy, which may be empty.
+        Makes an error from a limit and a remedy, which may be empty.
     check
         Raises an error for an unknown name.
     of_a_name
-        Functions that take one name.
+        Functions whose argument is a single name.
     """
 
     what: str
@@ -67,7 +67,7 @@ class Grammar:
 
 
 def parsed(text: str, grammar: Grammar) -> ast.expr:
-    """Tree of a text, its names and parts not yet checked."""
+    """Return the syntax tree of a text; its names and operations are not yet checked."""
     if len(text) > LONGEST:
         raise grammar.refusal(f"is longer than {LONGEST} characters", "")
     try:
@@ -75,16 +75,16 @@ def parsed(text: str, grammar: Grammar) -> ast.expr:
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise grammar.refusal("is not an expression", "") from None
     if grammar.is_condition and not _is_condition(tree):
-        raise grammar.refusal("is not a condition", "compare two sides by <, <=, > or >=")
+        raise grammar.refusal("is not a condition", "compare two sides with <, <=, > or >=")
     if not grammar.is_condition and any(isinstance(node, ast.Compare | ast.BoolOp) for node in ast.walk(tree)):
         raise grammar.refusal("is a condition, not a value", "")
     return tree
 
 
 def names(node: ast.AST, grammar: Grammar, depth: int = 0) -> list[str]:
-    """Names in a tree; the grammar's error for anything that an expression may not hold."""
+    """Return the names in a tree; raise the grammar's error for anything that an expression may not contain."""
     if depth > DEEPEST:
-        raise grammar.refusal("has too many brackets", "")
+        raise grammar.refusal("has too many nested parentheses", "")
     if isinstance(node, ast.Name):
         grammar.check(node.id)
         return [node.id]
@@ -112,7 +112,7 @@ def names(node: ast.AST, grammar: Grammar, depth: int = 0) -> list[str]:
 
 
 def value(node: ast.expr, values: Mapping[str, Any]) -> Any:
-    """Value of a checked tree."""
+    """Return the value of a checked tree."""
     match node:
         case ast.Name():
             return values[node.id]
@@ -138,7 +138,10 @@ def value(node: ast.expr, values: Mapping[str, Any]) -> Any:
 
 
 def slopes(node: ast.expr, values: Mapping[str, FloatArray]) -> dict[str, Any]:
-    """Exact derivatives of a checked tree, a value, by each name in it; of abs, min and max of the side taken."""
+    """Return the exact derivatives of a checked tree of values with respect to each name in it.
+
+    For abs, min and max they are the derivatives of the selected branch.
+    """
     match node:
         case ast.Name():
             return {node.id: np.float64(1.0)}
@@ -159,7 +162,7 @@ def slopes(node: ast.expr, values: Mapping[str, FloatArray]) -> dict[str, Any]:
 
 
 def missed(node: ast.expr, values: Mapping[str, Any]) -> Any:
-    """By how much the sides of a condition are on the wrong sides of one another, relative to their size."""
+    """Return by how much a condition is not met: the difference of its sides relative to their size; 0 if it is met."""
     if isinstance(node, ast.BoolOp):
         parts = np.broadcast_arrays(*(missed(part, values) for part in node.values))
         return np.sum(parts, axis=0) if isinstance(node.op, ast.And) else np.min(parts, axis=0)
@@ -181,25 +184,25 @@ def _is_condition(node: ast.expr) -> bool:
 
 
 def _of_a_name(node: ast.Call, function: str, grammar: Grammar) -> str:
-    """Name under which the value of a function of one name is found."""
+    """Return the name under which the value of a function of one name is stored."""
     if not (len(node.args) == 1 and not node.keywords and isinstance(node.args[0], ast.Name)):
-        raise grammar.refusal(f"{function} takes one {grammar.what}", "")
+        raise grammar.refusal(f"{function} needs one {grammar.what}", "")
     name = f"{function} {node.args[0].id}"
     grammar.check(name)
     return name
 
 
 def _arguments(node: ast.Call, grammar: Grammar) -> list[ast.AST]:
-    """Arguments of a function that an expression may contain."""
+    """Return the arguments of a function call that an expression may contain."""
     if not (isinstance(node.func, ast.Name) and node.func.id in _FUNCTIONS and node.args and not node.keywords):
         raise grammar.refusal(f"functions are {', '.join((*_FUNCTIONS, *grammar.of_a_name))}", "")
     if node.func.id == "abs" and len(node.args) > 1:
-        raise grammar.refusal("abs takes one value", "")
+        raise grammar.refusal("abs needs one value", "")
     return list(node.args)
 
 
 def _no_names(node: ast.Constant, grammar: Grammar) -> list[str]:
-    """None, where a constant is a number of a size that can be."""
+    """Return no names for a constant; raise an error if it is not a number or too large."""
     if isinstance(node.value, bool) or not isinstance(node.value, int | float):
         raise grammar.refusal(f"{ast.unparse(node)} is not allowed in an expression of {grammar.what}s", "")
     if not abs(node.value) < LARGEST:
@@ -208,7 +211,7 @@ def _no_names(node: ast.Constant, grammar: Grammar) -> list[str]:
 
 
 def _by_sides(op: ast.operator, a: Any, b: Any) -> tuple[Any, Any]:
-    """Derivatives of an operation by its two sides."""
+    """Return the derivatives of an operation with respect to its two operands."""
     match op:
         case ast.Mult():
             return b, a
@@ -220,7 +223,7 @@ def _by_sides(op: ast.operator, a: Any, b: Any) -> tuple[Any, Any]:
 
 
 def _sum(*parts: tuple[Any, dict[str, Any]]) -> dict[str, Any]:
-    """Sum of derivatives, each times the derivative of what they go through."""
+    """Return the sum of derivatives, each multiplied by the derivative of the outer function (chain rule)."""
     total: dict[str, Any] = {}
     for factor, inner in parts:
         for name, slope in inner.items():

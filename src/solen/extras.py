@@ -21,11 +21,11 @@ class Package:
     Parameters
     ----------
     distribution
-        Its name for pip.
+        Name of the package for pip.
     extra
         The extra of solen that installs it.
     known_as
-        Its name in messages; empty: the distribution's.
+        Name of the package in messages; if empty, that of the distribution.
     """
 
     distribution: str
@@ -39,7 +39,7 @@ class Package:
 
     @property
     def command(self) -> str:
-        """Command that installs all that its extra adds, in any folder: solen itself is on no package index."""
+        """Command that installs everything its extra adds, in any folder; solen itself is on no package index."""
         return "pip install " + " ".join(f'"{text}"' for text in _requirements(self.extra) or [f".[{self.extra}]"])
 
 
@@ -71,11 +71,11 @@ PACKAGES = {
     "xarray": Package("xarray", "netcdf"),
     "xlrd": Package("xlrd", "xls"),
 }
-"""Package that provides a module, by the module's import name."""
+"""The package that provides each module, by the module's import name."""
 
 
 def _requirements(extra: str) -> list[str]:
-    """Requirements of an extra, without its markers; none where solen runs from a clone that is not installed."""
+    """Return the requirements of an extra without its markers; none if solen runs uninstalled from a clone."""
     try:
         lines = requires("solen-sensor") or []
     except PackageNotFoundError:
@@ -84,7 +84,7 @@ def _requirements(extra: str) -> list[str]:
 
 
 def installed(module: str) -> bool:
-    """Whether a module of `PACKAGES` is installed, without importing it."""
+    """Return whether a module of `PACKAGES` is installed, without importing it."""
     return sys.modules[module] is not None if module in sys.modules else find_spec(module) is not None
 
 
@@ -105,16 +105,16 @@ def need(
     what, value
         Subject of the error as the user named it (an option, a file), and its value.
     doing
-        Purpose of the module: "writing STEP".
+        What the module is needed for: "writing STEP".
     otherwise
-        Alternative to installing it: "export a CSV".
+        Alternative to installing the package: "export a CSV".
     error
-        The kind of error to raise.
+        Class of the error to raise.
 
     Raises
     ------
     SolenError
-        Of the kind ``error``: what is missing and the command that installs it.
+        An error of class ``error``, which states what is missing and the command that installs it.
     """
     for module in modules:
         if not installed(module):

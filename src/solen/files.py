@@ -1,7 +1,7 @@
-"""Reading and writing files: no file is ever half-written, and every failure is a one-line error.
+"""Reading and writing files: no file is ever left incomplete, and every failure is a one-line error.
 
-A file is written to a temporary name beside its target and renamed; an interrupted program leaves the old file or the
-new one, never a part of it.
+A file is written under a temporary name beside its target and then renamed; an interrupted program leaves the old file
+or the new one, never a part of it.
 """
 
 import contextlib
@@ -35,9 +35,9 @@ Content = bytes | Callable[[Path], object]
 
 
 def read_text(path: Path, error: type[SolenError], *, maker: str = "") -> str:
-    """Text of a UTF-8 file, without a byte-order mark; raises ``error`` if it cannot be read.
+    """Return the text of a UTF-8 file without a byte-order mark; raise ``error`` if it cannot be read.
 
-    ``maker`` is the command that makes such a file, named where there is none.
+    ``maker`` is the command that makes such a file; the error names it if the file does not exist.
     """
     try:
         return path.read_text(encoding="utf-8-sig")
@@ -53,16 +53,16 @@ def read_text(path: Path, error: type[SolenError], *, maker: str = "") -> str:
 
 
 def read_bytes(path: Path, error: type[SolenError], *, most_mb: int, smaller: str) -> bytes:
-    """Bytes of a file; raises ``error`` if it cannot be read, is empty or has more than ``most_mb``.
+    """Return the bytes of a file; raise ``error`` if it cannot be read, is empty or is larger than ``most_mb``.
 
-    ``smaller`` says what makes such a file smaller.
+    ``smaller`` describes how to make such a file smaller.
     """
     try:
         size = path.stat().st_size
         if not path.is_file():
             raise error(str(path), limit="is a folder or a device", remedy="name a file")
         if size > most_mb * 1_000_000:
-            limit = f"has {size / 1e6:.0f} MB; at most {most_mb} MB are read"
+            limit = f"is {size / 1e6:.0f} MB large; the limit is {most_mb} MB"
             raise error(str(path), limit=limit, remedy=smaller)
         data = path.read_bytes()
     except FileNotFoundError:
@@ -76,9 +76,9 @@ def read_bytes(path: Path, error: type[SolenError], *, most_mb: int, smaller: st
 
 @contextlib.contextmanager
 def output_folder(path: Path) -> Iterator[Path]:
-    """Create a folder for results, with its parents; `OutputError` if no file can be written there.
+    """Create a folder for results, with its parents; raise `OutputError` if no file can be written there.
 
-    On an exception, folders created here that are still empty are removed.
+    After an exception, folders created here that are still empty are removed.
     """
     made: list[Path] = []
     try:
@@ -100,9 +100,9 @@ def output_folder(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """A new folder that appears under its name once it is complete; `OutputError` if it exists or cannot be made.
+    """Make a new folder that gets its name once it is complete; raise `OutputError` if it exists or cannot be made.
 
-    On an exception nothing is left.
+    After an exception nothing is left.
     """
     if path.exists():
         raise OutputError(str(path), limit="exists already", remedy="name another folder or remove it")
@@ -118,26 +118,28 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> Path:
-    """Write UTF-8 text under a temporary name and rename it to ``path``; `OutputError` if that fails."""
+    """Write UTF-8 text under a temporary name and rename it to ``path``; raise `OutputError` if that fails."""
     return write_bytes(path, text.encode("utf-8"))
 
 
 def write_bytes(path: Path, data: bytes) -> Path:
-    """Write bytes under a temporary name and rename it to ``path``; `OutputError` if that fails.
+    """Write bytes under a temporary name and rename it to ``path``; raise `OutputError` if that fails.
 
-    A file that is replaced keeps its permissions; a new one has those of any new file.
+    A replaced file keeps its permissions; a new one has the default permissions.
     """
     return write_all({path: data})[0]
 
 
 def joined(*several: Mapping[Path, Content]) -> dict[Path, Content]:
-    """Contents of several groups of files combined; `OutputError` if two have the same path."""
+    """Combine the contents of several groups of files; raise `OutputError` if two have the same path."""
     contents: dict[Path, Content] = {}
     known: set[Path] = set()
     for group in several:
         for path, content in group.items():
             if path.resolve() in known:
-                raise OutputError(str(path), limit="is another file of this command", remedy="rename one of the two")
+                raise OutputError(
+                    str(path), limit="is also another output of this command", remedy="rename one of the two"
+                )
             known.add(path.resolve())
             contents[path] = content
     return contents
@@ -146,7 +148,7 @@ def joined(*several: Mapping[Path, Content]) -> dict[Path, Content]:
 def write_all(contents: Mapping[Path, Content]) -> list[Path]:
     """Write several files, all under temporary names first, then rename all of them.
 
-    `OutputError` if one of them cannot be written; then none is.
+    Raise `OutputError` if one of them cannot be written; then none is.
     """
     ready: dict[Path, tuple[Path, Path]] = {}
     path = Path()
@@ -169,9 +171,9 @@ def write_all(contents: Mapping[Path, Content]) -> list[Path]:
 
 
 def write_new(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
-    """Write files into a folder under their names, made with it if missing; `OutputError` if one is there and differs.
+    """Write files into a folder, created if missing; raise `OutputError` if one of them exists and differs.
 
-    A name may have folders of its own, ``bench/rig.toml``.
+    A name may include subfolders: ``bench/rig.toml``.
     """
     targets = {folder / name: data for name, data in contents.items()}
     with output_folder(folder):
@@ -185,9 +187,9 @@ def write_new(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
 
 @contextlib.contextmanager
 def streamed(path: Path) -> Iterator[TextIO]:
-    """Text file written piece by piece, under a temporary name until it is complete; `OutputError` if writing fails.
+    """Open a text file for writing piece by piece; it has a temporary name until it is complete.
 
-    On an exception no file is left.
+    Raise `OutputError` if writing fails. After an exception no file is left.
     """
     temporary = path.with_name(f"{_hidden(path)}{secrets.token_hex(6)}.tmp")
     try:
@@ -201,7 +203,7 @@ def streamed(path: Path) -> Iterator[TextIO]:
 
 
 def seal(path: Path) -> None:
-    """Append two copies of a file's checksum, apart, so that one damaged spot leaves one intact; HDF5 ignores both."""
+    """Append two copies of a file's checksum, so far apart that local damage leaves one intact; HDF5 ignores both."""
     size, crc = path.stat().st_size, _crc(path)
     body = _SEAL.pack(SEALED, size, crc)
     one = body + zlib.crc32(body).to_bytes(4, "little")
@@ -210,7 +212,7 @@ def seal(path: Path) -> None:
 
 
 def check_seal(path: Path, error: type[SolenError]) -> int:
-    """Size of a file without its seal; raises ``error`` if the content of a sealed file has changed."""
+    """Return the size of a file without its seal; raise ``error`` if the content of a sealed file has changed."""
     try:
         with path.open("rb") as file:
             size = file.seek(0, os.SEEK_END)
@@ -228,7 +230,7 @@ def check_seal(path: Path, error: type[SolenError]) -> int:
 
 
 def _stated(end: bytes) -> tuple[int, int] | None:
-    """Size and checksum stated by the seal at a file's end; None if no seal is intact."""
+    """Return size and checksum stated by the seal at a file's end, or None if no seal is intact."""
     place = end.find(SEALED)
     while place >= 0:
         body, crc = end[place : place + _SEAL.size], end[place + _SEAL.size :][:4]
@@ -240,7 +242,7 @@ def _stated(end: bytes) -> tuple[int, int] | None:
 
 
 def _crc(path: Path, size: int | None = None) -> int:
-    """CRC-32 of a file's first bytes, or of all."""
+    """Return the CRC-32 of a file's first bytes, or of the whole file."""
     crc, left = 0, path.stat().st_size if size is None else size
     with path.open("rb") as file:
         while left and (chunk := file.read(min(left, 1 << 20))):
@@ -254,23 +256,23 @@ def check_name(what: str, name: str, error: type[SolenError], remedy: str = "cho
     if any(sign in name for sign in '/\\:*?"<>|') or any(ord(sign) < 32 for sign in name):
         limit = 'must be the name of a file, without its folder and without any of / \\ : * ? " < > |'
     elif not name or name[0] == "." or name[-1] in ". ":
-        limit = "must not begin with a dot, nor end in a dot or a blank"
+        limit = "must not begin with a dot, or end in a dot or a space"
     elif name.partition(".")[0].rstrip().upper() in DEVICES:
-        limit = f"is a device on Windows: {name.partition('.')[0]}"
+        limit = f"is reserved for a device on Windows: {name.partition('.')[0]}"
     elif (length := len(name.encode())) > LONGEST_NAME:
-        name, limit = f"{name[:20]}…", f"is {length} bytes long; {LONGEST_NAME} at most"
+        name, limit = f"{name[:20]}…", f"is {length} bytes long; at most {LONGEST_NAME} are allowed"
     if limit:
         raise error(what, value=name, limit=limit, remedy=remedy)
 
 
 def csv_cell(text: str) -> str:
-    """A text for a CSV file; an apostrophe precedes what a spreadsheet would take for a formula."""
+    """Return a text for a CSV file, with a leading apostrophe if a spreadsheet would interpret it as a formula."""
     shown = f"'{text}" if text[:1] in {"=", "+", "-", "@", "\t", "\r"} else text
     return '"' + shown.replace('"', '""') + '"' if any(sign in shown for sign in ',"\n\r') else shown
 
 
 def remove(path: Path) -> None:
-    """Remove a file, or a link to one, if it exists; `OutputError` if that fails."""
+    """Remove a file, or a link to one, if it exists; raise `OutputError` if that fails."""
     try:
         if path.is_file() or path.is_symlink():
             path.unlink()
@@ -287,12 +289,12 @@ def remove_left(path: Path) -> None:
 
 
 def _hidden(target: Path) -> str:
-    """Beginning of the temporary names of a file."""
+    """Return the beginning of the temporary names of a file."""
     return f".{target.name[:100]}."
 
 
 def _target(path: Path) -> Path:
-    """Target of ``path``, links followed; `ValueError` if something other than an ordinary file is there."""
+    """Return the target of ``path`` with links followed; raise `ValueError` if it is not an ordinary file."""
     target = path.resolve()
     if not target.name or (target.exists() and not target.is_file()):
         raise ValueError("not an ordinary file")
@@ -300,7 +302,7 @@ def _target(path: Path) -> Path:
 
 
 def _write_new(path: Path, data: Content, like: Path) -> None:
-    """Write a new file, with the permissions of ``like`` if that exists; fails if the file exists."""
+    """Write a new file with the permissions of ``like``, if that exists; fail if the file exists."""
     with path.open("xb") as file:
         if isinstance(data, bytes):
             file.write(data)

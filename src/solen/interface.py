@@ -1,7 +1,7 @@
 """Refraction and reflection at one interface between two media: Snell, Fresnel, total reflection.
 
-Directions are unit vectors; ``normal`` is the unit normal that faces the arriving ray (their scalar product is
-negative). n1 is the index on the arriving side, n2 the one behind.
+Directions are unit vectors; ``normal`` is the unit normal on the side of the incident ray (their scalar product is
+negative). n1 is the index on the incident side, n2 that on the other side.
 """
 
 import math
@@ -18,13 +18,16 @@ class Fresnel(NamedTuple):
 
 
 def cos_refracted(cos_incident: float, n1: float, n2: float) -> float | None:
-    """Cosine of the angle of refraction, by Snell's law; None under total reflection."""
+    """Return the cosine of the angle of refraction from Snell's law, or None under total reflection."""
     cos2 = (n2 - n1) * (n2 + n1) + (n1 * cos_incident) ** 2  # times n2²; exact also where the indices match
     return None if cos2 <= 0.0 else math.sqrt(cos2) / n2
 
 
 def fresnel(cos_incident: float, n1: float, n2: float) -> Fresnel:
-    """Fresnel's reflectances of a smooth interface between lossless media (Born & Wolf, section 1.5); 1 when total."""
+    """Return Fresnel's reflectances of a smooth interface between lossless media (Born & Wolf, section 1.5).
+
+    They are 1 under total reflection.
+    """
     cos_out = cos_refracted(cos_incident, n1, n2)
     if cos_out is None:
         return Fresnel(1.0, 1.0)
@@ -34,13 +37,13 @@ def fresnel(cos_incident: float, n1: float, n2: float) -> Fresnel:
 
 
 def reflected(direction: Point, normal: Point) -> Point:
-    """Unit direction after a mirror reflection; renormalised, so that many reflections do not change its length."""
+    """Return the direction after a mirror reflection, normalised so that many reflections keep its length."""
     twice = 2.0 * dot(direction, normal)
     return unit((direction[0] - twice * normal[0], direction[1] - twice * normal[1]))
 
 
 def refracted(direction: Point, normal: Point, n1: float, n2: float) -> Point | None:
-    """Direction behind the interface by Snell's law in vector form; None under total reflection."""
+    """Return the direction behind the interface by Snell's law in vector form, or None under total reflection."""
     cos_in = -dot(direction, normal)
     cos_out = cos_refracted(cos_in, n1, n2)
     if cos_out is None:

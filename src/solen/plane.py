@@ -1,6 +1,6 @@
-"""Points and directions of the plane, and the rigid motions that move them.
+"""Points and directions in the plane, and the rigid motions that move them.
 
-A point or a direction is a pair (x, z), x to the right and z upwards; angles are degrees, counter-clockwise.
+A point or a direction is a pair (x, z), x to the right and z upwards; angles are in degrees, counter-clockwise.
 """
 
 import math
@@ -11,54 +11,54 @@ import numpy as np
 from numpy.typing import NDArray
 
 Point = tuple[float, float]
-"""(x, z) in mm, or a direction."""
+"""A point (x, z) in mm, or a direction."""
 
 
 def dot(a: Point, b: Point) -> float:
-    """Scalar product."""
+    """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1]
 
 
 def cross(a: Point, b: Point) -> float:
-    """z-component of the vector product: positive where ``b`` lies to the left of ``a``."""
+    """Return the out-of-plane component of the vector product: positive if ``b`` is to the left of ``a``."""
     return a[0] * b[1] - a[1] * b[0]
 
 
 def minus(a: Point, b: Point) -> Point:
-    """Vector from ``b`` to ``a``."""
+    """Return the vector from ``b`` to ``a``."""
     return (a[0] - b[0], a[1] - b[1])
 
 
 def along(origin: Point, direction: Point, distance: float) -> Point:
-    """Point at a distance from ``origin`` along a unit direction."""
+    """Return the point at a distance from ``origin`` along a unit direction."""
     return (origin[0] + distance * direction[0], origin[1] + distance * direction[1])
 
 
 def unit(a: Point) -> Point:
-    """Vector of length 1 along ``a``."""
+    """Return the vector of length 1 along ``a``."""
     length = math.hypot(*a)
     return (a[0] / length, a[1] / length)
 
 
 def left_of(a: Point) -> Point:
-    """``a`` turned by +90 degrees."""
+    """Return ``a`` rotated by +90 degrees."""
     return (-a[1], a[0])
 
 
 def right_of(a: Point) -> Point:
-    """``a`` turned by −90 degrees."""
+    """Return ``a`` rotated by −90 degrees."""
     return (a[1], -a[0])
 
 
 def heading(angle_deg: float) -> Point:
-    """Unit direction ``angle_deg`` counter-clockwise from +z: 0 is up the axis, −3 leans to the right."""
+    """Return the unit direction ``angle_deg`` counter-clockwise from +z: 0 is along the axis, −3 leans to the right."""
     angle = math.radians(angle_deg)
     return (-math.sin(angle), math.cos(angle))
 
 
 @dataclass(frozen=True)
 class Rigid:
-    """A turn by an angle and a shift: p -> R p + shift."""
+    """A rotation followed by a translation: p -> R p + shift."""
 
     cos: float = 1.0
     sin: float = 0.0
@@ -66,7 +66,7 @@ class Rigid:
 
     @classmethod
     def about(cls, pivot: Point, angle_deg: float) -> "Rigid":
-        """Turn counter-clockwise by ``angle_deg`` about ``pivot``; the exact identity for 0."""
+        """Return the counter-clockwise rotation by ``angle_deg`` about ``pivot``; for 0 it is exactly the identity."""
         if angle_deg == 0.0:
             return cls()
         c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
@@ -77,7 +77,7 @@ class Rigid:
     def nearest(
         cls, before: NDArray[np.float64], after: NDArray[np.float64], weight: NDArray[np.float64] | None = None
     ) -> "Rigid":
-        """Motion that takes points (N, 2) nearest to others, by least squares; the exact identity where none moves."""
+        """Return the least-squares motion from points (N, 2) to others; exactly the identity if none moves."""
         if np.array_equal(before, after):
             return cls()
         share = np.full(len(before), 1.0 / len(before)) if weight is None else weight / weight.sum()
@@ -91,28 +91,28 @@ class Rigid:
 
     @property
     def angle_deg(self) -> float:
-        """Its angle, counter-clockwise, from -180 to 180."""
+        """Angle of the rotation, counter-clockwise, from -180 to 180."""
         return math.degrees(math.atan2(self.sin, self.cos))
 
     def points(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Where points (N, 2) go."""
+        """Move points (N, 2)."""
         return np.asarray(points @ np.array([[self.cos, self.sin], [-self.sin, self.cos]]) + np.asarray(self.shift))
 
     def point(self, p: Point) -> Point:
-        """Where a point goes."""
+        """Move a point."""
         x, z = self.vector(p)
         return (x + self.shift[0], z + self.shift[1])
 
     def vector(self, v: Point) -> Point:
-        """Where a direction goes."""
+        """Rotate a direction."""
         return (self.cos * v[0] - self.sin * v[1], self.sin * v[0] + self.cos * v[1])
 
 
 def off_a_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    """Largest deviation along y of points (N,), x ascending, from their minimax straight line.
+    """Return the largest deviation along y of points (N,), x ascending, from their minimax straight line.
 
-    It is half the height, along y, of the narrowest strip that contains them; one side of the strip lies on the
-    convex hull.
+    It is half the height, along y, of the narrowest strip that contains them; one side of the strip lies on the convex
+    hull.
     """
     points = x.tolist(), y.tolist()
     sides = [end for side in (1.0, -1.0) for end in pairwise(_chain(*points, side))]
@@ -122,7 +122,7 @@ def off_a_line(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
 
 
 def _chain(x: list[float], y: list[float], side: float) -> list[int]:
-    """Upper (1) or lower (−1) side of the convex hull, from left to right."""
+    """Return the upper (1) or lower (−1) side of the convex hull, from left to right."""
     numbers: list[int] = []
     for place in range(len(x)):
         while len(numbers) > 1:

@@ -1,4 +1,4 @@
-"""Long work: the share of it that is done, and items on several threads."""
+"""Progress of long computations, and parallel work on several threads."""
 
 import os
 from collections.abc import Callable, Collection, Iterator
@@ -9,16 +9,16 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 Progress = Callable[[float], None]
-"""Called with the share of the work that is done, from 0 to 1."""
+"""A function called with the completed fraction of the work, from 0 to 1."""
 
 
 def part_of(progress: Progress | None, first: float, parts: float = 1.0, length: float = 1.0) -> Progress | None:
-    """Progress of a part of some work: where it begins and its length, of a whole of ``parts``."""
+    """Return the progress of part of some work, given where the part begins and its length in units of ``parts``."""
     return None if progress is None else lambda done: progress((first + length * done) / parts)
 
 
 def tracked(items: Collection[T], progress: Progress | None) -> Iterator[T]:
-    """Items in turn; after each, the progress is called with the share of them that is done."""
+    """Yield items in turn; after each, report the fraction of items that are done."""
     for done, item in enumerate(items, start=1):
         yield item
         if progress is not None:
@@ -28,9 +28,9 @@ def tracked(items: Collection[T], progress: Progress | None) -> Iterator[T]:
 def on_threads(
     work: Callable[[T], R], items: Collection[T], progress: Progress | None = None, threads: int | None = None
 ) -> list[R]:
-    """Results of some work on each item, in order, by default on a thread per core.
+    """Return the results of a function for each item, in order, computed by default on one thread per core.
 
-    If one item fails, those that have not begun are left.
+    If one item fails, those not yet started are cancelled.
     """
     if len(items) == 1:  # starting a thread takes as long as tracing few rays
         return [work(item) for item in tracked(items, progress)]

@@ -1,13 +1,13 @@
 """Ranks of warnings, and the merging of similar ones into one line.
 
 The idea: a warning is a sentence, often preceded by a name (``cube 1.csv: ...``). The most serious begin with
-`DO_NOT_USE`, remarks with `NOTE`; all others ask for a look. The rank is part of the text,
-so result files hold it too. A sentence about several things, such as specimens, is shown once with their
-count; warnings that differ only in numbers become one line that lists the numbers in order.
+`DO_NOT_USE`, remarks with `NOTE`; all others mean that a number needs checking. The rank is part of the text, so result
+files contain it too. A sentence about several things, such as specimens, is shown once with their count; warnings that
+differ only in numbers become one line that lists the numbers in order.
 
-The interface: `do_not_use`, `look_at` and `note` make a `Caution` from a sentence, `of` prefixes a name; `ranked`
-sorts and groups warnings for display. A result that holds ``tuple[Caution, ...]`` accepts no sentence without a rank:
-the type checker refuses it.
+The interface: `do_not_use`, `look_at` and `note` make a `Caution` from a sentence, and `of` prefixes a name; `ranked`
+sorts and groups warnings for display. A result with a field ``tuple[Caution, ...]`` cannot contain a sentence without a
+rank: the type checker rejects it.
 """
 
 import re
@@ -17,7 +17,7 @@ from typing import NewType
 
 DO_NOT_USE, LOOK_AT, NOTE = "do not use", "warning", "note"
 RANKS = (DO_NOT_USE, LOOK_AT, NOTE)
-"""The most serious first; a sentence without a stated rank has the middle one."""
+"""The ranks, the most serious first; a sentence without a stated rank has the middle one."""
 _STATED = re.compile(rf"(?:(?<=: )|^)({DO_NOT_USE}|{NOTE}): ")
 _NUMBER = re.compile(r"[-+−]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?", re.IGNORECASE)
 _NAMES = 3  # parts before a sentence that may be names
@@ -29,7 +29,7 @@ class _Warning:
     text: str
 
     def tails(self) -> list[tuple[str, str]]:
-        """Possible names, and the sentence behind them, the fewest names first."""
+        """Return the possible names before a sentence, each with the remaining sentence, the fewest names first."""
         parts = self.text.split(": ")
         return [(": ".join(parts[:n]), ": ".join(parts[n:])) for n in range(min(_NAMES, len(parts) - 1) + 1)]
 
@@ -39,38 +39,38 @@ Caution = NewType("Caution", str)
 
 
 def do_not_use(text: str) -> Caution:
-    """Warning that a number must not be used."""
+    """Make a warning that a number must not be used."""
     return Caution(f"{DO_NOT_USE}: {text}")
 
 
 def look_at(text: str) -> Caution:
-    """Warning that a number needs checking before use."""
+    """Make a warning that a number needs checking before use."""
     return Caution(text)
 
 
 def note(text: str) -> Caution:
-    """Remark that requires no action."""
+    """Make a remark that requires no action."""
     return Caution(f"{NOTE}: {text}")
 
 
 def of(name: str, caution: Caution) -> Caution:
-    """A warning prefixed with the name of its subject; unchanged if the name is empty."""
+    """Prefix a warning with the name of its subject; it is unchanged if the name is empty."""
     return Caution(f"{name}: {caution}") if name else caution
 
 
 def rank_of(text: str) -> str:
-    """Rank stated in a warning, at its beginning or after its names."""
+    """Return the rank stated in a warning, at its beginning or after its names."""
     found = _STATED.search(text)
     return found[1] if found else LOOK_AT
 
 
 def unranked(text: str) -> str:
-    """A warning without its rank."""
+    """Return a warning without its rank."""
     return _STATED.sub("", text, count=1)
 
 
 def ranked(warnings: Iterable[str]) -> list[str]:
-    """Lines to display with their ranks: the most serious first, each sentence once."""
+    """Return the lines to display with their ranks: the most serious first, each sentence once."""
     every = [_Warning(rank_of(text), unranked(text)) for text in dict.fromkeys(warnings)]
     lines: list[str] = []
     for rank in RANKS:
@@ -83,13 +83,13 @@ def ranked(warnings: Iterable[str]) -> list[str]:
 
 
 def _merged(group: Sequence[_Warning]) -> tuple[list[_Warning], str]:
-    """Warnings that repeat the first for other subjects or with other numbers, and their common line."""
+    """Return the warnings that repeat the first for other subjects or with other numbers, and their common line."""
     named = (_of_sentence(group, sentence) for _, sentence in group[0].tails())
     return max((*named, _of_numbers(group)), key=lambda found: len(found[0]))
 
 
 def _of_sentence(group: Sequence[_Warning], sentence: str) -> tuple[list[_Warning], str]:
-    """Warnings with the same sentence after their names."""
+    """Return the warnings with the same sentence after their names, and their common line."""
     found = {one: name for one in group for name, tail in one.tails() if tail == sentence}
     if len(found) == 1:
         return list(found), group[0].text
@@ -97,7 +97,7 @@ def _of_sentence(group: Sequence[_Warning], sentence: str) -> tuple[list[_Warnin
 
 
 def _of_numbers(group: Sequence[_Warning]) -> tuple[list[_Warning], str]:
-    """Warnings that differ from the first only in numbers; in the line, all values stand where they differ."""
+    """Return the warnings that differ from the first only in numbers, and a line that lists the values that differ."""
     words = _NUMBER.split(group[0].text)
     alike = [one for one in group if _NUMBER.split(one.text) == words]
     if len(alike) == 1:

@@ -1,10 +1,9 @@
 """Registries: dictionaries that other installed packages can extend.
 
-The idea: solen's own entries are a plain dictionary beside the interface they implement. A laboratory's package
-adds one with a module and one line of its ``pyproject.toml``, an entry point of the registry's group::
+The idea: solen's own entries are a plain dictionary in the module of the interface that they implement. Another package
+adds an entry with a module and one line of its ``pyproject.toml``, an entry point of the registry's group::
 
-    [project.entry-points."solen.instruments"]
-    my-board = "mylab.board:MyBoard"
+    [project.entry-points."solen.instruments"] my-board = "mylab.board:MyBoard"
 
 Another package is imported only when its name is looked up.
 
@@ -68,7 +67,7 @@ class Registry(Mapping[str, T], Generic[T]):
         return name in self.own or name in offered(self.group)
 
     def added(self) -> dict[str, T]:
-        """Additions of other packages, loaded."""
+        """Load and return the additions of other packages."""
         return {name: self[name] for name in offered(self.group) if name not in self.own}
 
     def _load(self, entry: EntryPoint) -> T:
@@ -88,5 +87,5 @@ class Registry(Mapping[str, T], Generic[T]):
 
 @cache
 def offered(group: str) -> Mapping[str, EntryPoint]:
-    """Entry points of a group by name, not loaded."""
+    """Return the entry points of a group by name, without loading them."""
     return {entry.name: entry for entry in sorted(entry_points(group=group), key=lambda entry: entry.name)}

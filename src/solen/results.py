@@ -1,9 +1,9 @@
 """Typed results, which every stage returns, and their conversion to JSON, tables, xarray and notebooks.
 
-The idea: a result is a frozen dataclass that names its units and uncertainties, and remains one until it is shown. JSON
-holds its fields and the properties marked `reported`, in their order, so no command builds a
-dictionary itself. Names follow docs/conventions.md: ``slope_V_per_deg`` is a value with its
-unit, ``u_slope_V_per_deg`` its standard uncertainty, ``interval95_slope_V_per_deg`` its 95 % interval.
+The idea: a result is a frozen dataclass whose names state units and uncertainties; it is converted only for display or
+storage. JSON contains its fields and the properties marked `reported`, in their order, so no command builds a
+dictionary itself. Names follow docs/conventions.md: ``slope_V_per_deg`` is a value with its unit, ``u_slope_V_per_deg``
+its standard uncertainty, ``interval95_slope_V_per_deg`` its 95 % interval.
 
 The interface: classes derived from `Result` are frozen dataclasses; `plain` converts any value to plain data for JSON,
 `schema_of` returns the JSON Schema of a result type.
@@ -32,7 +32,7 @@ if typing.TYPE_CHECKING:
     import xarray
 
 HIDDEN: Mapping[str, Any] = types.MappingProxyType({"reported": False})
-"""Metadata of a field that JSON leaves out: ``scene: Scene = field(metadata=HIDDEN)``."""
+"""Metadata of a field that JSON omits: ``scene: Scene = field(metadata=HIDDEN)``."""
 _SHOWN_ENTRIES = 4  # of a long list in a repr
 _SHOWN_FIELDS = 14
 
@@ -43,14 +43,14 @@ if typing.TYPE_CHECKING:
 else:
 
     class reported(property):  # noqa: N801  used as a decorator, as `property` is
-        """A property that appears beside the fields in JSON, tables and reprs."""
+        """A property that is reported with the fields in JSON, tables and reprs."""
 
     class reported_once(functools.cached_property):  # noqa: N801
         """A reported property, computed on first use and cached."""
 
 
 AS_STATED = {"options", "sources"}
-"""Fields whose keys come from other tables."""
+"""Fields whose keys are defined by other tables."""
 
 
 def in_unit(data: dict[str, Any], unit: str, before: str = "V") -> dict[str, Any]:
@@ -61,7 +61,7 @@ def in_unit(data: dict[str, Any], unit: str, before: str = "V") -> dict[str, Any
 
 
 def rekeyed(data: dict[str, Any], part: re.Pattern[str], text: str) -> dict[str, Any]:
-    """Plain data with a part of its keys replaced."""
+    """Return plain data with a part of its keys replaced."""
 
     def inner(value: Any) -> Any:
         if isinstance(value, list):
@@ -72,7 +72,7 @@ def rekeyed(data: dict[str, Any], part: re.Pattern[str], text: str) -> dict[str,
 
 
 def as_key(unit: str) -> str:
-    """A unit as spelled in a key."""
+    """Return a unit as spelled in a key."""
     return re.sub(r"\W+", "_", unit).strip("_")
 
 
@@ -92,21 +92,21 @@ class Result:
         del cls.__setattr__, cls.__delattr__  # those of every frozen dataclass, in favour of the ones below
 
     def __setattr__(self, name: str, value: Any) -> None:
-        remedy = f"dataclasses.replace(result, {name}={_short(value)}) is a changed copy"
-        raise FrozenError(f"{type(self).__name__}.{name}", limit="does not change once made", remedy=remedy)
+        remedy = f"dataclasses.replace(result, {name}={_short(value)}) makes a changed copy"
+        raise FrozenError(f"{type(self).__name__}.{name}", limit="cannot be changed", remedy=remedy)
 
     def __delattr__(self, name: str) -> None:
-        raise FrozenError(f"{type(self).__name__}.{name}", limit="does not change once made")
+        raise FrozenError(f"{type(self).__name__}.{name}", limit="cannot be changed")
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as plain data for JSON: lists for arrays, None for values that are not finite."""
+        """Return the result as plain data for JSON: lists for arrays, None for values that are not finite."""
         return {name: plain(value) for name, value in entries(self)}
 
     def to_dataset(self) -> "xarray.Dataset":
-        """The result's numbers as an xarray dataset; needs the extra ``netcdf``.
+        """Return the result's numbers as an xarray dataset; this needs the extra ``netcdf``.
 
-        Unless the result's class says otherwise, the first array field is the coordinate of one-dimensional arrays of
-        its length; other arrays get dimensions of their own. Texts, numbers and flags become attributes.
+        Unless the result's class defines something else, the first array field is the coordinate of one-dimensional
+        arrays of its length; other arrays have dimensions of their own. Texts, numbers and flags become attributes.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class Result:
         return xarray.Dataset(*self.dataset_parts())
 
     def dataset_parts(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        """Variables, coordinates and attributes of its dataset."""
+        """Return variables, coordinates and attributes of the dataset."""
         values = dict(entries(self))
         arrays = {name: np.asarray(value) for name, value in values.items() if isinstance(value, np.ndarray)}
         axis = next((name for name, array in arrays.items() if array.ndim == 1), None)
@@ -135,12 +135,12 @@ class Result:
         return variables, {}, attributes
 
     def __repr__(self) -> str:
-        """A few lines: each value with its name, long arrays by their size."""
+        """Show each value with its name in a few lines, and long arrays by their size."""
         lines = [f"  {name} = {value}" for name, value in _summary(self)]
         return "\n".join([type(self).__name__, *lines])
 
     def _repr_html_(self) -> str:
-        """The same as a table, as notebooks show it."""
+        """Show the values as a table, for notebooks."""
         rows = "".join(
             f"<tr><th style='text-align:left'>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>"
             for name, value in _summary(self)
@@ -159,12 +159,12 @@ class Outcome(typing.Generic[R]):
     files: Mapping[str, Path] = dataclasses.field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as plain data, with the files under ``files``."""
+        """Return the result as plain data, with the files under ``files``."""
         return self.result.to_dict() | {"files": plain(self.files)}
 
 
 def entries(value: Any) -> Iterator[tuple[str, Any]]:
-    """Reported names and values of a dataclass: its public fields, then its `reported` properties."""
+    """Yield the reported names and values of a dataclass: its public fields, then its `reported` properties."""
     for field in dataclasses.fields(value):
         if not field.name.startswith("_") and field.metadata.get("reported", True):
             yield field.name, getattr(value, field.name)
@@ -173,7 +173,7 @@ def entries(value: Any) -> Iterator[tuple[str, Any]]:
 
 
 def scalars(value: Any, within: str = "") -> Iterator[tuple[str, Any]]:
-    """Numbers, texts and flags of a dataclass by name; those of nested dataclasses as ``deviation.rms_um``."""
+    """Return numbers, texts and flags of a dataclass by name; those of nested dataclasses as ``deviation.rms_um``."""
     for name, entry in entries(value):
         if dataclasses.is_dataclass(entry):
             yield from scalars(entry, f"{within}{name}.")
@@ -183,7 +183,7 @@ def scalars(value: Any, within: str = "") -> Iterator[tuple[str, Any]]:
 
 @functools.singledispatch
 def plain(value: Any) -> Any:
-    """A value converted for JSON: lists, dictionaries, texts, finite numbers, booleans and None."""
+    """Convert a value for JSON to lists, dictionaries, texts, finite numbers, booleans and None."""
     if dataclasses.is_dataclass(value):
         return {name: plain(one) for name, one in entries(value)}
     if hasattr(value, "model_dump"):
@@ -243,7 +243,7 @@ def _(value: Sequence[Any]) -> list[Any]:
 
 
 def schema_of(kind: Any) -> dict[str, Any]:
-    """JSON Schema of a type as `plain` converts it; fields of a dataclass are described by its docstring."""
+    """Return the JSON Schema of a type as `plain` converts it; the docstring of a dataclass describes its fields."""
     origin, inside = typing.get_origin(kind), typing.get_args(kind)
     if origin is typing.Annotated:
         return schema_of(inside[0])
@@ -265,7 +265,7 @@ _JSON_TYPES: tuple[tuple[type | tuple[type, ...], Any], ...] = (
 
 
 def _class_schema(kind: type, inside: tuple[Any, ...]) -> dict[str, Any]:
-    """Schema of a generic class with its type arguments."""
+    """Return the schema of a generic class with its type arguments."""
     for known, name in _JSON_TYPES:
         if issubclass(kind, known):
             return {"type": name}
@@ -285,7 +285,7 @@ def _class_schema(kind: type, inside: tuple[Any, ...]) -> dict[str, Any]:
 
 
 def _inlined(schema: Any, definitions: Mapping[str, Any]) -> Any:
-    """A schema with its definitions inlined, so that it can be part of another."""
+    """Return a schema with its definitions inlined, so that it can be part of another."""
     if isinstance(schema, list):
         return [_inlined(part, definitions) for part in schema]
     if not isinstance(schema, dict):
@@ -316,12 +316,12 @@ def _object_schema(kind: type) -> dict[str, Any]:
 
 
 def _summary_line(text: str) -> str:
-    """First paragraph of a docstring, in one line."""
+    """Return the first paragraph of a docstring, in one line."""
     return " ".join(text.partition("\n\n")[0].split())
 
 
 def described(kind: type) -> dict[str, str]:
-    """Descriptions of a dataclass's fields, from the Attributes of its docstring and from its properties."""
+    """Return descriptions of a dataclass's fields, from the Attributes of its docstring and from its properties."""
     words: dict[str, str] = {}
     for base in reversed(kind.__mro__):
         names: list[str] = []
@@ -337,7 +337,7 @@ def described(kind: type) -> dict[str, str]:
 
 
 def _reported(kind: type) -> list[str]:
-    """Names of a type's reported properties, inherited ones first."""
+    """Return the names of a type's reported properties, inherited ones first."""
     found: dict[str, None] = {}
     for base in reversed(kind.__mro__):
         found |= dict.fromkeys(
@@ -357,7 +357,7 @@ def _summary(result: Any) -> list[tuple[str, str]]:
 
 
 def _short(value: Any) -> str:
-    """A value in a few words."""
+    """Return a value in a few words."""
     if isinstance(value, np.ndarray):
         if value.size == 0 or value.dtype.kind not in "fiu":
             return f"array {value.shape}"

@@ -1,7 +1,7 @@
 """Sample data for every command: `solen project examples` copies them, and the tutorials start from them.
 
-Nothing in them was measured. Tables say so in their first line, pictures, video and journal in their names as well;
-designs, protocols and rigs state what to simulate.
+None of them was measured. Tables state this in their first line; pictures, the video and the journal state it also in
+their names. Designs, protocols and rigs define what is simulated.
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ FOLDER = Path(__file__).parent / "examples"
 
 
 class Sample(NamedTuple):
-    """A file of simulated measurements: its name without ``-simulated``, what it holds, and a command that reads it."""
+    """A file of simulated measurements: its name without ``-simulated``, its content, and a command that reads it."""
 
     name: str
     holds: str
@@ -26,21 +26,21 @@ MEASURED = (
     Sample(
         "layer.csv", "T and R of a printed layer of 50 µm", "resin index FILE --thickness-um 50 --u-T 0.001 --u-R 0.001"
     ),
-    Sample("guides.csv", "power behind guides of five lengths", "resin cutback FILE"),
+    Sample("guides.csv", "power transmitted by guides of five lengths", "resin cutback FILE"),
     Sample("discs.csv", "thickness of cured discs", "resin cure FILE --irradiance-mW-per-cm2 13"),
     Sample("absorbance.csv", "absorbance of 93 µm of liquid resin", "resin penetration FILE --path-um 93 --led-nm 385"),
     Sample("exposures.csv", "T of layers exposed for 2, 4 and 6 s", "resin exposures FILE"),
     Sample(
-        "cube.csv", "force on a cube of 10 mm, pressed twice", "resin stiffness FILE --cube-mm 10 --fit neo-hookean"
+        "cube.csv", "force on a cube of 10 mm, compressed twice", "resin stiffness FILE --cube-mm 10 --fit neo-hookean"
     ),
     Sample("pillars.png", "the coupon group-a", "print fidelity FILE --coupon group-a --um-per-px 14"),
     Sample("holes.png", "the coupon holes", "print fidelity FILE --coupon holes --um-per-px 14"),
-    Sample("features.json", "sizes of a coupon, measured", "print calibrate FILE --out printer.toml"),
+    Sample("features.json", "measured sizes of a coupon", "print calibrate FILE --out printer.toml"),
     Sample("greys.csv", "discs of the coupon grey-steps", "print grey FILE --u-thickness-um 2"),
-    Sample("micrometer.png", "a stage micrometer, 10 µm a line", "print scale FILE --spacing-mm 0.01"),
-    Sample("lens.ome.tif", "a printed lens, with a bump and a hollow", "print inspect FILE --design sensor.toml"),
+    Sample("micrometer.png", "a stage micrometer, 10 µm per line", "print scale FILE --spacing-mm 0.01"),
+    Sample("lens.ome.tif", "a printed lens, with a bump and a dimple", "print inspect FILE --design sensor.toml"),
     Sample("rotation.csv", "three prints with a lens, one without", "bench analyse FILE"),
-    Sample("rotation.csv", "of them S1 to calibrate", "bench calibrate FILE --sensor S1"),
+    Sample("rotation.csv", "part of this recording, S1, for calibration", "bench calibrate FILE --sensor S1"),
     Sample(
         "again.csv",
         "the print S1 on another day, moved by hand",
@@ -55,14 +55,14 @@ DESIGNS = {
     "press.toml": ("press-860", "a soft body under a finger", "deform press.toml"),
     "hand.toml": ("hand-860", "a network of guides", "check hand.toml"),
 }
-"""Designs: template, what it is, a command that reads it."""
+"""Designs: template, description, and a command that reads the design."""
 SCENE = "scene.json"
 BENCH = "bench"
-"""Subfolder of protocols and simulated rigs, the same as `solen bench new` writes."""
+"""Subfolder of protocols and simulated rigs, the same that `solen bench new` writes."""
 
 
 class Samples(Result):
-    """Sample data that were copied: the folder and how many files; nothing was measured."""
+    """Sample data copied into a folder: the folder and the number of files; none of them was measured."""
 
     folder: Path
     count: int
@@ -70,18 +70,18 @@ class Samples(Result):
 
 
 def simulated_name(name: str) -> str:
-    """Name of the file of a sample: ``layer.csv`` is ``layer-simulated.csv``."""
+    """Return the file name of a sample: ``layer-simulated.csv`` for ``layer.csv``."""
     stem, _, ending = name.partition(".")
     return f"{stem}-simulated.{ending}"
 
 
 def sample(name: str) -> bytes:
-    """Content of a sample, by its name as shipped: ``discs-simulated.csv``."""
+    """Return the content of a sample by its shipped name: ``discs-simulated.csv``."""
     return (FOLDER / name).read_bytes()
 
 
 def sample_files() -> dict[str, bytes]:
-    """All sample data by path within the folder they are copied to, with a README.md of what each is for."""
+    """Return all sample data by path within the target folder, with a README.md that describes each file."""
     measured = {name: sample(name) for name in map(simulated_name, (one.name for one in MEASURED))}
     designs = {name: template(shipped).encode() for name, (shipped, _, _) in DESIGNS.items()}
     bench = {f"{BENCH}/{name}.toml": text.encode() for name, text in starter_files().items()}
@@ -89,7 +89,7 @@ def sample_files() -> dict[str, bytes]:
 
 
 def readme() -> str:
-    """Table of the files, what each holds, and a command that reads it."""
+    """Return a table of the files with the content of each, and a command that reads it."""
     rows = [(name, holds, command) for name, (_, holds, command) in DESIGNS.items()]
     rows.append((SCENE, "a scene: two ovals in glass, a source, a screen", f"trace {SCENE}"))
     named = ((simulated_name(one.name), one) for one in MEASURED)
@@ -104,6 +104,6 @@ def readme() -> str:
 INTRODUCTION = """\
 # Sample data of solen
 
-Everything here is simulated, nothing was measured: designs, rigs and a scene say what to simulate, and each file whose
-name ends in `-simulated` stands for one that an instrument would have written.
+Everything here is simulated; nothing was measured. Designs, rigs and a scene define what to simulate, and each file
+whose name ends in `-simulated` stands for one that an instrument would have written.
 """

@@ -1,7 +1,7 @@
 """Conversion of units on input and output; inside solen they are mm, nm, degrees and fractions of the emitted power.
 
-Files spell units in many ways (``N/mm²``, ``mW/cm2``, ``µm``): `is_unit` recognises one,
-`factor` converts between two. pint does the work and is loaded on first use.
+Files spell units in many ways (``N/mm²``, ``mW/cm2``, ``µm``): `is_unit` recognises a unit, `factor` converts between
+two. pint does the conversion and is loaded on first use.
 """
 
 import re
@@ -26,23 +26,23 @@ _SPELLINGS |= {
     "-": "1",
 }
 _COUNTS = frozenset({"count", "counts"})
-"""Counts of a converter or an encoder have no known size; pint treats them as pure numbers, like rad."""
+"""Counts of a converter or an encoder, which have no known size; pint treats them as pure numbers, like rad."""
 _POWERS = str.maketrans({"²": "2", "³": "3", "⁻": "-", "¹": "1", "·": "*", "μ": "µ", "−": "-"})
 _FORM = re.compile(r"1|[1/%°a-zµΩ*^.\-0-9 ()]+", re.IGNORECASE)
 
 
 def um_from_nm(wavelength_nm: float) -> float:
-    """Wavelength in micrometres, as dispersion formulas take it."""
+    """Return a wavelength in micrometres, as dispersion formulas use it."""
     return wavelength_nm / NM_PER_UM
 
 
 def is_unit(text: str) -> bool:
-    """Whether a text is a unit, in the spellings of instruments and people; an empty text is a dimensionless unit."""
+    """Return whether a text is a unit in a common spelling; an empty text is a dimensionless unit."""
     return _unit(text) is not None
 
 
 def factor(unit: str, wanted: str) -> float | None:
-    """Factor that converts a number from ``unit`` to ``wanted``; None if there is none.
+    """Return the factor that converts a number from ``unit`` to ``wanted``, or None if there is none.
 
     Units without a factor, such as dB/cm and °C, convert only to themselves.
     """
@@ -63,7 +63,7 @@ def _registry() -> Any:
 
 @cache
 def _unit(text: str) -> Any:
-    """Unit of a text, or None."""
+    """Return the unit of a text, or None."""
     plain = text.strip().strip("[]").translate(_POWERS)
     plain = _SPELLINGS.get(plain.lower(), plain)
     if len(plain) > _LONGEST or not _FORM.fullmatch(plain) or plain.lower() in _COUNTS:

@@ -266,7 +266,7 @@ def test_bad_protocols_are_reported_in_one_line(bench: Path, change: tuple[str, 
     [
         (('name = "B"', 'name = "A"'), "name A is used twice"),
         (('name = "B"', 'name = "aux.1"'), "'aux.1'; is a device on Windows"),
-        (('name = "B"', 'name = "B."'), "nor end in a dot"),
+        (('name = "B"', 'name = "B."'), "or end in a dot"),
         (("right = 4", "right = 1"), "input 1 is used twice"),
         (("[board]", '[stage]\nmodel = "M-1"\n[board]'), "model = 'M-1'; .* known are M-060.DG, M-111.1DG"),
         (("[board]", '[stage]\nmodel = "M-111.1DG"\nlever_mm = 20.0\n[board]'), "moves in deg, and the stage in mm"),
@@ -340,7 +340,7 @@ def test_a_full_disk_is_reported_before_anything_is_written_to_it(bench: Path, m
         ({"name": "a" * 300}, r"--name = 'a+…'; is 300 bytes long; 200 at most"),
         ({"name": "../a"}, "must be the name of a file, without its folder"),
         ({"name": "nul"}, "--name = 'nul'; is a device on Windows"),
-        ({"name": "a."}, "nor end in a dot"),
+        ({"name": "a."}, "or end in a dot"),
         ({"resume": True}, "no such journal: .*; leave --resume out"),
     ],
 )

@@ -126,7 +126,7 @@ VALUES: dict[str, tuple[dict[str, str], str]] = {
     "negative rays": ({"emitter.rays": "-3"}, "emitter.rays = -3"),
     "no cone": ({"emitter.cone_deg": "0"}, "emitter.cone_deg"),
     "negative distance": ({"emitter.distance_mm": "-1.0"}, "emitter.distance_mm"),
-    "focus inside the lens": ({"lens.focus_mm": "1.9"}, "lies inside the lens"),
+    "focus inside the lens": ({"lens.focus_mm": "1.9"}, "is inside the lens"),
     "beyond tangency": ({"lens.half_width_mm": "2.95"}, "must be below 2.932 mm"),
     "bad shape": ({"lens.shape": '"sphere"'}, "'layered', 'measured' or 'none'"),
     "from above to": ({"motion.from_deg": "4"}, "must be less than motion.to_deg"),
@@ -245,8 +245,8 @@ SAMPLINGS = [
     (["--precision", "half"], "half"),
     *((["--histogram", bins], "--histogram") for bins in
       ("0", "-1", "1.5", "ten", "10001")),
-    (["--netcdf", "x.cdf"], "x.cdf; a netCDF file ends in .nc; rename it"),
-    (["--netcdf", "x"], "a netCDF file ends in .nc"),
+    (["--netcdf", "x.cdf"], "x.cdf; the name of a netCDF file must end in .nc; rename it"),
+    (["--netcdf", "x"], "the name of a netCDF file must end in .nc"),
 ]  # fmt: skip
 
 

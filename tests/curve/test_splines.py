@@ -526,5 +526,5 @@ def test_a_measured_outline_is_flattened_to_the_tolerance_however_it_waves() -> 
     assert len(polyline) > 200
     depth = np.abs(wavy.points(np.linspace(0, 1, 4001))[:, 1]).max()
     assert np.abs(polyline[:, 1]).max() > depth - 1e-3
-    with pytest.raises(DesignError, match="would take more than"):
+    with pytest.raises(DesignError, match="would need more than"):
         wavy.flattened(0.0)

@@ -223,7 +223,7 @@ def test_the_worst_deviation_counts_and_conditions_hold(centred: tuple[Store, Op
         ({"free": ("emitter.offset_mm=1,2",)}, "range"),
         ({"free": ("emitter.offset_mm=1:1",)}, "empty range"),
         ({"free": ("emitter.offset_mm=a:1",)}, "KEY=LOW:HIGH"),
-        ({"free": ("lens.knots_um[0]=0:1",)}, "none of these"),
+        ({"free": ("lens.knots_um[0]=0:1",)}, "the list is empty"),
         ({"free": ("motion.step_deg=1:2",)}, "motion.step_deg"),
         ({"free": ("emitter.height_mm=0:1",)}, "emitter.height_mm"),
         ({"robust": ("emitter.offset_mm=-1",)}, "-1"),

@@ -244,7 +244,7 @@ def test_a_reader_gets_lines(capfd: pytest.CaptureFixture[str], tmp_path: Path) 
         (["--out", "p", "--printer", "asiga-none"], "asiga"),
         (["--out", "p", "--tolerance-mm", "5"], "--tolerance-mm = 5.0"),
         (["--out", "p", "--figure", "p.bmp"], "a figure must end in .svg, .pdf"),
-        (["--out", "p", "--only", "holes", "--figure", "p/holes.svg"], "is another file of this command"),
+        (["--out", "p", "--only", "holes", "--figure", "p/holes.svg"], "is also another output of this command"),
     ],
 )
 def test_bad_input_ends_in_one_line_and_writes_nothing(

@@ -160,7 +160,7 @@ def test_files_are_replaced_and_others_stay(told: Run) -> None:
         (["--set", "fabricate.pocket=true"], "did you mean fabricate.pockets?"),
         (["--pockets", "--set", "body.arm_width_mm=1.5"], "pocket-right; would remove"),
         (["--figure", "solid.jpg"], "a figure must end in .svg, .pdf"),
-        (["--stl", "--svg", "--figure", "out/my-sensor.svg"], "is another file of this command"),
+        (["--stl", "--svg", "--figure", "out/my-sensor.svg"], "is also another output of this command"),
     ],
 )
 def test_a_bad_value_is_one_line(refused: Run, arguments: list[str], line: str) -> None:

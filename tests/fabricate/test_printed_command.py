@@ -223,9 +223,9 @@ def test_layers_thicker_than_the_cure_depth_are_warned_of(sensor: Path, tmp_path
         ({"orientation": "upright", "at": "mean"}, {}, SpecError, "--at = 'mean'; applies to parts printed flat"),
         ({"orientation": "on-edge"}, {"compensate": "d.toml"}, SpecError, "--compensate applies to parts printed flat"),
         ({"orientation": "on-edge"}, {"solid": "d.stl"}, SpecError, "--solid applies to parts printed flat"),
-        ({}, {"compensate": "d.json"}, OutputError, "a design ends in .toml"),
-        ({}, {"solid": "d.step"}, OutputError, "a solid ends in .stl"),
-        ({}, {"out": "lens.toml"}, OutputError, "a result ends in .json"),
+        ({}, {"compensate": "d.json"}, OutputError, "a design must end in .toml"),
+        ({}, {"solid": "d.step"}, OutputError, "a solid must end in .stl"),
+        ({}, {"out": "lens.toml"}, OutputError, "a result must end in .json"),
         ({"process": "nowhere.toml"}, {}, DataError, "no such file"),
         ({"printer": "asiga-max-x72"}, {}, DataError, "not in the library"),
     ],
@@ -393,7 +393,7 @@ def test_bad_outputs_of_a_calibration_are_refused(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"mine\.toml; exists already.*--force"):
         calibrate_printer([features_file(tmp_path / "a.json")], out=kept)
     assert kept.read_text(encoding="utf-8") == KNOWN
-    with pytest.raises(OutputError, match=r"a process ends in \.toml"):
+    with pytest.raises(OutputError, match=r"a process must end in \.toml"):
         calibrate_printer([features_file(tmp_path / "a.json")], out=tmp_path / "p.json")
     with pytest.raises(DataError, match="no file of features"):
         calibrate_printer([])

@@ -166,7 +166,7 @@ def test_the_place_in_the_pixel_is_uncertain_unless_it_is_stated(files: tuple[Pa
 
 
 @pytest.mark.parametrize(
-    ("out", "what"), [("a-printed.json", "is another file of this command"), (None, "is an input file")]
+    ("out", "what"), [("a-printed.json", "is also another output of this command"), (None, "is an input file")]
 )
 def test_no_file_is_written_twice_and_no_source_at_all(
     files: tuple[Path, PrintedLayers], tmp_path: Path, out: str | None, what: str

@@ -118,8 +118,8 @@ def test_what_does_not_fit_is_refused(values: dict[str, object], told: str) -> N
 @pytest.mark.parametrize(
     ("values", "told"),
     [
-        ({"fabricate__slots": ["emitter", "emitter"]}, 'must be a list of "receivers", "emitter", none twice'),
-        ({"fabricate__slots": ["arms"]}, 'must be a list of "receivers", "emitter", none twice'),
+        ({"fabricate__slots": ["emitter", "emitter"]}, 'must be a list of "receivers" and "emitter"'),
+        ({"fabricate__slots": ["arms"]}, 'must be a list of "receivers" and "emitter"'),
         ({"fabricate__film_mm": 0.0}, "fabricate.film_mm = 0.0; must be at least 0.001"),
         ({"fabricate__clearance_mm": -0.1}, "must be at least 0"),
         ({"fabricate__pockets": 1}, "fabricate.pockets = 1"),

@@ -60,7 +60,7 @@ def test_the_middle_section_is_the_oval(lens: LineFocusLens) -> None:
 def test_one_layer_is_the_oval_cylinder() -> None:
     lens = LayeredLens(**PAPER, layer_mm=9.0)
     assert lens.layers == 1
-    assert "this is the cylinder" in " ".join(lens.warnings)
+    assert "makes the lens a cylinder" in " ".join(lens.warnings)
     assert "only 2 profiles" in " ".join(LayeredLens(**PAPER, layer_mm=2.0).warnings)
     assert not LayeredLens(**PAPER, layer_mm=1.0).warnings
     assert lens.z_at(X, np.full_like(X, 1.7)) == pytest.approx(OVAL.z_mm(X), abs=1e-9)
@@ -98,9 +98,7 @@ def test_a_lens_has_as_many_layers_as_a_printer_makes(layer_mm: float, layers: i
     lens = LayeredLens(**PAPER, layer_mm=layer_mm)
     assert lens.layers == layers
     assert np.diff(lens.edges_mm) == pytest.approx([last_mm, *[layer_mm] * (layers - 1)])
-    words = (
-        f"note: lens.layer_mm: a body of 4 mm has {layers - 1} layers of {layer_mm:g} mm and a last one of {last_mm:g}"
-    )
+    words = f"a body of 4 mm has {layers - 1} layers of {layer_mm:g} mm and a last layer of {last_mm:g}"
     assert [words in warning for warning in lens.warnings] == [True] * (last_mm != layer_mm)
 
 

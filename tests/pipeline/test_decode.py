@@ -319,7 +319,7 @@ def test_recordings_that_cannot_be_calibrated(tmp_path: Path, capfd: pytest.Capt
     assert "--with-controls" in refused(capfd, "bench", "calibrate", str(good), "--control", "good")
     assert "at least two sensors" in refused(capfd, "bench", "calibrate", str(good), "--pool")
     assert "no sensor has this name" in refused(capfd, "bench", "calibrate", str(good), "--sensor", "S9")
-    assert "ends in .json" in refused(capfd, "bench", "calibrate", str(good), "--out", "x.toml")
+    assert "end in .json" in refused(capfd, "bench", "calibrate", str(good), "--out", "x.toml")
     assert "'rotation', 'bend' or 'loaded'" in refused(capfd, "bench", "calibrate", str(good), "--motion", "twist")
     assert not list(tmp_path.glob("*.json"))
 
@@ -391,7 +391,7 @@ def test_streams_that_cannot_be_decoded(
     assert "left_mV" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--json")
     assert "no such file" in refused(capfd, "bench", "decode", str(calibration), str(tmp_path / "no.csv"))
     assert "--follow" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--follow")
-    assert "ends in .csv" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", "a.json")
+    assert "end in .csv" in refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", "a.json")
     for more in ((), ("--force",)):
         itself = refused(capfd, "bench", "decode", str(calibration), str(milli), "--out", str(milli), *more)
         assert "input file" in itself

@@ -220,7 +220,7 @@ def test_settling_longer_than_a_phase_is_refused(tmp_path: Path) -> None:
 def test_readings_are_written_as_csv_and_over_nothing_that_is_there(tmp_path: Path) -> None:
     path = with_states(tmp_path / "a.csv")
     (tmp_path / "b.csv").write_text("measured once", encoding="utf-8")
-    for name, limit in (("a.json", r"ends in \.csv"), ("a.csv", "input file"), ("b.csv", "--force")):
+    for name, limit in (("a.json", r"end in \.csv"), ("a.csv", "input file"), ("b.csv", "--force")):
         with pytest.raises(OutputError, match=limit):
             demodulate(path, out=tmp_path / name)
 

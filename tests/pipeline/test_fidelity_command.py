@@ -102,7 +102,7 @@ def test_a_z_map_of_the_reference(told: Run) -> None:
         (["a.png", "--job", "none.json", "--um-per-px", "14"], "no such file"),
         (["a.png", "--job", "job.json", "--um-per-px", "14"], "job.json"),
         (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--figure", "a.gif"], "a figure must end in"),
-        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--out", "a.txt"], "a result ends in .json"),
+        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--out", "a.txt"], "a result must end in .json"),
         (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--set", "spacing=2"], "spacing"),
     ],
 )

@@ -145,7 +145,7 @@ def test_a_design_without_a_readout_is_refused(
 
 
 def test_files_are_written_or_none(design: Path, tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"ends in \.json"):
+    with pytest.raises(OutputError, match=r"end in \.json"):
         readout(design, set_=FAST, out=tmp_path / "a.csv", figure=FigureOptions(figure=tmp_path / "a.png"))
     found = readout(
         design, set_=("motion.step_deg=3",), out=tmp_path / "a.json", figure=FigureOptions(figure=tmp_path / "a.svg")

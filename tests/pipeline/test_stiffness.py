@@ -235,9 +235,9 @@ def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         (["--cube-mm", "10", "--secant-percent", "-1"], "--secant-percent"),
         (["--cube-mm", "10", "--label", "a", "b"], "--label = 2; one for all files, or one for each of the 1"),
         (["--cube-mm", "10", "--compliance-mm-per-N", "-1"], "must be at least 0"),
-        (["--cube-mm", "10", "--csv", "t.txt"], "a table ends in .csv"),
+        (["--cube-mm", "10", "--csv", "t.txt"], "a table must end in .csv"),
         (["--cube-mm", "10", "--figure", "f.gif"], "a figure must end in"),
-        (["--cube-mm", "10", "--out", "r.toml"], "a result ends in .json"),
+        (["--cube-mm", "10", "--out", "r.toml"], "a result must end in .json"),
         (["--cube-mm", "10", "--planar", "nowhere.csv"], "no such file"),
     ],
 )

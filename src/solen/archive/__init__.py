@@ -4,8 +4,8 @@ The idea: an archive is a folder or a zip file with a description of its content
 its size, SHA-256 checksum, kind and quantities with units; for the whole its authors and licence. Each file is read
 once with solen's own readers when packed, and everything is checked again when unpacked elsewhere.
 
-The interface: `pack` collects and describes files, `Archive.save` writes them; `opened` checks an archive that came
-from elsewhere, and `Opened.save` unpacks it.
+The interface: `pack` collects and describes files, `Archive.save` writes them; `opened` checks a received archive, and
+`Opened.save` unpacks it.
 """
 
 from solen.archive.contents import Item as Item

@@ -1,4 +1,4 @@
-"""What a file of an archive is: its kind, checksum, and the quantities it holds, by solen's own readers."""
+"""Description of a file in an archive: its kind, checksum and quantities, determined with solen's own readers."""
 
 import hashlib
 import json
@@ -33,7 +33,7 @@ TABLES: tuple[tuple[str, Callable[[Path], Any]], ...] = (
     ("printer", load_printer),
     ("part", load_part),
 )
-"""Kinds of TOML files, and what reads them."""
+"""Kinds of TOML files, and the functions that read them."""
 
 
 class Item(Result):
@@ -42,19 +42,19 @@ class Item(Result):
     Attributes
     ----------
     path
-        Within the archive, with forward slashes.
+        Path within the archive, with forward slashes.
     kind
         ``design``, ``resin``, ``recording``, ``picture``, a kind of solen's own results, or ``other file``.
     size_bytes, sha256
         Size and checksum of its bytes.
     media_type
-        As the web names it: ``text/csv``.
+        Media type: ``text/csv``.
     quantities
-        Unit of each column of a recording, by the column's name; empty where the file states none.
+        Unit of each column of a recording, by the column's name; empty if the file states none.
     simulated
         Whether it states that its numbers were computed rather than measured.
     remark
-        Why it could not be read as what its name suggests; empty where it was.
+        Why it could not be read as the kind that its name suggests; empty if it could.
     """
 
     path: str
@@ -68,7 +68,7 @@ class Item(Result):
 
 
 class Contents(Result):
-    """What an archive states: its name, description, licence (SPDX name or address), authors and files."""
+    """Contents of an archive's description: its name, text, licence (SPDX name or address), authors and files."""
 
     name: str
     description: str
@@ -78,7 +78,7 @@ class Contents(Result):
 
     @reported
     def size_bytes(self) -> int:
-        """Size of all files together, unpacked."""
+        """Total size of all files, unpacked."""
         return sum(item.size_bytes for item in self.items)
 
     @reported
@@ -88,12 +88,12 @@ class Contents(Result):
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
-        """Files that could not be read as what their names suggest."""
+        """Remarks on files that could not be read as the kind that their name suggests."""
         return tuple(of(item.path, look_at(item.remark)) for item in self.items if item.remark)
 
 
 def described(file: Path, path: PurePosixPath) -> Item:
-    """Description of a file for its path in an archive.
+    """Return the description of a file for its path in an archive.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def described(file: Path, path: PurePosixPath) -> Item:
 
 
 def measured(file: Path) -> tuple[int, str]:
-    """Size and SHA-256 checksum of a file; `DataError` if it cannot be read."""
+    """Return size and SHA-256 checksum of a file; raise `DataError` if it cannot be read."""
     try:
         with file.open("rb") as opened:
             checksum = hashlib.file_digest(opened, "sha256").hexdigest()
@@ -119,7 +119,7 @@ def measured(file: Path) -> tuple[int, str]:
 
 
 def _known(file: Path) -> tuple[str, dict[str, str], bool, str]:
-    """Kind, units by quantity, whether simulated, and a remark."""
+    """Return kind, units by quantity, whether simulated, and a remark."""
     ending = file.suffix.lower()
     for kind, endings in (("picture", PICTURES), ("video", VIDEOS), ("solid", SOLIDS), ("document", DOCUMENTS)):
         if ending in endings:
@@ -151,7 +151,7 @@ def _of_toml(file: Path) -> tuple[str, dict[str, str], bool, str]:
 
 
 def _of_json(file: Path) -> tuple[str, dict[str, str], bool, str]:
-    """Results of solen name their kind."""
+    """Return the description of a JSON file; results of solen name their kind."""
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as bad:

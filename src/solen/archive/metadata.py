@@ -1,6 +1,6 @@
 """The description of an archive: `ro-crate-metadata.json`, RO-Crate 1.1 (https://w3id.org/ro/crate/1.1).
 
-A flat list of JSON-LD entities: the metadata file, the data set with its authors and licence, and one entity a file.
+A flat list of JSON-LD entities: the metadata file, the data set with its authors and licence, and one entity per file.
 Terms are those of schema.org; ``sha256`` and ``kind`` are added to the context.
 """
 
@@ -29,7 +29,7 @@ LICENCES = {
     "ODbL-1.0": "https://opendatacommons.org/licenses/odbl/1-0/",
     "MIT": "https://opensource.org/licenses/MIT",
 }
-"""Licences by their SPDX name; any other is stated by its address."""
+"""Addresses of licences by their SPDX name; any other licence is stated by its address."""
 SHA256 = r"^[0-9a-f]{64}$"
 _ORCID = re.compile(r"(?:https://orcid\.org/)?(\d{4}-\d{4}-\d{4}-\d{3}[\dX])")
 
@@ -43,7 +43,7 @@ class Author:
 
     @classmethod
     def of(cls, text: str) -> "Author":
-        """Author of ``Name`` or ``Name <ORCID>``; `SpecError` if the identifier is not a valid one."""
+        """Return the author of ``Name`` or ``Name <ORCID>``; raise `SpecError` if the identifier is not valid."""
         name, _, rest = text.partition("<")
         given = rest.rstrip(" >")
         found = _ORCID.fullmatch(given.strip())
@@ -54,7 +54,7 @@ class Author:
 
 
 def _check_digit(orcid: str) -> bool:
-    """Whether the last digit of an identifier is that of ISO 7064 mod 11-2."""
+    """Return whether the last digit of an identifier is its check digit by ISO 7064 mod 11-2."""
     total = 0
     for digit in orcid.replace("-", "")[:-1]:
         total = (total + int(digit)) * 2
@@ -62,19 +62,19 @@ def _check_digit(orcid: str) -> bool:
 
 
 def licence_of(text: str) -> str:
-    """Address of a licence by its SPDX name, or as it stands; `SpecError` if it is neither."""
+    """Return the address of a licence, given by its SPDX name or its address; raise `SpecError` if it is neither."""
     if text in LICENCES:
         return LICENCES[text]
     if re.fullmatch(r"https?://\S+", text):
         return text
-    limit = f"must be {', '.join(LICENCES)}, or the address of another"
+    limit = f"must be {', '.join(LICENCES)}, or the address of another licence"
     raise SpecError("--licence", value=text, limit=limit)
 
 
 def dumps(
     name: str, description: str, licence: str, authors: Sequence[Author], items: Sequence[Item], version: str
 ) -> str:
-    """Text of the metadata file."""
+    """Return the text of the metadata file."""
     people = [
         {"@id": f"https://orcid.org/{one.orcid}" if one.orcid else f"#author-{i}"} for i, one in enumerate(authors)
     ]
@@ -109,7 +109,7 @@ def _file(item: Item) -> Iterator[dict[str, Any]]:
 
 
 def licence_name(address: str) -> str:
-    """SPDX name of a licence by its address, if known."""
+    """Return the SPDX name of a licence by its address, or the address if the name is unknown."""
     return next((name for name, known in LICENCES.items() if known == address), address)
 
 
@@ -122,7 +122,7 @@ class _Reference(_Entity):
 
 
 class _File(_Entity):
-    """Entity of a file, as far as it is checked."""
+    """Entity of a file, with the fields that are checked."""
 
     type: Literal["File"] = Field(alias="@type")
     size_bytes: Annotated[int, Field(ge=0, alias="contentSize")]
@@ -142,7 +142,7 @@ class _Root(_Entity):
 
 
 def loads(text: str, what: str) -> Contents:
-    """Metadata of a text; `DataError` if it is not RO-Crate metadata with the checksums that `dumps` writes."""
+    """Return the metadata in a text; raise `DataError` unless it is RO-Crate metadata with checksums from `dumps`."""
     try:
         graph = json.loads(text)["@graph"]
         entities: Mapping[str, Any] = {entity["@id"]: entity for entity in graph}

@@ -1,4 +1,4 @@
-"""Collecting the files of a sensor, and writing them with their description as a folder or a zip file."""
+"""Collection of the files of a sensor, which are written with their description as a folder or a zip file."""
 
 import hashlib
 import posixpath
@@ -24,17 +24,17 @@ from solen.spec.strict import Options
 FIRST_DATE = (1980, 1, 1, 0, 0, 0)
 """Date of all entries of a zip file, so that equal contents give equal files."""
 BESIDE = "files"
-"""Folder within the archive for what does not lie beside the design."""
+"""Folder within the archive for files from outside the design's folder."""
 CHUNK = 1 << 20
 
 
 class PackOptions(Options):
-    """What an archive states about itself."""
+    """Statements of an archive about itself."""
 
     author: tuple[str, ...] = ()
-    """Author, once for each: "NAME", or "NAME <ORCID>"."""
+    """Author, repeatable: "NAME", or "NAME <ORCID>"."""
     licence: str
-    """Licence: its SPDX name, as CC-BY-4.0, or its address."""
+    """Licence: its SPDX name, such as CC-BY-4.0, or its address."""
     title: str = ""
     """Title; default: the design's name."""
     description: str = ""
@@ -43,14 +43,14 @@ class PackOptions(Options):
 
 @dataclass(frozen=True)
 class Member:
-    """A file of an archive: its description, and where it lies or, if that differs, its content."""
+    """A file of an archive: its description, its location and, if that differs, its content."""
 
     item: Item
     file: Path
     content: bytes | None = None
 
     def copy(self, target: IO[bytes]) -> None:
-        """Write the content; `DataError` if it changed since it was described."""
+        """Write the content; raise `DataError` if it has changed since it was described."""
         checksum = hashlib.sha256()
         with BytesIO(self.content) if self.content is not None else self.file.open("rb") as source:
             while chunk := source.read(CHUNK):
@@ -61,15 +61,15 @@ class Member:
 
 
 class Archive(Contents):
-    """A sensor's files, described; `save` writes them."""
+    """The files of a sensor with their descriptions; `save` writes them."""
 
     metadata: str = field(metadata=HIDDEN)
     members: tuple[Member, ...] = field(metadata=HIDDEN)
 
     def save(self, out: Path) -> Path:
-        """Write a zip file if the name ends in ``.zip``, else a new folder; `OutputError` if that fails.
+        """Write a zip file if the name ends in ``.zip``, else a new folder; raise `OutputError` if that fails.
 
-        Equal contents give equal zip files, but for the date of packing.
+        Equal contents give equal zip files, except for the date of packing.
         """
         if out.suffix.lower() == ".zip":
             files.write_all({out: self._zip})
@@ -110,17 +110,17 @@ def pack(
     Parameters
     ----------
     design
-        The design file. What it, or another design or rig, names comes along; what lies elsewhere than beside it goes
-        to the folder ``files``, and is named there.
+        The design file. Files that it, or another design or rig, names are included; a file from outside the design's
+        folder is put into the folder ``files``, and the name in the design is changed accordingly.
     further
-        Files, and folders with all that is in them except hidden files: print settings, pictures, recordings,
-        calibrations, figures.
+        Files, and folders with all their files except hidden ones: print settings, pictures, recordings, calibrations,
+        figures.
     options
         Authors, licence, title and description.
     leave_out
-        A file that is not packed where it lies in one of the folders: the archive itself.
+        A file in one of the folders that is not packed: the archive itself.
     progress
-        Called with the completed share, up to 1.
+        Called with the completed fraction, up to 1.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def pack(
 
 
 class _Places:
-    """Paths of files within the archive, with the files that designs and rigs among them name."""
+    """Paths of files within the archive, including files that designs and rigs among them name."""
 
     def __init__(self, base: Path) -> None:
         self.of: dict[Path, PurePosixPath] = {}
@@ -165,7 +165,7 @@ class _Places:
         self._lower: dict[str, Path] = {}
 
     def add(self, file: Path, place: PurePosixPath) -> None:
-        """Add a file and what it names; `DataError` if its path is taken, or is not valid on every system."""
+        """Add a file and the files that it names; raise `DataError` if its path is used or not valid everywhere."""
         file = file.resolve()
         if file in self.of:
             return
@@ -183,7 +183,7 @@ class _Places:
             self.add(path, _place(path, self._base))
 
     def content(self, file: Path) -> bytes | None:
-        """Content of a design or rig that names files by their places in the archive; None if it does so already."""
+        """Return the content of a design or rig with file names changed to archive paths; None if nothing changes."""
         moved = {}
         for key, reference in self._references[file].items():
             way = posixpath.relpath(str(self.of[reference.path.resolve()]), str(self.of[file].parent))
@@ -200,7 +200,7 @@ def _checked(path: Path) -> Path:
 
 
 def _place(path: Path, base: Path) -> PurePosixPath:
-    """Path within the archive: as it lies beside the design, or in the folder for all else."""
+    """Return the path within the archive: relative to the design's folder, or in the folder for all other files."""
     try:
         return PurePosixPath(path.resolve().relative_to(base.resolve()).as_posix())
     except ValueError:
@@ -208,7 +208,7 @@ def _place(path: Path, base: Path) -> PurePosixPath:
 
 
 def _found(given: Sequence[Path], base: Path, leave_out: Path | None) -> Iterator[tuple[Path, PurePosixPath]]:
-    """Files with their paths within the archive; those of folders one by one."""
+    """Yield files with their paths within the archive; folders are expanded."""
     for path in given:
         if not path.is_dir():
             yield _checked(path), _place(path, base)

@@ -15,14 +15,14 @@ from solen.spec.toml import value_at
 
 
 class Reference(NamedTuple):
-    """A file as a text names it, and where it lies."""
+    """A file as a text names it, and its location."""
 
     stated: str
     path: Path
 
 
 def references(file: Path) -> dict[str, Reference]:
-    """Files that a design or a rig names, by key; none of any other file."""
+    """Return the files that a design or a rig names, by key; there are none for any other file."""
     if file.suffix.lower() != ".toml":
         return {}
     try:
@@ -38,7 +38,7 @@ def references(file: Path) -> dict[str, Reference]:
 
 
 def renamed(file: Path, names: Mapping[str, str]) -> str:
-    """Text of a design or rig that names other files, by key; comments are kept."""
+    """Return the text of a design or rig that names other files, by key; comments are kept."""
     text = read_text(file, SpecError)
     if not next(iter(names)).startswith("sensor["):
         return edited(text, names, what=str(file), folder=file.parent)

@@ -1,7 +1,7 @@
-"""Opening an archive that came from elsewhere: nothing in it is trusted until it is checked.
+"""Opening a received archive: nothing in it is trusted until it has been checked.
 
 Paths that leave the folder, links, names that a system does not allow, more bytes than stated or allowed, missing,
-changed and unknown files, and designs that name files outside are refused, before anything appears under its name.
+changed and unknown files, and designs that name files outside are rejected before anything is unpacked under its name.
 """
 
 import hashlib
@@ -31,12 +31,12 @@ AGAIN = "ask its sender to pack it again"
 
 
 class Limits(Options):
-    """What an archive may hold at most."""
+    """Limits for the contents of an archive."""
 
     most_files: int = Field(10_000, ge=1)
-    """Most files."""
+    """Largest number of files."""
     most_megabytes: float = Field(4000.0, gt=0.0)
-    """Most megabytes, unpacked."""
+    """Largest size in megabytes, unpacked."""
 
 
 class Opened(Contents):
@@ -45,7 +45,7 @@ class Opened(Contents):
     archive: Path
 
     def save(self, out: Path) -> Path:
-        """Unpack into a new folder; every checksum is compared on the way.
+        """Unpack into a new folder, and compare every checksum.
 
         Raises
         ------
@@ -64,19 +64,19 @@ class Opened(Contents):
 
 
 def opened(archive: Path, limits: Limits | None = None) -> Opened:
-    """An archive's description, checked against what it holds; nothing is unpacked.
+    """Return an archive's description, checked against its contents; nothing is unpacked.
 
     Parameters
     ----------
     archive
-        A folder or a zip file that `solen project pack` wrote.
+        A folder or a zip file written by `solen project pack`.
     limits
-        Most files and megabytes.
+        Largest number of files and megabytes.
 
     Raises
     ------
     DataError
-        If it is not such an archive, holds other files than stated or more than the limits, or a path in it leaves
+        If it is not such an archive, contains other files than stated or more than the limits, or a path in it leaves
         the folder or is not valid on every system.
     """
     limits = limits or Limits()
@@ -91,7 +91,7 @@ def opened(archive: Path, limits: Limits | None = None) -> Opened:
         for name in names:
             _check_path(archive, name)
         if len({name.lower() for name in names}) < len(names):
-            raise DataError(str(archive), limit="holds two files with the same path", remedy=AGAIN)
+            raise DataError(str(archive), limit="contains two files with the same path", remedy=AGAIN)
         stated = loads(source.text(NAME), f"{archive}: {NAME}")
     _check_stated(archive, [item.path for item in stated.items], set(names) - {NAME})
     size = sum(item.size_bytes for item in stated.items)
@@ -104,7 +104,7 @@ def opened(archive: Path, limits: Limits | None = None) -> Opened:
 
 
 def _check_stated(archive: Path, stated: list[str], held: set[str]) -> None:
-    """`DataError` unless the files are exactly those stated, each once."""
+    """Raise `DataError` unless the files are exactly those stated, each once."""
     if len(set(stated)) < len(stated):
         raise DataError(str(archive), limit="lists two files with the same path", remedy=AGAIN)
     for paths, limit in ((set(stated) - held, "is listed but missing"), (held - set(stated), "is not described")):
@@ -113,7 +113,7 @@ def _check_stated(archive: Path, stated: list[str], held: set[str]) -> None:
 
 
 def _check_path(archive: Path, path: str) -> None:
-    """`DataError` if a path leaves the folder or is not valid on every system."""
+    """Raise `DataError` if a path leaves the folder or is not valid on every system."""
     what = f"{archive}: path"
     pure = PurePosixPath(path)
     if not path or pure.is_absolute() or ".." in pure.parts or "\\" in path or ":" in path or str(pure) != path:
@@ -123,7 +123,10 @@ def _check_path(archive: Path, path: str) -> None:
 
 
 def _check_references(file: Path, kind: str, folder: Path) -> None:
-    """`DataError` unless all files that a design or rig names are in the folder, `SpecError` for an invalid design."""
+    """Check that all files named by a design or rig are in the folder.
+
+    Raise `DataError` for a file that is not, and `SpecError` for an invalid design.
+    """
     if kind == DESIGN:
         load(file)
     for key, reference in references(file).items():
@@ -134,14 +137,14 @@ def _check_references(file: Path, kind: str, folder: Path) -> None:
 
 @dataclass(frozen=True)
 class _Source:
-    """A folder or a zip file: the names of its files, and what opens one."""
+    """A folder or a zip file: the names of its files, and a function that opens one."""
 
     archive: Path
     names: tuple[str, ...]
     open: Callable[[str], IO[bytes]]
 
     def text(self, name: str) -> str:
-        """Text of a file; `DataError` if it is too long or not UTF-8."""
+        """Return the text of a file; raise `DataError` if it is too long or not UTF-8."""
         with self.open(name) as file:
             data = file.read(MOST_METADATA + 1)
         try:
@@ -152,7 +155,7 @@ class _Source:
             raise DataError(f"{self.archive}: {name}", limit=str(bad), remedy=AGAIN) from None
 
     def copy(self, item: Item, target: Path) -> None:
-        """Write a file; `DataError`, after no more bytes than stated, if it is not the one that was packed."""
+        """Write a file; raise `DataError` if it is not the packed one, after reading no more bytes than stated."""
         checksum, left = hashlib.sha256(), item.size_bytes
         target.parent.mkdir(parents=True, exist_ok=True)
         with self.open(item.path) as file, target.open("xb") as written:
@@ -169,7 +172,7 @@ class _Source:
 
 @contextmanager
 def _source(archive: Path) -> Iterator[_Source]:
-    """Files of a folder or zip file; `DataError` if it is neither, is damaged, or holds links or passwords."""
+    """Return the files of a folder or zip file; raise `DataError` if it is damaged, encrypted or has links."""
     if archive.is_dir():
         yield _Source(archive, tuple(_names(archive)), lambda name: (archive / name).open("rb"))
         return
@@ -196,6 +199,6 @@ def _names(folder: Path) -> Iterator[str]:
     for file in sorted(folder.rglob("*")):
         name = file.relative_to(folder).as_posix()
         if file.is_symlink():
-            raise DataError(f"{folder}: {name}", limit="is a link", remedy="replace it by the file")
+            raise DataError(f"{folder}: {name}", limit="is a link", remedy="replace it with the file")
         if not file.is_dir():
             yield name

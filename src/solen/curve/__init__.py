@@ -1,15 +1,14 @@
-"""Exact plane curves: faces of bodies, mirrors and receivers are made of them.
+"""Exact plane curves, of which the faces of bodies, mirrors and receivers are made.
 
-A curve is directed from start to end; *left* and left normal are as seen walking along it. Nothing
-is meshed: intersections are the roots of the curve's equation. For a ray that leaves a curve one root is known
-(its start); ``leaving=True`` divides that root out algebraically, so no distance threshold is
-needed and no second hit is lost, however close.
+A curve is directed from start to end; *left* and left normal are as seen in that direction. Nothing is meshed:
+intersections are the roots of the curve's equation. For a ray that leaves a curve one root is known (its start);
+``leaving=True`` divides that root out algebraically, so no distance threshold is needed and no second hit is lost,
+however close.
 
-Interface: `Curve` with its leaves `Segment`, `Arc`, `Parabola`, `Conic`, `CartesianOval`, `Bezier` and `Spline`;
-`solen.plane.Rigid` moves them. The last two are chains of cubics, which `simple_pieces` splits into a few `Piece` each.
-`Measure` finds lengths along a curve; `fitted` approximates any other curve by a spline, `carried` one
-whose points move elsewhere.
-Coordinates are (x, z) in mm.
+Interface: `Curve` with its subclasses `Segment`, `Arc`, `Parabola`, `Conic`, `CartesianOval`, `Bezier` and `Spline`;
+`solen.plane.Rigid` moves them. The last two are chains of cubics, each of which `simple_pieces` splits into a few
+`Piece` objects. `Measure` computes lengths along a curve; `fitted` approximates any other curve by a spline, and
+`carried` a curve whose points are displaced. Coordinates are (x, z) in mm.
 """
 
 from solen.curve.arc import Arc

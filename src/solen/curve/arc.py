@@ -32,14 +32,14 @@ class Arc(Curve):
 
     @classmethod
     def circle(cls, center: Point, radius_mm: float) -> "Arc":
-        """Whole circle, counter-clockwise: its inside is on the left."""
+        """Return a whole circle, counter-clockwise, so that its inside is on the left."""
         return cls(center, radius_mm, 0.0, 360.0)
 
     @classmethod
     def through(cls, a: Point, middle: Point, b: Point) -> "Arc":
-        """Arc from ``a`` to ``b`` through ``middle``.
+        """Return the arc from ``a`` to ``b`` through ``middle``.
 
-        `DesignError` if it is too nearly straight for its centre to be known to 1e-9 mm.
+        Raise `DesignError` if it is too nearly straight for its centre to be known to 1e-9 mm.
         """
         check_points("arc", a, middle, b)
         p, q = minus(middle, a), minus(b, a)
@@ -47,7 +47,10 @@ class Arc(Curve):
         r = minus(b, middle)
         if not abs(twice_area) > 1e-6 * max(dot(p, p), dot(q, q), dot(r, r)):
             raise DesignError(
-                "arc", value=f"through {a}, {middle}, {b}", limit="the three lie on one line", remedy="use a segment"
+                "arc",
+                value=f"through {a}, {middle}, {b}",
+                limit="the three points are on one line",
+                remedy="use a segment",
             )
         pp, qq = dot(p, p), dot(q, q)
         to_center = (
@@ -68,7 +71,7 @@ class Arc(Curve):
 
     @property
     def half_deg(self) -> float:
-        """Half the angle it spans, at most 180."""
+        """Half the angle of the arc, at most 180."""
         return min(0.5 * abs(self.sweep_deg), 180.0)
 
     def points(self, u: FloatArray) -> FloatArray:
@@ -119,7 +122,7 @@ class Arc(Curve):
         return replace(self, start_deg=self.start_deg + self.sweep_deg, sweep_deg=-self.sweep_deg)
 
     def _holds(self, point: Point) -> bool:
-        """Whether a point of the circle lies on the arc: by its distance from the arc's axis of symmetry."""
+        """Return whether a point of the circle is on the arc, from its distance from the arc's axis of symmetry."""
         offset = minus(point, self.center)
         beside = abs(cross(self.middle, offset))
         end = self.radius_mm * math.sin(math.radians(self.half_deg))

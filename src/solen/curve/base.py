@@ -11,22 +11,23 @@ from solen.errors import DesignError
 from solen.plane import Point, Rigid
 
 END_TOLERANCE_MM = 1e-11
-"""How far a curve reaches beyond its ends, so that no ray slips between two curves that share a corner."""
+"""Distance by which a curve extends beyond its ends, so that no ray slips between two curves that share a corner."""
 
 ROUNDING = 4e-16
-"""Residual due to rounding, relative to the lengths it was computed from."""
+"""Residual due to rounding, relative to the lengths from which it was computed."""
 MOST_POINTS = 2**16
 SMALL = 1e-3
 """Largest constant term of a quadratic for which its root is corrected to first order."""
 
 
 def quadratic_roots(a: float, b: float, c: float, *, leaving: bool) -> tuple[float, ...]:
-    """Real roots of a t² + b t + c, without cancellation; with ``leaving`` the root next to t = 0 is divided out.
+    """Return the real roots of a t² + b t + c, without cancellation; ``leaving`` divides out the root next to t = 0.
 
     A double root does not count: a line that only touches a curve does not cross it.
 
-    The point a ray leaves from lies on its curve up to rounding, which leaves a tiny c. The other root −b/a is
-    corrected for it to first order, or the rounding of many chords of one circle would add up until they leave it.
+    The starting point of a ray is on its curve only up to rounding, which leaves a tiny c. The other root −b/a is
+    corrected for it to first order; otherwise the rounding of many chords of one circle would add up until they leave
+    it.
     """
     if leaving:
         correction = c / b if abs(a * c) < SMALL * b * b else 0.0
@@ -41,7 +42,7 @@ def quadratic_roots(a: float, b: float, c: float, *, leaving: bool) -> tuple[flo
 
 
 def check_numbers(what: str, *values: object) -> None:
-    """`DesignError` if one of the values is not finite, or not a number at all."""
+    """Raise `DesignError` if one of the values is not a finite number."""
     for value in values:
         if not (isinstance(value, int | float) and math.isfinite(value)):
             raise DesignError(what, value=repr(value), limit="must be a finite number")
@@ -50,7 +51,7 @@ def check_numbers(what: str, *values: object) -> None:
 def check_range(
     what: str, value: float, least: float = -math.inf, most: float = math.inf, *, above: float = -math.inf
 ) -> None:
-    """`DesignError` if a value is not a finite number from ``least`` to ``most`` and above ``above``."""
+    """Raise `DesignError` if a value is not a finite number from ``least`` to ``most`` and above ``above``."""
     check_numbers(what, value)
     if least <= value <= most and value > above:
         return
@@ -60,15 +61,15 @@ def check_range(
 
 
 def check_count(what: str, value: object, least: int) -> None:
-    """`DesignError` if a value is not a whole number of at least ``least``."""
+    """Raise `DesignError` if a value is not a whole number of at least ``least``."""
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
         raise DesignError(what, value=value, limit=f"must be a whole number of at least {least}")
     if value >= 2**63:
-        raise DesignError(what, value="a number of many digits", limit="must be below 2 to the power of 63")
+        raise DesignError(what, value="a number with many digits", limit="must be below 2 to the power of 63")
 
 
 def check_points(what: str, *points: object) -> None:
-    """`DesignError` if one of the points is not a pair of finite numbers."""
+    """Raise `DesignError` if one of the points is not a pair of finite numbers."""
     for point in points:
         if not (isinstance(point, tuple) and len(point) == 2):
             raise DesignError(what, value=repr(point), limit="must be a pair (x, z)")
@@ -76,7 +77,7 @@ def check_points(what: str, *points: object) -> None:
 
 
 def check_axis(what: str, axis: Point) -> None:
-    """`DesignError` if a direction is not a unit vector."""
+    """Raise `DesignError` if a direction is not a unit vector."""
     check_points(what, axis)
     if abs(math.hypot(*axis) - 1.0) > 1e-9:
         raise DesignError(what, value=axis, limit="must be a unit vector")
@@ -87,34 +88,34 @@ class Curve(ABC):
 
     @abstractmethod
     def points(self, u: FloatArray) -> FloatArray:
-        """Points (N, 2) in mm at parameters ``u`` (N,) in [0, 1], from start to end."""
+        """Return points (N, 2) in mm at parameters ``u`` (N,) in [0, 1], from start to end."""
 
     @abstractmethod
     def velocities(self, u: FloatArray) -> FloatArray:
-        """Derivatives (N, 2) of `points` by their parameter, mm."""
+        """Return the derivatives (N, 2) of `points` with respect to their parameter, mm."""
 
     @abstractmethod
     def part(self, u_from: float, u_to: float) -> "Curve":
-        """Part of the curve from one parameter to a higher one; all its points lie exactly on the curve."""
+        """Return the part of the curve from one parameter to a higher one; all its points are exactly on the curve."""
 
     @abstractmethod
     def normal_at(self, point: Point) -> Point:
-        """Left unit normal at a point of the curve."""
+        """Return the left unit normal at a point of the curve."""
 
     @abstractmethod
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
-        """Distances > 0 in mm at which a ray (unit direction) meets the curve, in any order.
+        """Return the distances > 0 in mm at which a ray (unit direction) meets the curve, in any order.
 
-        ``leaving`` says that the ray starts on this curve; that point is not among the hits.
+        ``leaving`` states that the ray starts on this curve; that point is not among the hits.
         """
 
     @abstractmethod
     def moved(self, motion: Rigid) -> Self:
-        """The curve after a rigid motion."""
+        """Return the curve after a rigid motion."""
 
     @abstractmethod
     def reversed(self) -> Self:
-        """The same curve traversed from end to start."""
+        """Return the same curve traversed from end to start."""
 
     @property
     def start(self) -> Point:
@@ -128,13 +129,13 @@ class Curve(ABC):
 
     @property
     def middle_point(self) -> Point:
-        """Point halfway along the parameter, mm."""
+        """Return the point at half the parameter range, mm."""
         return self.point_at(0.5)
 
     def flattened(self, tolerance_mm: float = 1e-3) -> FloatArray:
-        """Polyline (N, 2) through points of the curve that leaves it by at most ``tolerance_mm``.
+        """Return a polyline (N, 2) through points of the curve that deviates from it by at most ``tolerance_mm``.
 
-        Each piece is halved until its middle lies well within the tolerance of its chord.
+        Pieces are halved until the middle of each is well within the tolerance of its chord.
         """
         u = np.linspace(0.0, 1.0, 9)
         while True:
@@ -149,16 +150,16 @@ class Curve(ABC):
                 return ends
             if len(u) > MOST_POINTS:
                 raise DesignError(
-                    "tolerance_mm", value=tolerance_mm, limit=f"would take more than {MOST_POINTS} points"
+                    "tolerance_mm", value=tolerance_mm, limit=f"would need more than {MOST_POINTS} points"
                 )
             u = np.sort(np.concatenate([u, 0.5 * (u[:-1] + u[1:])[coarse]]))
 
     def velocity_at(self, u: float) -> Point:
-        """Derivative of `points` at one parameter, mm."""
+        """Return the derivative of `points` at one parameter, mm."""
         x, z = self.velocities(np.array([u]))[0]
         return (float(x), float(z))
 
     def point_at(self, u: float) -> Point:
-        """Point at one parameter, mm."""
+        """Return the point at one parameter, mm."""
         x, z = self.points(np.array([u]))[0]
         return (float(x), float(z))

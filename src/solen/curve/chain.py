@@ -5,8 +5,8 @@ lies is decided once for both: a ray can neither slip through a joint nor hit th
 
 A ray that leaves the chain starts at a point of one piece. That piece is cut there into two parts with a known root at
 their common end, which is divided out. The pieces beyond the far ends are also computed relative to the starting point,
-across the joint rather than by coordinates, so that a second hit just beyond a joint is as exact as one on the same
-piece. A ray that starts at a joint has its known root on both pieces.
+across the joint rather than by coordinates, so a second hit just beyond a joint is as exact as one on the same piece. A
+ray that starts at a joint has its known root on both pieces.
 """
 
 import math
@@ -49,26 +49,26 @@ class Ray(NamedTuple):
     direction: Point
 
     def beside(self, point: Point) -> float:
-        """Distance of a point from the ray's line, positive on its left."""
+        """Return the distance of a point from the ray's line, positive on its left."""
         return cross(self.direction, minus(point, self.origin))
 
     def ahead(self, point: Point) -> float:
-        """How far ahead of the origin a point lies."""
+        """Return the distance of a point from the origin along the ray."""
         return dot(self.direction, minus(point, self.origin))
 
     def aside(self, steps: Steps) -> Rises:
-        """Change of the distance beside the line along steps."""
+        """Return the change of the distance from the line along steps."""
         a, b, c = steps
         return (cross(self.direction, a), cross(self.direction, b), cross(self.direction, c))
 
     def onwards(self, steps: Steps) -> Rises:
-        """Change of the distance ahead along steps."""
+        """Return the change of the distance along the ray over steps."""
         a, b, c = steps
         return (dot(self.direction, a), dot(self.direction, b), dot(self.direction, c))
 
 
 class Place(NamedTuple):
-    """Position of a point on a chain: the number of the piece, the parameter on it, and the distance from it."""
+    """Position of a point on a chain: the index of the piece, the parameter on it, and the distance from it."""
 
     piece: int
     v: float
@@ -81,20 +81,20 @@ class CubicChain(Curve):
     @property
     @abstractmethod
     def controls(self) -> tuple[Control, ...]:
-        """Control points of every cubic, in order."""
+        """Return the control points of every cubic, in order."""
 
     @abstractmethod
     def name_of(self, number: int) -> str:
-        """How an error names a cubic."""
+        """Return the name of a cubic in error messages."""
 
     @cached_property
     def closed(self) -> bool:
-        """Whether it ends where it starts; that point is a joint then, like any other."""
+        """Whether the chain ends where it starts; that point is then a joint like any other."""
         return self.controls[0][0] == self.controls[-1][3]
 
     @cached_property
     def pieces(self) -> tuple[Piece, ...]:
-        """Simple pieces of the whole, in order; ``u_from`` and ``u_to`` are parameters of `points`."""
+        """Simple pieces of the whole chain, in order; ``u_from`` and ``u_to`` are parameters of `points`."""
         n = len(self.controls)
         found: list[Piece] = []
         for i, control in enumerate(self.controls):
@@ -115,7 +115,7 @@ class CubicChain(Curve):
         return self.controls[-1][3]
 
     def points(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.points`; every cubic has an equal share of the parameter."""
+        """See :meth:`Curve.points`; every cubic has an equal part of the parameter range."""
         n = len(self.controls)
         which = np.clip(np.floor(u * n), 0, n - 1).astype(int)
         v = (u * n - which)[:, None]
@@ -124,7 +124,7 @@ class CubicChain(Curve):
         return np.asarray(w**3 * a + 3.0 * w * v * (w * b + v * c) + v**3 * d)
 
     def velocities(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.velocities`; at a joint, that of the piece behind it."""
+        """See :meth:`Curve.velocities`; at a joint, the velocity of the following piece."""
         n = len(self.controls)
         which = np.clip(np.floor(u * n), 0, n - 1).astype(int)
         v = (u * n - which)[:, None]
@@ -133,7 +133,7 @@ class CubicChain(Curve):
         return np.asarray(3.0 * n * (w * w * steps[:, 0] + 2.0 * w * v * steps[:, 1] + v * v * steps[:, 2]))
 
     def parts(self, u_from: float, u_to: float) -> tuple[Control, ...]:
-        """Control points of the cubics between two parameters, in order; the first and the last are cut."""
+        """Return the control points of the cubics between two parameters, in order; the first and the last are cut."""
         n = len(self.controls)
         first = min(int(u_from * n), n - 1)
         last = max(min(math.ceil(u_to * n) - 1, n - 1), first)
@@ -147,7 +147,7 @@ class CubicChain(Curve):
         return tuple(found)
 
     def flattened(self, tolerance_mm: float = 1e-3) -> FloatArray:
-        """See :meth:`Curve.flattened`; a piece leaves its chord by at most 3/4 of what its handles do."""
+        """See :meth:`Curve.flattened`; a piece deviates from its chord by at most 3/4 of its handles' deviation."""
         waiting = [piece.control for piece in reversed(self.pieces)]
         found = [self.start]
         while waiting:
@@ -159,7 +159,7 @@ class CubicChain(Curve):
                 waiting += reversed(cut(control, 0.5))
             if len(found) + len(waiting) > MOST_POINTS:
                 raise DesignError(
-                    "tolerance_mm", value=tolerance_mm, limit=f"would take more than {MOST_POINTS} points"
+                    "tolerance_mm", value=tolerance_mm, limit=f"would need more than {MOST_POINTS} points"
                 )
         return np.array(found)
 
@@ -189,20 +189,20 @@ class CubicChain(Curve):
         return tuple(t for t in values if t > 0.0)
 
     def _next(self, piece: int, forwards: bool) -> int:
-        """Number of the piece behind one end of a piece; past the first or the last where the chain is open."""
+        """Return the index of the piece beyond one end of a piece; out of range at the ends of an open chain."""
         following = piece + 1 if forwards else piece - 1
         return following % len(self.pieces) if self.closed else following
 
     def _control(self, piece: int, forwards: bool) -> Control:
-        """Control points of a piece in the order in which it is walked."""
+        """Return the control points of a piece in the direction in which it is traversed."""
         control = self.pieces[piece].control
         return control if forwards else backwards(control)
 
     def _sides(self, ray: Ray) -> list[bool]:
-        """Whether the start of each piece, and at last the end of the chain, lies on the left of the ray's line.
+        """Return whether the start of each piece, and finally the end of the chain, is on the left of the ray's line.
 
-        A joint on the line itself belongs to the side from which the piece before it comes: so a line that only
-        touches the curve there does not meet it, and one that crosses it does so once.
+        A joint on the line itself counts to the side from which the preceding piece comes: so a line that only touches
+        the curve there does not meet it, and a line that crosses it does so once.
         """
         sides = []
         for i, piece in enumerate(self.pieces):
@@ -214,7 +214,7 @@ class CubicChain(Curve):
         return [*sides, sides[0] if self.closed else ray.beside(self.pieces[-1].control[3]) > 0.0]
 
     def _meet(self, ray: Ray, piece: int, sides: list[bool]) -> Iterator[float]:
-        """Distances to a piece on which the ray does not start."""
+        """Return distances to a piece on which the ray does not start."""
         control = self.pieces[piece].control
         first, last = sides[piece], sides[piece + 1]
         if all((ray.beside(handle) > 0.0) == first == last for handle in control[1:3]):
@@ -225,7 +225,7 @@ class CubicChain(Curve):
             yield ray.ahead(control[0]) + risen(onwards, v)
 
     def _meet_end(self, ray: Ray, beside: float, forwards: bool) -> Iterator[float]:
-        """Distance to the straight extension of the chain beyond an end at a given distance beside the line."""
+        """Return the distance to the straight extension of the chain beyond an end at a given offset from the line."""
         control = self._control(-1 if forwards else 0, forwards)
         outwards = unit(minus(control[3], control[2]))
         rise = END_TOLERANCE_MM * cross(ray.direction, outwards)
@@ -234,7 +234,7 @@ class CubicChain(Curve):
             yield ray.ahead(control[3]) + share * END_TOLERANCE_MM * dot(ray.direction, outwards)
 
     def _leave(self, ray: Ray, place: Place, sides: list[bool], forwards: bool) -> Iterator[float]:
-        """Distances in one direction from the ray's start: to the rest of its piece, and to the pieces beyond."""
+        """Return the hits in one direction from the ray's start: on the rest of its piece and on those beyond."""
         here = point_at(self.pieces[place.piece].control, place.v)
         rest = ray.beside(here)
         done, left = (place.v, 1.0 - place.v) if forwards else (1.0 - place.v, place.v)
@@ -258,7 +258,7 @@ class CubicChain(Curve):
 
     @cached_property
     def _boxes(self) -> tuple[tuple[float, float, float, float], ...]:
-        """Least and greatest x, then z, of every piece's control points."""
+        """Smallest and largest x, then z, of every piece's control points."""
         boxes = []
         for piece in self.pieces:
             x, z = zip(*piece.control, strict=True)
@@ -266,7 +266,7 @@ class CubicChain(Curve):
         return tuple(boxes)
 
     def _place(self, point: Point) -> Place:
-        """Position of one of the chain's points despite rounding: on each piece the place beside it along the chord."""
+        """Return the position of a point of the chain in spite of rounding, by its projection on each chord."""
         best = Place(0, 0.0, math.inf)
         x, z = point
         for i, (x_low, x_high, z_low, z_high) in enumerate(self._boxes):
@@ -280,7 +280,10 @@ class CubicChain(Curve):
 
 
 def _beside_chord(control: Control, point: Point) -> float:
-    """Parameter in [0, 1] of a simple piece that is as far along its chord as a point: the chord never turns back."""
+    """Return the parameter in [0, 1] at which a simple piece is as far along its chord as a point.
+
+    The position along the chord increases monotonically.
+    """
     chord = Ray(point, unit(minus(control[3], control[0])))
     start, rises = chord.ahead(control[0]), chord.onwards(steps_of(control))
     if start >= 0.0:
@@ -291,9 +294,9 @@ def _beside_chord(control: Control, point: Point) -> float:
 
 
 def _corrected(ray: Ray, start: Point, steps: Steps, v: float, rest: float) -> float:
-    """Distance to the root v of a cubic whose constant ``rest`` was left out, corrected for it to first order.
+    """Return the distance to the root v of a cubic, corrected to first order for its omitted constant ``rest``.
 
-    As in `solen.curve.quadratic_roots`: the ray is off the curve by rounding only, but that would add up.
+    As in `solen.curve.quadratic_roots`, the ray is off the curve only by rounding, but such errors would add up.
     """
     aside, onwards = ray.aside(steps), ray.onwards(steps)
     distance = ray.ahead(start) + risen(onwards, v)

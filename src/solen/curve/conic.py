@@ -1,4 +1,4 @@
-"""Conic sections: the parabola of a flared stem, and any of them in the vertex form of optics."""
+"""Conic sections: the parabola of a flared stem, and all of them in the vertex form of optics."""
 
 import math
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ class Parabola(Curve):
         check_axis("parabola axis", self.axis)
         check_numbers("parabola", self.curve_per_mm, self.from_mm, self.to_mm)
         if self.from_mm == self.to_mm:
-            raise DesignError("parabola", value=f"from {self.from_mm} mm to itself", limit="must have a length")
+            raise DesignError("parabola", value=f"from {self.from_mm} mm to itself", limit="must have a length above 0")
 
     def points(self, u: FloatArray) -> FloatArray:
         """See :meth:`Curve.points`."""
@@ -80,20 +80,23 @@ class Parabola(Curve):
 
 
 WIDEST = 1e-6
-"""How near to where a conic is widest it may end, as 1 − (1 + K) c² r²: nearer, r does not determine the place."""
+"""Closest allowed approach of an end to the widest point of a conic, as 1 − (1 + K) c² r²; closer, r is ambiguous."""
 SHEET = -1e-9
-"""How far below 0 rounding may take 1 − (1 + K) c w where a conic is widest; on its other side it is further below."""
+"""Smallest 1 − (1 + K) c w that rounding may cause at the widest point of a conic; beyond that point it is below
+this.
+"""
 
 
 @dataclass(frozen=True)
 class Conic(Curve):
-    """Part of a conic section in vertex form: c r² − 2 w + (1 + K) c w² = 0, w along the axis and r beside it.
+    """Part of a conic section in vertex form, c r² − 2 w + (1 + K) c w² = 0, w along the axis and r across it.
 
     r is positive on the right of ``axis`` (a unit vector): with the axis along +z, r is x − x0 and w is z − z0. c is
     ``curvature_per_mm``, 1 over the vertex radius, positive where the curve bends towards the axis; K is
-    ``conic_constant``: 0 a circle, −1 a parabola, below it a hyperbola, above it an ellipse (oblate from 0 on). Walked
-    from r = ``from_mm`` to ``to_mm``, both short of where the curve is widest: the side of the vertex, for a hyperbola
-    its branch. The other side and the other branch belong to the equation and never to the curve.
+    ``conic_constant``: 0 a circle, −1 a parabola, below −1 a hyperbola, above −1 an ellipse (oblate for K > 0). The
+    curve runs from r = ``from_mm`` to ``to_mm``, which both end before its widest point: it is the side of the vertex
+    and, for a hyperbola, its branch. The other side and the other branch satisfy the equation but are not part of the
+    curve.
     """
 
     vertex: Point
@@ -108,7 +111,7 @@ class Conic(Curve):
         check_axis("conic axis", self.axis)
         check_numbers("conic", self.curvature_per_mm, self.conic_constant, self.from_mm, self.to_mm)
         if self.from_mm == self.to_mm:
-            raise DesignError("conic", value=f"from {self.from_mm} mm to itself", limit="must have a length")
+            raise DesignError("conic", value=f"from {self.from_mm} mm to itself", limit="must have a length above 0")
         for name, end_mm in (("from_mm", self.from_mm), ("to_mm", self.to_mm)):
             if not self._under_root(end_mm) >= WIDEST:
                 raise DesignError(
@@ -120,12 +123,12 @@ class Conic(Curve):
 
     @property
     def half_width_mm(self) -> float:
-        """Distance from the axis at which the curve is widest and turns back; infinite but for an ellipse."""
+        """Distance from the axis at which the curve is widest and turns back; infinite except for an ellipse."""
         c, k = self.curvature_per_mm, self.conic_constant
         return 1.0 / (abs(c) * math.sqrt(1.0 + k)) if k > -1.0 and c != 0.0 else math.inf
 
     def sag_mm(self, lateral_mm: FloatArray) -> FloatArray:
-        """Distance w along the axis at distances r beside it: c r² / (1 + √(1 − (1 + K) c² r²))."""
+        """Return the sag w along the axis at distances r from it: c r² / (1 + √(1 − (1 + K) c² r²))."""
         c, r = self.curvature_per_mm, lateral_mm
         return np.asarray(c * r * r / (1.0 + np.sqrt(1.0 - (1.0 + self.conic_constant) * (c * r) ** 2)))
 
@@ -181,28 +184,29 @@ class Conic(Curve):
         return replace(self, from_mm=self.to_mm, to_mm=self.from_mm)
 
     def _frame(self, vector: Point) -> Point:
-        """A vector as (r, w)."""
+        """Return a vector as (r, w)."""
         return (dot(vector, right_of(self.axis)), dot(vector, self.axis))
 
     def _under_root(self, lateral_mm: float) -> float:
         return 1.0 - (1.0 + self.conic_constant) * (self.curvature_per_mm * lateral_mm) ** 2
 
     def _tangent(self, lateral: float, depth: float) -> Point:
-        """Direction (r, w) of growing r: 1 − (1 + K) c w, which is 0 where the curve is widest, and c r."""
+        """Return the direction (r, w) of increasing r: 1 − (1 + K) c w, which is 0 at the widest point, and c r."""
         c = self.curvature_per_mm
         return (1.0 - (1.0 + self.conic_constant) * c * depth, c * lateral)
 
     def _holds(self, lateral: float, depth: float) -> bool:
-        """Whether a point of the whole conic is on this part: on the vertex's side and not beyond either end."""
+        """Return whether a point of the whole conic is on this part: on the vertex's side and not beyond either end."""
         low, high = sorted((self.from_mm, self.to_mm))
         on_sheet = self._tangent(lateral, depth)[0] > SHEET
         past = max(self._past_mm(lateral, depth, high, 1.0), self._past_mm(lateral, depth, low, -1.0))
         return on_sheet and past <= END_TOLERANCE_MM
 
     def _past_mm(self, lateral: float, depth: float, end_mm: float, outwards: float) -> float:
-        """Distance of a point beyond an end, along the tangent there: near the widest point r alone does not suffice.
+        """Return the distance of a point beyond an end, along the tangent there: r is too coarse near the widest point.
 
-        From the vertex on the curve turns by less than 90 degrees either way, so this grows all the way.
+        From the vertex the curve turns by less than 90 degrees in either direction, so this distance increases
+        monotonically.
         """
         if lateral * end_mm < 0.0:
             return outwards * (lateral - end_mm)

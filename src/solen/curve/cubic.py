@@ -1,12 +1,12 @@
-"""One cubic Bézier piece: cut, split until it is simple, and met by a line.
+"""One cubic Bézier piece: cutting, splitting into simple pieces, and intersection with a line.
 
-For a ray, all that matters of a cubic is how far beside the ray's line its points lie and how far ahead: two cubics of
-one parameter. Both are kept as a value at v = 0 and three *rises*, the components of the piece's three *steps* (from
-each control point to the next). Differences of rises never meet the large coordinates of the plane again, so where the
-value at v = 0 is known to be 0, the root there is divided out exactly and the one next to it keeps all its digits.
+For a ray, only two cubics of one parameter matter: the distance of the curve's points from the ray's line, and their
+position along it. Both are stored as a value at v = 0 and three *rises*, the components of the piece's three *steps*
+(from each control point to the next). Differences of rises are independent of the large coordinates of the plane, so if
+the value at v = 0 is known to be 0, the root there is divided out exactly and the next one keeps all its digits.
 
-A *simple* piece has no inflection and turns by less than `MOST_TURN_DEG`. All tangents lie within a cone, so the piece
-is nowhere at rest, a line is parallel to it at most once, and the distance beside a line has at most two roots.
+A *simple* piece has no inflection and turns by less than `MOST_TURN_DEG`. All its tangents are within a cone, so its
+speed is nowhere 0, a line is parallel to it at most once, and the distance from a line has at most two roots.
 """
 
 import math
@@ -21,19 +21,19 @@ from solen.plane import Point, cross, dot, minus, unit
 Control = tuple[Point, Point, Point, Point]
 """Control points of a cubic Bézier piece: its start, a handle for each end, its end."""
 Rises = tuple[float, float, float]
-"""What three steps in turn add to a value."""
+"""Changes of a value over three successive steps."""
 Steps = tuple[Point, Point, Point]
 
 MOST_TURN_DEG = 60.0
-"""A simple piece turns by less."""
+"""Upper limit for the turn of a simple piece."""
 MOST_PIECES = 100
-"""Far more simple pieces than any cubic falls into that is not nearly a cusp."""
+"""Limit for the number of simple pieces: far more than a cubic has unless it is nearly a cusp."""
 MOST_STEPS = 200
-"""Far more than halving takes to the last digit of a root that is not next to 0."""
+"""Limit for the number of steps: far more than bisection needs to the last digit of a root that is not next to 0."""
 CLEAR_TURN_DEG = 170.0
-"""Up to here the bisector of two tangents is a tangent between them."""
+"""Largest turn for which the bisector of two tangents is a tangent between them."""
 SHORTEST = 1e-6
-"""Share of a piece below which it is not cut: a bend would be a corner there, and an inflection bends by nothing."""
+"""Fraction of a piece below which no part is cut off: its bend would be a corner, and its inflection insignificant."""
 
 
 class Piece(NamedTuple):
@@ -45,11 +45,11 @@ class Piece(NamedTuple):
 
 
 def simple_pieces(control: Control, what: str = "bezier") -> list[Piece]:
-    """Split a cubic into simple pieces that share their ends exactly, in order; ``u_from`` and ``u_to`` in [0, 1].
+    """Split a cubic into simple pieces that share their ends exactly, in order; ``u_from`` and ``u_to`` are in [0, 1].
 
-    It is cut at its inflections, and then where half of a turn is done until every piece turns by less than 60
-    degrees. `DesignError`, about ``what``, where that has no end: the cubic has no length, a cusp, or a handle that
-    lies on its end.
+    It is cut at its inflections, and then at half of its turn until every piece turns by less than 60 degrees. Raise
+    `DesignError`, about ``what``, if this does not end: the cubic then has no length, a cusp, or a handle that
+    coincides with its end.
     """
     waiting = _between_inflections(control)[::-1]
     pieces: list[Piece] = []
@@ -61,9 +61,9 @@ def simple_pieces(control: Control, what: str = "bezier") -> list[Piece]:
             x, z = piece.control[0]
             raise DesignError(
                 what,
-                value=f"stands still or turns on the spot near x = {x:.6g}, z = {z:.6g} mm",
+                value=f"stops or turns on the spot near x = {x:.6g}, z = {z:.6g} mm",
                 limit="must keep moving and turn smoothly",
-                remedy="move its handles away from its ends and from one another, or make it two pieces",
+                remedy="move its handles away from its ends and from one another, or split it into two pieces",
             )
         else:
             waiting += reversed(halves(piece))
@@ -81,7 +81,7 @@ def _between_inflections(control: Control) -> list[Piece]:
 
 
 def halves(piece: Piece) -> tuple[Piece, Piece]:
-    """The piece in two: split at half of its turn, or in the middle if that is unclear or near an end."""
+    """Return the piece in two parts, split at half of its turn, or in the middle if that is unclear or near an end."""
     d0, d1, d2 = steps_of(piece.control)
     v = 0.5
     if 0.0 < turn_deg((d0, d1, d2)) < CLEAR_TURN_DEG:
@@ -96,13 +96,13 @@ def halves(piece: Piece) -> tuple[Piece, Piece]:
 
 
 def steps_of(control: Control) -> Steps:
-    """Vectors from each control point to the next."""
+    """Return the vectors from each control point to the next."""
     a, b, c, d = control
     return (minus(b, a), minus(c, b), minus(d, c))
 
 
 def turn_deg(steps: Steps) -> float:
-    """Total turn of the control polygon, an upper bound for that of the piece; infinite if the speed at an end is 0."""
+    """Return the total turn of the control polygon, an upper bound for the piece; infinite if it stops at an end."""
     if steps[0] == (0.0, 0.0) or steps[2] == (0.0, 0.0):
         return math.inf
     moving = [unit(step) for step in steps if step != (0.0, 0.0)]
@@ -110,7 +110,7 @@ def turn_deg(steps: Steps) -> float:
 
 
 def inflections(control: Control) -> list[float]:
-    """Parameters inside (0, 1) at which the curvature changes sign: P' × P'' = 0, which is quadratic."""
+    """Return the parameters inside (0, 1) at which the curvature changes sign: P' × P'' = 0, which is quadratic."""
     d0, d1, d2 = steps_of(control)
     first, both, last = cross(d0, d1), cross(d0, d2), cross(d1, d2)
     longest = max(dot(d, d) for d in (d0, d1, d2))
@@ -124,7 +124,7 @@ def inflections(control: Control) -> list[float]:
 
 
 def cut(control: Control, v: float) -> tuple[Control, Control]:
-    """The parts before and after v (de Casteljau); they share the point there."""
+    """Return the parts before and after v (de Casteljau); they share the point there."""
     a, b, c, d = control
     ab, bc, cd = _between(a, b, v), _between(b, c, v), _between(c, d, v)
     abc, bcd = _between(ab, bc, v), _between(bc, cd, v)
@@ -137,12 +137,12 @@ def _between(a: Point, b: Point, v: float) -> Point:
 
 
 def point_at(control: Control, v: float) -> Point:
-    """Point at v."""
+    """Return the point at v."""
     return cut(control, v)[0][3]
 
 
 def tangent_at(control: Control, v: float) -> Point:
-    """Unit tangent at v."""
+    """Return the unit tangent at v."""
     d0, d1, d2 = steps_of(control)
     w = 1.0 - v
     first, both, last = w * w, 2.0 * w * v, v * v
@@ -150,13 +150,13 @@ def tangent_at(control: Control, v: float) -> Point:
 
 
 def backwards(control: Control) -> Control:
-    """The same piece traversed from its end."""
+    """Return the same piece traversed from its end."""
     a, b, c, d = control
     return (d, c, b, a)
 
 
 def steps_after(steps: Steps, done: float, left: float) -> Steps:
-    """Steps of the part after v = ``done``; ``left`` is 1 − v, given beside it to keep its digits."""
+    """Return the steps of the part after v = ``done``; ``left`` is 1 − v, a separate argument to keep its digits."""
     d0, d1, d2 = steps
     d01 = (left * d0[0] + done * d1[0], left * d0[1] + done * d1[1])
     d12 = (left * d1[0] + done * d2[0], left * d1[1] + done * d2[1])
@@ -165,35 +165,35 @@ def steps_after(steps: Steps, done: float, left: float) -> Steps:
 
 
 def risen(rises: Rises, v: float) -> float:
-    """Sum of the rises up to v: a cubic that is 0 at 0, and their total at 1."""
+    """Return the sum of the rises up to v: a cubic that is 0 at 0, and their total at 1."""
     return v * risen_per_v(rises, v)
 
 
 def risen_per_v(rises: Rises, v: float) -> float:
-    """The cubic divided by v: a quadratic."""
+    """Return the cubic divided by v: a quadratic."""
     g0, g1, g2 = rises
     w = 1.0 - v
     return 3.0 * w * (w * g0 + v * (g0 + g1)) + v * v * (g0 + g1 + g2)
 
 
 def slope(rises: Rises, v: float) -> float:
-    """Derivative of the cubic."""
+    """Return the derivative of the cubic."""
     g0, g1, g2 = rises
     w = 1.0 - v
     return 3.0 * (w * w * g0 + 2.0 * w * v * g1 + v * v * g2)
 
 
 def parallel_to_line(rises: Rises) -> float:
-    """Where the cubic has its extremum, between a first and a last rise of different sign."""
+    """Return where the cubic has its extremum, between a first and a last rise of different sign."""
     g0, g1, g2 = rises
     return solve(lambda v: slope(rises, v), lambda v: 6.0 * ((1.0 - v) * (g1 - g0) + v * (g2 - g1)), growing=g2 > 0.0)
 
 
 def crossings(start: float, rises: Rises, left_first: bool, left_last: bool) -> list[float]:
-    """Roots in [0, 1] of start + risen(v) for a simple piece, in order.
+    """Return the roots in [0, 1] of start + risen(v) for a simple piece, in order.
 
-    ``left_first`` and ``left_last`` say on which side of the line its ends lie. Two pieces that share an end get
-    the same side there, so that they cannot both claim a root, nor both miss it.
+    ``left_first`` and ``left_last`` state on which side of the line its ends are. Two pieces that share an end have the
+    same side there, so they cannot both claim a root, nor both miss it.
     """
     stops = [(0.0, left_first), (1.0, left_last)]
     if (rises[0] > 0.0) != (rises[2] > 0.0):
@@ -207,7 +207,7 @@ def crossings(start: float, rises: Rises, left_first: bool, left_last: bool) -> 
 
 
 def other_crossing(rises: Rises, left_last: bool) -> list[float]:
-    """The root of risen(v) in (0, 1] of a simple piece beside the one at 0, as a list that may be empty."""
+    """Return the root of risen(v) in (0, 1] of a simple piece other than v = 0, as a list that may be empty."""
     g0, g1, g2 = rises
     left_first = g0 > 0.0
     if g0 == 0.0 or left_first == left_last:
@@ -224,9 +224,9 @@ def solve(
     *,
     growing: bool,
 ) -> float:
-    """Root between two bounds to the last digit: Newton's method, halving wherever it leaves the bounds or is slow.
+    """Return the root between two bounds to the last digit, by Newton's method safeguarded by bisection.
 
-    ``growing`` says which sign the value has at the upper bound; the bounds themselves are never evaluated.
+    ``growing`` states the sign of the value at the upper bound; the bounds themselves are never evaluated.
     """
     v, before = 0.5 * (low + high), high - low
     for _ in range(MOST_STEPS):

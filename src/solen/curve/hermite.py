@@ -1,8 +1,8 @@
 """A spline that approximates a curve given by a function: a bent wall, an ellipse, an offset.
 
-Cubic pieces that agree with it in place and velocity at their ends (Hermite), halved until the middle and the quarters
-of every piece lie within a tolerance. The error of a piece falls with the fourth power of its length. `carried` makes
-such a spline of a curve all of whose points move elsewhere: by a bend, or by a load.
+Cubic pieces agree with the curve in position and velocity at their ends (Hermite), and are halved until the middle and
+the quarters of every piece are within a tolerance. The error of a piece falls with the fourth power of its length.
+`carried` makes such a spline of a curve whose points are all displaced, by a bend or by a load.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,31 +17,32 @@ from solen.errors import DesignError
 
 Function = Callable[[FloatArray], FloatArray]
 Carry = Callable[[Curve, float, float], tuple[Function, Function, Sequence[float] | FloatArray]]
-"""Of a piece without corners, from one parameter of the whole to another: places and velocities by its own parameter,
-and where pieces end in any case."""
+"""For a piece without corners between two parameters of the whole curve: functions for positions and velocities with
+respect to its own parameter, and where pieces must end.
+"""
 
 MARGIN = 0.5
-"""Share of the tolerance that the places looked at may use up: between them the error is hardly larger."""
+"""Fraction of the tolerance allowed at the sampled points; between them the error is hardly larger."""
 
 
 def fitted(
     place: Function, velocity: Function, tolerance_mm: float, breaks: Sequence[float] | FloatArray = (0.0, 1.0)
 ) -> Spline:
-    """Spline within ``tolerance_mm`` of ``place(u)``.
+    """Return a spline within ``tolerance_mm`` of ``place(u)``.
 
     Parameters
     ----------
     place, velocity
-        Points (N, 2) in mm at parameters (N,), and their derivatives by the parameter.
+        Points (N, 2) in mm at parameters (N,), and their derivatives with respect to the parameter.
     tolerance_mm
-        How far the spline may be from the place of the same parameter.
+        Largest distance of the spline from the point of the same parameter.
     breaks
-        Parameters, ascending from first to last, at which pieces end in any case.
+        Parameters, ascending from first to last, at which pieces must end.
 
     Raises
     ------
     DesignError
-        If it would take more than 65,536 pieces, or a piece has no length or a cusp.
+        If it would need more than 65,536 pieces, or a piece has no length or a cusp.
     """
     ends = np.asarray(breaks, dtype=float)
     while True:
@@ -53,12 +54,12 @@ def fitted(
             points = np.vstack([controls[0, :1], controls[:, 1:].reshape(-1, 2)])
             return Spline(tuple((float(x), float(z)) for x, z in points))
         if len(ends) > MOST_POINTS:
-            raise DesignError("tolerance_mm", value=tolerance_mm, limit=f"would take more than {MOST_POINTS} pieces")
+            raise DesignError("tolerance_mm", value=tolerance_mm, limit=f"would need more than {MOST_POINTS} pieces")
         ends = np.sort(np.concatenate([ends, (0.5 * (ends[:-1] + ends[1:]))[rough]]))
 
 
 def carried(curve: Curve, carry: Carry, tolerance_mm: float) -> Spline:
-    """Spline of a curve whose points are carried elsewhere; of a chain every cubic apart, so that corners stay."""
+    """Return the spline of a curve whose points are displaced; cubics of a chain are separate to keep corners."""
     pieces: list[Curve] = [curve]
     if isinstance(curve, CubicChain):
         pieces = [Spline(control) for control in curve.controls]
@@ -68,7 +69,7 @@ def carried(curve: Curve, carry: Carry, tolerance_mm: float) -> Spline:
 
 
 def _error_mm(controls: FloatArray, ends: FloatArray, place: Function) -> FloatArray:
-    """Largest distance (N,) of each piece from its places at the quarters."""
+    """Return the largest distance (N,) of each piece from the curve's points at its quarters."""
     errors = []
     for v in (0.25, 0.5, 0.75):
         w = 1.0 - v

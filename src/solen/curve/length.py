@@ -1,4 +1,4 @@
-"""Lengths along a curve, by Gauss-Legendre quadrature of its speed over panels halved until they agree."""
+"""Lengths along a curve, by Gauss-Legendre quadrature of its speed over panels that are halved until they agree."""
 
 import numpy as np
 
@@ -8,13 +8,13 @@ from solen.curve.chain import CubicChain
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 ACCURACY = 1e-13
-"""Relative to the whole, what halving a panel may still change."""
+"""Largest change that halving a panel may still cause, relative to the whole length."""
 MOST_ROUNDS = 30
 NEWTON_STEPS = 50
 
 
 class Measure:
-    """Arc length of a curve and the parameter at a length; both to about 1e-12 of the whole."""
+    """Arc length of a curve, and the parameter at a given length; both to about 1e-12 of the whole."""
 
     def __init__(self, curve: Curve) -> None:
         self._curve = curve
@@ -37,7 +37,7 @@ class Measure:
         return float(self._reached[-1])
 
     def u_at(self, length_mm: float) -> float:
-        """Parameter at a length from the start; 0 and 1 for lengths outside the curve."""
+        """Return the parameter at a length from the start; 0 and 1 for lengths outside the curve."""
         if length_mm <= 0.0:
             return 0.0
         if length_mm >= self.length_mm:
@@ -57,12 +57,12 @@ class Measure:
         return float(u)
 
     def lengths_at(self, u: FloatArray) -> FloatArray:
-        """Lengths (N,) from the start to parameters (N,)."""
+        """Return lengths (N,) from the start to parameters (N,)."""
         panel = np.clip(np.searchsorted(self._ends, u, side="right") - 1, 0, len(self._ends) - 2)
         return np.asarray(self._reached[panel] + self._lengths(self._ends[panel], u))
 
     def _lengths(self, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Lengths (N,) between parameters (N,)."""
+        """Return lengths (N,) between parameters (N,)."""
         half = 0.5 * (high - low)
         u = (0.5 * (low + high))[:, None] + half[:, None] * NODES
         speed = np.hypot(*self._curve.velocities(u.ravel()).T).reshape(u.shape)

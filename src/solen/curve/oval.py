@@ -16,13 +16,13 @@ from solen.plane import Point, Rigid, along, cross, dot, left_of, minus, unit
 class CartesianOval(Curve):
     """Front of a Cartesian oval: n1 |P − F1| + n2 |P − F2| = n1 s + n2 s', between two angles seen from F1.
 
-    ``vertex`` lies on the oval and ``axis`` (a unit vector) points from it into the material; F1 is ``object_mm`` (s)
-    before the vertex, F2 ``image_mm`` (s') behind it, and n2 > n1. Walked from ``from_deg`` to ``to_deg``: angles at
-    F1, counter-clockwise from the axis. For a given angle the equation is quadratic in the distance from F1 and its
-    smaller root is the front; the back of the oval, near the far focus, is the other root and is never taken.
+    ``vertex`` is on the oval and ``axis`` (a unit vector) points from it into the material; F1 is ``object_mm`` (s)
+    before the vertex, F2 ``image_mm`` (s') behind it, and n2 > n1. The curve runs from ``from_deg`` to ``to_deg``,
+    angles at F1 counter-clockwise from the axis. For a given angle the equation is quadratic in the distance from F1
+    and its smaller root is the front; the back of the oval, near the far focus, is the other root and is never used.
 
-    Along any straight line the left side is a convex function (a sum of distances) and the inside is a convex region:
-    a ray meets it at most twice, and Newton's method started outside converges to the nearer root without overshoot.
+    Along any straight line the left side is a convex function (a sum of distances) and the inside is a convex region: a
+    ray meets it at most twice, and Newton's method started outside converges to the nearer root without overshoot.
     """
 
     vertex: Point
@@ -44,7 +44,7 @@ class CartesianOval(Curve):
         if self.from_deg == self.to_deg or np.isnan(self.points(np.array([0.0, 1.0]))).any():
             found = f"from {self.from_deg} to {self.to_deg} deg"
             raise DesignError(
-                "oval", value=found, limit="must have a length and end before its tangents from the object"
+                "oval", value=found, limit="must have a length above 0 and end before its tangents from the object"
             )
 
     @property
@@ -69,9 +69,9 @@ class CartesianOval(Curve):
         return float(np.max(ends @ np.asarray(self.axis)))
 
     def radius_from_object(self, angle_deg: FloatArray) -> FloatArray:
-        """Distance in mm from F1 to the front at angles from the axis; NaN where the line misses the oval.
+        """Return the distance in mm from F1 to the front at angles from the axis; NaN where the line misses the oval.
 
-        The smaller root of (n2²−n1²) r² − 2 (n2² D cos φ − n1 C) r + n2² D² − C² = 0; D = s + s', C the constant.
+        It is the smaller root of (n2²−n1²) r² − 2 (n2² D cos φ − n1 C) r + n2² D² − C² = 0; D = s + s', C the constant.
         """
         n1, n2, c = self.n1, self.n2, self.constant_mm
         d = self.object_mm + self.image_mm
@@ -92,7 +92,7 @@ class CartesianOval(Curve):
         )
 
     def velocities(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.velocities`; the radius grows with the angle so that the step stays square to the normal."""
+        """See :meth:`Curve.velocities`; the radius changes such that the velocity is perpendicular to the normal."""
         angle_deg = self.from_deg + u * (self.to_deg - self.from_deg)
         radius, angle = self.radius_from_object(angle_deg)[:, None], np.radians(angle_deg)
         ray = np.outer(np.cos(angle), self.axis) + np.outer(np.sin(angle), left_of(self.axis))
@@ -127,9 +127,9 @@ class CartesianOval(Curve):
         return replace(self, from_deg=self.to_deg, to_deg=self.from_deg)
 
     def residual_mm(self, point: Point) -> float:
-        """Left side of the oval's equation minus its right side: 0 on the curve, negative inside.
+        """Return the left side of the oval's equation minus its right side: 0 on the curve, negative inside.
 
-        |P − F1| − s and |P − F2| − s' are differences of squares over sums, exact also where a focus is far away.
+        |P − F1| − s and |P − F2| − s' are differences of squares divided by sums, exact also for a distant focus.
         """
         offset = minus(point, self.vertex)
         square, forward = dot(offset, offset), dot(offset, self.axis)
@@ -146,14 +146,14 @@ class CartesianOval(Curve):
         return turn[0].vector(self.axis), turn[1].vector(self.axis)
 
     def _holds(self, point: Point) -> bool:
-        """Whether a point of the oval is on this piece: between the rays from F1 to its ends, facing F1."""
+        """Return whether a point of the oval is on this piece: between the rays from F1 to its ends, facing F1."""
         ray = minus(point, self.object_focus)
         right, left = self.end_rays
         within = cross(right, ray) >= -END_TOLERANCE_MM and cross(left, ray) <= END_TOLERANCE_MM
         return within and self._slope(point, ray) < 0.0
 
     def _roots(self, origin: Point, direction: Point, leaving: bool) -> Iterator[float]:
-        """Intersections of a line with the whole oval: both, or only the far one if the ray starts on the near one."""
+        """Return the intersections of a line with the whole oval, or only the far one if the ray starts on it."""
         from_focus = minus(origin, self.image_focus)
         circle_mm = self.constant_mm / self.n2  # about F2; the oval lies inside it
         middle, nearest = -dot(from_focus, direction), cross(from_focus, direction)
@@ -166,7 +166,7 @@ class CartesianOval(Curve):
                 yield root
 
     def _newton(self, origin: Point, direction: Point, start: float, outwards: float) -> float | None:
-        """Root reached from a start outside the oval; ``outwards`` is the sign of the slope there."""
+        """Return the root reached from a start outside the oval; ``outwards`` is the sign of the slope there."""
         t = start
         for _ in range(200):
             p = along(origin, direction, t)
@@ -180,6 +180,6 @@ class CartesianOval(Curve):
         return None
 
     def _slope(self, point: Point, direction: Point) -> float:
-        """Derivative of the residual along a direction."""
+        """Return the derivative of the residual along a direction."""
         to_1, to_2 = unit(minus(point, self.object_focus)), unit(minus(point, self.image_focus))
         return self.n1 * dot(to_1, direction) + self.n2 * dot(to_2, direction)

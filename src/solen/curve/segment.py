@@ -21,7 +21,7 @@ class Segment(Curve):
     def __post_init__(self) -> None:
         check_points("segment", self.a, self.b)
         if self.a == self.b:
-            raise DesignError("segment", value=f"from {self.a} to itself", limit="must have a length")
+            raise DesignError("segment", value=f"from {self.a} to itself", limit="must have a length above 0")
 
     @property
     def start(self) -> Point:

@@ -16,9 +16,9 @@ from solen.plane import Point, Rigid
 
 @dataclass(frozen=True)
 class Bezier(CubicChain):
-    """One cubic Bézier piece from ``a`` to ``b``; it leaves ``a`` towards ``control_a`` and comes from ``control_b``.
+    """One cubic Bézier piece from ``a`` to ``b``; it leaves ``a`` towards ``control_a`` and arrives from ``control_b``.
 
-    `DesignError` if it has no length, a cusp, or an end that is its own control point.
+    Raise `DesignError` if it has no length, a cusp, or an end that coincides with its control point.
     """
 
     a: Point
@@ -56,8 +56,8 @@ class Bezier(CubicChain):
 class Spline(CubicChain):
     """Chain of N cubic Bézier pieces: 3 N + 1 ``control_points``, a start and for each piece two handles and an end.
 
-    Joints need not be smooth. Where the last point is the first the outline is closed, and has no ends to reach beyond.
-    `DesignError` if a piece has no length, a cusp, or a handle that lies on its end.
+    Joints need not be smooth. If the last point equals the first, the outline is closed and has no ends to extend.
+    Raise `DesignError` if a piece has no length, a cusp, or a handle that coincides with its end.
     """
 
     control_points: tuple[Point, ...]
@@ -72,17 +72,17 @@ class Spline(CubicChain):
                 "spline control_points",
                 value=count,
                 limit="must be 3 N + 1 points: a start, then two handles and an end for each of N pieces",
-                remedy="Spline.through makes one through given points",
+                remedy="use Spline.through for a spline through given points",
             )
         _ = self.pieces  # refuses what cannot be split
 
     @classmethod
     def through(cls, points: ArrayLike, *, closed: bool = False) -> "Spline":
-        """Natural cubic spline through points (N, 2) in mm, its parameter the length of the chords between them.
+        """Return the natural cubic spline through points (N, 2) in mm; its parameter is the chord length.
 
-        Curvature is continuous, and 0 at both ends; with ``closed`` the outline runs on from the last point to the
-        first, as smooth there as elsewhere. `DesignError` if two neighbours are one point, or for too few points:
-        2, for an outline 3.
+        The curvature is continuous, and 0 at both ends; with ``closed`` the outline continues from the last point to
+        the first, as smooth there as elsewhere. Raise `DesignError` if two neighbouring points coincide, or if there
+        are fewer than 2 points, or 3 for a closed outline.
         """
         given = _checked(points, closed)
         following = np.roll(given, -1, axis=0) if closed else given[1:]
@@ -106,12 +106,12 @@ class Spline(CubicChain):
 
     @classmethod
     def chained(cls, curves: Sequence[CubicChain]) -> "Spline":
-        """One spline of several chains, each of which starts where the one before ends."""
+        """Return one spline of several chains, each of which starts where the previous one ends."""
         return cls.of([control for curve in curves for control in curve.controls])
 
     @classmethod
     def of(cls, controls: Sequence[Control]) -> "Spline":
-        """Spline of cubic pieces, each of which starts where the one before ends."""
+        """Return the spline of cubic pieces, each of which starts where the previous one ends."""
         return cls((controls[0][0], *(point for control in controls for point in control[1:])))
 
     @property
@@ -125,7 +125,7 @@ class Spline(CubicChain):
         return f"spline control_points[{3 * number}:{3 * number + 4}]"
 
     def part(self, u_from: float, u_to: float) -> "Spline":
-        """See :meth:`Curve.part`; its pieces have equal shares of its own parameter, the cut ones too."""
+        """See :meth:`Curve.part`; its pieces, including the cut ones, have equal parts of its own parameter range."""
         return Spline.of(self.parts(u_from, u_to))
 
     def moved(self, motion: Rigid) -> "Spline":
@@ -138,7 +138,7 @@ class Spline(CubicChain):
 
 
 def _checked(points: ArrayLike, closed: bool) -> FloatArray:
-    """Points as an array (N, 2) of finite numbers, enough of them."""
+    """Check the points and return them as an array (N, 2) of finite numbers."""
     try:
         given = np.array(points, dtype=float)
     except (TypeError, ValueError):
@@ -152,10 +152,10 @@ def _checked(points: ArrayLike, closed: bool) -> FloatArray:
 
 
 def _tangents(chord: FloatArray, length: FloatArray, closed: bool) -> FloatArray:
-    """Derivatives (N, 2) of the spline at its points by the length of the chords: where curvature is continuous.
+    """Return derivatives (N, 2) with respect to the chord length for which the spline's curvature is continuous.
 
-    With the lengths h before and behind a point and the mean slopes s there, h₂ t₋ + 2 (h₁ + h₂) t + h₁ t₊ =
-    3 (h₂ s₁ + h₁ s₂); here divided by h₁ + h₂. At a free end 2 t + t₊ = 3 s.
+    With the lengths h before and behind a point and the mean slopes s there, h₂ t₋ + 2 (h₁ + h₂) t + h₁ t₊ = 3 (h₂ s₁ +
+    h₁ s₂); here divided by h₁ + h₂. At a free end 2 t + t₊ = 3 s.
     """
     slope = chord / length[:, None]
     before, mean = (np.roll(length, 1), np.roll(slope, 1, axis=0)) if closed else (length[:-1], slope[:-1])
@@ -172,7 +172,7 @@ def _tangents(chord: FloatArray, length: FloatArray, closed: bool) -> FloatArray
 
 
 def _tridiagonal(below: FloatArray, above: FloatArray, diagonal: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a system whose diagonal outweighs its two neighbours, (N − 1,) each, for right sides (N, M)."""
+    """Solve a diagonally dominant tridiagonal system, off-diagonals (N − 1,) each, for right-hand sides (N, M)."""
     pivot, solution = diagonal.copy(), right.copy()
     for i in range(1, len(pivot)):
         factor = below[i - 1] / pivot[i - 1]
@@ -185,9 +185,9 @@ def _tridiagonal(below: FloatArray, above: FloatArray, diagonal: FloatArray, rig
 
 
 def _cyclic(below: FloatArray, above: FloatArray, right: FloatArray) -> FloatArray:
-    """The same with 2 on the diagonal and the first and the last unknown neighbours, by Sherman and Morrison.
+    """Solve a cyclic tridiagonal system with 2 on the diagonal, by the Sherman-Morrison formula.
 
-    The two corners are a matrix of rank one, u vᵀ, away from a tridiagonal one.
+    Its two corner elements are a matrix of rank one, u vᵀ, added to a tridiagonal matrix.
     """
     corner_up, corner_down = below[0], above[-1]
     diagonal = np.full(len(right), 2.0)

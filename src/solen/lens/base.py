@@ -1,9 +1,9 @@
 """The front of a sensor as an optical element.
 
-A :class:`Lens` is drawn in its own frame, the vertex at the origin and the axis along +z, from its left edge to its
-right one, so that the material lies on its left; the emitter is ``distance_mm`` before the vertex. A
-:class:`CurvedLens` has a profile z(x), by which its smallest spot is found; a :class:`DeviatingLens` is another lens
-and a deviation along z, as it was designed or measured.
+A :class:`Lens` is described in its own frame, with the vertex at the origin and the axis along +z. It is drawn from its
+left edge to its right edge, so the material is on its left; the emitter is ``distance_mm`` before the vertex. A
+:class:`CurvedLens` has a profile z(x), from which its smallest spot is computed; a :class:`DeviatingLens` is another
+lens plus a designed or measured deviation along z.
 """
 
 import math
@@ -21,7 +21,9 @@ from solen.plane import Point, dot, unit
 from solen.results import Result, reported
 
 SPOT_RAYS = 1024
-"""Rays by which the smallest spot is found; twice as many move that of an oval by less than 2e-5 of itself."""
+"""Number of rays used to find the smallest spot; twice as many change that of an oval by less than 2e-5 of its
+value.
+"""
 CURVE_TOLERANCE_MM = 1e-6
 """Tolerance of the traced curve against a deviating profile: 1 nm."""
 
@@ -34,27 +36,27 @@ class LensSizes:
 
 
 class Lens(LensSizes, Result, ABC):
-    """The face that light enters through."""
+    """The face through which light enters."""
 
     @property
     @abstractmethod
     def front(self) -> Curve:
-        """The face from its left edge to its right one, vertex at the origin, material on its left."""
+        """The face from its left edge to its right edge, with the vertex at the origin and the material on its left."""
 
     shape_name: ClassVar[str] = ""
 
     @reported
     def shape(self) -> str:
-        """Kind of lens, as named by ``lens.shape``."""
+        """Kind of lens, with the name used in ``lens.shape``."""
         return self.shape_name
 
     @reported
     @abstractmethod
     def depth_mm(self) -> float:
-        """From the vertex to the plane of the edges, where the stem begins."""
+        """Distance from the vertex to the plane of the edges, where the stem begins."""
 
     def table(self, tolerance_mm: float = 1e-4) -> str:
-        """CSV of x and z of points whose polyline stays within ``tolerance_mm`` of the face."""
+        """Return a CSV table of x and z of points whose polyline deviates from the face by at most ``tolerance_mm``."""
         rows = (f"{round(float(x), 14)},{round(float(z), 14)}" for x, z in self.front.flattened(tolerance_mm))
         return "\n".join(["x_mm,z_mm", *rows, ""])
 
@@ -70,14 +72,14 @@ class Lens(LensSizes, Result, ABC):
 
 
 class CurvedSizes(LensSizes):
-    """What a curved lens has besides."""
+    """Additional sizes of a curved lens."""
 
     outside_index: float
 
 
 @dataclass(frozen=True)
 class Spot:
-    """Smallest spot of the light accepted by a lens: its position, and its rms width, in mm."""
+    """Smallest spot of the light accepted by a lens: its position and its rms width, in mm."""
 
     x_mm: float
     z_mm: float
@@ -85,15 +87,15 @@ class Spot:
 
 
 class CurvedLens(CurvedSizes, Lens):
-    """A lens with a profile z(x); of one that differs by height it is the middle section."""
+    """A lens with a profile z(x); if the lens varies with height, this is its middle section."""
 
     @abstractmethod
     def z_mm(self, x_mm: ArrayLike) -> FloatArray:
-        """Profile z(x) at any array of lateral positions within the half width."""
+        """Return the profile z(x) at any array of lateral positions within the half width."""
 
     @abstractmethod
     def slope(self, x_mm: ArrayLike) -> FloatArray:
-        """dz/dx of the profile, dimensionless."""
+        """Return dz/dx of the profile, dimensionless."""
 
     @reported
     def edge_incidence_deg(self) -> float:
@@ -103,10 +105,10 @@ class CurvedLens(CurvedSizes, Lens):
         return math.degrees(math.acos(dot(ray, unit((-slope, 1.0)))))
 
     def best_spot(self, index: float) -> Spot | None:
-        """Smallest spot of the emitter's light in a material of ``index``; None if it is not behind the vertex.
+        """Return the smallest spot of the emitter's light in a material of ``index``; None unless behind the vertex.
 
-        Rays go from the emitter at `SPOT_RAYS` angles, evenly over the acceptance. A ray is x = a + t z, so the
-        variance of x is least at z = −cov(a, t) / var(t).
+        Rays start from the emitter at `SPOT_RAYS` angles, spaced evenly over the acceptance. A ray is x = a + t z, so
+        the variance of x is smallest at z = −cov(a, t) / var(t).
         """
         a, t = self._rays(index)
         spread = float(np.var(t)) if t.size > 1 else 0.0
@@ -117,12 +119,12 @@ class CurvedLens(CurvedSizes, Lens):
         return Spot(float(x.mean()), z, float(x.std())) if z > 0.0 else None
 
     def best_focus_mm(self, index: float) -> float | None:
-        """Position of the smallest spot of the accepted light in a material of ``index``."""
+        """Return the position of the smallest spot of the accepted light in a material of ``index``."""
         spot = self.best_spot(index)
         return None if spot is None else spot.z_mm
 
     def _rays(self, index: float) -> tuple[FloatArray, FloatArray]:
-        """Rays in the material, x = a + t z, of those that the face lets in; one behind another part is left out."""
+        """Return the refracted rays in the material, x = a + t z, except those blocked by another part of the face."""
         x = np.linspace(-self.half_width_mm, self.half_width_mm, 2 * SPOT_RAYS + 1)
         seen = np.maximum.accumulate(np.arctan2(x, self.z_mm(x) + self.distance_mm))
         angle = seen[0] + (seen[-1] - seen[0]) * (np.arange(SPOT_RAYS) + 0.5) / SPOT_RAYS
@@ -135,7 +137,7 @@ class CurvedLens(CurvedSizes, Lens):
 
 
 class DeviatingLens(CurvedLens):
-    """Another lens and a deviation along z; width, depth and where the stem begins are those of that lens."""
+    """Another lens with a deviation along z; width, depth and the start of the stem are those of that lens."""
 
     @property
     @abstractmethod
@@ -144,15 +146,15 @@ class DeviatingLens(CurvedLens):
 
     @abstractmethod
     def deviation_mm(self, x_mm: FloatArray) -> FloatArray:
-        """Deviation (N,) along z at lateral positions within the half width, mm; below 0 is more material."""
+        """Return the deviation (N,) along z at lateral positions within the half width, mm; < 0 adds material."""
 
     @abstractmethod
     def deviation_slope(self, x_mm: FloatArray) -> FloatArray:
-        """Derivative of `deviation_mm` by x."""
+        """Return the derivative of `deviation_mm` with respect to x."""
 
     @reported
     def distance_mm(self) -> float:  # type: ignore[override]  # a field there
-        """From the emitter to the vertex of the lens without the deviation."""
+        """Distance from the emitter to the vertex of the lens without the deviation."""
         return self.plain.distance_mm
 
     @reported
@@ -162,12 +164,12 @@ class DeviatingLens(CurvedLens):
 
     @property
     def outside_index(self) -> float:  # type: ignore[override]  # a field there
-        """Index of what lies before the lens."""
+        """Refractive index in front of the lens."""
         return self.plain.outside_index
 
     @property
     def depth_mm(self) -> float:
-        """From that vertex to the plane where the stem begins."""
+        """Distance from that vertex to the plane where the stem begins."""
         return self.plain.depth_mm
 
     @cached_property
@@ -184,7 +186,7 @@ class DeviatingLens(CurvedLens):
 
     @property
     def breaks_mm(self) -> tuple[float, ...]:
-        """Lateral positions, ascending, at which pieces of the front's curve end in any case."""
+        """Lateral positions, ascending, at which the pieces of the front's curve must end."""
         half_mm = self.half_width_mm
         return (-half_mm, -0.5 * half_mm, 0.0, 0.5 * half_mm, half_mm)
 

@@ -21,21 +21,25 @@ from solen.spec import Design
 
 T = TypeVar("T")
 DEFAULT_LAYER_MM = 0.025
-"""Height of a layer where the design states none: that of the paper's printer."""
+"""Layer height if the design states none: that of the paper's printer."""
 
 
 def lens_of(design: Design, index: float) -> Lens:
-    """Lens of a design in a material of ``index`` (at the emitter's wavelength); `DesignError` if it cannot work.
+    """Return the lens of a design in a material of ``index`` (at the emitter's wavelength).
 
-    The oval is shaped for ``lens.design_index`` if given, else for the material's index; a spline deviates from it, and
-    a measured lens combines its profile with either, `DataError` if its file is not a profile.
+    The oval is shaped for ``lens.design_index`` if given, else for the material's index; a spline deviates from the
+    oval, and a measured lens combines its profile with either of them. Raise `DesignError` if the lens cannot work, and
+    `DataError` if its file is not a profile.
     """
     spec, distance_mm = design.lens, design.emitter.distance_mm
     if spec.shape == "none":
         return FlatFace(distance_mm, spec.half_width_mm)
     if spec.design_index is None and index <= 1.0:
         raise DesignError(
-            "the material's index", value=index, limit="must be above 1, the air's", remedy="or no lens can focus"
+            "the material's index",
+            value=index,
+            limit="must be above 1, the index of air",
+            remedy="or no lens can focus",
         )
     if spec.in_space:
         return _in_space(design, spec.design_index or index)
@@ -52,7 +56,7 @@ def _spline(oval: OvalLens, knots_um: tuple[float, ...], least_feature_um: float
 
 
 def _in_space(design: Design, index: float) -> LensInSpace:
-    """Lens that is not a cylinder."""
+    """Return a lens that is not a cylinder."""
     spec, thickness_mm = design.lens, design.body.thickness_mm
     cut = (design.emitter.distance_mm, spec.focus_mm, spec.half_width_mm, index)
     if spec.shape == "layered" and design.profile_file is not None:
@@ -81,18 +85,18 @@ def _line_focus(
 
 @lru_cache(maxsize=32)
 def measured_lens(designed: DesignedLens, profile: MeasuredProfile) -> MeasuredLens:
-    """Lens of a measured profile and its designed lens, cached, so that it is smoothed once.
+    """Return the lens of a measured profile and its designed lens; it is cached, because smoothing takes time.
 
     Raises
     ------
     DesignError
-        If the profile lacks too much of the lens, or belongs to another one.
+        If too much of the lens is missing from the profile, or the profile belongs to another lens.
     """
     return MeasuredLens(FittedProfile(designed, profile))
 
 
 def _of_file(path: Path, read: Callable[[Path], T]) -> T:
-    """Content of a profile's file, read again only if the file changes."""
+    """Return the content of a profile's file, which is read again only if the file changes."""
     try:
         stamp = hashlib.sha256(path.read_bytes()).hexdigest()
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Numbers of a face that is not an upright wall, for the tracer."""
+"""The numbers by which the tracer describes a face that is not an upright wall."""
 
 from typing import NamedTuple
 
@@ -8,16 +8,16 @@ from solen.arrays import FloatArray
 class Face(NamedTuple):
     """A face in the lens's own frame, in mm.
 
-    It is a surface |P − E| + n·D = const where ``profiles`` is empty, else layers between ``edges`` (L + 1,) with
-    z (L, M) and dz/dx (L, M) at M places evenly from the axis to the half width. The last five numbers are bounds, by
-    which a search for intersections is complete.
+    If ``profiles`` is empty, it is the surface |P − E| + n·D = const. Otherwise it consists of layers between ``edges``
+    (L + 1,), with z (L, M) and dz/dx (L, M) at M evenly spaced positions from the axis to the half width. The last five
+    numbers are bounds, with which a search for intersections finds all of them.
     """
 
     distance: float
     focus: float
     design_index: float
     ring: float
-    """radius about the focal line on which light seems to start from; infinite for light collimated in y"""
+    """radius of the circle about the focal line from which light seems to start; infinite if collimated in y"""
     half_width: float
     half_height: float
     base: float
@@ -29,10 +29,10 @@ class Face(NamedTuple):
     profiles: FloatArray
     slopes: FloatArray
     bend: float
-    """second derivative along a line of the optical length, or of profiles by x: how far below 0 it may lie"""
+    """bound for negative second derivatives, of the optical length along a line or of the profiles with respect to x"""
     rise: float
     fall: float
-    """largest dz/dx of profiles, and how far below 0 the least lies"""
+    """bounds for dz/dx of the profiles: the largest value, and how far the smallest is below 0"""
     step: float
     """largest step from one layer to the next"""
     thickest: float

@@ -1,14 +1,14 @@
 """The deviation of a measured profile from the designed lens, smoothed as its uncertainty requires.
 
-The idea: not the profile is smoothed but its deviation from the design. The vertex of an oval is its most curved
-point, which smoothing the whole profile would flatten first; the deviation from the design is small and
-gentle, and it is smoothed no more than the uncertainty of the points requires (`solen.lens.smoothing`). A spline
-through the points of a picture is unsuitable: half a micrometre of noise at points 2 µm apart makes normals wrong by
-about 10 degrees, where a tenth of one already moves the focal spot by 10 µm.
+The idea: the deviation from the design is smoothed, not the profile itself. The vertex of an oval is its most curved
+point, and smoothing the whole profile would flatten it first; the deviation from the design is small and varies slowly,
+and it is smoothed no more than the uncertainty of the points requires (`solen.lens.smoothing`). A spline through the
+points of a picture is unsuitable: half a micrometre of noise at points 2 µm apart turns the normals by about 10
+degrees, while a tenth of a degree already moves the focal spot by 10 µm.
 
-Where the profile ends before the lens does, as in a cropped picture, the design continues at the distance of the last
-points; where more than `MOST_MISSING` of a half is missing, the profile is refused. Points beyond the lens belong to
-the stem and are left out.
+If the profile ends before the lens does, as in a cropped picture, the design continues with the deviation of the last
+points; if more than `MOST_MISSING` of a half width is missing, the profile is rejected. Points beyond the lens belong
+to the stem and are omitted.
 
 The interface: `FittedProfile` of a design and a profile.
 """
@@ -28,31 +28,34 @@ from solen.lens.track import Track
 from solen.results import HIDDEN, Result, reported, reported_once
 
 MOST_MISSING, WARNED_MISSING = 0.25, 0.02
-"""Missing shares of a half width that are an error, and that cause a warning."""
+"""Missing fractions of a half width above which a profile is rejected, or causes a warning."""
 FARTHEST = 0.5
-"""Deviation from the design, as a share of the half width, beyond which a profile counts as another lens."""
+"""Deviation from the design, as a fraction of the half width, beyond which a profile is considered that of another
+lens.
+"""
 NEAREST = 0.9
-"""Share of the emitter's distance by which a profile may approach it."""
+"""Fraction of the emitter's distance by which a profile may approach the emitter."""
 LEAST_U_MM = 1e-6
 """Standard uncertainty assumed for exact points: 1 nm."""
 ROUGH = 1.3
-"""Ratio of scatter to uncertainty that causes a warning."""
+"""Ratio of scatter to stated uncertainty above which a warning is given."""
 LONGEST_CORRELATION = 0.25
-"""Largest correlation length of drawn errors, as a share of the half width."""
+"""Largest correlation length of random errors, as a fraction of the half width."""
 NODES_PER_LENGTH = 3.0
-"""Random numbers of a drawn outline per correlation length."""
+"""Random numbers per correlation length of a random outline."""
 EASE_MM = 0.1
-"""Length over which the slope of a deviation ends beyond the last point."""
+"""Length beyond the last point over which the slope of the deviation decreases to 0."""
 PLACES = 801
-"""Points, evenly along the measured part, at which deviations are computed."""
+"""Number of points, evenly spaced along the measured part, at which deviations are computed."""
 
 
 @dataclass(frozen=True)
 class Deviation:
     """Deviation of a profile from the designed lens along its normal, in micrometres; positive is more material.
 
-    ``rms_um`` and ``max_um`` are of the whole deviation, ``max_um`` signed and at ``max_x_mm``. Without a shift by
-    ``shift_um`` (x, z) and a rotation by ``turn_mrad``, counter-clockwise about the vertex, ``rest_um`` (rms) remains.
+    ``rms_um`` and ``max_um`` describe the whole deviation; ``max_um`` is signed and occurs at ``max_x_mm``. The best
+    fit of a shift by ``shift_um`` (x, z) and a rotation by ``turn_mrad``, counter-clockwise about the vertex, leaves a
+    residual of ``rest_um`` (rms).
     """
 
     rms_um: float
@@ -64,12 +67,12 @@ class Deviation:
 
 
 class FittedProfile(Result, eq=True):
-    """A measured profile beside the designed lens.
+    """A measured profile compared with the designed lens.
 
     Raises
     ------
     DesignError
-        If the profile lacks too much of the lens, or is of another one.
+        If too much of the lens is missing from the profile, or the profile belongs to another lens.
     """
 
     designed: DesignedLens = field(metadata=HIDDEN)
@@ -80,20 +83,26 @@ class FittedProfile(Result, eq=True):
         self._check_place()
 
     def deviation_mm(self, x_mm: FloatArray) -> FloatArray:
-        """Smoothed deviation (N,) along z at lateral positions within the half width, mm; below 0 is more material."""
+        """Return the smoothed deviation (N,) along z at lateral positions within the half width, mm.
+
+        Negative values are more material.
+        """
         inside, beyond = self._place(x_mm)
         spline = self.smooth.spline
         eased = EASE_MM * (1.0 - np.exp(-np.abs(beyond) / EASE_MM))
         return np.asarray(spline(inside) + spline(inside, 1) * np.sign(beyond) * eased)
 
     def deviation_slope(self, x_mm: FloatArray) -> FloatArray:
-        """Derivative of `deviation_mm` by x."""
+        """Return the derivative of `deviation_mm` with respect to x."""
         inside, beyond = self._place(x_mm)
         per_length = self.smooth.spline(inside, 1) * np.exp(-np.abs(beyond) / EASE_MM)
         return np.asarray(per_length * self.track.length_per_x(x_mm))
 
     def u_mm(self, x_mm: FloatArray) -> FloatArray:
-        """Standard uncertainty (N,) of the profile along its normal, mm; beyond its ends it grows to the deviation."""
+        """Return the standard uncertainty (N,) of the profile along its normal, mm.
+
+        Beyond the ends of the profile it grows to the size of the deviation.
+        """
         x = self.profile.x_mm
         beyond = np.maximum(np.maximum(x[0] - x_mm, x_mm - x[-1]), 0.0)
         grown = np.minimum(beyond / EASE_MM, 1.0) * 1e-3 * self.deviation.rms_um
@@ -101,7 +110,7 @@ class FittedProfile(Result, eq=True):
 
     @reported_once
     def smooth(self) -> Smooth:
-        """The smoothed deviation along z, over the length of the designed lens from its left edge."""
+        """The smoothed deviation along z, as a function of the length along the designed lens from its left edge."""
         x, deviation = self.points
         u = np.interp(x, self.profile.x_mm, self._point_u_mm) * np.hypot(1.0, self.designed.slope(x))
         return smoothed(self.track.length_at(x), deviation, u)
@@ -115,12 +124,12 @@ class FittedProfile(Result, eq=True):
 
     @cached_property
     def track(self) -> Track:
-        """Length along the designed lens."""
+        """Lengths along the designed lens."""
         return Track.along(self.designed)
 
     @reported_once
     def deviation(self) -> Deviation:
-        """How the measured part deviates from the design."""
+        """Deviation of the measured part from the design."""
         x = self.track.x_at(np.linspace(*self._ends, PLACES))
         slope, z = self.designed.slope(x), self.designed.z_mm(x)
         steep = np.hypot(1.0, slope)
@@ -141,18 +150,18 @@ class FittedProfile(Result, eq=True):
 
     @reported
     def correlation_mm(self) -> float:
-        """Correlation length of the errors of a drawn outline: the standard deviation of a Gaussian.
+        """Correlation length of the errors of a random outline: the standard deviation of a Gaussian.
 
-        It is the resolution of the smoothed profile: errors over shorter lengths are smoothed away, over longer ones
-        they turn the normals less.
+        It is the resolution of the smoothed profile: errors over shorter lengths are smoothed away, and errors over
+        longer lengths rotate the normals less.
         """
         return min(self.smooth.resolution_mm, LONGEST_CORRELATION * self.designed.half_width_mm)
 
     @cached_property
     def errors(self) -> tuple[FloatArray, FloatArray]:
-        """Lengths (N,), and the matrix (N, N) that converts standard normal numbers to errors along z there, mm.
+        """Return lengths (N,), and the matrix (N, N) that converts standard normal numbers to errors along z there, mm.
 
-        They have the size of `u_mm` and a Gaussian correlation.
+        The errors have the standard deviation `u_mm` and a Gaussian correlation.
         """
         length_mm, total_mm = self.correlation_mm, self.track.total_mm
         nodes = np.linspace(0.0, total_mm, max(8, math.ceil(NODES_PER_LENGTH * total_mm / length_mm) + 1))
@@ -179,7 +188,7 @@ class FittedProfile(Result, eq=True):
 
     @reported
     def edge(self) -> str:
-        """Edge of the part to which its points belong."""
+        """Edge of the part to which the points belong."""
         return self.profile.edge
 
     @reported
@@ -189,12 +198,12 @@ class FittedProfile(Result, eq=True):
 
     @reported
     def sources(self) -> tuple[object, ...]:
-        """Source files."""
+        """Source files of the profile."""
         return tuple(self.profile.sources)
 
     @reported
     def points_on_lens(self) -> int:
-        """Points of the profile that lie on the lens."""
+        """Number of points of the profile that are on the lens."""
         return int(self.points[0].size)
 
     @reported
@@ -205,20 +214,20 @@ class FittedProfile(Result, eq=True):
 
     @property
     def missing(self) -> float:
-        """Missing share of a half width, on the worse side."""
+        """Missing fraction of a half width, on the side where more is missing."""
         half_mm, (low, high) = self.designed.half_width_mm, self.reach_mm
         return max(low + half_mm, half_mm - high) / half_mm
 
     @property
     def unseen(self) -> float:
-        """Share of the accepted angles that hit no measured part."""
+        """Fraction of the accepted angles whose rays hit no measured part."""
         x = np.array(self.reach_mm)
         low, high = np.degrees(np.arctan2(x, self.designed.z_mm(x) + self.designed.distance_mm))
         return float(1.0 - (high - low) / (2.0 * self.designed.acceptance_deg))
 
     @reported_once
     def scatter_um(self) -> float:
-        """Scatter of the points along the normal, µm."""
+        """Standard deviation of the points along the normal, µm."""
         x, deviation = self.points
         return 1e3 * scatter_mm(x, deviation, self.designed.slope(x))
 
@@ -232,8 +241,8 @@ class FittedProfile(Result, eq=True):
             return ""
         low, high = self.reach_mm
         return (
-            f"the profile covers x from {low:.3f} to {high:.3f} mm of a lens of ±{self.designed.half_width_mm:g} mm: "
-            "beyond it the designed lens is assumed, at the distance of the last points; "
+            f"the profile covers x from {low:.3f} to {high:.3f} mm of a lens of ±{self.designed.half_width_mm:g} mm; "
+            "beyond it, the designed lens with the deviation of the last points is assumed. "
             f"{self.unseen:.0%} of the accepted angles hit that part"
         )
 
@@ -253,18 +262,18 @@ class FittedProfile(Result, eq=True):
 
     @cached_property
     def _point_u_mm(self) -> FloatArray:
-        """Uncertainty of each point of the profile: as stated, or from scatter if larger."""
+        """Return the uncertainty of each point of the profile: the stated one, or the scatter if that is larger."""
         stated = np.maximum(self.profile.u_mm, LEAST_U_MM)
         return np.asarray(stated * max(1.0, 1e-3 * self.scatter_um / float(np.median(stated))))
 
     @cached_property
     def _ends(self) -> tuple[float, float]:
-        """Lengths along the lens at the first and the last point."""
+        """Return the lengths along the lens at the first and the last point."""
         first, last = self.track.length_at(np.array(self.reach_mm))
         return float(first), float(last)
 
     def _place(self, x_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Nearest measured length, and how far beyond it a lateral position lies."""
+        """Return the nearest measured length to a lateral position, and how far beyond it that position is."""
         along = self.track.length_at(x_mm)
         inside = np.clip(along, *self._ends)
         return inside, along - inside
@@ -277,8 +286,8 @@ class FittedProfile(Result, eq=True):
             raise DesignError(
                 "lens.profile",
                 value=f"{x.size} points from {low:.4g} to {high:.4g} mm",
-                limit=f"a lens of {half_mm:g} mm half width needs {LEAST_POINTS} or more, from {-need_mm:.4g} to "
-                f"{need_mm:.4g} mm at least",
+                limit=f"a lens of {half_mm:g} mm half width needs at least {LEAST_POINTS} points, "
+                f"which cover {-need_mm:.4g} to {need_mm:.4g} mm",
                 remedy="measure the whole lens, or narrow lens.half_width_mm",
             )
 
@@ -289,16 +298,16 @@ class FittedProfile(Result, eq=True):
             raise DesignError(
                 "lens.profile",
                 value=f"{deviation[worst]:+.4g} mm from the design at x = {x[worst]:.4g} mm",
-                limit=f"must lie within {limit_mm:g} mm of the designed lens",
-                remedy="register it to the design, its vertex at the origin and z into the body",
+                limit=f"must be within {limit_mm:g} mm of the designed lens",
+                remedy="register the profile to the design, with its vertex at the origin and z into the body",
             )
         nearest_mm, emitter_mm = float((deviation + self.designed.z_mm(x)).min()), -self.designed.distance_mm
         if nearest_mm <= NEAREST * emitter_mm:
             raise DesignError(
                 "lens.profile",
                 value=f"reaches z = {nearest_mm:.4g} mm",
-                limit=f"the emitter stands at z = {emitter_mm:g} mm",
-                remedy="register it to the design, its vertex at the origin and z into the body",
+                limit=f"the emitter is at z = {emitter_mm:g} mm",
+                remedy="register the profile to the design, with its vertex at the origin and z into the body",
             )
 
 

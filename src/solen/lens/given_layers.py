@@ -1,6 +1,6 @@
 """A layered lens with given profiles, predicted by a print model or drawn for printing.
 
-Its file is JSON from `layers_text`: heights of the borders between layers, and the depth z of each layer at
+Its file is JSON from `layers_text`: heights of the boundaries between layers, and the depth z of each layer at
 equidistant points from the axis to the half width. Profiles are symmetric about the axis.
 
 The interface: `GivenLayers`, `Profiles`, `read_layers`, `layers_text`.
@@ -41,13 +41,13 @@ class Profiles:
     half_width_mm
         Half the width of the aperture.
     edges_mm
-        Heights y (L + 1,) of the borders between layers, from mid-height of the body, ascending.
+        Heights y (L + 1,) of the boundaries between layers, from mid-height of the body, ascending.
     z_mm
-        Depth (L, M) of each at M equidistant points from the axis to the half width.
+        Depth (L, M) of each layer at M equidistant points from the axis to the half width.
     simulated
-        Whether they were computed rather than measured.
+        Whether the profiles were computed rather than measured.
     warnings
-        Warnings about them.
+        Warnings about the profiles.
     """
 
     name: str
@@ -60,7 +60,7 @@ class Profiles:
     def __post_init__(self) -> None:
         layers, places = self.z_mm.shape if self.z_mm.ndim == 2 else (0, 0)
         if self.edges_mm.shape != (layers + 1,) or not 1 <= layers <= MOST_LAYERS:
-            limit = f"must be 2 to {MOST_LAYERS + 1}, one more than z_mm has rows"
+            limit = f"must be 2 to {MOST_LAYERS + 1} heights, one more than the rows of z_mm"
             raise DataError("edges_mm", value=f"{self.edges_mm.size} heights and {layers} rows", limit=limit)
         if not FEWEST_PLACES <= places <= MOST_PLACES:
             raise DataError(
@@ -95,17 +95,17 @@ class GivenLayers(LayeredLens, eq=True):
 
     @reported
     def simulated(self) -> bool:
-        """Whether its profiles were computed as a print."""
+        """Whether its profiles were computed by a print model."""
         return self.given.simulated
 
     @cached_property
     def edges_mm(self) -> FloatArray:
-        """Heights of the borders between layers, ascending, (L + 1,)."""
+        """Heights of the boundaries between layers, ascending, (L + 1,)."""
         return self.given.edges_mm
 
     @cached_property
     def profiles(self) -> tuple[FloatArray, FloatArray]:
-        """Depth and slope (L, M) of every layer, the slopes by cubic splines, level on the axis."""
+        """Depth and slope (L, M) of every layer; the slopes are from cubic splines with slope 0 on the axis."""
         from scipy.interpolate import CubicSpline  # a fifth of a run's imports, which other lenses do without
 
         x = np.linspace(0.0, self.half_width_mm, self.given.z_mm.shape[1])
@@ -114,14 +114,14 @@ class GivenLayers(LayeredLens, eq=True):
 
     @cached_property
     def checked(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """See :attr:`solen.lens.in_space.LensInSpace.checked`: every layer, as they do not mirror each other."""
+        """See :attr:`solen.lens.in_space.LensInSpace.checked`: all layers, as they may differ above and below."""
         x, y = np.meshgrid(np.linspace(0.0, self.half_width_mm, self.given.z_mm.shape[1]), self.middles_mm)
         return x, y, self.given.z_mm
 
 
 @dataclass(frozen=True)
 class _LayersFile:
-    """Content of a file of layers beside its kind and schema."""
+    """Content of a file of layers, except its kind and schema."""
 
     half_width_mm: float
     edges_mm: tuple[float, ...]
@@ -132,13 +132,13 @@ class _LayersFile:
 
 
 def read_layers(path: Path) -> Profiles:
-    """Profiles of a file; `DataError` if it cannot be read, or holds none."""
+    """Return the profiles in a file; raise `DataError` if it cannot be read or contains no profiles."""
     data = parsed(read_text(path, DataError), str(path))
     if not isinstance(data, dict) or data.pop("solen", None) != KIND:
-        limit = f'does not hold the layers of a lens: it has no "solen": "{KIND}"'
-        raise DataError(str(path), limit=limit, remedy="solen print predict --out writes one")
+        limit = f'does not contain the layers of a lens: it has no "solen": "{KIND}"'
+        raise DataError(str(path), limit=limit, remedy="write one with solen print predict --out")
     if (schema := data.pop("schema", None)) != SCHEMA:
-        raise DataError(f"{path}: schema", value=schema, limit=f"this solen reads {SCHEMA}")
+        raise DataError(f"{path}: schema", value=schema, limit=f"this version of solen reads {SCHEMA}")
     found = made(_LayersFile, data, str(path))
     with error_context(str(path)):
         z = _table(found.z_mm)
@@ -148,7 +148,7 @@ def read_layers(path: Path) -> Profiles:
 
 
 def layers_text(profiles: Profiles) -> str:
-    """JSON text of profiles, to `DIGITS` digits of a mm."""
+    """Return profiles as JSON text, rounded to `DIGITS` decimal places of a mm."""
     rows = [json.dumps(row) for row in np.round(profiles.z_mm, DIGITS).tolist()]
     head: dict[str, Any] = {
         "solen": KIND,
@@ -164,9 +164,9 @@ def layers_text(profiles: Profiles) -> str:
 
 
 def _table(rows: Sequence[Sequence[float]]) -> FloatArray:
-    """Finite numbers (L, M)."""
+    """Check that the values are finite numbers and return them as an array (L, M)."""
     if len({len(row) for row in rows}) != 1:
-        raise DataError("z_mm", limit="must be rows of as many numbers each")
+        raise DataError("z_mm", limit="must be rows of equal length")
     table = np.array(rows, dtype=float)
     if not np.isfinite(table).all():
         raise DataError("z_mm", limit="must be finite numbers")

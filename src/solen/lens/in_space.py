@@ -1,10 +1,10 @@
-"""Lenses that vary with height, which a printer can make because it draws every layer separately.
+"""Lenses that vary with height, which can be printed because every layer is drawn separately.
 
-A cylinder is a stronger lens for skew rays, so they cross the axis before the fork. A :class:`LensInSpace` has the
-oval as its middle section and a different profile at every height, so that skew rays cross the same *line* (x = 0,
-z = s'). It has two subclasses: :class:`~solen.lens.line_focus.LineFocusLens`, an exact smooth surface, and
-:class:`~solen.lens.layered.LayeredLens`, a stack of upright walls, one profile for each printed layer. By
-default, heights y count from mid-height of the body.
+A cylinder is a stronger lens for skew rays, so they cross the axis before the fork. A :class:`LensInSpace` has the oval
+as its middle section and a different profile at every height, so skew rays cross the same *line* (x = 0, z = s'). It
+has two subclasses: :class:`~solen.lens.line_focus.LineFocusLens`, an exact smooth surface, and
+:class:`~solen.lens.layered.LayeredLens`, a stack of upright walls with one profile for each printed layer. Heights y
+are measured from mid-height of the body unless stated otherwise.
 """
 
 import math
@@ -21,11 +21,11 @@ from solen.lens.optics import OvalLens
 from solen.results import reported
 
 PLACES_ACROSS, PLACES_UP = 65, 33
-"""Points, across half the aperture and over half the height, at which a surface is checked."""
+"""Numbers of points, across half the aperture and over half the height, at which a surface is checked."""
 SECTION_MM = 1e-6
 """Tolerance of the curve of a section."""
 NEAREST = 0.9
-"""Share of the emitter's distance by which the face may approach it."""
+"""Fraction of the emitter's distance by which the face may approach the emitter."""
 
 
 class LensInSpace(OvalLens, eq=True):
@@ -46,19 +46,19 @@ class LensInSpace(OvalLens, eq=True):
 
     @abstractmethod
     def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """Face z(x, y) at lateral positions and heights of the same shape; NaN where it does not exist."""
+        """Return z(x, y) of the face at lateral positions and heights of the same shape; NaN where there is no face."""
 
     @abstractmethod
     def slope_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """dz/dx of the face at lateral positions and heights of the same shape."""
+        """Return dz/dx of the face at lateral positions and heights of the same shape."""
 
     @property
     @abstractmethod
     def face(self) -> Face:
-        """The face in numbers."""
+        """The numbers by which the tracer describes the face."""
 
     def section(self, y_mm: float) -> Spline:
-        """The face at one height, from its left edge to its right one, within `SECTION_MM`."""
+        """Return the face at one height, from its left edge to its right edge, within `SECTION_MM`."""
 
         def place(x: FloatArray) -> FloatArray:
             return np.column_stack([x, self.z_at(x, np.full_like(x, y_mm))])
@@ -71,7 +71,7 @@ class LensInSpace(OvalLens, eq=True):
 
     @property
     def middle(self) -> OvalLens:
-        """The cylinder of the same middle section."""
+        """The cylinder with the same middle section."""
         return OvalLens(self.distance_mm, self.focus_mm, self.half_width_mm, self.design_index, self.outside_index)
 
     @property
@@ -86,7 +86,7 @@ class LensInSpace(OvalLens, eq=True):
 
     @cached_property
     def checked(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """x, y and z (N, M) of the face over a quarter of the aperture; it is symmetric."""
+        """x, y and z (N, M) of the face over a quarter of the aperture, which suffices by symmetry."""
         x, y = np.meshgrid(
             np.linspace(0.0, self.half_width_mm, PLACES_ACROSS), np.linspace(0.0, self.half_height_mm, PLACES_UP)
         )
@@ -99,7 +99,7 @@ class LensInSpace(OvalLens, eq=True):
 
     @reported
     def nearest_mm(self) -> float:
-        """Smallest z of the face: below 0 where it comes nearer to the emitter than its vertex."""
+        """Smallest z of the face, which is negative if the face comes nearer to the emitter than its vertex."""
         return float(np.min(self.checked[2]))
 
     @reported
@@ -114,7 +114,7 @@ class LensInSpace(OvalLens, eq=True):
         return math.degrees(math.atan2(self.half_height_mm, self.distance_mm + depth_mm))
 
     def table(self, tolerance_mm: float = 1e-4) -> str:
-        """CSV of x, y and z of points of the face: sections at the checked heights, or of its layers."""
+        """Return a CSV table of x, y and z of points on the face, in sections at `heights_mm`."""
         across = self.front.flattened(tolerance_mm)[:, 0]
         x, y = (part.ravel() for part in np.meshgrid(across, self.heights_mm))
         rows = (f"{a:.9g},{b:.9g},{c:.12g}" for a, b, c in zip(x, y, self.z_at(x, y), strict=True))
@@ -122,11 +122,11 @@ class LensInSpace(OvalLens, eq=True):
 
     @property
     def heights_mm(self) -> FloatArray:
-        """Heights of the sections of its table."""
+        """Heights of the sections in the table."""
         return np.linspace(-self.half_height_mm, self.half_height_mm, 2 * PLACES_UP - 1)
 
     def _check_face(self) -> None:
-        """Reject a face that does not exist everywhere, or comes too near to the emitter."""
+        """Reject a face that does not exist over the whole aperture or comes too close to the emitter."""
         check_range("body.thickness_mm", self.thickness_mm, above=0.0)
         x, y, z = self.checked
         if np.isnan(z).any():
@@ -141,6 +141,6 @@ class LensInSpace(OvalLens, eq=True):
             raise DesignError(
                 f"lens.shape {self.shape_name}",
                 value=f"comes within {self.distance_mm + self.nearest_mm:.3f} mm of the emitter's plane",
-                limit=f"must stay behind z = {-NEAREST * self.distance_mm:.3f} mm",
-                remedy="raise lens.y_focus_mm or thin the body",
+                limit=f"must remain behind z = {-NEAREST * self.distance_mm:.3f} mm",
+                remedy="increase lens.y_focus_mm or make the body thinner",
             )

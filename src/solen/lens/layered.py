@@ -1,14 +1,14 @@
-"""The lens of upright layers: every printed layer has a profile of its own.
+"""The lens of upright layers: every printed layer has its own profile.
 
-Upright walls keep β, the index times the y-component of a ray, and in projection along y the ray obeys Snell's law with
-√(n² − β²) in place of n. The emitter's ray that meets a layer at height y in projection at the distance r has
-β = y / √(r² + y²). A profile that takes all of these rays, in projection, to the focus has the normal
-√(1 − β²) u − √(n² − β²) v, with u the unit vector from the emitter and v the one to the focus; so
+Upright walls preserve β, the index times the y-component of a ray, and in projection along y the ray obeys Snell's law
+with √(n² − β²) in place of n. The emitter's ray that meets a layer at height y, at the projected distance r, has β = y
+/ √(r² + y²). A profile that directs all of these rays, in projection, to the focus has the normal √(1 − β²) u − √(n² −
+β²) v, with u the unit vector from the emitter and v the one to the focus; so
 
     dz/dx = −(√(1 − β²) u_x − √(n² − β²) v_x) / (√(1 − β²) u_z − √(n² − β²) v_z),    z(0) = 0,
 
-an ordinary differential equation, as β changes along the profile. At y = 0 its solution is the Cartesian oval. What
-stands out between one layer and the next is a *ledge*, level and a few micrometres wide.
+an ordinary differential equation, because β changes along the profile. At y = 0 its solution is the Cartesian oval. The
+offset between one layer and the next is a *ledge*, horizontal and a few micrometres wide.
 """
 
 import math
@@ -26,20 +26,22 @@ from solen.ranks import note
 from solen.results import reported
 
 PLACES, STEPS = 257, 4
-"""Places of a profile from the axis to its edge, and steps of the fourth-order Runge–Kutta rule between two of them."""
+"""Number of points of a profile from the axis to its edge, and of fourth-order Runge–Kutta steps between two of
+them.
+"""
 MOST_LAYERS = 4000
 EXACT = 1e-6
-"""Share of a layer that may be rounding."""
+"""Difference, as a fraction of a layer, that may be due to rounding."""
 
 
 class LayeredLens(LensInSpace, eq=True):
-    """One profile for each layer, cut for the rays that meet the layer at its middle height.
+    """A lens with one profile for each layer, exact for the rays that meet the layer at its middle height.
 
     Parameters
     ----------
     layer_mm
-        Height of a layer; they are counted from the face that lies on the build plate, y = half the thickness. There
-        are as many as a printer makes of the body, and the last one reaches to its other face.
+        Height of a layer. Layers are counted from the face on the build plate, y = half the thickness. There are as
+        many as a printer makes of the body, and the last one extends to its other face.
     """
 
     shape_name: ClassVar[str] = "layered"
@@ -50,7 +52,10 @@ class LayeredLens(LensInSpace, eq=True):
         super().__post_init__()
         check_range("lens.layer_mm", self.layer_mm, above=0.0)
         if self.thickness_mm > MOST_LAYERS * self.layer_mm:
-            limit = f"must be at least {self.thickness_mm / MOST_LAYERS:g} mm: {MOST_LAYERS} layers at most"
+            limit = (
+                f"must be at least {self.thickness_mm / MOST_LAYERS:g} mm, because at most "
+                f"{MOST_LAYERS} layers are supported"
+            )
             raise DesignError("lens.layer_mm", value=self.layer_mm, limit=limit)
         self._check_face()
 
@@ -61,19 +66,19 @@ class LayeredLens(LensInSpace, eq=True):
             last_mm = float(self.edges_mm[1] - self.edges_mm[0])
             if abs(last_mm - self.layer_mm) <= EXACT * self.layer_mm:
                 return ()
-            count = f"{self.layers - 1} layers of {self.layer_mm:g} mm and a last one of {last_mm:.4g} mm"
+            count = f"{self.layers - 1} layers of {self.layer_mm:g} mm and a last layer of {last_mm:.4g} mm"
             return (note(f"lens.layer_mm: a body of {self.thickness_mm:g} mm has {count}"),)
-        profiles = "one profile over the whole body: this is the cylinder"
+        profiles = "one profile over the whole body, which makes the lens a cylinder"
         if self.layers > 1:
             profiles = f"only {self.layers} profiles over the whole body"
         return (
             f"lens.layer_mm = {self.layer_mm:g} in a body of {self.thickness_mm:g} mm: {profiles}; "
-            "layers are stated in mm",
+            "the layer height is stated in mm",
         )
 
     @cached_property
     def edges_mm(self) -> FloatArray:
-        """Heights y (L + 1,) of the borders between layers, both faces of the body included, ascending."""
+        """Heights y (L + 1,) of the boundaries between layers, including both faces of the body, ascending."""
         return layer_edges_mm(self.thickness_mm, self.layer_mm)
 
     @property
@@ -83,7 +88,7 @@ class LayeredLens(LensInSpace, eq=True):
 
     @property
     def heights_mm(self) -> FloatArray:
-        """See :attr:`solen.lens.in_space.LensInSpace.heights_mm`: one for each layer."""
+        """See :attr:`solen.lens.in_space.LensInSpace.heights_mm`: one height for each layer."""
         return self.middles_mm
 
     @reported
@@ -98,13 +103,13 @@ class LayeredLens(LensInSpace, eq=True):
 
     @cached_property
     def profiles(self) -> tuple[FloatArray, FloatArray]:
-        """Depth z and dz/dx (L, M) of every layer at M places evenly from axis to half width; NaN behind tangency."""
+        """Depth z and dz/dx (L, M) of every layer at M points evenly from axis to half width; NaN beyond tangency."""
         heights, which = np.unique(np.round(np.abs(self.middles_mm), 12), return_inverse=True)
         z, slope = _profiles(self, np.asarray(heights, dtype=float))
         return z[which], slope[which]
 
     def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """See :meth:`solen.lens.in_space.LensInSpace.z_at`: of the layer that a height lies in."""
+        """See :meth:`solen.lens.in_space.LensInSpace.z_at`: the depth of the layer at that height."""
         x, y = np.broadcast_arrays(np.abs(x_mm), y_mm)
         return self.profile_mm(self.layer_at(y), x)
 
@@ -118,16 +123,20 @@ class LayeredLens(LensInSpace, eq=True):
         )
 
     def layer_at(self, y_mm: FloatArray) -> IntArray:
-        """Numbers of the layers that heights lie in, by ascending y."""
+        """Return the indices of the layers at given heights, counted by ascending y."""
         return np.clip(np.searchsorted(self.edges_mm, y_mm, side="right") - 1, 0, self.layers - 1).astype(np.int64)
 
     def profile_mm(self, layer: IntArray | int, x_mm: FloatArray) -> FloatArray:
-        """Depth z of layers by their numbers at lateral positions: cubics between places, off by 1e-9 mm at most."""
+        """Return the depth z of layers, given by index, at lateral positions; interpolation is exact to 1e-9 mm."""
         a, b, p, q, t = self._cell(layer, x_mm)
         return np.asarray(a + t * (p + t * (3.0 * (b - a) - 2.0 * p - q + t * (2.0 * (a - b) + p + q))))
 
     def _cell(self, layer: IntArray | int, x_mm: FloatArray) -> tuple[FloatArray, ...]:
-        """Depths and slopes times the step at both ends of the stretch that positions lie in, and the share of it."""
+        """Return what cubic interpolation needs at each position.
+
+        These are the depths and the slopes, multiplied by the step, at both ends of the interval, and the fraction of
+        it.
+        """
         z, slope = self.profiles
         step = self.half_width_mm / (z.shape[1] - 1)
         at = np.abs(x_mm) / step
@@ -144,7 +153,7 @@ class LayeredLens(LensInSpace, eq=True):
 
     @property
     def _bounds(self) -> tuple[float, float, float, float, float]:
-        """Bounds of a face, by the control points of its cubics: none of them goes beyond those."""
+        """Return bounds of a face from the control points of its cubics, whose extremes no cubic exceeds."""
         (z, slope), width = self.profiles, self.half_width_mm / (self.profiles[0].shape[1] - 1)
         depths = np.stack(
             [z[:, :-1], z[:, :-1] + width / 3.0 * slope[:, :-1], z[:, 1:] - width / 3.0 * slope[:, 1:], z[:, 1:]]
@@ -156,18 +165,18 @@ class LayeredLens(LensInSpace, eq=True):
 
 
 def layer_edges_mm(thickness_mm: float, layer_mm: float) -> FloatArray:
-    """Heights y (L + 1,) of the borders between layers of a body, ascending; the last printed reaches to its face."""
+    """Return heights y (L + 1,) of the boundaries between layers, ascending; the last layer ends at the face."""
     borders = 0.5 * thickness_mm - layer_mm * np.arange(max(layer_count(thickness_mm, layer_mm), 1))
     return np.append(-0.5 * thickness_mm, borders[::-1])
 
 
 def layer_count(height_mm: float, layer_mm: float) -> int:
-    """Number of layers that a printer makes of a height: those whose middle lies in it."""
+    """Return the number of layers that a printer makes of a height: those whose middle is within it."""
     return math.ceil(height_mm / layer_mm + 0.5 - EXACT) - 1
 
 
 def _profiles(lens: LayeredLens, heights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Depth z and dz/dx (H, PLACES) of the profiles at heights (H,)."""
+    """Return depth z and dz/dx (H, PLACES) of the profiles at heights (H,)."""
     step = lens.half_width_mm / ((PLACES - 1) * STEPS)
     z, slope = np.zeros((len(heights), PLACES)), np.zeros((len(heights), PLACES))
     now = np.zeros(len(heights))
@@ -184,7 +193,7 @@ def _profiles(lens: LayeredLens, heights: FloatArray) -> tuple[FloatArray, Float
 
 
 def _slope(lens: LayeredLens, x: float, z: FloatArray, y: FloatArray) -> FloatArray:
-    """dz/dx by Snell's law in projection; NaN where the emitter's ray grazes the profile."""
+    """Return dz/dx from Snell's law in projection; NaN where the emitter's ray grazes the profile."""
     before, behind = np.hypot(x, z + lens.distance_mm), np.hypot(x, lens.focus_mm - z)
     square = y * y / (before * before + y * y)
     n1, n2 = np.sqrt(lens.outside_index**2 * (1.0 - square)), np.sqrt(lens.design_index**2 - square)

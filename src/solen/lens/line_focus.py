@@ -1,11 +1,11 @@
-"""The lens that takes every ray of the emitter through one line, and is smooth.
+"""The lens that directs every ray of the emitter through one line, and is smooth.
 
-Every way from the emitter E to the surface and on to a wave front behind it has the same optical length,
-|P − E| + n·D(P) = const. D decides what becomes of the light along y. With ρ = √(x² + (s' − z)²), the distance from
-the focal line, D = ρ makes the wave fronts cylinders about that line: the light is collimated in y. A front at a
-constant distance from a circle of radius ρ₀ about the line, D = −√((ρ − ρ₀)² + y²), lets it diverge in y as if it came
-from that circle: from a virtual focus ρ₀ − s' before the vertex. Either way ∇D has no part round the line, so every ray
-meets it. At y = 0 both are D = ρ but for a constant: the middle section is the Cartesian oval.
+Every path from the emitter E to the surface and on to a wavefront behind it has the same optical length,
+|P − E| + n·D(P) = const. D determines what happens to the light along y. With ρ = √(x² + (s' − z)²), the distance from
+the focal line, D = ρ makes the wavefronts cylinders about that line: the light is collimated in y. A wavefront at a
+constant distance from a circle of radius ρ₀ about the line, D = −√((ρ − ρ₀)² + y²), makes it diverge in y as if it came
+from that circle: from a virtual focus ρ₀ − s' before the vertex. In both cases ∇D has no azimuthal component about the
+line, so every ray meets the line. At y = 0 both equal ρ up to a constant: the middle section is the Cartesian oval.
 """
 
 import math
@@ -23,15 +23,15 @@ from solen.ranks import look_at
 from solen.results import reported
 
 SCAN, HALVINGS, STEPS = 64, 14, 5
-"""Places along z at which the face is sought, halvings of a stretch, and steps of Newton's method after them."""
+"""Search for the face along z: number of sampled points, bisections of an interval, and steps of Newton's method."""
 FARTHEST_MM, CLOSENESS_MM = 1e4, 1e-3
-"""How far before the vertex a virtual focus is sought, and how closely."""
+"""Largest distance before the vertex at which a virtual focus is searched for, and the accuracy of that search."""
 LEAST_MM = 0.02
-"""Least distance from the virtual focus at which the face is looked for with care."""
+"""Smallest distance from the virtual focus for which the bound of the second derivative holds."""
 ZERO_MM = 1e-15
-"""Depth that is rounding alone."""
+"""Depth that may be due to rounding alone."""
 END_MM = 1e-9
-"""Difference of optical lengths that may be rounding alone."""
+"""Difference of optical lengths that may be due to rounding alone."""
 
 
 class LineFocusLens(LensInSpace, eq=True):
@@ -40,7 +40,7 @@ class LineFocusLens(LensInSpace, eq=True):
     Parameters
     ----------
     y_focus_mm
-        How far before the vertex the light in the body seems to come from along y: infinite for collimated light.
+        Distance before the vertex from which the light in the body seems to diverge along y; infinite if collimated.
     """
 
     shape_name: ClassVar[str] = "line-focus"
@@ -55,13 +55,14 @@ class LineFocusLens(LensInSpace, eq=True):
 
     @classmethod
     def keeping_light(cls, lens: "LineFocusLens") -> "LineFocusLens":
-        """The lens of the nearest virtual focus whose light is totally reflected at top and bottom of the body.
+        """Return the lens with the nearest virtual focus whose light the top and bottom of the body reflect totally.
 
-        A ray with β = n·d_y stays between them as long as β² < n² − 1; the rays of the emitter's middle are meant.
+        A ray with β = n·d_y stays between top and bottom as long as β² < n² − 1; only rays from the emitter's centre
+        are considered.
         """
         index = lens.design_index
         if index <= math.sqrt(2.0):
-            limit = "only above √2 do top and bottom totally reflect all light in the body"
+            limit = "must be above √2, so that top and bottom totally reflect all light in the body"
             raise DesignError(
                 "lens.y_focus_mm", value="body", limit=f"index {index:g}: {limit}", remedy='use "collimated"'
             )
@@ -76,7 +77,7 @@ class LineFocusLens(LensInSpace, eq=True):
         return cls(**{**_fields(lens), "y_focus_mm": high})
 
     def z_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """See :meth:`solen.lens.in_space.LensInSpace.z_at`: the first z of the right optical length, to 1e-13 mm."""
+        """See :meth:`solen.lens.in_space.LensInSpace.z_at`: the first z of the required optical length, to 1e-13 mm."""
         x, y = np.broadcast_arrays(np.abs(x_mm), np.abs(y_mm))
         planes = np.linspace(-self.distance_mm, self.focus_mm, SCAN + 1)
         first = np.zeros(x.shape, dtype=int)
@@ -97,14 +98,14 @@ class LineFocusLens(LensInSpace, eq=True):
         return np.where((first > 0) & reached & (self._faces(x, y, z) < 0.0), z, np.nan)
 
     def slope_at(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """See :meth:`solen.lens.in_space.LensInSpace.slope_at`: by the gradient of the optical length."""
+        """See :meth:`solen.lens.in_space.LensInSpace.slope_at`: from the gradient of the optical length."""
         x, y = np.broadcast_arrays(x_mm, y_mm)
         z = self.z_at(x, y)
         along_x, along_z = self._gradient(x, y, z)
         return np.asarray(-along_x / along_z)
 
     def residual_mm(self, x: FloatArray, y: FloatArray, z: FloatArray | float) -> FloatArray:
-        """Optical length from the emitter less that over the vertex: above 0 before the surface."""
+        """Return the optical length from the emitter minus that through the vertex: positive before the surface."""
         from_line = np.hypot(x, self.focus_mm - z)
         along = from_line - self.focus_mm
         if not math.isinf(self.y_focus_mm):
@@ -118,14 +119,16 @@ class LineFocusLens(LensInSpace, eq=True):
         """See :attr:`solen.lens.base.Lens.warnings`."""
         if self.design_index <= math.sqrt(2.0) or self._steepest <= _most(self.design_index):
             return ()
-        limit = "light of the emitter's middle is too steep for top and bottom, and leaks there"
+        limit = "light from the emitter's centre is too steep for top and bottom, and leaks there"
         return (
-            look_at(f'lens.y_focus_mm = {self.y_focus_mm:.4g}: {limit}; "body" is the nearest focus that keeps it'),
+            look_at(
+                f'lens.y_focus_mm = {self.y_focus_mm:.4g}: {limit}; "body" is the nearest focus that confines the light'
+            ),
         )
 
     @reported
     def y_focus(self) -> str:
-        """Light along y: ``collimated``, or the point that it seems to come from."""
+        """State of the light along y: ``collimated``, or the point from which it seems to diverge."""
         if math.isinf(self.y_focus_mm):
             return "collimated"
         return f"as from {self.y_focus_mm:.4g} mm before the vertex"
@@ -146,13 +149,16 @@ class LineFocusLens(LensInSpace, eq=True):
 
     @property
     def _bend(self) -> float:
-        """Second derivative of n·√((ρ − ρ₀)² + y²) along a line, at most: n over the least distance from the circle."""
+        """Return an upper bound for the second derivative of n·√((ρ − ρ₀)² + y²) along a line.
+
+        It is n divided by the least distance from the circle.
+        """
         farthest = math.hypot(self.half_width_mm, self.focus_mm - self.nearest_mm)
         return self.design_index / max(self.focus_mm + self.y_focus_mm - farthest, LEAST_MM)
 
     @cached_property
     def _steepest(self) -> float:
-        """Largest d_y of the rays of the emitter's middle in the body."""
+        """Return the largest d_y in the body among rays from the emitter's centre."""
         x, y, z = self.checked
         if math.isinf(self.y_focus_mm):
             return 0.0
@@ -160,7 +166,7 @@ class LineFocusLens(LensInSpace, eq=True):
         return float(np.max(y / np.hypot(away, y)))
 
     def _keeps(self, y_focus_mm: float) -> bool:
-        """Whether there is such a surface with another focus, and top and bottom keep its light."""
+        """Return whether a surface with another focus exists, and top and bottom confine its light."""
         try:
             other = LineFocusLens(**{**_fields(self), "y_focus_mm": y_focus_mm})
         except DesignError:
@@ -168,7 +174,7 @@ class LineFocusLens(LensInSpace, eq=True):
         return other._steepest <= _most(self.design_index)
 
     def _faces(self, x: FloatArray, y: FloatArray, z: FloatArray) -> FloatArray:
-        """Derivative of the residual along the emitter's ray: below 0 where the surface faces the emitter."""
+        """Return the derivative of the residual along the emitter's ray: negative if the surface faces the emitter."""
         from_line = np.hypot(x, self.focus_mm - z)
         from_emitter = np.sqrt(x * x + y * y + (z + self.distance_mm) ** 2)
         by_line, by_y = self._by_line(from_line, y)
@@ -176,7 +182,7 @@ class LineFocusLens(LensInSpace, eq=True):
         return np.asarray(1.0 + self.design_index * onto / from_emitter)
 
     def _gradient(self, x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Derivatives of the residual by x and by z."""
+        """Return the derivatives of the residual with respect to x and z."""
         from_line = np.hypot(x, self.focus_mm - z)
         from_emitter = np.sqrt(x * x + y * y + (z + self.distance_mm) ** 2)
         scale = self.design_index * self._by_line(from_line, y)[0] / from_line
@@ -184,7 +190,7 @@ class LineFocusLens(LensInSpace, eq=True):
         return np.asarray(x / from_emitter + scale * x), np.asarray(along_z)
 
     def _by_line(self, from_line: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Derivatives of D by the distance from the focal line and by y."""
+        """Return the derivatives of D with respect to the distance from the focal line and to y."""
         if math.isinf(self.y_focus_mm):
             return np.ones_like(from_line), np.zeros_like(from_line)
         away = self.focus_mm + self.y_focus_mm - from_line
@@ -193,7 +199,7 @@ class LineFocusLens(LensInSpace, eq=True):
 
 
 def _most(index: float) -> float:
-    """Largest d_y in a body of this index, in air, that top and bottom reflect totally."""
+    """Return the largest d_y that top and bottom reflect totally in a body of this index in air."""
     return math.sqrt(1.0 - 1.0 / index**2)
 
 

@@ -1,7 +1,7 @@
 """A measured lens: the designed lens plus the deviation of a measured profile.
 
-Its width, depth and the start of the stem are those of the design, to which the profile is registered.
-Uncertainties come from drawn outlines: the smoothed one plus a random curve of the size of the points' uncertainty,
+Its width, depth and the start of the stem are those of the design, to which the profile is registered. Uncertainties
+come from random outlines: the smoothed outline plus a random curve with the standard deviation of the points,
 correlated over `FittedProfile.correlation_mm`.
 """
 
@@ -19,17 +19,19 @@ from solen.lens.spline import DesignedLens
 from solen.results import HIDDEN, reported
 
 DRAWN_CURVE_SHARE = 0.05
-"""Tolerance of the traced curve against an outline drawn within the uncertainty, as a share of that: it turns the
-normals by a tenth of what the uncertainty does at most, and half of the pieces are searched much faster."""
+"""Tolerance of the traced curve of a random outline, as a fraction of the outline's uncertainty. It rotates the
+normals by at most a tenth of what the uncertainty does, and a curve of half as many pieces is searched much
+faster.
+"""
 DRAWN_SPOTS = 24
-"""Outlines drawn for the uncertainty of the focus, which they determine to a seventh."""
+"""Number of random outlines for the uncertainty of the focus; it gives that uncertainty to one part in seven."""
 
 
 class MeasuredLens(DeviatingLens, eq=True):
     """A lens with a profile that was measured, or predicted by a print model.
 
-    ``drawn`` is 0 for the smoothed profile itself, else the number of an outline drawn within its uncertainty; a number
-    always gives the same outline.
+    ``drawn`` is 0 for the smoothed profile itself, or the number of a random outline drawn within its uncertainty; a
+    number always gives the same outline.
     """
 
     shape_name: ClassVar[str] = "measured"
@@ -59,7 +61,7 @@ class MeasuredLens(DeviatingLens, eq=True):
 
     @property
     def curve_within_mm(self) -> float:
-        """See :attr:`solen.lens.base.DeviatingLens.curve_within_mm`; of a drawn one `DRAWN_CURVE_SHARE` of its u."""
+        """See :attr:`solen.lens.base.DeviatingLens.curve_within_mm`; `DRAWN_CURVE_SHARE` of u for a random outline."""
         within_mm = 1e-3 * DRAWN_CURVE_SHARE * self.fit.u_rms_um if self.drawn else 0.0
         return max(within_mm, super().curve_within_mm)
 
@@ -69,16 +71,19 @@ class MeasuredLens(DeviatingLens, eq=True):
         return self.fit.warnings
 
     def drawn_within(self, number: int) -> "MeasuredLens":
-        """Outline of a number above 0, drawn within the uncertainty of the points; 0 is the smoothed profile."""
+        """Return the random outline of a number above 0, within the points' uncertainty; 0 is the smoothed profile."""
         return replace(self, drawn=number)
 
     def u_best_focus_mm(self, index: float) -> float | None:
-        """Standard uncertainty of `best_focus_mm`: the scatter of `DRAWN_SPOTS` drawn outlines."""
+        """Return the standard uncertainty of `best_focus_mm`, from `DRAWN_SPOTS` random outlines."""
         return _u_best_focus_mm(self, index)
 
     @cached_property
     def _error(self) -> Callable[[FloatArray, int], FloatArray]:
-        """Random curve along z of a drawn outline, or its derivative by x: normal, correlated along the lens."""
+        """Return the random curve along z of a random outline, or its derivative with respect to x.
+
+        It is normally distributed and correlated along the lens.
+        """
         from scipy.interpolate import CubicSpline
 
         track, (nodes, root) = self.fit.track, self.fit.errors

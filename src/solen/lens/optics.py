@@ -1,6 +1,6 @@
-"""Lenses that a formula gives: the Cartesian oval, and the flat face of the stem.
+"""Lenses with an analytic shape: the Cartesian oval, and the flat face of the stem.
 
-:class:`OvalLens` focuses the emitter to one point without aberration, :class:`FlatFace` is the sensor without a lens.
+:class:`OvalLens` focuses the emitter to one point without aberration; :class:`FlatFace` is the sensor without a lens.
 """
 
 import math
@@ -36,7 +36,7 @@ class FlatFace(Lens, eq=True):
 
     @property
     def depth_mm(self) -> float:
-        """From the vertex to the plane of the edges: 0, as the face is flat."""
+        """Distance from the vertex to the plane of the edges: 0, because the face is flat."""
         return 0.0
 
 
@@ -55,9 +55,9 @@ class OvalLens(CurvedLens, eq=True):
     half_width_mm
         Half the lens's width; beyond `tangency` the oval is hidden behind itself and `DesignError` is raised.
     design_index
-        n2, the index the oval is cut for.
+        n2, the index for which the oval is computed.
     outside_index
-        n1, of what lies before it.
+        n1, the index in front of the lens.
     """
 
     shape_name: ClassVar[str] = "cartesian-oval"
@@ -81,14 +81,14 @@ class OvalLens(CurvedLens, eq=True):
 
     @cached_property
     def depth_mm(self) -> float:
-        """From the vertex to the plane of the edges."""
+        """Distance from the vertex to the plane of the edges."""
         return float(self.z_mm(self.half_width_mm))
 
     def z_mm(self, x_mm: ArrayLike) -> NDArray[np.float64]:
-        """Profile z(x) at any array of lateral positions |x| <= half width; residual of the oval below 1e-12 mm.
+        """Return the profile z(x) at positions |x| <= half width; the residual of the oval is below 1e-12 mm.
 
-        Newton's method along z from the tangent plane at the vertex, which lies outside the oval: the equation is
-        convex along any line, so the iteration rises to the front and can never jump to the second root behind it.
+        Newton's method runs along z from the tangent plane at the vertex, which is outside the oval. The equation is
+        convex along any line, so the iteration approaches the front and can never jump to the second root behind it.
         """
         x = np.abs(np.asarray(x_mm, dtype=float))
         if not np.all(x <= self.half_width_mm):
@@ -106,12 +106,12 @@ class OvalLens(CurvedLens, eq=True):
         return np.asarray(z)
 
     def slope(self, x_mm: ArrayLike) -> NDArray[np.float64]:
-        """dz/dx of the profile, dimensionless."""
+        """Return dz/dx of the profile, dimensionless."""
         fx, fz, *_ = self._derivatives(np.asarray(x_mm, dtype=float))
         return np.asarray(-fx / fz)
 
     def curvature_per_mm(self, x_mm: ArrayLike) -> NDArray[np.float64]:
-        """Signed curvature z''/(1 + z'²)^(3/2) of the profile: positive where the front bulges towards the emitter."""
+        """Return the signed curvature z''/(1 + z'²)^(3/2) of the profile: positive if convex to the emitter."""
         fx, fz, fxx, fxz, fzz = self._derivatives(np.asarray(x_mm, dtype=float))
         return np.asarray(-(fxx * fz**2 - 2 * fxz * fx * fz + fzz * fx**2) / (np.hypot(fx, fz) ** 3) * np.sign(fz))
 
@@ -133,12 +133,12 @@ class OvalLens(CurvedLens, eq=True):
 
     @reported
     def na_image(self) -> float:
-        """Numerical aperture on the focus's side, n2 sin of the edge ray's angle there."""
+        """Numerical aperture on the side of the focus, n2 sin of the edge ray's angle there."""
         return self.design_index * math.sin(math.atan2(self.half_width_mm, self.focus_mm - self.depth_mm))
 
     @reported
     def magnification(self) -> float:
-        """Size of the focal spot per size of the emitter near the axis, (s'/s)(n1/n2); the image is upside down."""
+        """Size of the focal spot relative to that of the emitter near the axis, (s'/s)(n1/n2); it is inverted."""
         return (self.focus_mm / self.distance_mm) * (self.outside_index / self.design_index)
 
     @reported
@@ -152,7 +152,7 @@ class OvalLens(CurvedLens, eq=True):
         return float(self.curvature_per_mm(self.half_width_mm))
 
     def paraxial_focus_mm(self, index: float) -> float | None:
-        """Paraxial focus in a material of ``index``, mm behind the vertex; None if rays diverge.
+        """Return the paraxial focus in a material of ``index``, mm behind the vertex; None if rays diverge.
 
         n/s'' = (n − n1)/R − n1/s with R the vertex radius.
         """
@@ -161,7 +161,7 @@ class OvalLens(CurvedLens, eq=True):
         return index / vergence if vergence > 0.0 else None
 
     def marginal_focus_mm(self, index: float) -> float | None:
-        """Crossing of the edge ray with the axis in a material of ``index``, mm behind the vertex; None without one."""
+        """Return where the edge ray crosses the axis in a material of ``index``, mm behind the vertex, or None."""
         edge: Point = (self.half_width_mm, self.depth_mm)
         ray = unit((edge[0], edge[1] + self.distance_mm))
         normal = self.front.normal_at(edge)
@@ -183,7 +183,7 @@ class OvalLens(CurvedLens, eq=True):
         )
 
     def _derivatives(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """First and second derivatives of the oval's equation on its front: Fx, Fz, Fxx, Fxz, Fzz."""
+        """Return first and second derivatives of the oval's equation on its front: Fx, Fz, Fxx, Fxz, Fzz."""
         z = self.z_mm(x)
         parts = []
         for n, dz in ((self.outside_index, z + self.distance_mm), (self.design_index, z - self.focus_mm)):
@@ -204,7 +204,7 @@ class OvalLens(CurvedLens, eq=True):
                 "lens.design_index",
                 value=self.design_index,
                 limit=f"must be above {self.outside_index:g}, the index outside",
-                remedy="a lens with the index of its surroundings bends no light",
+                remedy="a lens with the index of its surroundings does not refract light",
             )
 
     def _refuse_width(self, limit_mm: float) -> None:
@@ -216,7 +216,7 @@ class OvalLens(CurvedLens, eq=True):
             raise DesignError(
                 "lens.focus_mm",
                 value=self.focus_mm,
-                limit=f"lies inside the lens, which at {self.half_width_mm:g} mm half width is at least "
+                limit=f"is inside the lens, which at {self.half_width_mm:g} mm half width is at least "
                 f"{least_depth_mm:.2f} mm deep",
                 remedy=f"focus beyond {nearest_mm:.2f} mm or narrow the lens below {limit_mm:.3f} mm",
             )
@@ -237,9 +237,9 @@ def _check_lengths(lens: Lens) -> None:
 
 
 def tangency(n1: float, n2: float, distance_mm: float, focus_mm: float) -> tuple[float, float]:
-    """Angle in degrees and half width in mm at which a ray from the emitter only grazes the oval.
+    """Return the angle in degrees and the half width in mm at which a ray from the emitter only grazes the oval.
 
-    Seen from F1 the oval's equation is quadratic in the distance; where its discriminant vanishes the two roots meet.
+    Seen from F1, the oval's equation is quadratic in the distance; where its discriminant vanishes, the two roots meet.
     """
     c, d = n1 * distance_mm + n2 * focus_mm, distance_mm + focus_mm
     a = n2**2 - n1**2
@@ -250,7 +250,7 @@ def tangency(n1: float, n2: float, distance_mm: float, focus_mm: float) -> tuple
 
 
 def nearest_focus_mm(n1: float, n2: float, distance_mm: float, half_width_mm: float) -> float:
-    """Nearest focus in mm for which an oval of this half width stays clear of tangency, to 1e-6 of itself."""
+    """Return the nearest focus in mm for which an oval of this half width stays below tangency, to 1e-6 of it."""
     low, high = 1e-6, 1.0
     while tangency(n1, n2, distance_mm, high)[1] <= half_width_mm:
         low, high = high, 2.0 * high

@@ -1,11 +1,11 @@
 """The profile of a lens from a picture, a scan or a print model: points with uncertainties.
 
-The idea: measurements and predictions of a printed lens have a common form, a :class:`MeasuredProfile` in the frame
-of the designed lens: x lateral, z into the body, the designed vertex at the origin. It is z as a function of x; a
-profile that folds back on itself cannot be compared with a designed lens. Its file is JSON from `profile_text`,
-or any table with the columns x and z, and u if the uncertainty is known.
+The idea: measurements and predictions of a printed lens have a common form, a :class:`MeasuredProfile` in the frame of
+the designed lens: x lateral, z into the body, the designed vertex at the origin. It is z as a function of x; a profile
+that folds back on itself cannot be compared with a designed lens. Its file is JSON from `profile_text`, or any table
+with the columns x and z, and u if the uncertainty is known.
 
-The interface: `read_profile` a file, `profile_of` columns of numbers, `profile_text` for writing.
+The interface: `read_profile` reads a file, `profile_of` uses columns of numbers, `profile_text` is for writing.
 """
 
 import json
@@ -36,21 +36,21 @@ NARROWEST_MM, WIDEST_MM = 0.02, 200.0
 LARGEST_U_MM = 1.0
 
 _GAUSS_MAD = 1.4826
-"""Standard deviation of normal numbers per median of their sizes."""
+"""Standard deviation of normal numbers divided by the median of their absolute values."""
 
 
 class MeasuredProfile(Result):
     """Measured profile of a lens in the sensor's frame, with the designed vertex at the origin.
 
-    Equality is identity: two measurements of one lens are two.
+    Profiles compare by identity: two measurements of one lens are different profiles.
 
     Attributes
     ----------
     x_mm, z_mm
         Points (N,), x strictly ascending; z increases into the body.
     u_mm
-        Standard uncertainty of each along the profile's normal, (N,), without what all of them share (scale, place);
-        0 for exact points.
+        Standard uncertainty of each point along the profile's normal, (N,), without the errors common to all points (of
+        scale and position); 0 for exact points.
     simulated
         Whether it was computed, as by a print model or from a rendered picture, rather than measured.
     name
@@ -60,7 +60,7 @@ class MeasuredProfile(Result):
     sources
         Provenance of the source files, as plain data.
     warnings
-        Warnings about it.
+        Warnings about the profile.
     """
 
     x_mm: FloatArray
@@ -81,18 +81,18 @@ class MeasuredProfile(Result):
 
     @property
     def width_mm(self) -> tuple[float, float]:
-        """Lateral positions of its ends."""
+        """Lateral positions of the two ends."""
         return (float(self.x_mm[0]), float(self.x_mm[-1]))
 
 
 def read_profile(path: Path | str) -> MeasuredProfile:
-    """Profile of a file: JSON as `profile_text` writes it, or a table with the columns x and z, and u if it has one.
+    """Read the profile in a file: JSON as `profile_text` writes it, or a table with columns x and z, and u if known.
 
     Raises
     ------
     DataError
-        If the file cannot be read, holds other keys or columns, or no valid profile: points that are not numbers, too
-        few, not in order or folded back, or of a size that no lens has.
+        If the file cannot be read, contains other keys or columns, or no valid profile: points that are not numbers,
+        too few, not in order or folded back, or of a size that is implausible for a lens.
     """
     path = Path(path)
     if _is_json(path):
@@ -110,14 +110,14 @@ def profile_of(
     edge: str = "mean",
     sources: tuple[dict[str, Any], ...] = (),
 ) -> MeasuredProfile:
-    """Profile of columns of numbers (N,); those from right to left are reversed.
+    """Return the profile of columns of numbers (N,), which are reversed if they run from right to left.
 
-    Without a stated uncertainty, it is estimated from the scatter of neighbouring points, with a warning:
-    a common error of all points is not included.
+    Without a stated uncertainty, it is estimated from the scatter of neighbouring points, with a warning: a common
+    error of all points is not included.
     """
     x, z = _column("x_mm", x_mm), _column("z_mm", z_mm)
     if x.shape != z.shape:
-        raise DataError("z_mm", value=f"{z.size} numbers", limit=f"must be as many as x_mm has, {x.size}")
+        raise DataError("z_mm", value=f"{z.size} numbers", limit=f"must be as long as x_mm, {x.size}")
     backwards = x.size > 1 and bool(np.all(np.diff(x) < 0.0))
     _check_order(x[::-1] if backwards else x)
     warnings: tuple[str, ...] = ()
@@ -135,17 +135,17 @@ def profile_of(
 
 
 def profile_text(profile: MeasuredProfile) -> str:
-    """JSON text of a profile; `read_profile` of it gives the same numbers to the last digit."""
+    """Return the JSON text of a profile; `read_profile` restores the same numbers to the last digit."""
     data = {"solen": KIND, "schema": SCHEMA} | profile.to_dict()
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
 def scatter_mm(x_mm: FloatArray, z_mm: FloatArray, slope: FloatArray | None = None) -> float:
-    """Standard deviation, along the normal, of independent errors of neighbouring points.
+    """Return the standard deviation, along the normal, of independent errors of neighbouring points.
 
-    Each point is compared with the straight line through its neighbours; the median of the sizes of these deviations,
-    0.6745 standard deviations if they are normal, is robust against outliers as at a step. Where z is not a profile but
-    a deviation from one, ``slope`` (N,) is that of the profile.
+    Each point is compared with the straight line through its neighbours; the median of the absolute deviations, 0.6745
+    standard deviations if they are normal, is robust against outliers as at a step. If z is the deviation from a
+    profile rather than a profile, ``slope`` (N,) is the slope of that profile.
     """
     if x_mm.size < 3:
         return 0.0
@@ -159,14 +159,14 @@ def scatter_mm(x_mm: FloatArray, z_mm: FloatArray, slope: FloatArray | None = No
 
 
 def _running_median(values: FloatArray, reach: int = 10) -> FloatArray:
-    """Median of each number and up to ``reach`` on either side."""
+    """Return the median of each number and up to ``reach`` numbers on either side."""
     reach = min(reach, (values.size - 1) // 2)
     padded = np.pad(values, reach, mode="edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1), axis=1))
 
 
 def _is_json(path: Path) -> bool:
-    """Whether a file begins like a JSON object; a file that cannot be opened is judged by its name."""
+    """Return whether a file begins like a JSON object; a file that cannot be opened is judged by its name."""
     try:
         with path.open("rb") as file:
             return file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"{", b"["))
@@ -176,7 +176,7 @@ def _is_json(path: Path) -> bool:
 
 @dataclass(frozen=True)
 class _ProfileFile:
-    """Content of a profile's JSON beside its kind and schema."""
+    """Content of a profile's JSON, except its kind and schema."""
 
     x_mm: tuple[float, ...]
     z_mm: tuple[float, ...]
@@ -191,10 +191,10 @@ class _ProfileFile:
 def _from_json(text: str, where: str) -> MeasuredProfile:
     data = parsed(text, where)
     if not isinstance(data, dict) or data.pop("solen", None) != KIND:
-        limit = f'not a profile of a lens: it has no "solen": "{KIND}"'
-        raise DataError(where, limit=limit, remedy="solen print inspect writes one")
+        limit = f'is not a profile of a lens: it has no "solen": "{KIND}"'
+        raise DataError(where, limit=limit, remedy="write one with solen print inspect")
     if (schema := data.pop("schema", None)) != SCHEMA:
-        raise DataError(f"{where}: schema", value=schema, limit=f"this solen reads {SCHEMA}")
+        raise DataError(f"{where}: schema", value=schema, limit=f"this version of solen reads {SCHEMA}")
     fields = vars(made(_ProfileFile, data, where))
     with error_context(where):
         return MeasuredProfile(
@@ -218,7 +218,7 @@ def _from_table(path: Path) -> MeasuredProfile:
 
 
 def _column(key: str, values: ArrayLike) -> FloatArray:
-    """Finite numbers (N,), read-only; `DataError` if they are not."""
+    """Return finite numbers (N,), read-only; raise `DataError` if they are not."""
     try:
         column = np.array(values, dtype=float)
     except (TypeError, ValueError):
@@ -236,12 +236,14 @@ def _column(key: str, values: ArrayLike) -> FloatArray:
 def _check(x: FloatArray, z: FloatArray, u: FloatArray) -> None:
     for key, column in (("z_mm", z), ("u_mm", u)):
         if column.size != x.size:
-            limit = f"must be as many as x_mm has, {x.size}"
-            raise DataError(key, value=f"{column.size} numbers", limit=limit, remedy="restore what is cut off")
+            limit = f"must be as long as x_mm, {x.size}"
+            raise DataError(
+                key, value=f"{column.size} numbers", limit=limit, remedy="restore the missing end of the file"
+            )
     if not LEAST_POINTS <= x.size <= MOST_POINTS:
         limit = f"must be {LEAST_POINTS} to {MOST_POINTS:,} points"
         raise DataError(
-            "x_mm", value=f"{x.size} points", limit=limit, remedy="trace the outline more finely or thin it"
+            "x_mm", value=f"{x.size} points", limit=limit, remedy="sample the outline more finely or more coarsely"
         )
     _check_order(x)
     _check_size(x, z)
@@ -263,8 +265,8 @@ def _check_order(x: FloatArray) -> None:
     raise DataError(
         f"x_mm[{i + 1}]",
         value=float(x[i + 1]),
-        limit=f"follows {x[i]:.9g}: x must ascend; the profile folds back or repeats a point there",
-        remedy="keep only the face of the lens, one z for each x",
+        limit=f"follows {x[i]:.9g}, but x must ascend; the profile folds back or repeats a point there",
+        remedy="keep only the face of the lens, with one z for each x",
     )
 
 

@@ -1,11 +1,11 @@
 """A smooth curve through uncertain points, as smooth as their uncertainty allows.
 
 The idea: P-splines (P. H. C. Eilers & B. D. Marx, Statistical Science 11, 89, 1996): a cubic B-spline with more knots
-than are needed, and a penalty on the third differences of its coefficients. Its strength follows from the points
-themselves by restricted maximum likelihood (S. N. Wood, J. R. Stat. Soc. B 73, 3, 2011), which takes for noise
-what differs from point to point. Correlated errors of neighbouring points, as those of a blurred edge, it would take
-for shape; so the curve is smoothed further until its residuals match the stated uncertainty (V. A. Morozov's
-discrepancy principle), if that is smoother.
+than necessary, and a penalty on the third differences of its coefficients. Its strength follows from the points
+themselves by restricted maximum likelihood (S. N. Wood, J. R. Stat. Soc. B 73, 3, 2011), which interprets independent
+differences between points as noise. It would interpret correlated errors of neighbouring points, such as those of a
+blurred edge, as shape; so the curve is smoothed further until its residuals match the stated uncertainty (V. A.
+Morozov's discrepancy principle), if that is smoother.
 
 The interface: `smoothed` returns a `Smooth`.
 """
@@ -19,25 +19,26 @@ from solen.arrays import FloatArray
 from solen.results import HIDDEN, Result, reported
 
 DEGREE, ORDER = 3, 3
-"""Degree of the spline's pieces, and order of the penalised differences; a parabola has no penalty."""
+"""Degree of the spline's pieces, and order of the penalised differences; a parabola is not penalised."""
 MOST_SPANS, POINTS_PER_SPAN = 200, 3
 WEAKEST, STRONGEST, STEPS = -10.0, 10.0, 161
-"""Decadic logarithms between which the strength of the penalty is sought, against one that equals the data's weight."""
+"""Decadic logarithms of the weakest and the strongest penalty of the search, relative to the weight of the data."""
 
 
 class Smooth(Result):
-    """A smoothed column over a length.
+    """A smoothed column of values as a function of length.
 
     Attributes
     ----------
     spline
-        Values at places between the first and the last one, or with an order as second argument their derivatives.
+        Returns values at positions between the first and the last, or their derivatives of the order in its second
+        argument.
     length_mm
-        From the first place to the last one.
+        Length from the first position to the last.
     parameters
-        Effective number of parameters: the trace of the matrix that takes values to smoothed values.
+        Effective number of parameters: the trace of the matrix that converts values to smoothed values.
     residual
-        Root of the mean square of the residuals, each in units of its standard uncertainty.
+        Root mean square of the residuals, each in units of its standard uncertainty.
     """
 
     spline: Callable[..., FloatArray] = field(metadata=HIDDEN)
@@ -47,16 +48,16 @@ class Smooth(Result):
 
     @reported
     def resolution_mm(self) -> float:
-        """Length over which values are averaged: the whole length per parameter."""
+        """Length over which values are averaged: the whole length divided by the number of parameters."""
         return self.length_mm / self.parameters
 
 
 @dataclass(frozen=True, eq=False)
 class _Penalised:
-    """Normal equations of all strengths at once, in the basis in which data and penalty are both diagonal.
+    """Normal equations for all strengths at once, in the basis in which data and penalty are both diagonal.
 
-    ``data`` (K,) are the shares of the data, ``right`` (K,) the right side; ``back`` (K, K) takes the solution to the
-    coefficients.
+    ``data`` (K,) are the fractional weights of the data, ``right`` (K,) is the right-hand side; ``back`` (K, K)
+    converts the solution to the coefficients.
     """
 
     data: FloatArray
@@ -75,12 +76,12 @@ class _Penalised:
         return float(np.sum(self.data / self.matrix(strength)))
 
     def residuals(self, strength: float) -> float:
-        """Sum of the squares of the weighted residuals."""
+        """Return the sum of the squares of the weighted residuals."""
         size = self.right / self.matrix(strength)
         return max(float(self.squares - 2.0 * size @ self.right + self.data @ size**2), 0.0)
 
     def unlikeliness(self, strength: float) -> float:
-        """Minus twice the restricted log-likelihood, but for a constant, at the best scale of the noise."""
+        """Return minus twice the restricted log-likelihood, up to a constant, at the best scale of the noise."""
         free, penalised = self.count - ORDER, self.data.size - ORDER
         matrix = self.matrix(strength)
         squares = max(float(self.squares - self.right @ (self.right / matrix)), 1e-300)
@@ -88,9 +89,9 @@ class _Penalised:
 
 
 def smoothed(place: FloatArray, value: FloatArray, u: FloatArray) -> Smooth:
-    """Smooth curve through values (N,) at ascending places (N,) with standard uncertainties above 0.
+    """Return a smooth curve through values (N,) at ascending positions (N,) with standard uncertainties above 0.
 
-    N must be 16 at least.
+    N must be at least 16.
     """
     from scipy.interpolate import BSpline
     from scipy.sparse import diags_array
@@ -126,10 +127,10 @@ STRENGTHS = [float(strength) for strength in np.logspace(WEAKEST, STRONGEST, STE
 
 
 def _likeliest(fit: _Penalised) -> float:
-    """Strength of maximum restricted likelihood."""
+    """Return the strength of maximum restricted likelihood."""
     return min(STRENGTHS, key=fit.unlikeliness)
 
 
 def _matching(fit: _Penalised) -> float:
-    """Largest strength whose residuals are no larger than the uncertainties; 0 where all are larger."""
+    """Return the largest strength whose residuals do not exceed the uncertainties, or 0 if all do."""
     return max((strength for strength in STRENGTHS if fit.residuals(strength) <= fit.count), default=0.0)

@@ -1,9 +1,9 @@
 """The free-form lens: a Cartesian oval and a smooth deviation from it, stated at a few knots.
 
-The deviation along z is a cubic spline in |x| with continuous curvature: even in x, level on the axis, without
-curvature of its own at the edge, where it is 0. So width, depth and where the stem begins are the oval's, and z still
-counts from the vertex of the oval. What light cannot use is refused: a face that reaches the emitter, or on which its
-rays graze. What printers may not make, narrow bumps and small radii of curvature, is warned of.
+The deviation along z is a cubic spline in |x| with continuous curvature: even in x, with slope 0 on the axis, and with
+the value and the curvature 0 at the edge. So width, depth and the start of the stem are the oval's, and z is still
+measured from the vertex of the oval. A face that light cannot use is rejected: one that reaches the emitter, or that
+rays graze. Features that printers may not resolve, narrow bumps and small radii of curvature, cause a warning.
 
 The interface: `SplineLens`; `DesignedLens` is any lens that is printed as one profile.
 """
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
 
 PLACES = 401
-"""Places across half the aperture at which incidence and curvature are computed."""
+"""Number of points across half the aperture at which incidence and curvature are computed."""
 NEAREST = 0.9
-"""Share of the emitter's distance by which the face may approach it."""
+"""Fraction of the emitter's distance by which the face may approach the emitter."""
 LEAST_HEIGHT_UM = 0.1
-"""Bumps and dimples below this are none."""
+"""Height below which bumps and dimples are ignored."""
 DEFAULT_LEAST_FEATURE_UM = 130.0
-"""Least width that is printed well: of a wave of twice that, an edge blurred by 19 µm keeps 90 %."""
+"""Smallest width that prints well: blur of an edge by 19 µm preserves 90 % of a wave with twice that period."""
 
 
 @dataclass(frozen=True)
 class Feature:
-    """Bump (above 0) or dimple of a deviation, between two places where the sign of its curvature changes."""
+    """Bump (positive) or dimple of a deviation, between two points where the sign of its curvature changes."""
 
     x_mm: float
     width_um: float
@@ -53,15 +53,15 @@ class SplineLens(DeviatingLens, eq=True):
     oval
         The lens without the deviation.
     knots_um
-        Deviation along z at N evenly spaced |x|, the first on the axis; below 0 is more material. The one at the edge,
-        which would be the next, is 0.
+        Deviation along z at N evenly spaced |x|, the first on the axis; negative values add material. The deviation at
+        the edge, which would be the next knot, is 0.
     least_feature_um
-        Width of a bump or dimple, and radius of curvature, below which `warnings` doubt that it can be printed.
+        Width of a bump or dimple, and radius of curvature, below which `warnings` state that it may not print.
 
     Raises
     ------
     DesignError
-        Where rays from the emitter graze the face, or it reaches the emitter.
+        If rays from the emitter graze the face, or the face reaches the emitter.
     """
 
     shape_name: ClassVar[str] = "spline"
@@ -73,7 +73,9 @@ class SplineLens(DeviatingLens, eq=True):
     def __post_init__(self) -> None:
         check_numbers("lens.knots_um", *self.knots_um)
         if not self.knots_um:
-            raise DesignError("lens.knots_um", value="[]", limit="needs a knot at least", remedy="add one on the axis")
+            raise DesignError(
+                "lens.knots_um", value="[]", limit="needs at least one knot", remedy="add one on the axis"
+            )
         self._check_place()
         self._check_incidence()
 
@@ -84,7 +86,7 @@ class SplineLens(DeviatingLens, eq=True):
 
     @cached_property
     def front(self) -> Curve:
-        """See :attr:`solen.lens.base.Lens.front`: that of the oval itself where all knots are 0."""
+        """See :attr:`solen.lens.base.Lens.front`: the oval itself if all knots are 0."""
         return super().front if any(self.knots_um) else self.oval.front
 
     @property
@@ -107,14 +109,14 @@ class SplineLens(DeviatingLens, eq=True):
         return np.asarray(np.sign(x_mm) * self._spline(np.abs(x_mm), 1))
 
     def curvature_per_mm(self, x_mm: FloatArray) -> FloatArray:
-        """Signed curvature (N,) of the profile: positive where the front bulges towards the emitter."""
+        """Return the signed curvature (N,) of the profile: positive where the front is convex to the emitter."""
         oval_bend = self.oval.curvature_per_mm(x_mm) * np.hypot(1.0, self.oval.slope(x_mm)) ** 3
         bend = oval_bend + self._spline(np.abs(x_mm), 2)
         return np.asarray(bend / np.hypot(1.0, self.slope(x_mm)) ** 3)
 
     @reported_once
     def most_deviation_um(self) -> float:
-        """Largest deviation from the oval along z, with its sign."""
+        """Deviation from the oval along z that is largest in absolute value, with its sign."""
         deviation = 1e3 * self.deviation_mm(self._places)
         return float(deviation[np.argmax(np.abs(deviation))])
 
@@ -125,17 +127,17 @@ class SplineLens(DeviatingLens, eq=True):
 
     @reported_once
     def least_radius_um(self) -> float:
-        """Least radius of curvature of the face, bulging or hollow."""
+        """Smallest radius of curvature of the face, convex or concave."""
         return 1e3 / float(np.abs(self.curvature_per_mm(self._places)).max())
 
     @reported_once
     def narrowest_um(self) -> float | None:
-        """Width of the narrowest of the `features`; None where there is none."""
+        """Width of the narrowest of the `features`, or None if there are none."""
         return min((feature.width_um for feature in self.features), default=None)
 
     @cached_property
     def features(self) -> tuple[Feature, ...]:
-        """Bumps and dimples of the deviation with x of 0 and more, from the axis out; below `LEAST_HEIGHT_UM` none."""
+        """Bumps and dimples of the deviation at x >= 0, from the axis outwards, higher than `LEAST_HEIGHT_UM`."""
         at = self.knots_at_mm
         bend = self._spline(at, 2)
         at, bend = at[bend != 0.0], bend[bend != 0.0]
@@ -151,12 +153,12 @@ class SplineLens(DeviatingLens, eq=True):
         return self.too_fine(self.least_feature_um, "lens.least_feature_um")
 
     def missed_share(self, least_um: float) -> float:
-        """By what share of a least feature the narrowest feature or the least radius is below it; 0 if none is."""
+        """Fraction by which the narrowest feature or the smallest radius is below a least feature; 0 if neither is."""
         narrowest = min(self.least_radius_um, self.narrowest_um or math.inf)
         return max(0.0, 1.0 - narrowest / least_um)
 
     def too_fine(self, least_um: float, limit: str) -> tuple[str, ...]:
-        """Warnings of what is narrower or bent more sharply than a least feature, which ``limit`` names."""
+        """Return warnings of features narrower or more strongly curved than ``limit``, the name of a least feature."""
         warnings = []
         narrow = min(self.features, key=lambda feature: feature.width_um, default=None)
         if narrow is not None and narrow.width_um < least_um:
@@ -175,7 +177,7 @@ class SplineLens(DeviatingLens, eq=True):
 
     @cached_property
     def _spline(self) -> "CubicSpline":
-        """Deviation in mm by |x| in mm."""
+        """Deviation in mm as a function of |x| in mm."""
         from scipy.interpolate import CubicSpline
 
         values_mm = 1e-3 * np.array([*self.knots_um, 0.0])
@@ -187,7 +189,7 @@ class SplineLens(DeviatingLens, eq=True):
 
     @cached_property
     def _cosines(self) -> FloatArray:
-        """Cosines of the angles of incidence at the places."""
+        """Cosines of the angles of incidence at the sampled points."""
         x, slope = self._places, self.slope(self._places)
         ahead = self.z_mm(x) + self.distance_mm
         return np.asarray((ahead - x * slope) / (np.hypot(x, ahead) * np.hypot(1.0, slope)))
@@ -205,9 +207,9 @@ class SplineLens(DeviatingLens, eq=True):
             raise DesignError(
                 "lens.knots_um",
                 value=f"the face reaches z = {z[nearest]:.4g} mm at x = {self._places[nearest]:.3g} mm",
-                limit=f"must stay behind z = {-NEAREST * self.distance_mm:.4g} mm: the emitter stands at "
+                limit=f"must remain behind z = {-NEAREST * self.distance_mm:.4g} mm, because the emitter is at "
                 f"{-self.distance_mm:g} mm",
-                remedy="raise the knots there",
+                remedy="increase the knots there",
             )
 
     def _check_incidence(self) -> None:
@@ -216,8 +218,8 @@ class SplineLens(DeviatingLens, eq=True):
             raise DesignError(
                 "lens.knots_um",
                 value=f"{self.most_incidence_deg:.3g} deg of incidence at x = {self._places[worst]:.3g} mm",
-                limit="must stay below 90 deg: rays from the emitter graze the face there, and it hides what is behind",
-                remedy="let the knots there rise less towards the edge, or narrow lens.half_width_mm",
+                limit="must be below 90 deg: rays from the emitter graze the face there, and it hides the face behind",
+                remedy="make the knots increase less towards the edge, or narrow lens.half_width_mm",
             )
 
 

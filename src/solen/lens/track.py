@@ -1,4 +1,4 @@
-"""Lengths along a designed lens, from its left edge, by lateral position and back."""
+"""Conversion between the lateral position on a designed lens and the length along it from its left edge."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,19 +14,19 @@ if TYPE_CHECKING:
 
 
 GRID = 4001
-"""Places at which lengths are tabulated."""
+"""Number of points at which lengths are tabulated."""
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Table of the length along a lens; make it with `Track.along`."""
+    """Table of the length along a lens; use `Track.along` to make one."""
 
     x_mm: FloatArray
     length_mm: FloatArray
 
     @classmethod
     def along(cls, lens: DesignedLens) -> "Track":
-        """Table of a lens, by Simpson's rule."""
+        """Return the table of a lens, computed with Simpson's rule."""
         x = np.linspace(-lens.half_width_mm, lens.half_width_mm, GRID)
         middle = 0.5 * (x[:-1] + x[1:])
         before, between, behind = (np.hypot(1.0, lens.slope(at)) for at in (x[:-1], middle, x[1:]))
@@ -35,19 +35,19 @@ class Track:
 
     @property
     def total_mm(self) -> float:
-        """Length of all of it."""
+        """Length of the whole lens."""
         return float(self.length_mm[-1])
 
     def length_at(self, x_mm: FloatArray) -> FloatArray:
-        """Lengths (N,) at lateral positions."""
+        """Return lengths (N,) at lateral positions."""
         return np.asarray(self._forwards(x_mm))
 
     def length_per_x(self, x_mm: FloatArray) -> FloatArray:
-        """Derivatives (N,) of the lengths by the lateral position."""
+        """Return derivatives (N,) of the lengths with respect to the lateral position."""
         return np.asarray(self._forwards(x_mm, 1))
 
     def x_at(self, length_mm: FloatArray) -> FloatArray:
-        """Lateral positions (N,) at lengths."""
+        """Return lateral positions (N,) at lengths."""
         return np.interp(length_mm, self.length_mm, self.x_mm)
 
     @cached_property

@@ -1,1 +1,1 @@
-"""The paper: what it states and where, data simulated in place of its measurements, agreement by a stated rule."""
+"""The paper: its statements and their places, simulated data in place of its measurements, and a rule of agreement."""

@@ -1,6 +1,6 @@
-"""Sizes of shipped designs, of coupons and of parts as solen makes them, to stand beside the paper's.
+"""Sizes of shipped designs, coupons and parts as solen makes them, for comparison with the paper's.
 
-The idea: sizes of a body are read off its outline, not out of its design, so that the geometry is checked as well.
+The idea: sizes of a body are measured on its outline and not read from its design, which also checks the geometry.
 
 The interface: `body_sizes` of a sensor's body with `u_major_base_mm`, `source_of` its emitter, `coupon_sizes` of the
 resolution coupons, `settings_of_print` of the default process, `peak_nm` of a part, `wavelength_nm` of a printer; keys
@@ -25,7 +25,7 @@ RESOLUTION = ("group-a", "group-b", "group-c", "holes", "z-reference")
 
 
 def body_sizes(sensor: Sensor) -> dict[str, float]:
-    """Sizes of a Y in mm, between the corners of its outline at rest."""
+    """Return the sizes of a Y in mm, between the corners of its undeformed outline."""
     body = sensor.body()
     lens, stem = body.face("lens").curve, body.face("stem-right").curve
     fork, base = body.marks["fork-right"], body.marks["stem-base"]
@@ -41,14 +41,14 @@ def body_sizes(sensor: Sensor) -> dict[str, float]:
 
 
 def u_major_base_mm(sizes: Mapping[str, float]) -> float:
-    """Standard uncertainty of the width at the fork, by the last digits of what the paper builds it from."""
+    """Return the standard uncertainty of the width at the fork, from the last digits of the paper's dimensions."""
     base, curve, length = (statements()[key].u_value for key in ("minor-base", "stem-curve", "stem-length"))
     long_mm = sizes["stem-length"]
     return math.hypot(base, 2.0 * long_mm**2 * curve, 4.0 * sizes["stem-curve"] * long_mm * length)
 
 
 def lens_sizes(sensor: Sensor) -> dict[str, float]:
-    """Half width of a lens and distance of its vertex from the emitter, in mm."""
+    """Return the half width of a lens and the distance of its vertex from the emitter, in mm."""
     body = sensor.body()
     lens = body.face("lens").curve
     ends = [lens.start[0], lens.end[0]]
@@ -57,13 +57,13 @@ def lens_sizes(sensor: Sensor) -> dict[str, float]:
 
 
 def source_of(sensor: Sensor) -> dict[str, float]:
-    """Rays, cone in degrees and wavelength in nm of a design's emitter."""
+    """Return number of rays, cone in degrees and wavelength in nm of a design's emitter."""
     emitter = sensor.design.emitter
     return {"rays": float(emitter.rays), "cone": emitter.cone_deg, "wavelength": emitter.wavelength_nm}
 
 
 def pivot_off_mm(sensor: Sensor, angle_deg: float) -> float:
-    """Distance of the centre about which a lens turns by an angle from the centre of the stem's minor base."""
+    """Return the distance from the centre of a lens's rotation by an angle to the centre of the stem's minor base."""
     rest, turned = (sensor.body(angle).face("lens").curve for angle in (0.0, angle_deg))
     return math.dist(_fixed_point((rest.start, rest.end), (turned.start, turned.end)), _middle(rest.start, rest.end))
 
@@ -73,7 +73,7 @@ def _middle(a: Point, b: Point) -> Point:
 
 
 def _fixed_point(before: Sequence[Point], after: Sequence[Point]) -> Point:
-    """Point that a turn of two points leaves in place; with complex numbers, w = a z + b and z = b / (1 − a)."""
+    """Return the fixed point of a rotation of two points; with complex numbers, w = a z + b and z = b / (1 − a)."""
     (p, q), (v, w) = ([complex(*point) for point in points] for points in (before, after))
     a = (w - v) / (q - p)
     centre = (v - a * p) / (1.0 - a)
@@ -81,7 +81,7 @@ def _fixed_point(before: Sequence[Point], after: Sequence[Point]) -> Point:
 
 
 def settings_of_print() -> dict[str, float]:
-    """Exposure of a layer, that of the burn-in and its layers, in the default process."""
+    """Return the exposure of a layer, that of the burn-in, and the number of burn-in layers, in the default process."""
     settings = default_process().process
     return {
         "layer-exposure": settings.exposure_s,
@@ -91,18 +91,18 @@ def settings_of_print() -> dict[str, float]:
 
 
 def size_of(coupon: str, kind: str) -> float:
-    """Diameter or side in mm of the first feature of a kind."""
+    """Return diameter or side in mm of the first feature of a kind."""
     return next(one for one in layout(coupon).features if one.kind == kind).diameter_mm
 
 
 def wavelength_nm(printer: str) -> float | None:
-    """Wavelength of a printer's light; None if its file does not state it."""
+    """Return the wavelength of a printer's light, or None if its file does not state it."""
     light = library_printer(printer).wavelength_nm
     return None if light is None else light.usual
 
 
 def coupon_sizes() -> dict[str, float]:
-    """Sizes of the coupons of the printing resolution, in mm, and how many features they have."""
+    """Return the sizes of the coupons of the printing resolution, in mm, and their numbers of features."""
     a, b, c, holes, reference = map(layout, RESOLUTION)
     diameters, gaps = _diameters(a, "pillar"), sorted(gap.gap_mm for gap in b.gaps)
     steps = sorted({round(step.step_mm, 6) for step in c.steps})
@@ -133,7 +133,7 @@ def coupon_sizes() -> dict[str, float]:
 
 
 def _reference(coupon: Coupon) -> dict[str, float]:
-    """Sizes of the slab whose pillars are one layer apart."""
+    """Return the sizes of the slab whose pillars differ in height by one layer."""
     pillars = sorted(coupon.of_kind("pillar"), key=_by_height)
     names = ("lowest", "middle", "highest")
     return {
@@ -162,7 +162,7 @@ def _thickness(coupon: Coupon) -> float:
 
 
 def peak_nm(part: str) -> tuple[float, float]:
-    """Peak wavelength of a part and its standard uncertainty; of a spectrum, by the points beside its highest one."""
+    """Return peak wavelength and standard uncertainty of a part; those of a spectrum are from its highest points."""
     sheet = library_part(part)
     if isinstance(sheet, EmitterPart):
         return sheet.peak_nm.usual, 0.0

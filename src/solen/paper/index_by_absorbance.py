@@ -1,4 +1,4 @@
-"""What the absorbance, taken for the absorptance, makes of an index: the error of the paper's formula with it.
+"""Error of an index when the absorbance is used as the absorptance, as in the paper's formula.
 
 The interface: `error_of_index` of a simulated layer, `transmittance_for` an index, `fall_of_polymers` of the resins
 that solen ships, `literature_at` a wavelength.
@@ -18,21 +18,21 @@ _T = (0.80, 0.92)
 
 
 def index_at(result: LayerIndex, nm: float) -> tuple[float, float]:
-    """Index of a layer by its fitted formula at a wavelength, and its standard uncertainty."""
+    """Return the index of a layer from its fitted formula at a wavelength, and its standard uncertainty."""
     place = int(np.argmin(np.abs(result.wavelength_nm - nm)))
     u = float(result.u_n[place]) if np.isfinite(result.u_n[place]) else 0.0
     return float(result.n[place]), u
 
 
 def error_of_index(result: LayerIndex, nm: float) -> tuple[float, float]:
-    """Index of a simulated layer less the one that it was made with, and its standard uncertainty."""
+    """Return the computed index of a simulated layer minus its true index, and its standard uncertainty."""
     n, u = index_at(result, nm)
     place = int(np.argmin(np.abs(result.wavelength_nm - nm)))
     return n - float(index_of(float(result.wavelength_nm[place]))[0]), u
 
 
 def transmittance_for(index: float, nm: float) -> float:
-    """Transmittance from which the formula, with −log₁₀ T as A, makes an index."""
+    """Return the transmittance from which the formula, with −log₁₀ T as A, computes an index."""
 
     def off(t: float) -> float:
         found = as_published(np.array([nm]), reading(np.array([t]), None), Length(LAYER_UM, None)).n.value
@@ -42,27 +42,27 @@ def transmittance_for(index: float, nm: float) -> float:
 
 
 def literature_at(nm: float) -> tuple[float, float]:
-    """Middle of the indices of acrylates and photoresins in the literature, and the standard uncertainty of a range."""
+    """Return the middle of the indices of acrylates and photoresins in the literature, and its uncertainty."""
     found = band(nm)
     low, high = float(found.low[0]), float(found.high[0])
     return 0.5 * (low + high), (high - low) / np.sqrt(12.0)
 
 
 def literature_between(*nm: float) -> tuple[float, float]:
-    """Mean over wavelengths of the middle of the literature's indices, and the standard uncertainty of their range."""
+    """Return the mean over wavelengths of the middle of the literature's indices, and its uncertainty."""
     middles, us = zip(*map(literature_at, nm), strict=True)
     return float(np.mean(middles)), float(np.mean(us))
 
 
 def rise_of_literature(short_nm: float, long_nm: float) -> tuple[float, float]:
-    """Index of acrylates and photoresins at the shorter wavelength less that at the longer, and its uncertainty."""
+    """Return the index of acrylates and photoresins at the shorter minus that at the longer wavelength, with u."""
     short, long = band(short_nm), band(long_nm)
     low, high = sorted((float(short.low[0] - long.low[0]), float(short.high[0] - long.high[0])))
     return 0.5 * (low + high), (high - low) / float(np.sqrt(12.0))
 
 
 def fall_of_polymers(short_nm: float, long_nm: float) -> tuple[float, float, float]:
-    """Fall of the index of the resins that solen ships: middle of their range, its uncertainty, the largest."""
+    """Return the fall of the index of the shipped resins: middle of their range, its uncertainty, largest fall."""
     resins = [library_resin(name) for name in library()]
     known = [one.index for one in resins if one.index.mode == "literature"]
     falls = [float(np.subtract(*one.along([short_nm, long_nm])[0])) for one in known]

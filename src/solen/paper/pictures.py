@@ -1,8 +1,9 @@
 """Micrographs and height maps of prints, as solen's own model of the printer predicts them.
 
-The idea: the outline that the model prints is laid on the pixels of a camera; each pixel holds the share of it that
-lies within, seen through a blur, under uneven light, with noise of a stated seed. The model is that of `solen print
-predict` with its default process, whose optics are assumed: a picture shows what the evaluation does, not a printer.
+The idea: the outline that the model predicts is projected onto the pixels of a camera; each pixel contains the fraction
+of its area inside the outline, seen through a blur, under uneven light, with noise of a stated seed. The model is that
+of `solen print predict` with its default process, whose optics are assumed: a picture shows what the evaluation does,
+not what a printer does.
 
 The interface: `lens_picture`, `coupon_picture` and `coupon_heights` return the bytes of a PNG or TIFF.
 """
@@ -26,10 +27,10 @@ from solen.sensor import Sensor
 MODEL = "print model with its default process, blurred camera with noise"
 SEED = 1
 FINE = 4
-"""Lines through a row of pixels along which what a print covers is exact."""
+"""Number of lines through a row of pixels along which the covered fraction is exact."""
 BLUR_PX, NOISE, UNEVEN = 1.2, 0.02, 0.15
 GROUND, SLAB, PART = 0.15, 0.4, 0.75
-"""Grey levels beside the print, of a coupon's slab, and of what stands on it or of a lens."""
+"""Grey levels of the background, of a coupon's slab, and of a lens or the features on a slab."""
 LENS_UM_PER_PX, COUPON_UM_PER_PX, HEIGHT_UM_PER_PX = 5.0, 8.0, 14.0
 LENS_VIEW_MM, TURNED_DEG = (-2.4, 2.4, -0.4, 2.6), 3.0
 ROUGH_UM, TILT = 1.0, 0.003
@@ -39,7 +40,7 @@ _HEAD = "simulated"
 
 @dataclass(frozen=True)
 class _View:
-    """A camera that looks from above: the extent of what it sees in mm, and the size of its pixels."""
+    """A camera that looks from above: the extent of its field of view in mm, and the size of its pixels."""
 
     extent_mm: tuple[float, float, float, float]
     um_per_px: float
@@ -51,9 +52,10 @@ class _View:
         return round(1e3 * (y1 - y0) / self.um_per_px), round(1e3 * (x1 - x0) / self.um_per_px)
 
     def covered(self, area: shapely.Geometry) -> FloatArray:
-        """Share of each pixel that an area covers: exact along `FINE` lines through each row of pixels.
+        """Return the fraction of each pixel that an area covers: exact along `FINE` lines through each row of pixels.
 
-        Where an edge crosses a line, all beyond it turns from outside to inside or back: the sum of such steps.
+        Each crossing of an edge and a line is a step, which changes everything beyond it from outside to inside or
+        back; the fraction is the sum of these steps.
         """
         rows, columns = self.shape
         steps = np.zeros((FINE * rows, columns + 2))
@@ -63,7 +65,7 @@ class _View:
         return np.asarray(inside.reshape(rows, FINE, columns).mean(axis=1))
 
     def _crossings(self, ring: FloatArray) -> tuple[tuple[IntArray, IntArray], FloatArray]:
-        """Places and sizes of the steps where the edges of a ring (n, 2) cross the lines."""
+        """Return positions and sizes of the steps where the edges of a ring (n, 2) cross the lines."""
         x = (ring[:, 0] - self.extent_mm[0]) * 1e3 / self.um_per_px
         y = (self.extent_mm[3] - ring[:, 1]) * 1e3 / self.um_per_px * FINE - 0.5
         low, high = np.minimum(y[:-1], y[1:]), np.maximum(y[:-1], y[1:])
@@ -82,14 +84,14 @@ class _View:
         )
 
     def seen(self, levels: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Grey values of 0 to 1: blurred, unevenly lit, noisy."""
+        """Return grey values of 0 to 1 with blur, uneven light and noise."""
         grey = ndimage.gaussian_filter(levels, BLUR_PX)
         across = np.linspace(-0.5, 0.5, grey.shape[1])
         return np.clip(grey * (1.0 + UNEVEN * across) + NOISE * rng.standard_normal(grey.shape), 0.0, 1.0)
 
 
 def _rings(area: shapely.Geometry) -> Iterator[FloatArray]:
-    """Closed rings of an area, holes the other way round than outer ones."""
+    """Yield the closed rings of an area; holes run in the opposite direction to outer rings."""
     for one in getattr(area, "geoms", [area]):
         if not one.is_empty:
             whole = shapely.geometry.polygon.orient(one)
@@ -97,7 +99,7 @@ def _rings(area: shapely.Geometry) -> Iterator[FloatArray]:
 
 
 def lens_picture(sensor: Sensor, number: int = 0) -> bytes:
-    """PNG of the lens of a design as the model prints it, the part turned a little."""
+    """Return a PNG of the lens of a design as the model prints it, with the part slightly rotated."""
     printed = print_design(sensor, response=False)
     body = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, printed.profile)).body().upright()
     part = shapely.affinity.rotate(shapely.Polygon(body.outline(1e-3)), TURNED_DEG, origin=(0.0, 0.0))
@@ -107,7 +109,7 @@ def lens_picture(sensor: Sensor, number: int = 0) -> bytes:
 
 
 def coupon_picture(coupon: Coupon) -> bytes:
-    """PNG of a coupon as the model prints it, seen from above."""
+    """Return a PNG of a coupon as the model prints it, seen from above."""
     view, printed = _view(coupon, COUPON_UM_PER_PX), _Printed.of(coupon)
     slab = view.covered(shapely.difference(printed.slab, shapely.union_all(printed.areas("hole"))))
     raised = view.covered(shapely.union_all([*printed.areas("pillar"), *printed.areas("mark"), *printed.bridges]))
@@ -116,7 +118,7 @@ def coupon_picture(coupon: Coupon) -> bytes:
 
 
 def coupon_heights(coupon: Coupon) -> bytes:
-    """TIFF of the heights of a printed coupon in µm, tilted and rough."""
+    """Return a TIFF of the heights of a printed coupon in µm, with tilt and roughness."""
     import tifffile
 
     rng, view, printed = np.random.default_rng(SEED), _view(coupon, HEIGHT_UM_PER_PX), _Printed.of(coupon)
@@ -132,7 +134,7 @@ def coupon_heights(coupon: Coupon) -> bytes:
 
 @dataclass(frozen=True)
 class _Printed:
-    """A coupon as the default process prints it: sizes by name, 0 for what does not stand or is closed."""
+    """A coupon as the default process prints it: sizes by name, 0 for a feature that does not stand or is closed."""
 
     coupon: Coupon
     size_mm: dict[str, float]
@@ -172,7 +174,7 @@ class _Printed:
 
     @property
     def bridges(self) -> list[shapely.Geometry]:
-        """What joins the pillars of gaps that are closed."""
+        """Return the material that joins the pillars of closed gaps."""
         closed = [gap for gap in self.coupon.gaps if not self.size_mm[gap.name]]
         pairs = [[self.coupon.feature(name) for name in gap.between] for gap in closed]
         return [
@@ -197,12 +199,12 @@ class _Printed:
         return shapely.Polygon(shapely.box(x - half[0], y - half[1], x + half[0], y + half[1]).exterior)
 
     def height_mm(self, one: Feature) -> float:
-        """Height of a column, in whole layers."""
+        """Return the height of a column, in whole layers."""
         return self.lower * self.layer_mm * round(one.height_mm / self.layer_mm)
 
 
 def _sizes(asked: Iterable[tuple[str, float]]) -> list[float]:
-    """Printed sizes in mm, 0 for what is not there."""
+    """Return printed sizes in mm, 0 for missing features."""
     features: Sequence[MeasuredFeature] = [MeasuredFeature(kind, mm, None, None, resolved=True) for kind, mm in asked]  # type: ignore[arg-type]
     return [float(size) for size in np.nan_to_num(printed_mm(default_process().process, features))]
 
@@ -214,7 +216,7 @@ def _view(coupon: Coupon, um_per_px: float) -> _View:
 
 
 def _png(grey: FloatArray) -> bytes:
-    """8 bits; its text says that it is simulated."""
+    """Return a PNG with 8 bits, whose text chunk states that it is simulated."""
     words, file = PngImagePlugin.PngInfo(), io.BytesIO()
     words.add_text("Description", f"{_HEAD}: {MODEL}")
     Image.fromarray(np.rint(255.0 * grey).astype(np.uint8)).save(file, "PNG", pnginfo=words)

@@ -1,9 +1,9 @@
-"""Figures that were made: which letters each holds, and the record beside it by which it is not made again.
+"""Finished figures: which letters each contains, and the record beside it, which prevents making it again.
 
-The idea: a figure follows from solen alone, as its inputs ship with it. So a record holds a checksum of all that solen
-consists of and one of each file that was written; where both still hold, the figure is finished.
+The idea: a figure depends on solen alone, because its inputs ship with it. So a record contains a checksum of all files
+of solen and one of each written file; if both still match, the figure is finished.
 
-The interface: `chosen` of the names asked for; `Record`, `read_record`, `record_text`, `code_sha256`.
+The interface: `chosen` selects figures by name; `Record`, `read_record`, `record_text`, `code_sha256`.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ _ENDINGS = (".py", ".toml", ".html", ".csv")
 
 
 class Drawing(Strict):
-    """A picture of a figure: its file, the text for those who do not see it, and what it says of simulated data."""
+    """A picture of a figure: its file, its alternative text, and its note on simulated data."""
 
     error: ClassVar[type[SolenError]] = DataError
 
@@ -37,7 +37,7 @@ class Drawing(Strict):
 
 
 class Record(Strict):
-    """What a finished figure consists of."""
+    """Files and comparisons of a finished figure."""
 
     error: ClassVar[type[SolenError]] = DataError
 
@@ -48,18 +48,18 @@ class Record(Strict):
 
     @property
     def compared(self) -> tuple[Comparison, ...]:
-        """Its comparisons."""
+        """Comparisons of the figure with the paper."""
         return tuple(Comparison(**row) for row in self.comparisons)
 
 
 def letters_of(name: str) -> set[str]:
-    """Names of the letters of a figure: 3B, 3C and 3D of 3B-D."""
+    """Return the names of the letters of a figure: 3B, 3C and 3D for 3B-D."""
     number, first, last = _parts(name)
     return {f"{number}{chr(code)}" for code in range(ord(first), ord(last or first) + 1)} if first else {name}
 
 
 def chosen(names: Sequence[str], asked: Sequence[str]) -> tuple[str, ...]:
-    """Figures that hold what is asked for: a letter (3C), a range (3B-D), or a whole figure (3).
+    """Return the figures that contain the requested ones: a letter (3C), a range (3B-D), or a whole figure (3).
 
     Raises
     ------
@@ -96,7 +96,7 @@ def _parts(name: str) -> tuple[str, str | None, str | None]:
 
 @cache
 def code_sha256() -> str:
-    """Checksum of solen, with all that it ships, and of the libraries that its numbers and pictures rest on."""
+    """Return a checksum of solen, the files that it ships, and the libraries that determine numbers and pictures."""
     folder = Path(solen.__file__).parent
     total = hashlib.sha256(repr([(name, version(name)) for name in _PACKAGES]).encode())
     for path in sorted(folder.rglob("*")):
@@ -106,7 +106,7 @@ def code_sha256() -> str:
 
 
 def read_record(path: Path) -> Record | None:
-    """Record of a finished figure; None if there is none, it is of another solen, or a file was removed or changed."""
+    """Return the record of a finished figure; None if there is none, or solen or one of its files has changed."""
     try:
         record = Record(**json.loads(path.read_text(encoding="utf-8")))
         unchanged = all(_sha256(path.parent / file) == sha256 for file, sha256 in record.sha256.items())
@@ -116,7 +116,7 @@ def read_record(path: Path) -> Record | None:
 
 
 def record_text(drawings: Sequence[Drawing], comparisons: Sequence[Comparison], contents: dict[str, bytes]) -> bytes:
-    """Text of the record of a figure and its files by name."""
+    """Return the text of the record of a figure and its files by name."""
     data = {
         "code": code_sha256(),
         "drawings": [one.model_dump() for one in drawings],

@@ -1,4 +1,4 @@
-"""Result of a reproduction: the figures that were made, and how many statements of the paper agree."""
+"""Result of a reproduction: the finished figures, and how many statements of the paper agree."""
 
 from solen.paper.records import Drawing
 from solen.paper.statements import AGREES, DIFFERS, UNCHECKED, Comparison, Verdict
@@ -14,13 +14,13 @@ class ReproducedFigure(Result):
     name, title
         Its name (``3B-D``), and what it shows.
     commands
-        Commands that make it alone.
+        Commands that make this figure alone.
     drawings
-        Its pictures.
+        Pictures of the figure.
     comparisons
-        What the paper states beside solen's numbers.
+        Statements of the paper with solen's numbers.
     made
-        Whether this run made it; a figure that was finished is kept.
+        Whether this run made it; a figure finished earlier is kept.
     """
 
     name: str
@@ -37,9 +37,9 @@ class Reproduction(Result):
     Attributes
     ----------
     figures
-        Those that are finished.
+        The finished figures.
     not_made
-        Names of the others.
+        Names of the other figures.
     """
 
     figures: tuple[ReproducedFigure, ...]
@@ -65,10 +65,15 @@ class Reproduction(Result):
 
     @reported
     def simulated(self) -> bool:
-        """Always true: nothing was measured."""
+        """Always true, because nothing was measured."""
         return True
 
     @reported
     def warnings(self) -> tuple[Caution, ...]:
-        """What must be known of the comparison."""
-        return (note("data that the paper does not publish were simulated; figures of them are no evidence for it"),)
+        """Warnings that a reader of the comparison needs to know."""
+        return (
+            note(
+                "data that the paper does not publish were simulated; figures made from them "
+                "are not evidence for its statements"
+            ),
+        )

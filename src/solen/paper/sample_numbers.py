@@ -1,4 +1,4 @@
-"""Numbers of simulated measurements beside the paper's statements, each with its standard uncertainty."""
+"""Numbers of simulated measurements for comparison with the paper, each with its standard uncertainty."""
 
 from pathlib import Path
 
@@ -15,55 +15,55 @@ from solen.paper.samples import KINDS, NOISE
 from solen.recording.spectrum import Listing
 
 RANGE_NM = (450.0, 900.0)
-"""Wavelengths of the paper's statement on T."""
+"""Range of wavelengths of the paper's statement on T."""
 PRISTINE, MODIFIED = KINDS
 
 
 def least_transmittance_percent(index: LayerIndex) -> tuple[float, float]:
-    """Least transmittance over the paper's range."""
+    """Return the smallest transmittance over the paper's range."""
     there = (index.wavelength_nm >= RANGE_NM[0]) & (index.wavelength_nm <= RANGE_NM[1])
     return 100.0 * float(index.T[there].min()), 100.0 * NOISE
 
 
 def paper_exposure() -> tuple[float, float]:
-    """Irradiance in mW/cm² and exposure of a burn-in layer in s, as the paper prints: of the default process."""
+    """Return the irradiance in mW/cm² and the exposure of a burn-in layer in s of the default process, the paper's."""
     settings = default_process().process
     return settings.irradiance_mW_per_cm2, settings.burn_in_s
 
 
 def depth_at(curve: MeasuredCurve, dose_mJ_per_cm2: float) -> tuple[float, float]:
-    """Depth of cure in µm at a dose."""
+    """Return the depth of cure in µm at a dose."""
     return float(curve.depth_um(dose_mJ_per_cm2)), curve.fit.u((1.0, float(np.log(dose_mJ_per_cm2))))
 
 
 def modulus_change(measured: MeasuredStiffness) -> tuple[float, float]:
-    """Modulus of the modified resin less that of the pristine one, in MPa."""
+    """Return the modulus of the modified resin minus that of the pristine resin, in MPa."""
     by_label = {one.label: one for one in measured.materials}
     one, other = by_label[MODIFIED], by_label[PRISTINE]
     return one.modulus_MPa - other.modulus_MPa, float(np.hypot(one.u_modulus_MPa or 0.0, other.u_modulus_MPa or 0.0))
 
 
 def mean_change_percent(listing: Listing) -> tuple[float, float]:
-    """Mean transmittance of the modified resin less that of the pristine one, in per cent."""
+    """Return the mean transmittance of the modified resin minus that of the pristine resin, in per cent."""
     by_name = {Path(trace.file).stem: one for trace, one in zip(listing.traces, listing.spectra, strict=True)}
     change = by_name[MODIFIED].channel.values - by_name[PRISTINE].channel.values
     return 100.0 * float(change.mean()), 100.0 * NOISE * float(np.sqrt(2.0 / change.size))
 
 
 def range_nm(listing: Listing) -> dict[str, float]:
-    """Shortest and longest wavelength of spectra."""
+    """Return the shortest and longest wavelength of spectra."""
     ends = [float(end) for one in listing.spectra for end in (one.wavelength_nm.min(), one.wavelength_nm.max())]
     return {"range-low": min(ends), "range-high": max(ends)}
 
 
 def slope_percent_per_s(trends: ExposureTrends) -> tuple[float | None, float]:
-    """Slope of the transmittance over the exposure at the longest wavelength that is evaluated."""
+    """Return the slope of the transmittance against the exposure at the longest evaluated wavelength."""
     line = max(trends.wavelengths, key=lambda one: one.wavelength_nm).trend_T
     return (None, 0.0) if line is None else (100.0 * line.slope_per_s, 100.0 * (line.u_slope_per_s or 0.0))
 
 
 def smallest_um(measured: CouponMeasurement, kind: str) -> tuple[float | None, float]:
-    """Smallest feature of a kind that is resolved, as printed where it has a size, in µm."""
+    """Return the smallest resolved feature of a kind, with its printed size if it has one, in µm."""
     limit = measured.minimum[kind]
     if limit.measured_mm is None:
         return None if limit.nominal_mm is None else 1e3 * limit.nominal_mm, 0.0
@@ -71,7 +71,7 @@ def smallest_um(measured: CouponMeasurement, kind: str) -> tuple[float | None, f
 
 
 def film_layer_sizes(coupon: Coupon) -> dict[str, float]:
-    """Base and film in mm, and layer in µm, of the coupon of a layer on its film."""
+    """Return base and film in mm, and layer in µm, of the coupon of a layer on its film."""
     base, layer = (next(one for one in coupon.features if one.stage == stage.name) for stage in coupon.stages)
     film_mm = coupon.stages[1].z_offset_mm - base.height_mm
     return {"base": base.height_mm, "film": film_mm, "layer": 1e3 * layer.height_mm}

@@ -1,7 +1,7 @@
-"""Measurements that the paper shows and does not publish, simulated in their place as tables that the commands read.
+"""Measurements that the paper shows but does not publish, simulated as tables that the commands read.
 
-The idea: each table is made by solen's own model of what it shows and by noise of a stated seed, and its first line
-says so. What the paper does not state is assumed here, once and by name; nothing of it is a finding.
+The idea: solen's own model of the measurement makes each table, with noise of a stated seed, and the first line of the
+table states this. Values that the paper does not state are assumed here, once and by name; they are not results.
 
 The interface: `SAMPLES` names each file and its `Sample`: the model in words and its text; `write_samples` writes some.
 """
@@ -28,9 +28,11 @@ from solen.material.stiffness.modes import UNIAXIAL
 SEED = 1
 NM = np.arange(400.0, 901.0, 4.0)
 RESIN, LAYER_UM, EXTINCTION = "loctite-3526", 25.0, 1e-5
-"""The shipped resin that is nearest to a printing one, thickness of the paper's layer, and an assumed extinction."""
+"""The shipped resin that is nearest to a printing resin, the thickness of the paper's layer, and an assumed
+extinction.
+"""
 NOISE = 5e-4
-"""Assumed standard deviation of T and R; the commands are given it as their uncertainty."""
+"""Assumed standard deviation of T and R, which the commands use as their uncertainty."""
 KINDS = ("pristine", "modified")
 EXTINCTIONS = {"pristine": 6e-5, "modified": 2e-5}
 MODULUS_MPA = {"pristine": 1.9, "modified": 1.1}
@@ -45,14 +47,14 @@ REPEATS = 3
 
 @dataclass(frozen=True)
 class Sample:
-    """A simulated file: its model in words, and its text, made anew at each call."""
+    """A simulated file: its model in words, and its text, computed at each call."""
 
     model: str
     text: Callable[[], str]
 
 
 def index_of(nm: FloatArray | float) -> FloatArray:
-    """Index of the simulated layer."""
+    """Return the index of the simulated layer."""
     return np.asarray(library_resin(RESIN).index.along(nm)[0], dtype=float)
 
 
@@ -62,7 +64,7 @@ def _table(model: str, header: str, *columns: FloatArray) -> str:
 
 
 def _spectra(model: str, extinction: float, number: int) -> str:
-    """T and R of a layer in air."""
+    """Return T and R of a layer in air."""
     rng = np.random.default_rng([SEED, number])
     r, t = forward(index_of(NM), extinction, LAYER_UM, NM)
     noise = NOISE * rng.standard_normal((2, NM.size))
@@ -77,7 +79,7 @@ def _exposures(model: str) -> str:
 
 
 def _discs(model: str, kind: str) -> str:
-    """Thicknesses of cured discs; doses that leave the resin liquid have no row."""
+    """Return thicknesses of cured discs, without doses that leave the resin liquid."""
     settings = default_process().process
     dp, ec = settings.Dp_um, settings.Ec_mJ_per_cm2
     if kind == "pristine":
@@ -89,7 +91,7 @@ def _discs(model: str, kind: str) -> str:
 
 
 def _cube(model: str, kind: str, number: int) -> str:
-    """Force on a cube pressed together, by a neo-Hookean solid."""
+    """Return the force on a compressed cube, a neo-Hookean solid."""
     rng = np.random.default_rng([SEED, 5, KINDS.index(kind), number])
     stretch = 1.0 - np.linspace(0.0, 0.3, 61)
     modulus = MODULUS_MPA[kind] * (1.0 + SCATTER_CUBES * rng.standard_normal())
@@ -99,7 +101,7 @@ def _cube(model: str, kind: str, number: int) -> str:
 
 
 def _protocol() -> str:
-    """The shipped rotation test without the slow cycles that the paper does not have."""
+    """Return the shipped rotation test without the slow cycles that the paper does not have."""
     data = tomllib.loads(starter_files()["rotation"])
     return tomli_w.dumps(data | {"slow_cycles": 0})
 
@@ -127,7 +129,7 @@ for _number, _kind in enumerate(KINDS):
 
 
 def write_samples(folder: Path, *names: str) -> list[Path]:
-    """Write samples into a folder; returns their paths in the order of the names."""
+    """Write samples into a folder and return their paths in the order of the names."""
     targets = [folder / name for name in names]
     for target in targets:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -135,5 +137,5 @@ def write_samples(folder: Path, *names: str) -> list[Path]:
 
 
 def mark_of(name: str) -> str:
-    """What a figure of a sample says of its origin."""
+    """Return the note on a figure that states the origin of a sample."""
     return f"SIMULATED: {SAMPLES[name].model}; seed {SEED}"

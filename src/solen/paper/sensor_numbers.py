@@ -1,4 +1,4 @@
-"""Numbers of traced, recorded and measured sensors beside the paper's, each with its standard uncertainty."""
+"""Numbers of traced, recorded and measured sensors to compare with the paper, each with its standard uncertainty."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from solen.spec import loads, template
 SIDE_DEG = 3.0
 """Rotation of the paper's test, to each side."""
 LED, POINT = "solen-860", "paper-860"
-"""Shipped designs: an LED with its chip, in space, and the paper's point in the plane."""
+"""Shipped designs: an LED with its chip, in space, and the paper's point source in the plane."""
 
 
 class Turned(NamedTuple):
@@ -27,54 +27,57 @@ class Turned(NamedTuple):
 
     @property
     def apart(self) -> tuple[float, float]:
-        """Contrast at −3° less that at +3°."""
+        """Contrast at −3° minus that at +3°."""
         return self.contrast[0] - self.contrast[-1], float(np.hypot(self.u_contrast[0], self.u_contrast[-1]))
 
 
 def shipped(name: str) -> Sensor:
-    """Sensor of a shipped design."""
+    """Return the sensor of a shipped design."""
     return Sensor.of(loads(template(name)))
 
 
 def turned(sensor: Sensor) -> Turned:
-    """Contrasts of a sensor at the paper's three states, in power."""
+    """Return the contrasts of a sensor at the paper's three angles, in power."""
     found = sensor.power([-SIDE_DEG, 0.0, SIDE_DEG])
     return Turned(tuple(found.contrast.tolist()), tuple(found.u_contrast.tolist()))
 
 
 def saturated_from_deg(sensor: Sensor) -> float | None:
-    """Angle from the null from which the contrast is saturated."""
+    """Return the angle from the null beyond which the contrast is saturated."""
     return sensor.smooth(sensor.power()).saturation_deg()
 
 
 def ratio(part: tuple[float, float], whole: tuple[float, float]) -> tuple[float, float]:
-    """Quotient of two numbers with independent uncertainties, and its own."""
+    """Return the quotient of two numbers with independent uncertainties, and its uncertainty."""
     value = part[0] / whole[0]
     return value, float(np.hypot(part[1], value * whole[1])) / abs(whole[0])
 
 
 def percent_without_lens(point: Sensor, with_lens: Turned) -> tuple[float, float]:
-    """Separation of both rotations without the lens, in per cent of that with it."""
+    """Return the separation of the contrasts at both rotations without the lens, in per cent of that with it."""
     value, u = ratio(turned(point.without_lens).apart, with_lens.apart)
     return 100.0 * value, 100.0 * u
 
 
 def focus_mm(sensor: Sensor) -> float | None:
-    """Smallest spot of the rays of a design's lens, behind its vertex."""
+    """Return the position behind the vertex of the smallest spot of a design's lens."""
     return next(one.best_focus_mm for one in foci_of(sensor) if one.step == 0.0)
 
 
 def mean_slope(study: Study, side: str) -> tuple[float, float]:
-    """Mean over the sensors with a lens of the slope of one receiver's voltage, and the uncertainty of that mean."""
+    """Return the slope of one receiver's voltage, averaged over the sensors with a lens, and its uncertainty."""
     slopes = [one.receivers[side].sensitivity_V_per_deg for one in study.sensors.values() if one.lens is not False]
     return float(np.mean(slopes)), float(np.std(slopes, ddof=1) / np.sqrt(len(slopes)))
 
 
 def control_percent(study: Study) -> tuple[float, float]:
-    """Swing without a lens in per cent of that with one, mean of both receivers; u by scatter of the sensors."""
+    """Return the swing without a lens in per cent of that with one, mean of both receivers.
+
+    Its uncertainty is from the scatter of the sensors.
+    """
     lens, beside = study.mean_of_sensors, study.lens_beside_none
     if lens is None or beside is None:
-        raise ValueError("the recording holds no sensor without a lens")
+        raise ValueError("the recording contains no sensor without a lens")
     shares = [one.without_lens_percent for one in beside.values()]
     scatter = [abs(lens.receivers[side].sd_swing_V / lens.receivers[side].swing_V) for side in beside]
     mean = float(np.mean(shares))
@@ -82,7 +85,7 @@ def control_percent(study: Study) -> tuple[float, float]:
 
 
 def of_the_rig(study: Study) -> dict[str, float]:
-    """Sensors with a lens of a recording, and readings per second."""
+    """Return the sensors with a lens in a recording, and the readings per second."""
     times = _first_run(study).signals.time_s
     with_lens = sum(one.lens is not False for one in study.sensors.values())
     return {"sensors": float(with_lens), "modulation": 1.0 / float(np.median(np.diff(times)))}
@@ -93,7 +96,7 @@ def _first_run(study: Study) -> Run:
 
 
 def _hold_s(run: Run) -> tuple[float, float]:
-    """Mean time of the holds away from rest, and its standard uncertainty by their scatter and the reading's period."""
+    """Return the mean time of the holds away from 0, with uncertainty from scatter and the reading's period."""
     signals, motion = run.signals, run.motion
     away = [
         float(np.ptp(signals.time_s[start:stop]))
@@ -105,7 +108,7 @@ def _hold_s(run: Run) -> tuple[float, float]:
 
 
 def protocol_found(study: Study) -> dict[str, tuple[float, float]]:
-    """Cycles, cycles used, speed in °/s, half range in degrees and hold in s that the analysis found, with u."""
+    """Return cycles, cycles used, speed in °/s, half range in degrees and hold in s as analysed, with uncertainties."""
     response, run = next(iter(study.sensors.values())), _first_run(study)
     motion = run.motion
     return {
@@ -118,14 +121,14 @@ def protocol_found(study: Study) -> dict[str, tuple[float, float]]:
 
 
 def deviation_um(found: LensInspection | FacesInspection) -> tuple[float, float, float]:
-    """Deviation (rms) of a lens from its design, its uncertainty, and that from the nearest other design, in µm."""
+    """Return the rms deviation of a lens from its design, with u, and from the nearest other design, in µm."""
     one = found.last_layer if isinstance(found, FacesInspection) else found
     others = sorted(design.rms_um for design in one.designs.values())
     return one.deviation.rms_um, one.deviation.u_rms_um, others[1]
 
 
 def received_percent(traced: NetworkTrace) -> tuple[float, float]:
-    """Share of an emitter's light at all receivers, in per cent, mean over the emitters."""
+    """Return the fraction of an emitter's light at all receivers, in per cent, mean over the emitters."""
     shares: Sequence[float] = traced.power[0].sum(axis=1)
     u = np.sqrt((traced.u_power[0] ** 2).sum()) / len(shares)
     return 100.0 * float(np.mean(shares)), 100.0 * float(u)

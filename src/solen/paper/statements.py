@@ -1,10 +1,10 @@
-"""What the paper states, each with its place in it, and whether a number of solen agrees.
+"""Statements of the paper with their places in it, and whether solen's numbers agree.
 
-The idea: one table holds every number of the paper, and one rule decides. The uncertainty of a stated number is that of
-its last digit (a rectangle of that width). Within two combined standard uncertainties a value **agrees**, beyond it
-**differs**; a bound differs if it is missed by more than that; a direction agrees if its sign is certain by as much.
-"Negligible" is read as below 5 % of the effect that it is beside. What rests on measurements whose data are not
-published **cannot be checked**, whatever solen simulates in their place.
+The idea: one table contains every number of the paper, and one rule decides. The uncertainty of a stated number is that
+of its last digit (a rectangle of that width). A value within two combined standard uncertainties **agrees**, beyond
+them it **differs**; a bound differs if it is missed by more than that; a direction agrees if its sign is certain by as
+much. "Negligible" is read as below 5 % of the effect with which it is compared. A statement based on unpublished data
+**cannot be checked**, whatever solen simulates in their place.
 
 The interface: `STATEMENTS`; `compared` makes a `Comparison` of a statement's key and a number of the run.
 """
@@ -24,7 +24,7 @@ AGREES: Final = "agrees"
 DIFFERS: Final = "differs"
 UNCHECKED: Final = "cannot be checked"
 SURE = 2.0
-"""Combined standard uncertainties beyond which two numbers differ."""
+"""Number of combined standard uncertainties beyond which two numbers differ."""
 NEGLIGIBLE_PERCENT = 5.0
 
 
@@ -47,11 +47,11 @@ class Statement(Strict):
 
     @property
     def u_value(self) -> float:
-        """Standard uncertainty of the stated number, by its last digit."""
+        """Standard uncertainty of the stated number, from its last digit."""
         return (self.resolution or 0.0) / math.sqrt(12.0)
 
     def verdict(self, number: float | None, u: float) -> Verdict:
-        """Whether a number of the run agrees with it."""
+        """Return whether a number of the run agrees with the statement."""
         if self.kind == "measured" or number is None or not math.isfinite(number):
             return UNCHECKED
         if self.kind in {"positive", "negative"}:
@@ -64,24 +64,24 @@ class Statement(Strict):
 
 
 class Comparison(Result):
-    """A statement of the paper beside solen's number.
+    """A statement of the paper and solen's number.
 
     Attributes
     ----------
     key, figure, panel
-        Of the statement.
+        Key, figure and panel of the statement.
     paper, place
-        What the paper states, and where.
+        The statement of the paper, and its place.
     paper_value, u_paper_value
-        Its number and the uncertainty by its last digit; None without a number.
+        The stated number and its uncertainty from the last digit; None without a number.
     quantity, unit
-        What solen computed.
+        Quantity that solen computed, and its unit.
     solen_value, u_solen_value
-        Its number and standard uncertainty; None where it has none.
+        Its number and standard uncertainty; None if there is none.
     verdict
         ``agrees``, ``differs`` or ``cannot be checked``.
     why
-        The reason.
+        The reason for the verdict.
     """
 
     key: str
@@ -101,13 +101,13 @@ class Comparison(Result):
 
 @cache
 def statements() -> dict[str, Statement]:
-    """All statements by their keys."""
+    """Return all statements by their keys."""
     text = (files("solen.paper") / "statements.toml").read_text(encoding="utf-8")
     return {row["key"]: Statement(**row) for row in tomllib.loads(text)["statement"]}
 
 
 def stated(key: str) -> float:
-    """The number of a statement."""
+    """Return the number of a statement."""
     value = statements()[key].value
     if value is None:
         raise KeyError(key)
@@ -115,7 +115,7 @@ def stated(key: str) -> float:
 
 
 def compared(key: str, number: float | None, u: float = 0.0, **of_the_run: Any) -> Comparison:
-    """Comparison of a statement with a number of the run; ``of_the_run`` are the numbers in its reason."""
+    """Compare a statement with a number of the run; ``of_the_run`` are the numbers in its reason."""
     one = statements()[key]
     return Comparison(
         key=key,

@@ -5,5 +5,5 @@ from pathlib import Path
 
 
 def stem_of(path: Path) -> str:
-    """Name of a file without its extension, in characters allowed on every system."""
+    """Return the name of a file without its extension, in characters that every system allows."""
     return re.sub(r'[<>:"/\\|?*\s]+', "-", path.stem) or "part"

@@ -15,9 +15,9 @@ Set = Annotated[
     Parameter(name="--set", negative=(), help="Set a key of the design, as in --set lens.focus_mm=25; repeatable."),
 ]
 Sheet = Annotated[
-    str | None, Parameter(name="--sheet", help="Sheet of a workbook; default: the only one with numbers.")
+    str | None, Parameter(name="--sheet", help="Sheet of a workbook; default: the only sheet with numbers.")
 ]
 ProgressBar = Annotated[Progress | None, Parameter(parse=False)]
-"""Called with the completed share, up to 1; the command line shows a bar."""
+"""Called with the completed fraction of the work, up to 1; the command line shows a progress bar."""
 Force = Annotated[bool, Parameter(name="--force", help="Replace an existing file.")]
 Out = Annotated[Path | None, Parameter(name="--out", help="Write the result to this .json file.")]

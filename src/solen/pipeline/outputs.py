@@ -1,4 +1,4 @@
-"""Files that a command writes: figures, and its result as JSON. Nothing heavy is imported here."""
+"""Files that a command writes: figures, and its result as JSON. This module imports nothing large."""
 
 import json
 from collections.abc import Callable, Iterable, Mapping
@@ -17,7 +17,7 @@ R = TypeVar("R", bound=Result)
 
 
 def check_outputs(out: Path | None, figure: FigureOptions) -> None:
-    """`OutputError` if the result's file is not named .json, or the figure has an unknown format."""
+    """Raise `OutputError` if the result's file is not named .json, or the figure has an unknown format."""
     check_out(out)
     figure.check()
 
@@ -35,7 +35,7 @@ def write(
     Parameters
     ----------
     result
-        Written to ``out`` as JSON.
+        The result; ``out`` contains it as JSON.
     kind
         Kind of the result, stated in its file for the commands that read it: ``index``, ``cutback``, ``cure``.
     out
@@ -56,7 +56,7 @@ def write(
 
 
 def drawn(result: Any, figure: FigureOptions, kind: str) -> dict[Path, files.Content]:
-    """File and content of the figure that `solen.report.plot` draws of a result; empty if no file is requested."""
+    """Return file and content of the figure of a result by `solen.report.plot`; empty if no file is requested."""
     from solen.report.plot import figure_of
 
     path = figure.figure
@@ -64,30 +64,30 @@ def drawn(result: Any, figure: FigureOptions, kind: str) -> dict[Path, files.Con
 
 
 def figure_bytes(draw: "Callable[[], Figure]", path: Path, kind: str, look: FigureOptions) -> bytes:
-    """Content of a figure's file; ``kind`` distinguishes its internal names from those of other figures."""
+    """Return the content of a figure's file; ``kind`` distinguishes its internal names from those of other figures."""
     from solen.report import canvas
 
     return canvas.encoded(canvas.drawn(draw, look), path.suffix.lower(), kind, look.dpi)
 
 
 def toml_bytes(text: str, command: str) -> bytes:
-    """Content of a TOML file, with the command that wrote it in its first line."""
+    """Return the content of a TOML file, with the command that wrote it in its first line."""
     return f"# Written by solen {__version__} {command}.\n{text}".encode()
 
 
 def named(**paths: Path | None) -> dict[str, Path]:
-    """Files of an outcome by name, without those that were not requested."""
+    """Return the files of an outcome by name, without those that were not requested."""
     return {name: path for name, path in paths.items() if path is not None}
 
 
 def check_ending(path: Path | None, what: str, *endings: str) -> None:
-    """`OutputError` if a file has none of the given extensions; ``what`` names its content."""
+    """Raise `OutputError` if a file has none of the given extensions; ``what`` names its content."""
     if path is not None and path.suffix.lower() not in endings:
-        raise OutputError(str(path), limit=f"{what} ends in {', '.join(endings)}", remedy="rename it")
+        raise OutputError(str(path), limit=f"the name of {what} must end in {', '.join(endings)}", remedy="rename it")
 
 
 def check_new(path: Path | None, *, force: bool) -> None:
-    """`OutputError` if a file exists and must not be replaced, as it may hold measurements."""
+    """Raise `OutputError` if a file exists and must not be replaced, because it may contain measurements."""
     if path is None or force:
         return
     try:
@@ -99,19 +99,19 @@ def check_new(path: Path | None, *, force: bool) -> None:
 
 
 def check_out(out: Path | None) -> None:
-    """`OutputError` if the file of a result is not named .json."""
+    """Raise `OutputError` if the file of a result is not named .json."""
     check_ending(out, "a result", ".json")
 
 
 def check_table(out: Path | None, what: str, source: Path | str, *, force: bool) -> None:
-    """`OutputError` if the file of readings is not named .csv, or exists: it could be a recording."""
+    """Raise `OutputError` if the file of readings is not named .csv, or exists, since it could be a recording."""
     check_ending(out, what, ".csv")
     check_sources([out], [Path(source)])
     check_new(out, force=force)
 
 
 def check_sources(targets: Iterable[Path | None], sources: Iterable[Path | None]) -> None:
-    """`OutputError` if an output file is also an input file."""
+    """Raise `OutputError` if an output file is also an input file."""
     read = {path.resolve() for path in sources if path is not None}
     for path in targets:
         if path is not None and path.resolve() in read:
@@ -119,6 +119,6 @@ def check_sources(targets: Iterable[Path | None], sources: Iterable[Path | None]
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    """`SpecError` if an option is not one of its choices."""
+    """Raise `SpecError` if an option is not one of its choices."""
     if value not in choices:
         raise SpecError(name, value=value, limit=f"must be one of {', '.join(choices)}")

@@ -18,7 +18,7 @@ def why_no_pattern(pairs: Sequence[tuple[float, float]]) -> str:
     if angles[0] != 0.0 or angles[-1] > 180.0 or any(low >= high for low, high in pairwise(angles)):
         return "its angles must ascend from 0, up to 180 at most"
     values = [value for _, value in pairs]
-    return "" if min(values) >= 0.0 and max(values) > 0.0 else "its values must be at least 0, and not 0 everywhere"
+    return "" if min(values) >= 0.0 and max(values) > 0.0 else "its values must be at least 0 and cannot all be 0"
 
 
 class Emitter(Strict):

@@ -284,7 +284,7 @@ class Network(Strict):
             if motion.kind == "rotation" and parts.count(motion.part) > 1:
                 limit = "is the name of several parts"
                 raise refused(f"motion[{number}].part", limit, value=motion.part, remedy="give each its own")
-        _ = self.formulas  # refuses what is none
+        _ = self.formulas  # parsed here to reject an invalid one
         return self
 
     def _on_sides(self) -> set[str]:

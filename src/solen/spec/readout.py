@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from solen.spec.strict import NotNegative, Number, Strict, Text, refused
 
-_NAMED = "Name of {} in the library, or a part file (ends in .toml or holds a / or \\), relative to the design file"
+_NAMED = "Name of {} in the library, or a part file (ends in .toml or contains a / or \\), relative to the design file"
 
 Ohms = Annotated[Number, Field(ge=1e-3, le=1e9)]
 Volts = Annotated[Number, Field(ge=-1e3, le=1e3)]

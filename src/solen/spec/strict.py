@@ -1,12 +1,12 @@
 """Strict tables: pydantic models of TOML files that report each error in one line, with a remedy.
 
-The idea: a file is a tree of tables, and each table is one frozen model. Unknown keys are rejected with the nearest
-known name, reserved keys with "not yet supported"; numbers are finite and never converted from text or booleans.
-pydantic finds the problems; this module reports the dotted key, the value, the limit and the remedy.
+The idea: a file is a tree of tables, and each table is one frozen model. An unknown key is rejected with the nearest
+known name, a reserved key with "not yet supported"; numbers must be finite and are never converted from text or
+booleans. pydantic finds the problems; this module reports the dotted key, the value, the limit and the remedy.
 
-The interface: derive from `Strict`, take field types from `Number`, `Positive`, `NotNegative`, `Text`; raise `refused`
-in a validator of several keys; `or_refuse` annotates single fields. `parse_toml`, `migrated`
-and `error_context` serve any TOML file that carries ``schema = <version>``.
+The interface: derive a table from `Strict` and use the field types `Number`, `Positive`, `NotNegative` and `Text`. A
+validator of several keys raises `refused`; `or_refuse` annotates a single field. `parse_toml`, `migrated` and
+`error_context` serve any TOML file that contains ``schema = <version>``.
 """
 
 import difflib
@@ -57,12 +57,12 @@ _LONGEST_VALUE = 60  # characters of a refused value shown in its line
 
 
 def refused(key: str, limit: str, *, value: object = None, remedy: str = "") -> PydanticCustomError:
-    """Error to raise in a model's validator: the invalid key of the table, its value, the limit, the remedy."""
+    """Make the error of a model's validator: the invalid key of the table, its value, the limit, the remedy."""
     return PydanticCustomError("refused", "{limit}", {"key": key, "value": value, "limit": limit, "remedy": remedy})
 
 
 def or_refuse(limit: str) -> WrapValidator:
-    """Field annotation: one message, in the user's words, for any problem of a compound value."""
+    """Make a field annotation that reports one message, in the user's terms, for any problem of a compound value."""
 
     def check(value: object, handler: ValidatorFunctionWrapHandler) -> object:
         try:
@@ -84,11 +84,11 @@ Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Text = Annotated[str, AfterValidator(_one_line)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-"""A number of an option, which may be text from a command line; `Number` is for files."""
+"""A finite number of an option, which may be given as text on a command line; `Number` is for files."""
 Above0 = Annotated[Finite, Field(gt=0)]
 NotBelow0 = Annotated[Finite, Field(ge=0)]
 SHORTEST_NM, LONGEST_NM = 100.0, 20_000.0
-"""Allowed wavelengths of an option; a value below is probably in µm."""
+"""Range of wavelengths that an option accepts; a smaller value is probably in µm."""
 
 
 def _in_nm(wavelength_nm: float) -> float:
@@ -100,14 +100,14 @@ def _in_nm(wavelength_nm: float) -> float:
 
 
 Wavelength = Annotated[float, AfterValidator(_in_nm), Ge(SHORTEST_NM), Le(LONGEST_NM)]
-"""A wavelength in nm of an option."""
+"""A wavelength in nm, as the value of an option."""
 
 
 class Strict(BaseModel):
     """One table of a file: frozen, without unknown keys, with errors of one line.
 
-    A derived class states its `table` (the prefix of its keys in messages), the `error` raised and
-    the `reserved` key names. Use the constructor, not pydantic's ``model_validate``.
+    A derived class defines its `table` (the prefix of its keys in messages), the `error` class that it raises, and the
+    `reserved` names of keys. Use the constructor, not pydantic's ``model_validate``.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -129,16 +129,16 @@ class Strict(BaseModel):
         if name in type(self).model_fields:
             of_design = f'design.set({{"{_dotted(self.table, [name])}": {value!r}}})'
             changed = of_design if self.error is SpecError else f".model_copy(update={{{name!r}: {value!r}}})"
-            raise _frozen(self, name, value, f"{changed} is a changed copy")
+            raise _frozen(self, name, value, f"{changed} makes a changed copy")
         super().__setattr__(name, value)
 
 
 class Options(BaseModel):
     """Options of a stage: frozen, validated, used directly by its function and its command.
 
-    A field's type states its choices (`Literal`) or limits (`Field(gt=0)`), the string below describes it; its
-    description in the help is that string with the limits. Numbers are converted from text, for the command
-    line.
+    The type of a field defines its choices (`Literal`) or limits (`Field(gt=0)`), and the string below the field
+    describes it; the help shows that string with the limits. Numbers are converted from text, because the command line
+    passes text.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
@@ -161,11 +161,14 @@ class Options(BaseModel):
                 field.description = f"{field.description} {limits}"
 
     def __setattr__(self, name: str, value: Any) -> None:
-        raise _frozen(self, name, value, f"{type(self).__name__}({name}={value!r}) makes new ones")
+        raise _frozen(self, name, value, f"{type(self).__name__}({name}={value!r}) makes new options")
 
 
 def _limits_in_words(parts: Iterable[Any]) -> str:
-    """Limits of a number in words, ``Above 0, at most 90.``, from a type and its metadata; empty if there are none."""
+    """Return the limits of a number in words, ``Above 0, at most 90.``, or an empty text if there are none.
+
+    The limits are read from a type and its metadata.
+    """
     stated = _bounds(parts)
     if "ge" in stated and "le" in stated:
         return f"From {stated['ge']:g} to {stated['le']:g}."
@@ -174,7 +177,7 @@ def _limits_in_words(parts: Iterable[Any]) -> str:
 
 
 def _bounds(parts: Iterable[Any]) -> dict[str, float]:
-    """Bounds by pydantic's names, from a type's metadata at any depth: ``tuple[Annotated[float, ...], ...]``."""
+    """Return bounds by pydantic's names, from a type's metadata at any depth: ``tuple[Annotated[float, ...], ...]``."""
     bounds: dict[str, float] = {}
     for part in parts:
         bounds |= {name: getattr(part, name) for name in _BOUNDS if isinstance(getattr(part, name, None), float | int)}
@@ -184,11 +187,11 @@ def _bounds(parts: Iterable[Any]) -> dict[str, float]:
 
 
 def _frozen(table: BaseModel, name: str, value: object, remedy: str) -> FrozenError:
-    return FrozenError(f"{type(table).__name__}.{name}", value=value, limit="does not change once made", remedy=remedy)
+    return FrozenError(f"{type(table).__name__}.{name}", value=value, limit="cannot be changed", remedy=remedy)
 
 
 def option_refusal(bad: ValueError, *, command_line: bool = False) -> SpecError:
-    """The first error of options in one line; options are named as typed, ``--u-T``, or as in Python, ``u_T``."""
+    """Return the first error of options in one line; options are named ``--u-T``, as typed, or ``u_T``."""
     if not isinstance(bad, ValidationError):
         return SpecError("options", limit=str(bad))
     first = bad.errors(include_url=False)[0]
@@ -205,7 +208,7 @@ def option_refusal(bad: ValueError, *, command_line: bool = False) -> SpecError:
 
 
 def nearest(word: str, names: Iterable[str]) -> str | None:
-    """The name nearest to a misspelt word, or None if none is near."""
+    """Return the name nearest to a misspelt word, or None if none is similar."""
     by_lower = {name.lower(): name for name in names}
     return next((by_lower[near] for near in difflib.get_close_matches(word.lower(), by_lower, n=1)), None)
 
@@ -221,13 +224,13 @@ def _dotted(prefix: str, parts: Iterable[int | str]) -> str:
 
 
 def _tables(model: type[Strict]) -> dict[str, type[Strict]]:
-    """Tables directly inside a table, optional ones among them, by their key."""
+    """Return the tables directly inside a table, including optional ones, by their key."""
     kinds = {key: _table(_alternatives(field.annotation)) for key, field in model.model_fields.items()}
     return {key: table for key, table in kinds.items() if table}
 
 
 def _lists(model: type[Strict]) -> dict[str, type[Strict]]:
-    """Tables of the lists of tables directly inside a table, by their key."""
+    """Return the tables that occur as lists directly inside a table, by their key."""
     kinds = {
         key: _table(get_args(kind))
         for key, field in model.model_fields.items()
@@ -238,17 +241,17 @@ def _lists(model: type[Strict]) -> dict[str, type[Strict]]:
 
 
 def _alternatives(annotation: Any) -> tuple[Any, ...]:
-    """The types that a field takes: those of a union, else the one."""
+    """Return the types that a field accepts: the members of a union, or the type itself."""
     return get_args(annotation) if get_origin(annotation) in (Union, UnionType) else (annotation,)
 
 
 def _table(kinds: Iterable[Any]) -> type[Strict] | None:
-    """The table among types; None where there is none."""
+    """Return the table among several types, or None if there is none."""
     return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Strict)), None)
 
 
 def _owner(model: type[Strict], loc: tuple[int | str, ...]) -> tuple[type[Strict], tuple[int | str, ...]]:
-    """Innermost table that contains a location, and the rest of the location inside it."""
+    """Return the innermost table that contains a location, and the remainder of the location inside that table."""
     while len(loc) > 1:
         if inner := _tables(model).get(str(loc[0])):
             model, loc = inner, loc[1:]
@@ -260,13 +263,13 @@ def _owner(model: type[Strict], loc: tuple[int | str, ...]) -> tuple[type[Strict
 
 
 def _shown(value: object) -> object:
-    """Value as shown in an error; long text is shortened."""
+    """Return a value as an error message shows it; long text is shortened."""
     text = value if isinstance(value, str) else str(value)
     return value if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
 
 
 def _unknown(what: str, key: str, owner: type[Strict], root: type[Strict]) -> tuple[str, str]:
-    """Limit and remedy for an unknown key."""
+    """Return the limit and the remedy for an unknown key."""
     if key in owner.reserved:
         return "not yet supported", "leave it out"
     stem = what.removesuffix(key)
@@ -274,11 +277,11 @@ def _unknown(what: str, key: str, owner: type[Strict], root: type[Strict]) -> tu
     near = nearest(key, owner.model_fields)
     if elsewhere or near:
         return "unknown key", f"did you mean {elsewhere[0] if elsewhere else f'{stem}{near}'}?"
-    return "unknown key", f"the keys here are {', '.join(owner.model_fields)}"
+    return "unknown key", f"the keys of this table are {', '.join(owner.model_fields)}"
 
 
 def _problem(problem: ErrorDetails, root: type[Strict]) -> tuple[str, object, str, str]:
-    """One problem as what, value, limit and remedy."""
+    """Return what is wrong, the value, the limit and the remedy for one problem that pydantic reports."""
     kind, ctx = problem["type"], problem.get("ctx", {})
     what = _dotted(root.table, problem["loc"])
     owner, rest = _owner(root, problem["loc"])
@@ -298,7 +301,7 @@ def _problem(problem: ErrorDetails, root: type[Strict]) -> tuple[str, object, st
                 for key in _lists(inner)
                 if key in _plurals(what)
             ]
-            remedy = f", or [[{several[0]}]] where it has several" if several else ""
+            remedy = f", or [[{several[0]}]] for several" if several else ""
             return what, None, "must be one table", f"write [{what}]{remedy}"
         return what, problem["input"], "must be a table", f"write [{what}] and its keys below"
     if kind == "tuple_type" and len(problem["loc"]) == 1 and str(problem["loc"][0]) in _lists(root):
@@ -312,7 +315,7 @@ def _plurals(word: str) -> tuple[str, ...]:
 
 
 def _default(field: FieldInfo | None) -> str:
-    """Remedy that states a field's default, if it has one."""
+    """Return a remedy that states the default of a field, or an empty text if it has none."""
     default = None if field is None or field.is_required() else field.default
     if default is None or default is PydanticUndefined:
         return ""
@@ -320,7 +323,10 @@ def _default(field: FieldInfo | None) -> str:
 
 
 def _file_error(bad: ValidationError, root: type[Strict]) -> SolenError:
-    """The first error in one line, and the number of further ones; unknown keys first, as they explain missing ones."""
+    """Return an error with the first problem and the number of further ones.
+
+    Unknown keys come first, because they often explain missing ones.
+    """
     problems = sorted(bad.errors(include_url=False), key=lambda problem: problem["type"] != "extra_forbidden")
     what, value, limit, remedy = _problem(problems[0], root)
     if more := len(problems) - 1:
@@ -338,7 +344,7 @@ def error_context(where: str) -> Iterator[None]:
 
 
 def parse_toml(text: str, what: str, error: type[SolenError]) -> Document:
-    """Tables of a TOML text; raises ``error`` with line and column if it is not TOML."""
+    """Return the tables of a TOML text; raise ``error`` with line and column if it is not TOML."""
     try:
         return tomllib.loads(f"{text}\n")  # a last line without its end would be reported as "end of document"
     except (ValueError, RecursionError) as bad:  # ValueError: also a number of more digits than Python reads
@@ -351,27 +357,27 @@ def migrated(data: Document, what: str, *, current: int, migrations: Migrations,
     Parameters
     ----------
     data
-        The tables as read, with their ``schema``.
+        The tables as read, including ``schema``.
     what
-        The file, as errors name it.
+        Name of the file in error messages.
     current
         The current schema version.
     migrations
         Functions that convert tables to the next version, by old version.
     error
-        Raised if ``schema`` is missing, is not a version, or is newer than ``current``.
+        Error class to raise if ``schema`` is missing, is not a version, or is newer than ``current``.
     """
     data = dict(data)
     version = data.pop("schema", None)
     if version is None:
-        raise error(what, limit="schema is missing", remedy=f"add the line schema = {current} at its top")
+        raise error(what, limit="schema is missing", remedy=f"add the line schema = {current} at the top of the file")
     if type(version) is not int or version < 1:
         raise error(f"{what}: schema", value=version, limit="must be a whole number, at least 1")
     if version > current:
         raise error(
             f"{what}: schema",
             value=version,
-            limit=f"written by a newer solen; this one reads up to {current}",
+            limit=f"was written by a newer solen; this version reads schema {current} and older",
             remedy="update solen",
         )
     for old in range(version, current):

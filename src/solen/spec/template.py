@@ -1,4 +1,4 @@
-"""Design files shipped with solen: a commented template, and examples that state only the differences."""
+"""Design files shipped with solen: a commented template, and examples that state only the differences from it."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -11,19 +11,19 @@ _EXAMPLES = files("solen.spec") / "examples"
 
 
 class NewDesign(Result, eq=True):
-    """A written design file, and the example it came from."""
+    """A new design file, and the example from which it was copied."""
 
     design: Path
     example: str
 
 
 def template_names() -> tuple[str, ...]:
-    """Names of the shipped designs, sorted."""
+    """Return the names of the shipped designs, sorted."""
     return tuple(sorted(file.name[:-5] for file in _EXAMPLES.iterdir() if file.name.endswith(".toml")))
 
 
 def template(name: str = "solen-860") -> str:
-    """Text of a shipped design file; the default shows every key with its default and a comment.
+    """Return the text of a shipped design file; the default one shows every key with its default and a comment.
 
     Raises
     ------

@@ -8,9 +8,10 @@ from solen.spec.strict import Positive, Strict
 
 
 class Tolerance(Strict):
-    """Tolerance of each number of the design, by which `solen run` and `solen sensitivity` rank effects.
+    """Tolerances of the design's numbers, by which `solen run` and `solen sensitivity` rank effects.
 
-    Keys are those of the numbers, with the dot replaced by an underscore; entries of a list share one.
+    The names of keys are those of the numbers, with the dot replaced by an underscore; all entries of a list share one
+    tolerance.
     """
 
     table: ClassVar[str] = "tolerance"
@@ -47,6 +48,6 @@ class Tolerance(Strict):
     receivers_gap_mm: Positive = Field(0.05, description="Tolerance of receivers.gap_mm, in mm.")
 
     def of(self, key: str) -> float | None:
-        """Tolerance of a number by its dotted key; None if neither stated nor known by default."""
+        """Return the tolerance of a number by its dotted key, or None if it is neither stated nor has a default."""
         value: float | None = getattr(self, key.partition("[")[0].replace(".", "_"), None)
         return value

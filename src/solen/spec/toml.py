@@ -1,7 +1,7 @@
-"""The design file: TOML in and out, single values set by dotted keys, and its JSON Schema.
+"""The design file: reading and writing TOML, setting single values by dotted keys, and the JSON Schema.
 
 The idea: a file states ``schema``, ``name`` and differences from the defaults. Reading migrates old schemas, then
-rejects what is not understood; writing omits defaults, and reading a written file gives the same design.
+rejects what it does not understand; writing omits defaults, and reading a written file gives the same design.
 
 The interface: `load`, `loads`, `dumps`, `save`; `with_values` and `parse_assignment` for ``--set key=value``;
 `json_schema` for editors.
@@ -57,7 +57,10 @@ def load(path: Path | str) -> Design:
 
 
 def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Design:
-    """Design of a TOML text; ``what`` names it in errors, ``folder`` is the base of its relative paths."""
+    """Return the design of a TOML text.
+
+    ``what`` is its name in error messages, ``folder`` the base of its relative paths.
+    """
     data = parse_toml(text, what, SpecError)
     data = migrated(data, what, current=SCHEMA, migrations=MIGRATIONS, error=SpecError)
     with error_context(what):
@@ -66,9 +69,9 @@ def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Des
 
 
 def _document(design: Design, *, stated: bool = False) -> Document:
-    """Tables of the file without ``schema``: the name, and values that differ from the defaults.
+    """Return the tables of the file without ``schema``: the name, and values that differ from the defaults.
 
-    With ``stated``, explicit defaults are kept too, in case a part named later has other values.
+    With ``stated``, explicitly stated defaults are kept too, because a part named later may have other values.
     """
     tables: Document = {"name": design.name}
     for key in Design.model_fields.keys() - {"name"}:
@@ -90,7 +93,7 @@ DEFERRED = ("wavelength_nm", "width_mm", "height_mm", "cone_deg", "pattern")
 
 
 def _kept(emitter: Emitter) -> list[str]:
-    """Keys stated at their defaults that still matter, as a part or a pattern would override them."""
+    """Return the keys stated at their defaults that still matter, because a part or a pattern would override them."""
     keys: tuple[str, ...] = DEFERRED if emitter.part else ()
     keys += ("wavelength_nm",) if emitter.spectrum else ()
     keys += ("cone_deg",) if emitter.pattern != "fan" else ()
@@ -98,13 +101,13 @@ def _kept(emitter: Emitter) -> list[str]:
 
 
 def dumps(design: Design) -> str:
-    """TOML text of a design, defaults omitted; `loads` restores the design."""
+    """Return the TOML text of a design without its defaults; `loads` restores the design."""
     return tomli_w.dumps({"schema": SCHEMA, **_document(design)})
 
 
 @plain.register
 def _(design: Design) -> Any:
-    """A design in a result: the tables of its file, defaults omitted."""
+    """Convert a design in a result to the tables of its file, without its defaults."""
     return plain(_document(design))
 
 
@@ -130,7 +133,7 @@ def _moved(design: Design, folder: Path) -> Design:
 
 
 def _from(path: Path, folder: Path) -> str:
-    """Path of a file relative to ``folder``."""
+    """Return the path of a file relative to ``folder``."""
     try:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:  # on Windows, another drive
@@ -138,16 +141,16 @@ def _from(path: Path, folder: Path) -> str:
 
 
 def with_values(design: Design, values: Mapping[str, Any]) -> Design:
-    """Design with some values set.
+    """Return a design with some values changed.
 
     Parameters
     ----------
     design
-        The design to start from, unchanged.
+        The design to start from, which is not changed.
     values
-        By dotted key (``"lens.focus_mm"``, ``"wall[0].index"``, ``"lens.knots_um[0]"``) the value, as TOML would hold
-        it; None returns an optional key to its default. Setting ``material.index`` takes a resin away and the other way
-        round; so do depths and forces of a motion.
+        New values by dotted key (``"lens.focus_mm"``, ``"wall[0].index"``, ``"lens.knots_um[0]"``), as TOML would write
+        them; None resets an optional key to its default. Setting ``material.index`` removes a resin and vice versa; the
+        depths and forces of a motion replace each other in the same way.
 
     Raises
     ------
@@ -165,12 +168,14 @@ def with_values(design: Design, values: Mapping[str, Any]) -> Design:
 
 
 def replaced_by(key: str) -> str:
-    """Key that is taken away where a key is set; empty for none."""
+    """Return the key that is removed when a key is set, or an empty text if there is none."""
     return _REPLACES.get(key, "")
 
 
 def value_at(design: Design, key: str) -> Any:
-    """Value of a dotted key (``"lens.focus_mm"``, ``"hold[1].to_mm"``, ``"lens.knots_um[0]"``), stated or by default.
+    """Return the value of a dotted key (``"lens.focus_mm"``, ``"hold[1].to_mm"``, ``"lens.knots_um[0]"``).
+
+    Keys that the design does not state have their default value.
 
     Raises
     ------
@@ -181,7 +186,7 @@ def value_at(design: Design, key: str) -> Any:
     value: Any = design if len(path) > 1 else None
     for name in path:
         if value is None and name.startswith("["):
-            raise SpecError(key, limit="the design has none of these", remedy="set the whole list")
+            raise SpecError(key, limit="the list is empty", remedy="set the whole list")
         if isinstance(value, tuple):
             value = value[_place(key, name, len(value))]
         elif isinstance(value, BaseModel) and name in type(value).model_fields:
@@ -192,16 +197,16 @@ def value_at(design: Design, key: str) -> Any:
 
 
 def path_of(key: str) -> list[str]:
-    """Parts of a dotted key; an entry of a list, counted from 0, is one: ``lens``, ``knots_um``, ``[0]``."""
+    """Return the parts of a dotted key; a list index is a part of its own: ``lens``, ``knots_um``, ``[0]``."""
     return re.split(r"\.|(?=\[)", key)
 
 
 def _place(key: str, name: str, size: int) -> int:
-    """Place of a list's entry; `SpecError` where there are fewer."""
+    """Return the index of a list's entry; raise `SpecError` if the list has fewer entries."""
     entry = re.fullmatch(r"\[(\d+)\]", name)
     if entry and int(entry[1]) < size:
         return int(entry[1])
-    raise SpecError(key, limit=f"the design has {size} of these, counted from 0", remedy="set the whole list")
+    raise SpecError(key, limit=f"the list has {size} entries, counted from 0", remedy="set the whole list")
 
 
 def _set(data: Document, key: str, value: Any) -> None:
@@ -217,16 +222,16 @@ def _set(data: Document, key: str, value: Any) -> None:
 
 
 def _inside(holder: Any, key: str, before: str, name: str) -> Any:
-    """Key of a table or place in a list; `SpecError` where there is neither."""
+    """Return the key of a table or the index of a list entry; raise `SpecError` if neither exists."""
     if isinstance(holder, list) or (name.startswith("[") and not holder):
         return _place(key, name, len(holder))
     if name.startswith("[") or not isinstance(holder, dict):
-        raise SpecError(key, limit="unknown key", remedy=f"{before} holds a value, not keys")
+        raise SpecError(key, limit="unknown key", remedy=f"{before} is a value and has no keys")
     return name
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """Key and value of ``key=value``; the value is parsed as TOML if possible, else taken as text."""
+    """Return key and value of ``key=value``; the value is parsed as TOML if possible, and otherwise used as text."""
     key, equals, value = text.partition("=")
     if not (equals and key.strip()):
         raise SpecError(text, limit="not of the form key=value", remedy="write e.g. lens.focus_mm=25")
@@ -242,7 +247,7 @@ def _value(text: str) -> Any:
 
 
 class _FileSchema(GenerateJsonSchema):
-    """JSON Schema of a TOML file, which has no null: an optional key is left out."""
+    """JSON Schema of a TOML file: as TOML has no null, an unset optional key is omitted."""
 
     def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
         return self.generate_inner(schema["schema"])
@@ -253,7 +258,7 @@ class _FileSchema(GenerateJsonSchema):
 
 
 def json_schema() -> Document:
-    """JSON Schema of the design file, for editors that check and complete it."""
+    """Return the JSON Schema of the design file, for editors that check and complete it."""
     schema = Design.model_json_schema(schema_generator=_FileSchema)
     version = {"const": SCHEMA, "type": "integer", "description": "Version of this file format."}
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"

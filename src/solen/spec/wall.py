@@ -1,7 +1,8 @@
-"""Finish of a wall, and the medium outside it: one ``[[wall]]`` table per stretch.
+"""Surface finish of a wall, and the medium outside it: one ``[[wall]]`` table for each part of the outline.
 
-A stretch is a face, all faces that match a pattern, or part of them. What touches it is a *pad* of ``depth_mm``:
-a medium with its own index, behind a thin film of air if ``gap_um`` is set. The pad ends in black or in air.
+A table applies to a face, to all faces that match a pattern, or to part of a face. The medium in contact with it is a
+*pad* of thickness ``depth_mm`` with its own index, behind a thin film of air if ``gap_um`` is set. The pad ends in
+black or in air.
 """
 
 from typing import Annotated, ClassVar, Literal, Self
@@ -31,17 +32,19 @@ class Layer(Strict):
 
     table: ClassVar[str] = "wall.coating"
 
-    index: Annotated[Number, Field(gt=0, le=100)] = Field(description="refractive index of the film.")
-    thickness_nm: Annotated[Number, Field(ge=0, le=1e6)] = Field(description="thickness of the film in nm.")
+    index: Annotated[Number, Field(gt=0, le=100)] = Field(description="its refractive index.")
+    thickness_nm: Annotated[Number, Field(ge=0, le=1e6)] = Field(description="its thickness in nm.")
     extinction: Annotated[Number, Field(ge=0, le=100)] = Field(0.0, description="Extinction coefficient.")
 
 
 class Wall(Stretch):
-    """A stretch of the body's walls: the medium in contact with it, and its finish."""
+    """Part of the body's walls: the medium in contact with it, and its finish."""
 
     table: ClassVar[str] = "wall"
 
-    outside: Text = Field("air", description="What touches the stretch; air, or a name of its own for a medium.")
+    outside: Text = Field(
+        "air", description="Medium in contact with this part of the wall: air, or a name of your own."
+    )
     index: Annotated[Number, Field(ge=1, lt=5)] | None = Field(None, description="Refractive index of that medium.")
     absorption_per_mm: NotNegative = Field(0.0, description="Absorption of power per mm in that medium.")
     depth_mm: Annotated[Number, Field(ge=1e-3, le=1e3)] = Field(1.0, description="Depth of that medium in mm.")
@@ -54,11 +57,11 @@ class Wall(Stretch):
         description="Clear, mirrored or blackened, or a finish from another package.",
         json_schema_extra=lambda schema: schema.update(enum=[*OWN_FINISHES, *offered(FINISHES)]),
     )
-    reflectance: Share = Field(1.0, description="Share of the power that a mirrored stretch reflects.")
+    reflectance: Share = Field(1.0, description="Fraction of the power that a mirrored wall reflects.")
     scatter: Literal["none", "lambertian", "gaussian", "harvey-shack"] = Field(
-        "none", description="How the stretch scatters light."
+        "none", description="How the wall scatters light."
     )
-    scatter_share: Share = Field(1.0, description="Share of the light that is scattered.")
+    scatter_share: Share = Field(1.0, description="Fraction of the power that is scattered.")
     sigma: Annotated[Number, Field(gt=0, le=10)] | None = Field(
         None, description="Width of gaussian scatter, in direction cosines."
     )
@@ -69,13 +72,13 @@ class Wall(Stretch):
         None, description="Slope of the wing of harvey-shack scatter."
     )
     texture_pitch_um: Annotated[Number, Field(gt=0, le=1e5)] | None = Field(
-        None, description="Pitch of a print's ripple in um."
+        None, description="Period of a print's ripple in um."
     )
     texture_amplitude_um: Annotated[Number, Field(gt=0, le=1e5)] | None = Field(
-        None, description="Amplitude of a print's ripple in um, half of peak to valley."
+        None, description="Amplitude of a print's ripple in um, half the peak-to-valley height."
     )
     texture_direction: Literal["along", "across"] = Field(
-        "along", description="Direction in which crests follow each other: along the wall, or along y (across)."
+        "along", description="Direction in which the crests follow one another: along the wall, or across it, along y."
     )
     coating: Annotated[tuple[Layer, ...], Field(max_length=63)] = Field(
         (), description="Thin films on the wall, from the body outwards."
@@ -88,12 +91,12 @@ class Wall(Stretch):
         self._check_finish()
         if (self.texture_pitch_um is None) != (self.texture_amplitude_um is None):
             missing = "texture_pitch_um" if self.texture_pitch_um is None else "texture_amplitude_um"
-            raise refused(missing, "missing: a texture has a pitch and an amplitude", remedy="add it")
+            raise refused(missing, "missing: a texture needs a pitch and an amplitude", remedy="add it")
         return self
 
     def _check_outside(self) -> None:
         if self.outside == "body":
-            raise refused("outside", "is the name of the printed part itself", value="body", remedy="use another name")
+            raise refused("outside", "is reserved for the printed part itself", value="body", remedy="use another name")
         if self.outside != "air":
             if self.index is None:
                 raise refused("index", f"missing: {self.outside} needs an index", remedy="add index = 1.5")
@@ -121,7 +124,8 @@ class Wall(Stretch):
         for key, has in stated.items():
             if self.finish_is_added and has:
                 limit = (
-                    f'does not apply with finish = "{self.finish}", which states the whole surface between body and air'
+                    f'does not apply with finish = "{self.finish}", which defines the whole surface '
+                    "between body and air"
                 )
                 raise refused(key, limit, remedy="leave it out")
 
@@ -137,6 +141,6 @@ class Wall(Stretch):
             raise refused("reflectance", 'does not apply without finish = "mirror"', value=self.reflectance)
         if self.finish != "clear" and (self.outside != "air" or self.coating):
             key = "outside" if self.outside != "air" else "coating"
-            raise refused(key, f'does not apply with finish = "{self.finish}": no light gets there')
+            raise refused(key, f'does not apply with finish = "{self.finish}": no light reaches it')
         if self.finish == "black" and (self.scatter != "none" or self.texture_pitch_um is not None):
-            raise refused("finish", "black absorbs all light: no scatter or texture on it", value="black")
+            raise refused("finish", "does not apply to a black wall, which absorbs all light", value="black")

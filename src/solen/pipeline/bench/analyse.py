@@ -1,4 +1,4 @@
-"""Response and figures of merit of sensors, from recordings of solen's bench or any other."""
+"""Response and figures of merit of sensors, from recordings made by solen's bench or any other."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,16 +21,16 @@ def analyse(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[Study | NetworkStates]:
-    """Cycles, response curve and figures of merit of recorded sensors.
+    """Compute cycles, response curve and figures of merit of recorded sensors.
 
-    Switched emitters, flicker of lamps, clipped samples and a stage's log in the same folder are detected
-    automatically; the command that states them explicitly is printed. A recording of several motions is that of a
-    network: its readings by emitter and receiver in every state.
+    Switched emitters, flicker of lamps, clipped samples and a motion log of the stage in the same folder are detected
+    automatically; the command that states them explicitly is printed. A recording of several motions belongs to a
+    network: its readings are then given by emitter and receiver in every state.
 
     Parameters
     ----------
     files
-        Recordings: tables (CSV, TSV, ;, .xlsx) with a time, an angle and receivers' voltages.
+        Recordings: tables (CSV, TSV, ;, .xlsx) with a time, an angle and receiver voltages.
     traces
         Draw voltages over time with the detected cycles into this .svg, .png or .pdf.
 
@@ -48,7 +48,7 @@ def analyse(
         unused(options)
         if traces is not None or len(files) > 1:
             what = ("--traces", traces) if traces is not None else ("files", len(files))
-            limit = "does not apply to a network" if traces is not None else "must be one, of a network"
+            limit = "does not apply to a network" if traces is not None else "must be a single recording of a network"
             raise SpecError(what[0], value=str(what[1]), limit=limit)
         return write(analysed_network(network_readings(files[0])), "analysis", out, figure=figure)
     result = study(files, options)

@@ -23,9 +23,9 @@ def calibrate(
     out: Path | None = None,
     figure: FigureOptions = FigureOptions(),
 ) -> Outcome[SensorCalibrations | NetworkCalibrations]:
-    """Calibrations of recorded sensors, written beside the recordings, or a single one to ``out``.
+    """Write calibrations of recorded sensors beside the recordings, or a single one to ``out``.
 
-    Recordings of several motions are those of a network, which is calibrated for all of them at once.
+    Recordings of several motions belong to a network, which is calibrated for all motions at once.
 
     Raises
     ------
@@ -39,12 +39,16 @@ def calibrate(
     made = result.calibrations
     if out is not None and len(made) > 1:
         names = ", ".join(one.sensor for one in made)
-        remedy = "choose one with --sensor, make one of all with --pool, or leave --out out"
-        raise OutputError(str(out), limit=f"is one file for {len(made)} calibrations: {names}", remedy=remedy)
+        remedy = "choose one sensor with --sensor, combine all with --pool, or leave --out out"
+        raise OutputError(
+            str(out), limit=f"is one file, but there are {len(made)} calibrations: {names}", remedy=remedy
+        )
     places = {f"calibration.{one.sensor}": out or default_path(recordings, one.sensor) for one in made}
     if len(set(places.values())) < len(made):
         first = next(iter(places.values()))
-        raise OutputError(str(first), limit="would hold several calibrations", remedy="choose one with --sensor")
+        raise OutputError(
+            str(first), limit="would contain several calibrations", remedy="choose one sensor with --sensor"
+        )
     contents: dict[Path, files.Content] = {
         place: text_of(one).encode("utf-8") for place, one in zip(places.values(), made, strict=True)
     }
@@ -59,7 +63,7 @@ def _network(
     out: Path | None,
     figure: FigureOptions,
 ) -> Outcome[NetworkCalibrations]:
-    """Calibration of a network by all its recordings together."""
+    """Calibrate a network from all its recordings together."""
     unused(options, ("sensor",))
     unused(analysis)
     result = calibrated_network([network_readings(path, options.sensor) for path in recordings])

@@ -67,17 +67,17 @@ def decode(
     Parameters
     ----------
     calibration
-        File of the calibration.
+        The calibration file.
     source
-        A recording, a run's journal, or ``-`` for lines of CSV.
+        A recording, the journal of a run, or ``-`` for lines of CSV.
     options, signals
-        How to decode, and the roles of the columns.
+        Options of decoding, and the roles of the columns.
     out, rows
-        A .csv file, and a stream for angles as they are decoded.
+        A .csv file, and a stream to which angles are written as they are decoded.
     warn
-        Called with each warning known before the first reading.
+        Called with each warning that is known before the first reading.
     text
-        Lines to read in place of standard input.
+        Lines to read instead of standard input.
     send
         Additional destination of rows, an outlet of `solen.bench.outlets`; rows of a recording are sent in real time.
     force
@@ -91,7 +91,7 @@ def decode(
     options, signals = options or DecodeOptions(), signals or SignalOptions()
     check_table(out, "a table of angles", source, force=force)
     if options.follow and not source.endswith(SUFFIX):
-        raise SpecError("--follow", value=source, limit=f"is for the {SUFFIX} of a run", remedy="leave it out")
+        raise SpecError("--follow", value=source, limit=f"applies only to the {SUFFIX} of a run", remedy="leave it out")
     decoder: StreamDecoder | NetworkStream
     pieces: Iterator[Any]
     given = sys.stdin if text is None else text
@@ -119,7 +119,7 @@ def decode(
 def _of_network(
     calibration: Path, source: str, options: DecodeOptions, signals: SignalOptions, text: Iterable[str]
 ) -> tuple[NetworkStream, Iterator[Turns]]:
-    """Decoder of a network's readings, and these piece by piece."""
+    """Return the decoder of a network, and its readings in successive pieces."""
     unused(options, ("sensor", "follow"))
     unused(signals)
     known, path = load_network(calibration), Path(source)
@@ -138,7 +138,7 @@ def _of_network(
 def _turns(
     following: Following, known: NetworkCalibration, sensor: str | None, file: str, *, follow: bool
 ) -> Iterator[Turns]:
-    """Turns of a run's journal, in the order of a calibration; with ``follow``, on until the run ends."""
+    """Yield the readings in a run's journal, in the order of a calibration; with ``follow``, until the run ends."""
     entry = chosen_network(following.header, sensor or known.sensor, file)
     scale = scale_of(file, signal_unit(following.header), known)
     lit = places_of("emitter", known.emitters, list(entry["emitters"]), file)
@@ -177,7 +177,7 @@ def _write_rows(
 
 
 def _journal(path: Path, options: DecodeOptions, calibrated: str) -> Stream:
-    """Readings of a run's journal without ambient light; with ``follow``, read on until the run ends."""
+    """Return the readings in a run's journal with ambient light subtracted; with ``follow``, until the run ends."""
     following = Following(path)
     names = [str(one["name"]) for one in following.header["sensors"]]
     name = chosen_sensor(names, options.sensor, calibrated, path.name)
@@ -187,14 +187,14 @@ def _journal(path: Path, options: DecodeOptions, calibrated: str) -> Stream:
 
 
 def _provenance(following: Following, path: Path) -> Provenance:
-    """Source of readings that come from the journal of a run."""
+    """Return the provenance of readings from the journal of a run."""
     header = json.dumps({key: value for key, value in following.header.items() if key != "streams"})
     simulated = bool(following.header.get("simulated"))
     return Provenance(path.name, format="journal", metadata={"header": header}, simulated=simulated)
 
 
 def _grown(following: Following, fresh: Callable[[], Iterator[T]], *, follow: bool) -> Iterator[T]:
-    """What a journal has grown by, on each call of ``fresh``; with ``follow``, on until the run ends."""
+    """Yield the new content of a growing journal from each call of ``fresh``; with ``follow``, until the run ends."""
     while True:
         yield from fresh()
         if following.ended or not follow:

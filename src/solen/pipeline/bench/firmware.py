@@ -1,4 +1,4 @@
-"""Sources of a board's firmware, written into a folder."""
+"""Firmware sources for a board, written into a folder."""
 
 from pathlib import Path
 
@@ -8,20 +8,20 @@ from solen.results import Outcome, Result
 
 
 class Firmware(Result):
-    """Sources for a board, and its values for a rig file.
+    """Firmware sources for a board, and the board's values for a rig file.
 
     Attributes
     ----------
     board
-        Its kind.
+        Kind of board.
     folder
-        Folder of its sources.
+        Folder of the sources.
     bits, range_V
         Resolution and range of its converter.
     baud
-        Speed of its serial line.
+        Baud rate of its serial line.
     straight_V
-        Levels between which its converter is linear; None for the whole range.
+        Voltages between which its converter is linear; None for the whole range.
     """
 
     board: str

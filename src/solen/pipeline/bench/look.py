@@ -1,4 +1,4 @@
-"""Commands that check a rig, or move its stage, without a run."""
+"""Commands that check a rig, show its readings or move its stage, without a run."""
 
 from collections.abc import Callable
 from pathlib import Path

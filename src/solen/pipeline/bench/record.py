@@ -40,7 +40,7 @@ def new(folder: Path, /, *, design: Path | None = None) -> Outcome[BenchFolder]:
 
 
 def _beside(folder: Path, design: Path) -> str:
-    """Path of a design from a folder, with slashes; absolute where there is no way between drives."""
+    """Return the path of a design relative to a folder, with forward slashes; it is absolute on another drive."""
     try:
         return Path(os.path.relpath(design.absolute(), folder.absolute())).as_posix()
     except ValueError:

@@ -1,4 +1,4 @@
-"""A calibration as a table and code for a microcontroller."""
+"""A calibration as a lookup table with code for a microcontroller."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +13,7 @@ from solen.results import Outcome
 def table(
     calibration: Path, folder: Path, /, *, options: Annotated[TableOptions, FLAT] = TableOptions()
 ) -> Outcome[DecodingTable]:
-    """Write a calibration as a small table, with code in MicroPython and C that decodes by it on a board.
+    """Write a calibration as a small table, with code in MicroPython and C that decodes with it on a board.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ def check(file: Path, /, *, set_: Set = None) -> Outcome[Check | NetworkCheck | 
     Parameters
     ----------
     file
-        The design file, or a scene's JSON, of solen or of ray-optics.
+        The design file, or a scene in JSON, as solen or ray-optics writes it.
     """
     if is_scene(file, {"--set": set_ and set_[0]}):
         return Outcome(scene_check(open_scene(file, facets=True)))
@@ -38,7 +38,7 @@ def lens(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     force: Force = False,
 ) -> Outcome[LensCheck]:
-    """Show the lens of a design: shape, acceptance, magnification, focus in the material it is made of.
+    """Show the lens of a design: shape, acceptance, magnification, and focus in its material.
 
     Parameters
     ----------

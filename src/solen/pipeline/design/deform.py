@@ -1,4 +1,4 @@
-"""A soft body under load: its shape and forces at one value."""
+"""A soft body under load: its shape and forces at one value of the driven quantity."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,14 +21,14 @@ def deform(
     set_: Set = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
 ) -> Outcome[Deformation]:
-    """Show a soft body under load: shape, strain, forces and moments of what holds it.
+    """Show a soft body under load: shape, strain, and forces and moments on its supports.
 
     Parameters
     ----------
     file
         The design file, with motion.kind = "loaded".
     at
-        Value of what its motion drives, in its unit; default: the last of the motion.
+        Value of the quantity that the motion drives, in its unit; default: the last value of the motion.
     """
     figure.check()
     return write(deform_sensor(Sensor.of(open_design(file, set_)), at), "deform", figure=figure)

@@ -1,4 +1,4 @@
-"""Design files: opened with assignments, or written anew."""
+"""Design files: opened with assignments, or newly written."""
 
 import hashlib
 import json
@@ -15,39 +15,39 @@ DESIGN_NAME, SCHEMA_NAME, SCENE_SUFFIX = "sensor.toml", "sensor.schema.json", ".
 
 
 def open_design(path: Path, assignments: Sequence[str] | None = None) -> Design:
-    """Design of a file with ``key=value`` assignments applied; the last assignment to a key counts."""
+    """Return the design of a file with ``key=value`` assignments applied; the last assignment to a key counts."""
     design = load(path)
     changes = dict(parse_assignment(text) for text in assignments or ())
     return with_values(design, changes) if changes else design
 
 
 def is_scene(path: Path, of_designs: Mapping[str, object]) -> bool:
-    """Whether a file is a scene and not a design; `SpecError` for options by name that a scene does not have."""
+    """Return whether a file is a scene and not a design; raise `SpecError` if options are given that need a design."""
     if path.suffix.lower() != SCENE_SUFFIX:
         return False
     for name, value in of_designs.items():
         if value is not None and value is not False:
-            limit = "applies to a design; a scene has no motion and no keys"
+            limit = "applies to a design only; a scene has neither a motion nor keys"
             raise SpecError(name, value=None if value is True else value, limit=limit, remedy="leave it out")
     return True
 
 
 def provenance_of(path: Path) -> Provenance:
-    """Name and checksum of a design file, as a source of its results."""
+    """Return name and checksum of a design file, as a source of its results."""
     return Provenance(file=path.name, sha256=hashlib.sha256(path.read_bytes()).hexdigest(), format="design")
 
 
 def new(folder: Path, /, *, example: str = "solen-860") -> Outcome[NewDesign]:
-    """Write a commented design file, FOLDER/sensor.toml, and the schema by which editors check it.
+    """Write a commented design file, FOLDER/sensor.toml, and the schema with which editors check it.
 
     Parameters
     ----------
     folder
         Where to write it; created if missing.
     example
-        Shipped design: solen-860, solen-500, solen-450 or pmma-860, with an LED as it is sold, in space; press-860,
-        a soft one under a finger; hand-860, robot-860 or strip-860, networks of guides; paper-860, paper-500 or
-        paper-450, the point in the plane of the paper.
+        Shipped design: solen-860, solen-500, solen-450 or pmma-860, with a commercial LED, in space; press-860, a soft
+        sensor under a finger; hand-860, robot-860 or strip-860, networks of guides; paper-860, paper-500 or paper-450,
+        with the point source in the plane that the paper simulates.
     """
     text = f"#:schema {SCHEMA_NAME}\n{template(example)}"
     with files.output_folder(folder):

@@ -1,4 +1,4 @@
-"""Export of a design: its solid and drawings in one folder; everything is computed before the first file is written."""
+"""Export of a design: its solid and drawings, written into one folder after everything has been computed."""
 
 from collections.abc import Sequence
 from pathlib import Path

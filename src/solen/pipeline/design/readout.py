@@ -25,7 +25,7 @@ def readout(
 ) -> Outcome[DesignReadings | NetworkVolts]:
     """Show receiver voltages of a design over its motion, with noise, and recommend a load.
 
-    Of a network of guides over each of its motions, emitters in turn.
+    For a network of guides, show them over each of its motions, with the emitters lit in turn.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ def run(
     file
         The design file.
     out
-        Folder for report.html, results.json, results.csv, the figures and the solid (.stl, .3mf); made if need be.
+        Folder for report.html, results.json, results.csv, the figures and the solid (.stl, .3mf); created if missing.
     """
     from solen.fabricate import solid_files
     from solen.report.design import html, loaded, loaded_page, network, network_page, table

@@ -1,4 +1,4 @@
-"""`solen export`: the formats that are asked for, as options of a command."""
+"""`solen export`: the formats to write, as options of a command."""
 
 from pathlib import Path
 from typing import Annotated
@@ -43,7 +43,7 @@ def export(
     file
         The design file; the written files have its name.
     out
-        Folder for the files; made if need be.
+        Folder for the files; created if missing.
     step
         Exact solid with B-splines, for CAD programs (needs the extra cad).
     stl
@@ -53,13 +53,13 @@ def export(
     glb
         Mesh for viewers.
     dxf
-        Drawing of the outline, a layer for each face (needs the extra dxf).
+        Drawing of the outline, with a layer for each face (needs the extra dxf).
     comsol
         Points as text, for COMSOL's interpolation curves (sectionwise).
     svg
-        Drawing of the outline, a named path for each face.
+        Drawing of the outline, with a named path for each face.
     layers
-        Layer pictures for a printer, with STL and settings for its software; options as of solen print layers.
+        Layer pictures for a printer, with STL and settings for its software; options as for solen print layers.
     thickness_mm
         Replaces body.thickness_mm.
     tolerance_mm

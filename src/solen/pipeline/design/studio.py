@@ -1,4 +1,4 @@
-"""A page with sliders of a design, which needs no server."""
+"""An HTML page with sliders for a design, which needs no server."""
 
 from pathlib import Path
 
@@ -18,10 +18,10 @@ def export(
     assignments: Set = None,
     progress: ProgressBar = None,
 ) -> Outcome[Sliders]:
-    """Write a page of a design with sliders."""
+    """Write an HTML page with sliders for a design."""
     from solen.report.design.player import html
 
     if page.suffix.lower() != ".html":
-        raise OutputError(str(page), limit="a page ends in .html", remedy="rename it")
+        raise OutputError(str(page), limit="the name of a page must end in .html", remedy="rename it")
     result = slid(open_design(file, assignments), options, progress)
     return Outcome(result, {"page": files.write_text(page, html(result))})

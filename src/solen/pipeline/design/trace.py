@@ -45,7 +45,7 @@ def trace(
     figure: FigureOptions = FigureOptions(),
     netcdf: Path | None = None,
 ) -> Outcome[DesignTrace | NetworkTrace]:
-    """Trace a design at one angle, or under one load; of a network all emitters in turn, or the one that is named."""
+    """Trace a design at one angle or under one load; in a network, all emitters in turn or only the named one."""
     _check_outputs(figure, netcdf)
     mode = {} if options.mode is None else {"trace.mode": options.mode}
     lit = {} if emitter is None else {"network.lit": emitter}
@@ -78,13 +78,13 @@ def trace_file(
     figure: FigureOptions = FigureOptions(),
     netcdf: Path | None = None,
 ) -> Outcome[SceneTrace]:
-    """Trace a scene file, of solen or of ray-optics."""
+    """Trace a scene file of solen or ray-optics."""
     _check_outputs(figure, netcdf)
     file = open_scene(path, facets=options.mode is None)
     if paths:
         check_paths(file.scene)
     if figure.figure is not None and file.scene.extrusion is not None:
-        raise SpecError("--figure", limit="draws the plane, and these rays are in space", remedy="leave it out")
+        raise SpecError("--figure", limit="draws the plane, but these rays are in space", remedy="leave it out")
     traced = trace_scene(file, options, paths=paths or figure.figure is not None)
     result = described(file, traced, paths=paths)
 
@@ -110,13 +110,14 @@ def convergence(
     file
         The design file.
     angle_deg
-        Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Above -90, below 90.
+        Angle in degrees, counter-clockwise: a negative angle turns to the right; default: 0. Above -90, below 90.
     at
-        For a soft body: value of what its motion drives, in its unit; default: the last of the motion.
+        For a soft body: value of the quantity that its motion drives, in its unit; default: the last value of the
+        motion.
     emitter
-        For a network: the emitter that lights; default: network.lit, or the only one.
+        For a network: the emitter that is lit; default: network.lit, or the only one.
     mode
-        How light meets faces.
+        How rays meet faces.
     """
     figure.check()
     design = one_lit(open_design(file, set_), emitter)
@@ -142,13 +143,15 @@ def sensitivity(
     file
         The design file.
     keys
-        Keys of the design, such as body.arm_width_mm; default: all that affect the light, of a network its motions.
+        Keys of the design, such as body.arm_width_mm; default: all that affect the light, and for a network its
+        motions.
     angle_deg
-        Angle in degrees, counter-clockwise: a negative one turns to the right; default: 0. Above -90, below 90.
+        Angle in degrees, counter-clockwise: a negative angle turns to the right; default: 0. Above -90, below 90.
     at
-        For a soft body: value of what its motion drives, in its unit; default: the last of the motion.
+        For a soft body: value of the quantity that its motion drives, in its unit; default: the last value of the
+        motion.
     suggest
-        For a network: places where another receiver or emitter would help most, ranked by what they determine.
+        For a network: positions at which another receiver or emitter would help most, ranked by what they determine.
     """
     figure.check()
     sensor = Sensor.of(open_design(file, set_))
@@ -159,7 +162,9 @@ def sensitivity(
             found = replace(found, suggestions=suggestions(sensor.design, progress=progress))
         return write(found, "sensitivity", figure=figure)
     if suggest:
-        raise SpecError("--suggest", limit="needs a network of guides, and this design is none", remedy="leave it out")
+        raise SpecError(
+            "--suggest", limit="needs a network of guides, but this design is not one", remedy="leave it out"
+        )
     result = sensitivities(sensor, keys, value, progress)
     return write(result, "sensitivity", figure=figure)
 
@@ -169,14 +174,14 @@ def _check_outputs(figure: FigureOptions, netcdf: Path | None) -> None:
     if netcdf is None:
         return
     if netcdf.suffix.lower() != ".nc":
-        raise OutputError(str(netcdf), limit="a netCDF file ends in .nc", remedy="rename it")
+        raise OutputError(str(netcdf), limit="the name of a netCDF file must end in .nc", remedy="rename it")
     check_installed()
 
 
 def _written(
     trace: Trace, attributes: Attributes, kind: str, figure: FigureOptions, netcdf: Path | None
 ) -> dict[str, Path]:
-    """Write figure and netCDF, both or neither."""
+    """Write the figure and the netCDF file, both or neither."""
     contents = drawn(trace, figure, kind)
     if netcdf is not None:
         contents[netcdf] = writer(trace, attributes)

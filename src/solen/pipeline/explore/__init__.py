@@ -1,1 +1,1 @@
-"""Exploring designs: sweeps over their numbers."""
+"""Commands that explore designs: sweeps, optimisation and tolerances."""

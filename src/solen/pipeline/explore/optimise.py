@@ -1,4 +1,4 @@
-"""Inverse design: a design in; a better one, and the search's record, out."""
+"""Inverse design: a design as input; a better one, and the record of the search, as output."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,20 +30,20 @@ def optimise(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[Optimum | Front]:
-    """Search for the numbers of a design that make a merit best, within limits and under deviations.
+    """Search for the numbers of a design that optimise a merit, within limits and under deviations.
 
-    The best design so far is written whenever there is a better one, and Ctrl-C ends the search with it. The same
-    command goes on where it stopped. At the end prints of the design and of the result are compared, whose numbers
-    vary as in solen explore tolerance. Of two merits a front of designs is sought.
+    The best design so far is written whenever a better one is found; Ctrl-C ends the search and keeps it. The same
+    command continues where it stopped. At the end, prints of the original design and of the result are compared; their
+    numbers vary as in solen explore tolerance. With two merits, the search finds a front of designs.
 
     Parameters
     ----------
     file
         The design file.
     out
-        Folder for the best design, NAME-best.toml, or the designs of a front, NAME-front-1.toml and so on, what was
-        asked, NAME-optimise.json, and the responses traced so far; made if need be. Designs of another search are not
-        overwritten.
+        Folder for the best design, NAME-best.toml, or the designs of a front, NAME-front-1.toml and so on, the options
+        of the search, NAME-optimise.json, and the responses traced so far; created if missing. Designs of another
+        search are not overwritten.
     """
     figure.check()
     check_not_set("--free", options.free, set_)
@@ -69,7 +69,7 @@ def optimise(
 
 
 def _front_files(front: Front, out: Path, stem: str) -> dict[str, Path]:
-    """Files of a front's designs, in place of those of an earlier one."""
+    """Return the files of a front's designs, which replace those of an earlier front."""
     for old in out.glob(f"{stem}-front-*.toml"):
         files.remove(old)
     paths = {one.number: out / f"{stem}-front-{one.number}.toml" for one in front.designs}

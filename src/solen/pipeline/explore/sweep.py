@@ -1,4 +1,4 @@
-"""A sweep: a design in; a table of merits and responses out."""
+"""A sweep: a design as input; a table of merits and responses as output."""
 
 from pathlib import Path
 from typing import Annotated
@@ -33,19 +33,19 @@ def sweep(
 ) -> Outcome[Sweep]:
     """Trace a design over values of its numbers, and compute the merits of each response.
 
-    Points are kept as they come: after an interruption the same command goes on where it stopped, and a point that is
-    in the folder is never traced again, whichever sweep asked for it.
+    Points are saved as they are traced: after an interruption the same command continues where it stopped, and a point
+    that is in the folder is never traced again, even if another sweep requested it.
 
     Parameters
     ----------
     file
         The design file.
     out
-        Folder for the table, NAME-sweep.nc or of a part NAME-sweep-3-of-10.nc, what was asked for it, NAME-sweep.json,
-        and the points traced so far; made if need be. A table of other options is not overwritten.
+        Folder for the table, NAME-sweep.nc or, for a part of a sweep, NAME-sweep-3-of-10.nc, its options,
+        NAME-sweep.json, and the points traced so far; created if missing. A table of other options is not overwritten.
     cluster
-        Trace on the workers of a Dask cluster, by the address of its scheduler, tcp://HOST:PORT, or the file of a SLURM
-        cluster (.toml).
+        Trace on the workers of a Dask cluster, given by the address of its scheduler, tcp://HOST:PORT, or by the file
+        of a SLURM cluster (.toml).
     """
     figure.check()
     check_installed()

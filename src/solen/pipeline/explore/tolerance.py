@@ -1,4 +1,4 @@
-"""Tolerances: a design in; yields, their causes and a table of prints out."""
+"""Tolerances: a design as input; yields, their causes and a table of prints as output."""
 
 from pathlib import Path
 from typing import Annotated
@@ -30,20 +30,20 @@ def tolerance(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[Tolerances]:
-    """Trace prints of a design whose numbers vary: yield, what costs most, and what each tolerance may be.
+    """Trace prints of a design whose numbers vary: yield, what lowers it most, and how large each tolerance may be.
 
-    Prints are kept as they come: after an interruption the same command goes on where it stopped.
+    Prints are saved as they are traced: after an interruption the same command continues where it stopped.
 
     Parameters
     ----------
     file
         The design file.
     out
-        Folder for the table of prints, NAME-prints.csv, what was asked for it, NAME-prints.json, and the responses
-        traced so far; made if need be. A table of other options is not overwritten.
+        Folder for the table of prints, NAME-prints.csv, its options, NAME-prints.json, and the responses traced so far;
+        created if missing. A table of other options is not overwritten.
     cluster
-        Trace on the workers of a Dask cluster, by the address of its scheduler, tcp://HOST:PORT, or the file of a SLURM
-        cluster (.toml).
+        Trace on the workers of a Dask cluster, given by the address of its scheduler, tcp://HOST:PORT, or by the file
+        of a SLURM cluster (.toml).
     """
     figure.check()
     check_not_set("--vary", options.vary, set_)

@@ -1,4 +1,4 @@
-"""Calibration of a printer: measured features in, a process file and a figure out."""
+"""Calibration of a printer: measured features as input, a process file and a figure as output."""
 
 from pathlib import Path
 from typing import Annotated
@@ -37,12 +37,12 @@ def calibrate(
     features
         Files of measured features (JSON), written by solen print fidelity --out.
     process
-        Process the coupons were printed with, as far as known; default: the published settings.
+        Process with which the coupons were printed, as far as known; default: the published settings.
 
     Raises
     ------
     SolenError
-        If a file cannot be read, or its features determine too little; then nothing is written.
+        If a file cannot be read, or its features do not determine the fit; then nothing is written.
     """
     figure.check()
     check_ending(out, "a process", ".toml")

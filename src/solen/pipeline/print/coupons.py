@@ -1,4 +1,4 @@
-"""Coupons: solids, jobs and plans in one folder, all computed before any is written."""
+"""Coupons: solids, jobs and plans in one folder, written after everything has been computed."""
 
 from pathlib import Path
 from typing import Annotated

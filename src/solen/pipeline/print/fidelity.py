@@ -1,4 +1,4 @@
-"""Fidelity of a printed coupon: a picture or height map in; sizes, resolution limits and a figure out."""
+"""Fidelity of a printed coupon: a picture or height map as input; sizes, resolution limits and a figure as output."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -59,14 +59,16 @@ def fidelity(
 
 
 def _layout(name: str | None, job: Path | None, assignments: Sequence[str]) -> Coupon:
-    """The coupon of the job or of the options."""
+    """Return the coupon that the job or the options define."""
     if job is None:
         if name is None:
             raise SpecError("--coupon", limit="is missing", remedy="name the coupon, or give its --job")
         return layout(name, CouponOptions(**dict(map(parse_assignment, assignments))))
     if assignments:
-        raise SpecError("--set", limit="has no effect with --job, which states the layout", remedy="leave one out")
+        raise SpecError("--set", limit="has no effect with --job, which defines the layout", remedy="leave one out")
     coupon, _ = read_job(job)
     if name is not None and name != coupon.name:
-        raise SpecError("--coupon", value=name, limit=f"the job is for {coupon.name}", remedy="leave it out")
+        raise SpecError(
+            "--coupon", value=name, limit=f"does not match the job, which is for {coupon.name}", remedy="leave it out"
+        )
     return coupon

@@ -1,4 +1,4 @@
-"""Transmission of grey pixels: a table of discs in, a process file out."""
+"""Transmission of grey pixels: a table of discs as input, a process file as output."""
 
 from pathlib import Path
 from typing import Annotated
@@ -27,7 +27,9 @@ def grey(
     options: Annotated[GreyOptions, FLAT] = GreyOptions(),
     process: Path | None = None,
     sheet: str | None = None,
-    out: Annotated[Path | None, Parameter(name="--out", help="Write the process with the greys to this .toml.")] = None,
+    out: Annotated[
+        Path | None, Parameter(name="--out", help="Write the process with the grey levels to this .toml.")
+    ] = None,
     force: Force = False,
 ) -> Outcome[MeasuredGreys]:
     """Measure the transmission of grey pixels, from discs of the coupon grey-steps.
@@ -35,16 +37,17 @@ def grey(
     Parameters
     ----------
     file
-        A table of greys (fractions, % or 0 to 255) and thicknesses of discs cured in the same exposure.
+        A table of grey levels (fractions, % or 0 to 255) and thicknesses of discs cured in the same exposure.
     process
-        Process to which the greys are added, and whose Dp converts thickness to light; default: the published settings.
+        Process to which the grey levels are added, and whose Dp converts thickness to light; default: the published
+        settings.
     sheet
         Sheet of a workbook.
 
     Raises
     ------
     SolenError
-        If a file cannot be read, or the discs determine no curve; then nothing is written.
+        If a file cannot be read, or the discs do not determine the curve; then nothing is written.
     """
     check_ending(out, "a process", ".toml")
     check_new(out, force=force)

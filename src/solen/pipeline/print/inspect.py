@@ -1,4 +1,4 @@
-"""Inspection of a printed lens: a picture and its design in; deviations, a profile and a figure out."""
+"""Inspection of a printed lens: a picture and its design as input; deviations, a profile and a figure as output."""
 
 from pathlib import Path
 from typing import Annotated
@@ -34,7 +34,7 @@ def inspect(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Profile = None,
 ) -> Outcome[LensInspection | FacesInspection]:
-    """Measure a printed lens in a picture: outline, deviations from the design, nearest of several designs.
+    """Measure a printed lens in a picture: outline, deviations from the design, and the nearest of several designs.
 
     With pictures of both faces, the first and the last layer are measured.
 
@@ -52,7 +52,8 @@ def inspect(
     Raises
     ------
     SolenError
-        If the picture has no scale or shows no such lens, the design has no lens, or a file cannot be written.
+        If the picture has no scale or shows no lens of that design, the design has no lens, or a file cannot be
+        written.
     """
     check_outputs(out, figure)
     part = open_design(design, set_)
@@ -75,15 +76,15 @@ def inspect(
 
 
 def _check_faces(part: Design, options: InspectOptions, bottom: Path | None, out: Path | None) -> None:
-    """`SpecError` for options of a single picture if there are two, or a profile of a lens that varies with height."""
+    """Raise `SpecError` for one-picture options with two pictures, or one profile of a lens that varies with height."""
     for option, stated in (("--out", out), ("--seen-from", options.seen_from)):
         if bottom is not None and stated is not None:
-            raise SpecError(option, limit="applies to a single picture", remedy="omit it, or --bottom")
+            raise SpecError(option, limit="applies to a single picture", remedy="leave it out, or --bottom")
     if out is not None and part.lens.in_space:
-        limit = "holds one profile for all heights, but this lens varies with height"
+        limit = "describes one profile for all heights, but this lens varies with height"
         raise SpecError("--out", limit=limit, remedy="leave it out")
 
 
 def _named_apart(other: Design, part: Design, path: Path) -> Design:
-    """A compared design with the same name as the part is labelled by its file."""
+    """Label a compared design by its file if it has the same name as the part."""
     return with_values(other, {"name": path.stem}) if other.name == part.name else other

@@ -1,7 +1,7 @@
-"""Layers of a part: a design or a mesh in; layer pictures, STL, settings and a figure out.
+"""Layers of a part: a design or a mesh as input; layer pictures, STL, settings and a figure as output.
 
-Pictures are written one by one into an archive under a temporary name; sheet, STL and figure follow, and all
-are renamed together or not at all.
+Pictures are written one by one into an archive under a temporary name. Overview sheet, STL and figure follow, and
+either all files are renamed to their final names or none.
 """
 
 import json
@@ -43,7 +43,7 @@ from solen.sensor import Sensor
 
 @dataclass
 class LayerFiles:
-    """Files of a job, written in the order of `contents`: pictures first, since the others report on them."""
+    """Files of a job, written in the order of `contents`: pictures come first, since the other files report on them."""
 
     job: Job
     part: Printable
@@ -53,7 +53,7 @@ class LayerFiles:
     stack: Stack | None = None
 
     def contents(self) -> dict[Path, files.Content]:
-        """Content of each file."""
+        """Return the content of each file."""
         makers: dict[str, files.Content] = {
             "layers": self._write_pictures,
             "placed": self.part.write_stl,
@@ -103,7 +103,7 @@ def layers(
     out
         Folder for the files; created if missing.
     run
-        The run of a coupon printed in several runs: base or layer of film-layer.
+        The run to prepare, for a coupon printed in several runs: base or layer of film-layer.
 
     Raises
     ------
@@ -138,14 +138,14 @@ def layers(
 
 
 def printed_by(slicing: Slicing) -> Process | None:
-    """Process of a slicing, with its working curve; None if it names neither."""
+    """Return the process of a slicing, with its working curve; None if neither is stated."""
     if slicing.process is None and slicing.cure is None:
         return None
     return process_of(ProcessOptions(process=slicing.process, cure=slicing.cure))[0]
 
 
 def exposed_as_printed(slicing: Slicing) -> Slicing:
-    """Slicing with layer heights and exposures from its process."""
+    """Return a slicing with layer heights and exposures of its process."""
     process = None if slicing.process is None else printed_by(slicing)
     return slicing if process is None else slicing.exposed_as(process.process)
 
@@ -153,7 +153,7 @@ def exposed_as_printed(slicing: Slicing) -> Slicing:
 def layer_files(
     part: Printable, slicing: Slicing, out: Path, stem: str, figure: FigureOptions, progress: Progress | None
 ) -> LayerFiles:
-    """A checked job with the names of its files."""
+    """Check a job and return it with the names of its files."""
     process = printed_by(slicing)
     greys = Greys() if process is None else process.greys
     job = Job(part.solid, printer_of(slicing.printer), slicing, greys, process)
@@ -168,9 +168,9 @@ def layer_files(
 
 
 def with_figure(targets: dict[str, Path], figure: Path | None) -> dict[str, Path]:
-    """Files of a command with the requested figure; `OutputError` if the figure is one of the others."""
+    """Add the requested figure to the files of a command; raise `OutputError` if it is one of them already."""
     if figure is None:
         return targets
     if figure.resolve() in {target.resolve() for target in targets.values()}:
-        raise OutputError(str(figure), limit="is another file of this command", remedy="rename the figure")
+        raise OutputError(str(figure), limit="is also another output of this command", remedy="rename the figure")
     return targets | {"figure": figure}

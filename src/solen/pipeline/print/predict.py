@@ -1,4 +1,4 @@
-"""Prediction of a print: a design and a process in; the printed lens, a drawing, a figure and a solid out."""
+"""Prediction of a print: a design and a process as input; printed lens, drawing, figure and solid as output."""
 
 from pathlib import Path
 from typing import Annotated
@@ -48,7 +48,7 @@ def predict(
         The design file.
     compensate
         Write a design to this .toml whose outline prints as the designed lens (flat parts); for a lens that varies with
-        height, one with compensated layers.
+        height, a design with compensated layers.
     solid
         Write the whole part, as predicted when printed flat, to this .stl, .3mf or .glb.
     response

@@ -1,4 +1,4 @@
-"""Tuning of a lens, print by print: a picture and its design in; the corrected drawing, its layers and the log out."""
+"""Tuning of a lens, print by print: a picture and a design as input; a corrected drawing, layers and log as output."""
 
 import tempfile
 from pathlib import Path
@@ -84,18 +84,18 @@ def _next(log: TuningLog | None) -> int:
 def _printed(
     tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name: str
 ) -> tuple[dict[str, Path], dict[Path, files.Content]]:
-    """Files of a new drawing and of its layers by name, with their contents."""
+    """Return the files of a new drawing and its layers by name, with their contents."""
     layers, path = _layers(tuned, sensor, slicing, out, name), out / f"{name}.toml"
     return {"drawn": path, **layers.targets}, layers.contents() | _drawing(tuned, sensor, path)
 
 
 def _drawing(tuned: TunedPrint, sensor: Sensor, path: Path) -> dict[Path, files.Content]:
-    """Design, outline and predicted profile of the drawing."""
+    """Return design, outline and predicted profile of the drawing."""
     return dict(compensation_files(path, sensor, tuned.made, tuned.profile, tuned.process))
 
 
 def _layers(tuned: TunedPrint, sensor: Sensor, slicing: Slicing, out: Path, name: str) -> LayerFiles:
-    """Files of the drawing's layers."""
+    """Return the files of the drawing's layers."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.toml"
         files.write_all(_drawing(tuned, sensor, path))

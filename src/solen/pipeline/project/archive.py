@@ -18,12 +18,12 @@ def pack(
     options: Annotated[PackOptions, FLAT],
     progress: ProgressBar = None,
 ) -> Outcome[Archive]:
-    """Pack a design and all that belongs to its sensor into one described archive.
+    """Pack a design and everything that belongs to its sensor into one described archive.
 
     Parameters
     ----------
     file
-        The design file; the files that it names come along.
+        The design file; the files that it names are included.
     further
         Files and folders: print settings, pictures, recordings, calibrations, figures.
     out
@@ -34,7 +34,7 @@ def pack(
 
 
 def unpack(file: Path, *, out: Path, limits: Annotated[Limits, FLAT] = Limits()) -> Outcome[Opened]:
-    """Check an archive that came from elsewhere, and unpack it into a new folder.
+    """Check a received archive, and unpack it into a new folder.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ def examples(*, out: Path) -> Outcome[Samples]:
     Parameters
     ----------
     out
-        Folder to copy them to, created if missing; its README.md says what each file is for. Nothing is replaced.
+        Folder for the copies, created if missing; its README.md describes each file. No existing file is replaced.
     """
     written = files.write_new(out, sample_files())
     return Outcome(Samples(out, len(written)), {"readme": out / "README.md"})

@@ -1,4 +1,4 @@
-"""The figures of the paper that software can make, with a page that sets them beside what the paper states."""
+"""The figures of the paper that software can make, with a page that compares them with the paper's statements."""
 
 import json
 from pathlib import Path
@@ -23,15 +23,15 @@ Figures = Annotated[tuple[str, ...], Parameter(name="--figure")]
 def reproduce(*, out: Path, figures: Figures = (), progress: ProgressBar = None) -> Outcome[Reproduction]:
     """Make the paper's figures from what ships with solen, and compare its numbers with solen's.
 
-    Data that the paper does not publish are simulated and marked so. A figure that was finished is not made again
-    unless solen or its files have changed, so an interrupted run continues.
+    Data that the paper does not publish are simulated and marked as such. A finished figure is not made again unless
+    solen or its files have changed, so an interrupted run continues.
 
     Parameters
     ----------
     out
         Folder for reproduction.html, reproduction.json, the figures and the simulated data; created if missing.
     figures
-        A figure (3), a letter (3C) or letters (3B-D) alone; repeatable; default: all.
+        Make only this figure (3), letter (3C) or letters (3B-D); repeatable; default: all.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def reproduce(*, out: Path, figures: Figures = (), progress: ProgressBar = None)
 
 
 def _make(one: PaperFigure, out: Path) -> None:
-    """Make a figure: its pictures, and last of all, together with them, its record."""
+    """Make a figure: write its pictures, and with them its record, which comes last."""
     drawn, made = out / "figures", one.make(out / "data")
     contents = {picture.file: _drawn(picture) for picture in made.pictures}
     drawings = [Drawing(file=picture.file, alt=picture.alt, mark=picture.mark) for picture in made.pictures]

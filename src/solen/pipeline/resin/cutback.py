@@ -1,4 +1,4 @@
-"""Loss of a guide: a file of received powers in, the result and its figure out."""
+"""Loss of a guide: a file of received powers as input, the result and its figure as output."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Comparison of layers by exposure: files of spectra in, the result and its figure out."""
+"""Comparison of layers by exposure: files of spectra as input, the result and its figure as output."""
 
 from pathlib import Path
 from typing import Annotated

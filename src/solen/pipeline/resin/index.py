@@ -1,4 +1,4 @@
-"""Index of a layer: a file of its spectra in, the result and its figure out."""
+"""Index of a layer: a file of its spectra as input, the result and its figure as output."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Resins: a file built from results, and one shown."""
+"""Commands that write a resin file from results, and show a resin."""
 
 from pathlib import Path
 from typing import Annotated
@@ -46,12 +46,12 @@ def build(
     stiffness
         Result of solen resin stiffness.
     force
-        Replace a file that exists.
+        Replace an existing file.
 
     Raises
     ------
     DataError, SpecError
-        If a result cannot be read, has another kind or is invalid, or there is nothing to write.
+        If a result cannot be read, is of another kind or invalid, or if there is nothing to write.
     OutputError
         If the file exists and must not be replaced, or cannot be written.
     """
@@ -77,7 +77,7 @@ def show(
     Parameters
     ----------
     name
-        A resin of the library, or a resin file (ends in .toml or holds a / or a backslash).
+        A resin of the library, or a resin file (ends in .toml or contains a / or a backslash).
     """
     check_outputs(None, figure)
     resin = resin_of(name, Path(name) if names_file(name) else None)

@@ -1,4 +1,4 @@
-"""Penetration depth of a resin: a file of its absorbance in, the result and its figure out."""
+"""Penetration depth of a resin: a file of its absorbance as input, the result and its figure as output."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Index of a refractometer over wavelength: the result and its figure out."""
+"""Index of a refractometer against wavelength: the result and its figure as output."""
 
 from typing import Annotated
 
@@ -17,7 +17,7 @@ def refractometer(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Out = None,
 ) -> Outcome[RefractometerIndex]:
-    """Extend an index from a refractometer or ellipsometer to other wavelengths, by the common dispersion of polymers.
+    """Extend an index from a refractometer or ellipsometer to other wavelengths, with typical polymer dispersion.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Spectra in files: files in, their content and its figure out."""
+"""Spectra in files: their content as a list and a figure."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Stiffness: exports of a testing machine in, modulus and hyperelastic model of each material out."""
+"""Stiffness: exports of a testing machine as input, modulus and hyperelastic model of each material as output."""
 
 from pathlib import Path
 from typing import Annotated
@@ -67,7 +67,7 @@ def stiffness(
     if not stated:
         raise SpecError("stiffness", limit="needs a file", remedy="name one or more exports")
     if len(label) not in {0, 1, len(stated)}:
-        limit = f"one for all files, or one for each of the {len(stated)}"
+        limit = f"must be one for all files, or one for each of the {len(stated)}"
         raise SpecError("--label", value=len(label), limit=limit)
     each = tuple(label) if len(label) == len(stated) else (*label, "")[:1] * len(stated)
     tests = [

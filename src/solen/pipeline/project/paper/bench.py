@@ -24,7 +24,7 @@ COMMANDS = (
 
 @lru_cache(maxsize=1)
 def _recorded(folder: Path) -> Study:
-    """The paper's protocol on the simulated rig, analysed; once for both figures."""
+    """Run the paper's protocol on the simulated rig and analyse it, once for both figures."""
     protocol, rig, _ = write_samples(folder, "rotation.toml", "rig.toml", "sensor.toml")
     for name in ("rotation.nc", "rotation.journal"):
         files.remove(folder / name)
@@ -36,7 +36,7 @@ def _response(folder: Path) -> Made:
     found = _recorded(folder)
     alt = (
         "voltage against angle of three simulated sensors with a lens, mean and standard deviation of five cycles: the "
-        "right one falls towards −3°, the left one towards +3°; of one without a lens hardly anything changes"
+        "right voltage falls towards −3°, the left one towards +3°; without a lens both hardly change"
     )
     rows = [compared(f"voltage-{side}", *mean_slope(found, side)) for side in ("right", "left")]
     control = compared("control-measured", *control_percent(found))

@@ -1,4 +1,4 @@
-"""A figure of the paper as solen makes it: its pictures, not yet drawn, and its comparisons with the paper."""
+"""A figure of the paper as solen makes it: its pictures, ready to be drawn, and its comparisons with the paper."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,20 +17,20 @@ COLUMN = FigureOptions(width_mm=110)
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture: its file, the text in its place, and its figure.
+    """A picture: its file, the alternative text, and its figure.
 
     Attributes
     ----------
     file
-        ``3A.svg``; photographs are ``.png``.
+        Name of the file, such as ``3A.svg``; photographs are ``.png``.
     alt
-        Text for those who do not see it.
+        Text for readers who cannot see the picture.
     draw
-        Draws it.
+        Function that draws the picture.
     look
         Width, letters, panels.
     mark
-        What it says of simulated data; empty where the paper simulates as well.
+        Note on simulated data; empty if the paper simulates them as well.
     """
 
     file: str
@@ -42,7 +42,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Made:
-    """Pictures and comparisons of a figure."""
+    """Pictures of a figure and its comparisons with the paper."""
 
     pictures: tuple[Picture, ...]
     comparisons: tuple[Comparison, ...]
@@ -50,7 +50,7 @@ class Made:
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """A figure of the paper: contents, the commands that make it alone and the function that does so."""
+    """A figure of the paper: its contents, the commands that make it, and the function that makes it here."""
 
     name: str
     title: str

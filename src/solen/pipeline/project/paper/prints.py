@@ -1,4 +1,4 @@
-"""Figures of prints: the one-layer sample, printed lenses beside their ovals, resolution (S2, 3E–G, S5)."""
+"""Figures of prints: the one-layer sample, printed lenses with their ovals, resolution (S2, 3E–G, S5)."""
 
 from functools import partial
 from pathlib import Path
@@ -29,7 +29,7 @@ FILM = "film-layer"
 
 def _film(_: Path) -> Made:
     plans = coupons(only=FILM, listing=True).result
-    alt = "base on the platform, film cured onto it, layer cured, film with layer in the light, rays through a slab"
+    alt = "base on the platform, film cured onto it, layer cured, film with layer in the beam, rays through a slab"
     picture = Picture("S2.svg", alt, lambda: figure_of(plans), PAGE.model_copy(update={"letters": "A"}))
     found = film_layer_sizes(plans.layouts[0]) | settings_of_print()
     return Made((picture,), tuple(compared(key, size) for key, size in found.items()))
@@ -69,14 +69,16 @@ def _coupon(folder: Path, letter: str, name: str, key: str) -> tuple[Picture, Co
         scale = ZMapOptions(um_per_px=pictures.COUPON_UM_PER_PX)
     files.write_bytes(file, content)
     found = fidelity(file, coupon=name, options=scale).result
-    alt = f"simulated {found.image} of the coupon {name} as measured, and its sizes less the nominal ones"
+    alt = (
+        f"simulated {found.image} of the coupon {name} with its measured outline, and its sizes minus the nominal sizes"
+    )
     picture = Picture(f"S5{letter}.png", alt, partial(coupon_figure, found, key, letter), mark=MARK)
     return picture, compared(key, *smallest_um(found, LIMITS[key]))
 
 
 FILM_LAYER = PaperFigure(
     "S2",
-    "Fabrication of a one-layer sample (A–D), and the slab as which it is evaluated (E).",
+    "Fabrication of a one-layer sample (A–D), and the slab model used to evaluate it (E).",
     (f"solen print coupons --out coupons --only {FILM} --figure figs2.pdf --letters A",),
     _film,
 )
@@ -92,7 +94,7 @@ LENSES = PaperFigure(
 )
 COUPONS = PaperFigure(
     "S5",
-    "Printing resolution: (A) pillars, (B) gaps, (C) steps of height, (D) holes.",
+    "Printing resolution: (A) pillars, (B) gaps, (C) steps in height, (D) holes.",
     tuple(
         f"solen print fidelity data/{name}.{'tif' if key == 'step' else 'png'} --coupon {name} --um-per-px "
         f"{pictures.HEIGHT_UM_PER_PX if key == 'step' else pictures.COUPON_UM_PER_PX:g}"

@@ -51,8 +51,8 @@ def _layer(folder: Path) -> Made:
     result = index(file, options=IndexOptions(**known, u_R=samples.NOISE)).result
     published = index(file, options=IndexOptions(**known, mode="as-published", transmittance=("T",))).result
     alt = (
-        "T and R of a simulated layer; its absorbance and absorptance; its index beside the paper's three, which fall "
-        "much faster with the wavelength than the band of the literature"
+        "T and R of a simulated layer; its absorbance and absorptance; its index compared with the paper's three, "
+        "which fall much faster with the wavelength than the band of the literature"
     )
     look = PAGE.model_copy(update={"letters": "A"})
     return Made(
@@ -79,7 +79,7 @@ def _dispersion() -> Comparison:
 
 
 def _typical() -> list[Comparison]:
-    """The index that the paper calls typical, and its rise below 450 nm."""
+    """Return the index that the paper calls typical, and its rise below 450 nm."""
     own = [stated(f"index-{nm:g}") for nm in INDICES_NM]
     typical = compared("index-typical", *literature_between(*INDICES_NM), least=min(own), most=max(own))
     return [typical, compared("index-rise", *rise_of_literature(SHORTEST_NM, INDICES_NM[-1]))]
@@ -88,7 +88,10 @@ def _typical() -> list[Comparison]:
 def _stiffness(folder: Path) -> Made:
     tests = write_samples(folder, *CUBES)
     result = stiffness(*tests, options=StiffnessOptions(mode="compression"), dimensions=CUBE, label=LABELS).result
-    alt = "compressive stress over strain of simulated cubes of two resins, mean and standard deviation of three each"
+    alt = (
+        "compressive stress against strain of simulated cubes of two resins, mean and standard "
+        "deviation of three cubes each"
+    )
     look = COLUMN.model_copy(update={"panels": "A", "letters": "A"})
     picture = Picture("S1A.svg", alt, lambda: figure_of(result), look, mark_of(CUBES[0]))
     return Made(
@@ -110,7 +113,10 @@ def _cure(folder: Path) -> Made:
     tables = write_samples(folder, *(f"discs/{kind}.csv" for kind in reversed(samples.KINDS)))
     result = cure(tables, options=CureOptions(irradiance_mW_per_cm2=PAPER_RATE)).result
     energy = PAPER_RATE * PAPER_S
-    alt = "thickness of simulated discs of two resins over the dose, their lines, and the depth that the paper states"
+    alt = (
+        "thickness of simulated discs of two resins against the dose, the fitted lines, and "
+        "the depth that the paper states"
+    )
     look = COLUMN.model_copy(update={"letters": "C"})
     picture = Picture("S1C.svg", alt, lambda: working_curves(result), look, mark_of("discs/modified.csv"))
     depth = compared("cure-depth", *depth_at(result, energy), Dp=result.Dp_um, Ec=largest_Ec(result.Dp_um))
@@ -159,7 +165,7 @@ MODIFIED = (
     ),
     PaperFigure(
         "S1C",
-        "Working curve: depth of cure over the dose.",
+        "Working curve: depth of cure against the dose.",
         ("solen resin cure data/discs/modified.csv data/discs/pristine.csv --figure s1c.pdf --letters C",),
         _cure,
     ),

@@ -24,7 +24,7 @@ OTHERS_NM = ("500", "450")
 ZOOM_MM = 3.0
 SIDES = (-SIDE_DEG, SIDE_DEG)
 STATES = (-SIDE_DEG, 0.0, SIDE_DEG)
-OF_POINT = "100 rays of a point in the plane"
+OF_POINT = "100 rays of a point source in the plane"
 
 
 def _lenses(_: Path) -> Made:
@@ -40,8 +40,8 @@ def _simulated(_: Path) -> Made:
     point, led = shipped(POINT), shipped(LED)
     found, real = turned(point), turned(led)
     share, _u = ratio(real.apart, found.apart)
-    near = f"{OF_POINT}, about the lens at 0°: they meet behind it"
-    both = f"{OF_POINT} at −3° and +3°: they reach the right, and the left receiver alone"
+    near = f"{OF_POINT}, near the lens at 0°: they meet behind it"
+    both = f"{OF_POINT} at −3° and +3°: they reach only the right and only the left receiver"
     return Made(
         (
             Picture("3B.svg", near, lambda: rays_of_states(point, (0.0,), "B", ZOOM_MM), COLUMN),
@@ -58,7 +58,7 @@ def _simulated(_: Path) -> Made:
 
 
 def _sizes(point: Sensor) -> list[Comparison]:
-    """Sizes of the Y, its light and the centre of its turn beside the paper's."""
+    """Compare the sizes of the Y, its light and the centre of its rotation with the paper's."""
     sizes = body_sizes(point)
     u = {"major-base": u_major_base_mm(sizes)}
     rows = [compared(key, size, u.get(key, 0.0)) for key, size in (sizes | source_of(point)).items()]
@@ -66,7 +66,7 @@ def _sizes(point: Sensor) -> list[Comparison]:
 
 
 def _parts() -> list[Comparison]:
-    """Peaks of the paper's emitter and receiver by their datasheets."""
+    """Return the peak wavelengths of the paper's emitter and receiver from their datasheets."""
     led, receiver = peak_nm("VSMY1850"), peak_nm("TEMT7100X01")
     return [compared("led-peak", *led, peak=led[0]), compared("receiver-peak", *receiver)]
 
@@ -74,7 +74,9 @@ def _parts() -> list[Comparison]:
 def _experiment(_: Path) -> Made:
     led = shipped(LED)
     found = turned(led)
-    alt = "rays of the LED in the plane: at 0° both receivers, at −3° more at the right, at +3° more at the left one"
+    alt = (
+        "rays of the LED in the plane: at 0° both receivers, at −3° more at the right, at +3° more at the left receiver"
+    )
     keys = ("experiment-right", "experiment-balanced", "experiment-left")
     rows = [compared(key, *pair) for key, *pair in zip(keys, found.contrast, found.u_contrast, strict=True)]
     mark = "SIMULATED: the LED of solen-860 with its chip; the rays of the plane are shown, no seed"
@@ -110,11 +112,11 @@ LENSES = PaperFigure(
 )
 SIMULATED = PaperFigure(
     "3B-D",
-    "The simulation: (B) zoom on the lens (n = 1.44), (C) after a rotation by −3°, (D) by +3°.",
+    "The simulation: (B) detail of the lens (n = 1.44), (C) after a rotation by −3°, (D) by +3°.",
     (
         "solen trace paper-860/sensor.toml --angle-deg -3 --figure fig3c.pdf --letters C",
         "solen trace paper-860/sensor.toml --angle-deg 3 --figure fig3d.pdf --letters D",
-        "solen run paper-860/sensor.toml --out results   # rays-at-the-lens.svg is the zoom",
+        "solen run paper-860/sensor.toml --out results   # rays-at-the-lens.svg is the detail",
     ),
     _simulated,
 )
@@ -126,8 +128,8 @@ EXPERIMENT = PaperFigure(
 )
 OTHERS = PaperFigure(
     "S4",
-    "Simulations for (A–C) n = 1.49 and (D–F) 1.54, and (G–I) without the lens, each at −3°, 0° and +3°. Only G–I are "
-    "placed by the text; the order of the others is assumed.",
+    "Simulations for (A–C) n = 1.49 and (D–F) 1.54, and (G–I) without the lens, each at −3°, 0° and +3°. "
+    "The text of the paper assigns only G–I; the order of the others is assumed.",
     (
         "solen new paper-500 --example paper-500",
         "solen run paper-500/sensor.toml --out results-500   # rays.svg",
