@@ -245,8 +245,8 @@ SAMPLINGS = [
     (["--precision", "half"], "half"),
     *((["--histogram", bins], "--histogram") for bins in
       ("0", "-1", "1.5", "ten", "10001")),
-    (["--netcdf", "x.cdf"], "x.cdf; the name of a netCDF file must end in .nc; rename it"),
-    (["--netcdf", "x"], "the name of a netCDF file must end in .nc"),
+    (["--netcdf", "x.cdf"], "x.cdf; a netCDF file must end in .nc; rename it"),
+    (["--netcdf", "x"], "a netCDF file must end in .nc"),
 ]  # fmt: skip
 
 

@@ -83,7 +83,7 @@ def named(**paths: Path | None) -> dict[str, Path]:
 def check_ending(path: Path | None, what: str, *endings: str) -> None:
     """Raise `OutputError` if a file has none of the given extensions; ``what`` names its content."""
     if path is not None and path.suffix.lower() not in endings:
-        raise OutputError(str(path), limit=f"the name of {what} must end in {', '.join(endings)}", remedy="rename it")
+        raise OutputError(str(path), limit=f"{what} must end in {', '.join(endings)}", remedy="rename it")
 
 
 def check_new(path: Path | None, *, force: bool) -> None:

@@ -22,6 +22,6 @@ def export(
     from solen.report.design.player import html
 
     if page.suffix.lower() != ".html":
-        raise OutputError(str(page), limit="the name of a page must end in .html", remedy="rename it")
+        raise OutputError(str(page), limit="a page must end in .html", remedy="rename it")
     result = slid(open_design(file, assignments), options, progress)
     return Outcome(result, {"page": files.write_text(page, html(result))})

@@ -174,7 +174,7 @@ def _check_outputs(figure: FigureOptions, netcdf: Path | None) -> None:
     if netcdf is None:
         return
     if netcdf.suffix.lower() != ".nc":
-        raise OutputError(str(netcdf), limit="the name of a netCDF file must end in .nc", remedy="rename it")
+        raise OutputError(str(netcdf), limit="a netCDF file must end in .nc", remedy="rename it")
     check_installed()
 
 
