@@ -258,7 +258,7 @@ def test_a_name_as_long_as_a_name_may_be_is_written(tmp_path: Path) -> None:
         ("lpt¹", "reserved for a device on Windows"),
         ("a\tb", "without its folder"),
         ("", "must not begin"),
-        ("a" * 300, "is 300 bytes long; 200 at most"),
+        ("a" * 300, "is 300 bytes long; at most 200"),
     ],
 )
 def test_names_that_are_no_files_on_some_system_are_refused(name: str, why: str) -> None:

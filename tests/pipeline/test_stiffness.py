@@ -233,7 +233,7 @@ def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         (["--cube-mm", "10", "--strain-range-percent", "60", "70"], "contains 0 points of the loading"),
         (["--cube-mm", "10", "--strain-range-percent", "7", "6"], "--strain-range-percent = '7 6'"),
         (["--cube-mm", "10", "--secant-percent", "-1"], "--secant-percent"),
-        (["--cube-mm", "10", "--label", "a", "b"], "--label = 2; one for all files, or one for each of the 1"),
+        (["--cube-mm", "10", "--label", "a", "b"], "--label = 2; must be one for all files, or one for each of the 1"),
         (["--cube-mm", "10", "--compliance-mm-per-N", "-1"], "must be at least 0"),
         (["--cube-mm", "10", "--csv", "t.txt"], "a table must end in .csv"),
         (["--cube-mm", "10", "--figure", "f.gif"], "a figure must end in"),

@@ -30,8 +30,8 @@ def told(text: str) -> str:
         ("[lens]\nfocus = 3", "lens.focus; unknown key; did you mean lens.focus_mm?"),
         ("[lens]\ndistance_mm = 3", "lens.distance_mm; unknown key; did you mean emitter.distance_mm?"),
         ("[lense]\nfocus_mm = 3", "lense; unknown key; did you mean lens?"),
-        ("[trace]\nqqq = 3", "trace.qqq; unknown key; the keys here are mode"),
-        ("[qqqq]", "qqqq; unknown key; the keys here are name, material, emitter, ambient"),
+        ("[trace]\nqqq = 3", "trace.qqq; unknown key; the keys of this table are mode"),
+        ("[qqqq]", "qqqq; unknown key; the keys of this table are name, material, emitter, ambient"),
         ("[body]\nfolder = 'x'", "body.folder; unknown key"),
         ("[body]\nkind = 'x'\nthick_mm = 3", "body.thick_mm; unknown key; did you mean body.thickness_mm?; and 1 more"),
     ],
@@ -90,7 +90,7 @@ def test_a_schema_that_is_no_version_is_refused(value: str) -> None:
 
 def test_a_newer_schema_says_to_update() -> None:
     line = told(HEAD.replace("schema = 1", "schema = 7"))
-    assert line == "schema = 7; written by a newer solen; this one reads up to 1; update solen"
+    assert line == "schema = 7; was written by a newer solen; this version reads schema 1 and older; update solen"
 
 
 def test_an_old_file_is_migrated_version_by_version(monkeypatch: pytest.MonkeyPatch) -> None:

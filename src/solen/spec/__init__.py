@@ -1,7 +1,8 @@
 """The design file: the user's choices for a sensor, validated and frozen before any physics.
 
-`Design` is in `solen.spec.design` with its tables beside it, reading and writing in `solen.spec.toml`, shipped
-designs in `solen.spec.template`; `solen.spec.strict` validates every TOML file of solen.
+`Design` is defined in `solen.spec.design`, and each of its tables in a module of its own. `solen.spec.toml` reads and
+writes design files, `solen.spec.template` provides the shipped designs, and `solen.spec.strict` validates every TOML
+file of solen.
 """
 
 from solen.spec.body import Body, Lens, Material, Receivers

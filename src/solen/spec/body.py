@@ -9,7 +9,7 @@ from solen.spec.quantities import Index, Length
 from solen.spec.strict import NotNegative, Number, Strict, Text, or_refuse, refused
 
 Keys = dict[str, tuple[str, ...]]
-"""Keys by table."""
+"""Names of keys, by the name of their table."""
 
 UNUSED_KEYS: dict[str, Keys] = {
     "y": {
@@ -47,11 +47,11 @@ UNUSED_KEYS: dict[str, Keys] = {
         ),
     },
 }
-"""Known kinds of bodies, with the keys each does not use; `solen.geometry.kinds` builds them."""
+"""The known kinds of bodies, each with the keys that it does not use; `solen.geometry.kinds` builds the bodies."""
 
 
 def unused_keys(kind: str) -> Keys:
-    """Keys that a kind of body does not use, by table."""
+    """Return the keys that a kind of body does not use, by table."""
     if kind in UNUSED_KEYS:
         return UNUSED_KEYS[kind]
     added: Keys = Registry[Any](BODY_KINDS, {})[kind].unused_keys
@@ -74,12 +74,12 @@ class Parameters(Strict):
 
     @property
     def values(self) -> dict[str, float]:
-        """The parameters by name."""
+        """The values of the parameters, by name."""
         return dict(self.__pydantic_extra__)
 
 
 class Material(Strict):
-    """Material of body and lens: an index, or a resin whose index depends on the wavelength."""
+    """The material of body and lens: a refractive index, or a resin whose index depends on the wavelength."""
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["index"]}, {"required": ["resin"]}]})
     table: ClassVar[str] = "material"
@@ -87,11 +87,11 @@ class Material(Strict):
     index: Index | None = Field(None, description="Refractive index at the emitter's wavelength, 1 to 5.")
     resin: Text | None = Field(
         None,
-        description="Name of a resin in the library, or a resin file (ends in .toml or holds a / or \\), "
+        description="Name of a resin in the library, or path of a resin file (ends in .toml or contains a / or \\), "
         "relative to the design file; evaluated at the emitter's wavelength.",
     )
     absorption_per_mm: NotNegative = Field(
-        0.0, description="Absorption of power per mm (base e); default: the resin's own loss."
+        0.0, description="Absorption coefficient for power per mm (base e); default: the absorption of the resin."
     )
 
     @model_validator(mode="after")
@@ -104,7 +104,7 @@ class Material(Strict):
 
     @property
     def states_absorption(self) -> bool:
-        """Whether the absorption is stated; it then overrides the resin's loss, even if it is 0."""
+        """Whether the design file states the absorption; it then overrides the resin's own, even if it is 0."""
         return "absorption_per_mm" in self.model_fields_set
 
 
@@ -120,9 +120,9 @@ OF_SHAPES = (
     ("knots_um", "spline", "measured"),
     ("least_feature_um", "spline", "measured"),
 )
-"""Keys of a lens, and the shapes that have them."""
+"""Keys of a lens, each followed by the lens shapes that use it."""
 Deviation = Annotated[Number, Field(ge=-1e4, le=1e4)]
-"""From the oval, in µm."""
+"""Deviation of a lens surface from the Cartesian oval, in µm."""
 
 
 class Lens(Strict):
@@ -144,34 +144,36 @@ class Lens(Strict):
 
     shape: Literal["cartesian-oval", "spline", "line-focus", "layered", "measured", "none"] = Field(
         "cartesian-oval",
-        description="A Cartesian oval; spline: a free form, the oval with a deviation at knots_um; line-focus: a "
-        "smooth surface that focuses rays in space on one line; layered: upright walls with a profile for each layer "
-        "that does so; measured: the printed lens, by its profile; or none: a flat face at the stem's base, the "
-        "emitter distance_mm before it.",
+        description="Shape of the lens. cartesian-oval; spline: a free form, the oval with a deviation at knots_um; "
+        "line-focus: a smooth surface that focuses rays in space on one line; layered: the same in upright layers, "
+        "each with its own profile; measured: the profile measured on the printed lens; none: a flat face at the "
+        "stem's base, distance_mm behind the emitter.",
     )
     y_focus_mm: YFocus | None = Field(
         None,
-        description="With line-focus: distance in mm before the vertex from which light in the body seems to "
-        "diverge in y; collimated; or body, the shortest for which top and bottom reflect all light totally. "
+        description="For line-focus: distance in mm before the vertex from which light in the body seems to "
+        "diverge in y; collimated; or body, the shortest distance at which top and bottom reflect all light totally. "
         "Default: body.",
     )
     layer_mm: Length | None = Field(
         None,
-        description="With layered: height of the layers in mm, one or several printed layers each; default: 0.025.",
+        description="For layered: height of each layer of the lens in mm, which spans one or several "
+        "printed layers; default: 0.025.",
     )
     knots_um: Annotated[tuple[Deviation, ...], Field(min_length=1, max_length=64)] | None = Field(
         None,
-        description="With spline, and with measured where a spline was printed: deviation from the oval along z in µm "
-        "at evenly spaced lateral positions, from the axis towards the edge, where it is 0; below 0 is more material.",
+        description="For spline, and for measured if a spline was printed: deviation from the oval along z in µm "
+        "at evenly spaced lateral positions, from the axis towards the edge, where it is 0. Negative values add "
+        "material.",
     )
     least_feature_um: Annotated[Number, Field(gt=0, le=1e4)] | None = Field(
         None,
-        description="Width in µm of a bump or dimple of knots_um, and radius of curvature, below which is warned that "
-        "a printer rounds it off; default: 130.",
+        description="Smallest width in µm of a bump or dimple of knots_um, and smallest radius of curvature; "
+        "solen warns of smaller ones, which a printer rounds off. Default: 130.",
     )
     profile: Text | None = Field(
         None,
-        description='Measured profile of the lens, with shape = "measured": a file of solen print inspect, or a table '
+        description='With shape = "measured": measured profile of the lens, a file of solen print inspect or a table '
         'of x_mm, z_mm and u_mm, relative to the design file. With shape = "layered": profiles of all layers, from '
         "solen print predict.",
     )
@@ -179,7 +181,8 @@ class Lens(Strict):
     half_width_mm: Length = Field(2.0, description="Half the lens aperture in mm.")
     design_index: Index | None = Field(
         None,
-        description="Index the lens is designed for; default: the material's at the emitter's wavelength.",
+        description="Refractive index that the lens is designed for; default: the material's at "
+        "the emitter's wavelength.",
     )
 
     @model_validator(mode="after")
@@ -204,12 +207,12 @@ class Lens(Strict):
 
     @property
     def designed_shape(self) -> str:
-        """Shape of the lens that was designed, where this one is measured."""
+        """The designed shape of the lens; it differs from `shape` only if the lens is a measured one."""
         return "cartesian-oval" if self.knots_um is None else "spline"
 
     @property
     def in_space(self) -> bool:
-        """Whether its surface is not made of upright walls."""
+        """Whether the lens surface varies with height; if not, it consists of upright walls."""
         return self.shape in ("line-focus", "layered")
 
 
@@ -232,10 +235,10 @@ class Body(Strict):
         description="Drawing of an outline or a network, .dxf, .svg or .json, relative to the design file.",
     )
     units: Literal["um", "mm", "cm", "m", "in"] | None = Field(
-        None, description="Unit of the drawing; default: as stated in the drawing."
+        None, description="Unit of the drawing; default: the unit that the drawing states."
     )
     join_mm: Annotated[Number, Field(ge=1e-9, le=1.0)] | None = Field(
-        None, description="Line ends closer than this in mm are joined; default: 0.001."
+        None, description="Largest gap in mm between line ends that are joined; default: 0.001."
     )
     stem_length_mm: Length = Field(16.2, description="Length of the stem in mm.")
     stem_curve_per_mm: Annotated[Number, Field(ge=-1e3, le=1e3)] = Field(

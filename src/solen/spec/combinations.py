@@ -1,4 +1,4 @@
-"""Combinations of keys across the tables of a design: which require and which exclude each other."""
+"""Checks of keys across the tables of a design: which keys require or exclude one another."""
 
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,7 @@ OF_MOTIONS: dict[str, Keys] = {
 
 
 def check_combinations(design: "Design") -> None:
-    """Reject contradictory keys."""
+    """Raise an error if keys of different tables contradict one another."""
     outline, bends = design.body.kind == "outline", design.motion.kind == "bend"
     _refuse_stated(design, unused_keys(design.body.kind), f'body.kind = "{design.body.kind}"')
     for kind, keys in OF_MOTIONS.items():
@@ -34,7 +34,7 @@ def check_combinations(design: "Design") -> None:
         limit = 'does not apply with receivers.coupling = "air-gap": a pocket seats a receiver on the body'
         raise refused("fabricate.pockets", limit, value=True, remedy="leave one of them out")
     if design.trace.dimension == "extruded" and design.emitter.is_fan:
-        limit = 'needs light out of the plane, and emitter.pattern = "fan" has none'
+        limit = 'needs light out of the plane, but emitter.pattern = "fan" emits in the plane only'
         raise refused("trace.dimension", limit, value="extruded", remedy='set emitter.pattern = "lambertian"')
     if design.lens.in_space and design.trace.dimension != "extruded":
         limit = 'needs dimension = "extruded": in the plane this lens is the Cartesian oval'
@@ -59,14 +59,14 @@ def _refuse_stated(design: "Design", keys: Keys, because: str) -> None:
 
 
 def _check_network(design: "Design") -> None:
-    """Reject a network of another kind of body, and one without guides or an emitter."""
+    """Check that network tables are used only with a network, and that it has guides, emitters and receivers."""
     network, has = design.network, design.body.kind == "network"
     drawn = design.body.file is not None
     for key in ("emitters", "receivers") if drawn else ("guides", "emitters", "receivers"):
         if has and not getattr(network, key):
             raise refused(f"network.{key}", 'missing: body.kind = "network" needs it', remedy=f"add [[network.{key}]]")
     if has and design.lens.shape not in SHAPES:
-        limit = "a network's lenses are cylinders of a formula"
+        limit = "must be an analytic cylindrical shape for a lens of a network"
         raise refused("lens.shape", limit, value=design.lens.shape, remedy=f"set one of {', '.join(SHAPES)}")
     if has:
         _check_drawn(design) if drawn else _check_places(design)
@@ -77,13 +77,13 @@ def _check_network(design: "Design") -> None:
 
 
 OF_A_DRAWING = ("nodes", "guides", "fixed")
-"""Lists and keys of a network that a drawing replaces."""
+"""Keys of the network that the drawing replaces."""
 WHERE = ("node", "guide", "side", "at_mm", "from_mm", "to_mm", "distance_mm", *UNUSED_KEYS["outline"]["lens"])
-"""Keys by which a part of a network is placed and shaped, which a drawing does."""
+"""Keys that place or shape a part of a network; if the network is drawn, the drawing defines them."""
 
 
 def _check_places(design: "Design") -> None:
-    """Reject a part without a place, and keys of a drawing that there is not."""
+    """Reject a part without a place, and keys that apply only to a drawing."""
     for key in ("units", "join_mm"):
         if getattr(design.body, key) is not None:
             raise refused(f"body.{key}", "does not apply without body.file", value=getattr(design.body, key))
@@ -95,7 +95,7 @@ def _check_places(design: "Design") -> None:
 
 
 def _check_drawn(design: "Design") -> None:
-    """Reject what a drawn network has from its drawing, a lens without light, and motions that would tear it."""
+    """Reject keys that the drawing defines, a lens without an emitter, and motions that would tear the drawn body."""
     network, because = design.network, "with body.file"
     for key in OF_A_DRAWING:
         if getattr(network, key):
@@ -112,17 +112,17 @@ def _check_drawn(design: "Design") -> None:
     lit = {one.lens for one in network.emitters}
     for number, lens in enumerate(network.lenses):
         if lens.name not in lit:
-            remedy = f'add lens = "{lens.name}" to the emitter before it'
-            raise refused(f"network.lenses[{number}].name", "no emitter lights it", value=lens.name, remedy=remedy)
+            remedy = f'add lens = "{lens.name}" to the emitter in front of it'
+            raise refused(f"network.lenses[{number}].name", "no emitter illuminates it", value=lens.name, remedy=remedy)
     emitters = [one.name for one in network.emitters]
     for number, motion in enumerate(network.motion):
         if motion.kind == "bend" or motion.part not in emitters:
-            limit = "would tear the drawn body: an emitter alone can turn"
+            limit = "would tear the drawn body: only an emitter can turn in a drawn network"
             raise refused(f"network.motion[{number}].part", limit, value=motion.part)
 
 
 def _check_carried(design: "Design") -> None:
-    """Reject a bend or a load that names what moves: all of the body does."""
+    """Reject `motion.moves` for a bend or a load, which move the whole body."""
     motion = design.motion
     if motion.moves != (("emitter",) if design.body.lens_is_drawn else ("lens", "emitter")):
         limit = f'does not apply with motion.kind = "{motion.kind}": lens and emitter are carried along'
@@ -130,19 +130,19 @@ def _check_carried(design: "Design") -> None:
 
 
 def _check_bend(design: "Design") -> None:
-    """Reject a bend of an outline without the range that bends."""
+    """Reject a bend of an outline that does not state which range bends."""
     motion = design.motion
     if not design.body.lens_is_drawn:
         return
     if motion.bend_mm is None:
-        remedy = "add bend_mm = [z_from_mm, z_to_mm], the heights between which it bends"
-        raise refused("motion.bend_mm", "missing: an outline needs it to bend", remedy=remedy)
+        remedy = "add bend_mm = [z_from_mm, z_to_mm], the heights between which the outline bends"
+        raise refused("motion.bend_mm", "missing: the bend of an outline needs it", remedy=remedy)
     if not motion.bend_mm[0] < motion.bend_mm[1]:
         raise refused("motion.bend_mm", "must run from low to high", value=list(motion.bend_mm))
 
 
 def _check_moves(design: "Design") -> None:
-    """Reject turning parts that a Y does not have."""
+    """Reject moving parts that the body does not have or that cannot turn."""
     moves = design.motion.moves
     if "mirrors" in moves:
         raise refused("motion.moves", "a Y has no mirrors", value=list(moves), remedy="leave them out")

@@ -1,13 +1,13 @@
 """The design: everything that determines a sensor and its simulation, as frozen tables.
 
-The idea: one object holds the user's choices and nothing derived from them. Keys are those of the design file,
-names carry units, and the defaults are the paper's sensor at 860 nm, so that a file states only the differences.
+The idea: one object stores the user's choices and nothing derived from them. Its keys are those of the design file,
+their names include units, and the defaults are the paper's sensor at 860 nm, so a file states only the differences.
 Later stages check whether the design can be built (an oval beyond tangency, a self-intersecting body).
 
-The interface: `Design` and its tables: `Material`, `Lens`, `Body`, `Receivers` of `solen.spec.body`, `Emitter` and
-`Ambient` of `solen.spec.light`, `Motion`, `Wall`, `Tolerance`, `Fabricate` and `Readout` of the modules of their
-names, and `Trace`; `Motion.angles_deg` are the angles of a sweep; `Design.files` are the paths of the files that a
-design names. `solen.spec.combinations` checks keys across tables.
+The interface: `Design` and its tables: `Material`, `Lens`, `Body` and `Receivers` from `solen.spec.body`, `Emitter` and
+`Ambient` from `solen.spec.light`, `Motion`, `Wall`, `Tolerance`, `Fabricate` and `Readout` from the modules with the
+same names, and `Trace`. `Motion.angles_deg` lists the angles of a sweep; `Design.files` lists the paths of the files
+that a design names. `solen.spec.combinations` checks keys across tables.
 """
 
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ READOUT_PARTS = ("part", "emitter_part", "trimmer", "adc")
 
 
 def names_file(name: str | None) -> bool:
-    """Whether a resin or a part is named by its file rather than by its name in the library."""
+    """Return whether a resin or a part is given as a file path rather than as a name in the library."""
     return name is not None and (name.endswith(".toml") or "/" in name or "\\" in name)
 
 
@@ -46,14 +46,14 @@ class Trace(Strict):
 
     mode: Literal["count", "power", "roulette"] = Field(
         "count",
-        description="Whole rays (refraction or total reflection); Fresnel power with both branches; or with one "
-        "branch chosen at random.",
+        description="How a ray meets a face: it is refracted or totally reflected with its whole power; it "
+        "splits into both Fresnel branches; or it follows one Fresnel branch, chosen at random.",
     )
     dimension: Annotated[
         Literal["2d", "extruded"], or_refuse("must be '2d' (in the plane) or 'extruded' (in space)")
     ] = Field(
         "2d",
-        description="The plane of the sensor alone, or rays in space in a body of body.thickness_mm.",
+        description="Trace in the plane of the sensor only, or in space through a body of thickness body.thickness_mm.",
     )
 
 
@@ -69,16 +69,18 @@ class Design(Strict):
     ambient: Ambient = Field(default_factory=Ambient, description="Ambient light.")
     lens: Lens = Field(default_factory=Lens, description="The lens.")
     body: Body = Field(default_factory=Body, description="The printed guide.")
-    network: Network = Field(default_factory=Network, description="Guides, lenses, emitters, receivers of a network.")
-    wall: tuple[Wall, ...] = Field((), description="Finish of stretches of the walls, and the medium outside them.")
+    network: Network = Field(
+        default_factory=Network, description="Guides, lenses, emitters and receivers of a network."
+    )
+    wall: tuple[Wall, ...] = Field((), description="Surface finish of parts of the walls, and the medium outside them.")
     receivers: Receivers = Field(default_factory=Receivers, description="The receivers.")
     motion: Motion = Field(default_factory=Motion, description="The motion and the sweep.")
-    hold: tuple[Hold, ...] = Field((), description="What holds a soft body.")
-    press: tuple[Press, ...] = Field((), description="Fingers that press it.")
-    pull: tuple[Pull, ...] = Field((), description="Forces that pull it.")
+    hold: tuple[Hold, ...] = Field((), description="Supports of a soft body.")
+    press: tuple[Press, ...] = Field((), description="Fingers that press on the soft body.")
+    pull: tuple[Pull, ...] = Field((), description="Forces that pull on the soft body.")
     mechanics: Mechanics = Field(default_factory=Mechanics, description="How it gives.")
-    trace: Trace = Field(default_factory=Trace, description="How rays are followed.")
-    tolerance: Tolerance = Field(default_factory=Tolerance, description="Tolerances of its numbers.")
+    trace: Trace = Field(default_factory=Trace, description="How rays are traced.")
+    tolerance: Tolerance = Field(default_factory=Tolerance, description="Tolerances of the design's numbers.")
     fabricate: Fabricate = Field(
         default_factory=Fabricate, description="Seats for the electronics in the printed part."
     )
@@ -96,19 +98,19 @@ class Design(Strict):
         return self
 
     def set(self, values: Mapping[str, Any] | None = None, /, **keys: Any) -> "Design":
-        """A copy of the design with some values changed.
+        """Return a copy of the design with some values changed.
 
         Parameters
         ----------
         values
-            Values by dotted key, as in TOML: ``{"lens.focus_mm": 25}``; None resets an optional key to its default.
+            New values by dotted key, as in TOML: ``{"lens.focus_mm": 25}``; None resets an optional key to its default.
         keys
-            The same for keys that occur in a single table: ``focus_mm=25``.
+            New values of keys that occur in a single table, by their undotted name: ``focus_mm=25``.
 
         Raises
         ------
         SpecError
-            If a key is unknown or occurs in several tables, or the design would be invalid.
+            If a key is unknown or occurs in several tables, or if the design would be invalid.
         """
         from solen.spec.toml import with_values
 
@@ -116,7 +118,7 @@ class Design(Strict):
 
     @classmethod
     def _dotted(cls, key: str) -> str:
-        """Dotted key of a key that occurs in a single table; ``name`` of the design itself is unchanged."""
+        """Return the dotted form of a key that occurs in a single table; ``name`` of the design is unchanged."""
         tables: dict[str, Any] = {name: field.annotation for name, field in cls.model_fields.items()}
         keys = {name: kind.model_fields for name, kind in tables.items() if hasattr(kind, "model_fields")}
         dotted = [f"{name}.{key}" for name, fields in keys.items() if key in fields]
@@ -130,22 +132,22 @@ class Design(Strict):
 
     @property
     def folder(self) -> Path:
-        """Base folder of relative paths: that of the design file, or the working directory for a design in memory."""
+        """The base folder of relative paths: the design file's, or the working directory for a design in memory."""
         return self._folder
 
     @property
     def resin_file(self) -> Path | None:
-        """Path of the resin file; None for an index or a library resin."""
+        """Path of the resin file, or None if the design states an index or a resin of the library."""
         return self.file_of(self.material.resin) if names_file(self.material.resin) else None
 
     @property
     def part_file(self) -> Path | None:
-        """Path of the emitter's part file; None without a part or for a library part."""
+        """Path of the emitter's part file, or None if the emitter has no part or one of the library."""
         return self.file_of(self.emitter.part) if names_file(self.emitter.part) else None
 
     @property
     def receiver_file(self) -> Path | None:
-        """Path of the part file of the receiver that the pockets fit; None for a library part."""
+        """Path of the part file of the receiver that the pockets fit, or None if it is in the library."""
         name = self.fabricate.receiver_part
         return self.file_of(name) if names_file(name) else None
 
@@ -165,11 +167,11 @@ class Design(Strict):
         return {key: path for key, path in found.items() if path is not None}
 
     def file_of(self, name: str | None) -> Path | None:
-        """Path of a file named in the design; None for None."""
+        """Return the path of a file named in the design, or None if the name is None."""
         return None if name is None else self._folder / name
 
     def named_file(self, name: str | None) -> Path | None:
-        """Path of a part's file, or None if the part is in the library or not stated."""
+        """Return the path of a part's file, or None if the part is in the library or not stated."""
         return self.file_of(name) if names_file(name) else None
 
     @property
@@ -184,17 +186,20 @@ class Design(Strict):
 
     @property
     def shared_emitter(self) -> Emitter:
-        """Table of the emitter as stated; of a network with one alight, what all its emitters share."""
+        """The ``[emitter]`` table as stated; in a network with one emitter lit, the values that all emitters share."""
         return self._shared or self.emitter
 
     def with_emitter(self, emitter: Emitter, network: Network) -> Self:
-        """A network's design with one emitter alight: its table in place of that which all share, which is kept."""
+        """Return a copy of a network's design with one emitter lit.
+
+        Its table replaces the shared ``[emitter]`` table, which remains available as `shared_emitter`.
+        """
         copy = self.model_copy(update={"emitter": emitter, "network": network})
         copy._shared = self.shared_emitter
         return copy
 
     def in_folder(self, folder: Path) -> Self:
-        """The same design with relative paths based on another folder."""
+        """Return the same design with relative paths based on another folder."""
         copy = self.model_copy()
         copy._folder = folder
         return copy

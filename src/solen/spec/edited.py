@@ -1,6 +1,6 @@
-"""Text of a design file with some values changed; comments, order and layout are kept.
+"""Edit the text of a design file: change some values but keep its comments, order and layout.
 
-What is returned reads back as the changed design, or nothing is returned: that is checked.
+The edited text is returned only if reading it back gives exactly the changed design.
 """
 
 from collections.abc import Mapping
@@ -13,21 +13,21 @@ from solen.spec.toml import loads, path_of, replaced_by, with_values
 
 
 def edited(text: str, values: Mapping[str, Any], *, what: str = "design", folder: Path | None = None) -> str:
-    """Text of a design file with values set by dotted keys, as `solen.spec.with_values` sets them.
+    """Return the text of a design file with values changed by dotted keys, as `solen.spec.with_values` does.
 
     Parameters
     ----------
     text
-        The file's text.
+        Text of the design file.
     values
-        Values by dotted key; None returns an optional key to its default.
+        New values by dotted key; None resets an optional key to its default.
     what, folder
-        Name of the file in errors, and base of its relative paths.
+        Name of the file in error messages, and base folder of its relative paths.
 
     Raises
     ------
     SpecError
-        If the design would be invalid, or the text cannot say it.
+        If the design would be invalid, or if the text cannot be edited to state it.
     OutputError
         If tomlkit is not installed.
     """
@@ -47,7 +47,7 @@ def edited(text: str, values: Mapping[str, Any], *, what: str = "design", folder
 
 
 def _put(holder: Any, path: list[str], value: Any) -> None:
-    """Set or remove a value; tables on the way are made."""
+    """Set or remove the value of a key; missing tables on the path to it are created."""
     *ways, last = path
     for name in ways:
         inside = _inside(holder, name)
@@ -65,7 +65,7 @@ def _put(holder: Any, path: list[str], value: Any) -> None:
 
 
 def _inside(holder: Any, name: str) -> Any:
-    """Key of a table or place of a list that is there; None where it is not."""
+    """Return the key of an existing table or the index of an existing list entry, or None if it does not exist."""
     if name.startswith("["):
         place = int(name[1:-1])
         return place if place < len(holder) else None

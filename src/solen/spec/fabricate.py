@@ -9,7 +9,7 @@ from solen.spec.strict import Number, Strict, Text, or_refuse, refused
 Length = Annotated[Number, Field(ge=1e-3, le=1e3)]
 Place = Literal["receivers", "emitter"]
 PLACES: tuple[Place, ...] = ("receivers", "emitter")
-PLACES_LIMIT = 'must be a list of "receivers", "emitter", none twice'
+PLACES_LIMIT = 'must be a list of "receivers" and "emitter", each at most once'
 
 
 def _places(slots: tuple[Place, ...]) -> tuple[Place, ...]:
@@ -24,19 +24,20 @@ class Fabricate(Strict):
     table: ClassVar[str] = "fabricate"
 
     pockets: Annotated[bool, Field(strict=True)] = Field(
-        False, description="Whether each receiver's face has a pocket for its package."
+        False, description="Whether the face of each receiver has a pocket for its package."
     )
     receiver_part: Text = Field(
         "TEMT7100X01",
-        description="Name of a receiver in the library, or a part file (ends in .toml or holds a / or \\), relative to "
-        "the design file: the pocket fits its package.",
+        description="Receiver whose package the pockets fit: its name in the library, or a part file (ends in "
+        ".toml or contains a / or \\), relative to the design file.",
     )
     pocket_depth_mm: Length | None = Field(
-        None, description="Depth of a pocket in mm; default: the package's, so that its back is flush."
+        None,
+        description="Depth of a pocket in mm; default: that of the package, which puts its back flush with the face.",
     )
     slots: Annotated[tuple[Place, ...], AfterValidator(_places), or_refuse(PLACES_LIMIT)] = Field(
         (),
-        description="Where slots for a supporting film are cut into the top: at the receivers, at the emitter.",
+        description="Parts at which slots for a supporting film are cut into the top: receivers, emitter.",
         json_schema_extra={"uniqueItems": True},
     )
     film_mm: Length = Field(0.1, description="Thickness of the film in mm: the depth of a slot.")

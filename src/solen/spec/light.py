@@ -11,7 +11,7 @@ from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, or_re
 
 
 def why_no_pattern(pairs: Sequence[tuple[float, float]]) -> str:
-    """Reason why pairs of angle (degrees) and relative intensity are not a valid pattern; empty if they are."""
+    """Return why pairs of angle (degrees) and relative intensity are not a valid pattern; empty if they are."""
     if len(pairs) < 2:
         return "must have at least 2 entries"
     angles = [angle for angle, _ in pairs]
@@ -29,11 +29,11 @@ class Emitter(Strict):
 
     part: Text | None = Field(
         None,
-        description="Name of an emitter in the library, or a part file (ends in .toml or holds a / or \\), relative to "
-        "the design file: its pattern, spectrum and size apply unless stated in this table.",
+        description="Name of an emitter in the library, or a part file (ends in .toml or contains a / or \\), relative to "
+        "the design file. Its pattern, spectrum and size apply unless this table states them.",
     )
     wavelength_nm: Wavelength = Field(
-        860.0, description="Wavelength in nm; default: the part's or the spectrum's, 860 without these."
+        860.0, description="Wavelength in nm; default: that of the part or the spectrum, or 860 if neither is stated."
     )
     spectrum: Annotated[tuple[tuple[Wavelength, Positive], ...], Field(min_length=1)] | None = Field(
         None, description="Wavelengths in nm with their weights, [[850, 1], [870, 0.5]]."
@@ -43,7 +43,9 @@ class Emitter(Strict):
     )
     distance_mm: Length = Field(1.0, description="Distance to the lens vertex in mm.")
     offset_mm: Place = Field(0.0, description="Decentre from the axis in mm, positive towards +x.")
-    y_mm: Place = Field(0.0, description="Height of its centre above the body's mid-plane in mm; in space only.")
+    y_mm: Place = Field(
+        0.0, description="Height of the emitter's centre above the body's mid-plane in mm; in space only."
+    )
     width_mm: Size = Field(0.0, description="Width of the chip across the axis in mm; 0 for a point.")
     height_mm: Size = Field(0.0, description="Height of the chip along y in mm; 0 for a line.")
     cone_deg: Annotated[Number, Field(gt=0, le=360)] = Field(
@@ -60,17 +62,18 @@ class Emitter(Strict):
     )
     pattern: Literal["fan", "uniform", "lambertian", "table"] = Field(
         "fan",
-        description="Angular pattern: a fan uniform in angle in the plane, uniform in all directions, cos^exponent, or "
+        description="Angular pattern: uniform in angle in the plane (a fan), uniform in all directions, cos^exponent, or "
         "a table.",
     )
     exponent: Annotated[Number, Field(ge=0, le=10_000)] = Field(
-        1.0, description="m of the pattern cos^m, with lambertian only."
+        1.0, description="Exponent m of the pattern cos^m; with lambertian only."
     )
     pattern_table: Annotated[tuple[tuple[Angle, NotNegative], ...], Field(min_length=2)] | None = Field(
-        None, description="Angles from the axis in degrees with relative intensities per solid angle, from 0 on."
+        None,
+        description="Pairs of angle from the axis in degrees, starting at 0, and relative intensity per solid angle.",
     )
     pattern_file: Text | None = Field(
-        None, description="Text file of such pairs, one per line, relative to the design file."
+        None, description="Text file with pairs of angle and intensity, one pair per line, relative to the design file."
     )
     ray_file: Text | None = Field(
         None,
@@ -105,32 +108,33 @@ class Emitter(Strict):
         return self
 
     def _rays_alone(self) -> None:
-        """Reject keys that a ray file replaces (all but the wavelength)."""
+        """Reject keys that a ray file replaces: all except the wavelength."""
         for key in ("part", "y_mm", "width_mm", "height_mm", "cone_deg", "pattern", "spectrum", "fwhm_nm"):
             if self.states(key):
                 raise refused(key, "cannot be combined with ray_file", remedy="leave it out")
 
     def states(self, key: str) -> bool:
-        """Whether a key was stated explicitly, even at its default."""
+        """Return whether the design states a key explicitly, even if the value is the default."""
         return key in self.model_fields_set
 
     @property
     def is_fan(self) -> bool:
-        """Whether it emits in the plane only, without a part or a ray file."""
+        """Whether the emitter radiates in the plane only, without a part or a ray file."""
         replaced = self.ray_file is not None or (self.part is not None and not self.states("pattern"))
         return self.pattern == "fan" and not replaced
 
 
 class Ambient(Strict):
-    """Isotropic ambient light, reported separately from the emitter's light at every receiver."""
+    """Isotropic ambient light, reported for every receiver separately from the emitter's light."""
 
     table: ClassVar[str] = "ambient"
 
     power: NotNegative = Field(
-        0.0, description="Power through a circle around the sensor, relative to the emitter's; 0 for none."
+        0.0,
+        description="Ambient power through a circle around the sensor, relative to the emitter's power; 0 for none.",
     )
     irradiance_per_mm: NotNegative = Field(
-        0.0, description="The same as power per mm of an exposed face, relative to the emitter's."
+        0.0, description="Ambient power per mm of an exposed face, relative to the emitter's power."
     )
     rays: Annotated[int, Field(strict=True, ge=1, le=1_000_000_000)] = Field(10_000, description="Number of rays.")
 

@@ -26,12 +26,12 @@ Values = Annotated[
     tuple[Number, ...],
     Field(min_length=1, max_length=10_000),
     AfterValidator(_ascending),
-    or_refuse("must be a list of numbers, each above the one before"),
+    or_refuse("must be a list of numbers in ascending order"),
 ]
 Part = Literal["lens", "emitter", "receivers", "mirrors"]
 Join = Literal["bridge", "seam", "smooth"]
 PARTS: tuple[Part, ...] = ("lens", "emitter", "receivers", "mirrors")
-PARTS_LIMIT = 'must be a list of "lens", "emitter", "receivers", "mirrors", at least one and none twice'
+PARTS_LIMIT = 'must be a list of "lens", "emitter", "receivers" and "mirrors", at least one, each at most once'
 
 
 def _parts(moves: tuple[Part, ...]) -> tuple[Part, ...]:
@@ -41,7 +41,7 @@ def _parts(moves: tuple[Part, ...]) -> tuple[Part, ...]:
 
 
 class Driven(TypedDict):
-    """A value of what a motion drives: an angle, or a depth or a force on a soft body."""
+    """A value that a motion drives: an angle, or the depth or force of a load on a soft body."""
 
     angle_deg: float | None
     depth_mm: float | None
@@ -49,14 +49,14 @@ class Driven(TypedDict):
 
 
 class Motion(Strict):
-    """How the sensor is moved, and the angles of a sweep; counter-clockwise with z up and x to the right."""
+    """The motion of the sensor and the angles of a sweep; counter-clockwise, with z up and x to the right."""
 
     table: ClassVar[str] = "motion"
 
     kind: Literal["rotation", "bend", "loaded"] = Field(
         "rotation",
-        description="A rotation of parts about a pivot, a bend of the stem, or a soft body under load, which holds it "
-        "and loads it as [[hold]], [[press]] and [[pull]] say.",
+        description="A rotation of parts about a pivot, a bend of the stem, or loads on a soft body, whose supports and loads are stated "
+        "by [[hold]], [[press]] and [[pull]].",
     )
     pivot: Annotated[Pivot, or_refuse('must be "stem-base", "emitter" or [x_mm, z_mm] with two finite numbers')] = (
         Field("stem-base", description="Centre of the rotation: stem-base, emitter, or a point [x_mm, z_mm].")
@@ -75,11 +75,11 @@ class Motion(Strict):
         | None
     ) = Field(
         None,
-        description="Points of a bent stem's centre line, from base to fork: how the bend is shared out along it; "
+        description="Points of a bent stem's centre line, from base to fork, which define how the bend is distributed along it; "
         "default: evenly.",
     )
     bend_mm: Annotated[tuple[Place, Place], or_refuse("must be two heights [z_from_mm, z_to_mm]")] | None = Field(
-        None, description="Heights z between which an outline bends; the part below is carried along."
+        None, description="Heights z between which an outline bends; the part below moves along rigidly."
     )
     join: Join = Field(
         "bridge",
@@ -87,14 +87,14 @@ class Motion(Strict):
         "smoothly.",
     )
     drives: Text | None = Field(
-        None, description='Of a loaded body: what is driven, by its name and key: "clamp.angle_deg", "finger.depth_mm".'
+        None,
+        description="For a loaded body: the support or load that is driven, and its key: "
+        '"clamp.angle_deg", "finger.depth_mm".',
     )
-    depths_mm: Values | None = Field(
-        None, description="Depths in mm, ascending from 0 or more, of a finger that is driven."
-    )
-    forces_N: Values | None = Field(None, description="Forces in N, ascending, of a finger or a pull that is driven.")
+    depths_mm: Values | None = Field(None, description="Depths in mm of a driven finger, ascending from 0 or more.")
+    forces_N: Values | None = Field(None, description="Forces in N of a driven finger or pull, ascending.")
     emitter_on: Text = Field(
-        "lens", description="Of a loaded body: the faces that carry the emitter, or ground where it stands still."
+        "lens", description="For a loaded body: the faces that the emitter moves with, or ground if it does not move."
     )
     from_deg: Sweep = Field(-3.0, description="First angle in degrees.")
     to_deg: Sweep = Field(3.0, description="Last angle in degrees, greater than from_deg.")
@@ -108,17 +108,17 @@ class Motion(Strict):
             raise refused("from_deg", limit, value=self.from_deg, remedy=remedy)
         if (self.to_deg - self.from_deg) / MAX_STEPS > self.step_deg * (1 + 1e-12):
             limit = f"at most {MAX_STEPS:,} steps from {self.from_deg} to {self.to_deg}"
-            raise refused("step_deg", limit, value=self.step_deg, remedy="take a larger step")
+            raise refused("step_deg", limit, value=self.step_deg, remedy="use a larger step")
         return self
 
     @property
     def key(self) -> Literal["angle_deg", "depth_mm", "force_N"]:
-        """Number that the motion drives, by its key."""
+        """The key of the quantity that the motion drives."""
         key = (self.drives or "angle_deg").rpartition(".")[2]
         return "depth_mm" if key == "depth_mm" else "force_N" if key == "force_N" else "angle_deg"
 
     def named(self, value: float) -> "Driven":
-        """A value of what the motion drives by its key, None for the others."""
+        """Return a dictionary with the driven value under its key and None under the keys of the other quantities."""
         key = self.key
         return Driven(
             angle_deg=value if key == "angle_deg" else None,
@@ -128,27 +128,28 @@ class Motion(Strict):
 
     @property
     def unit(self) -> str:
-        """Unit of what the motion drives: deg, mm or N."""
+        """The unit of the driven quantity: deg, mm or N."""
         return self.key.rpartition("_")[2]
 
     def values(self) -> tuple[float, ...]:
-        """Values of what the motion drives, ascending: angles, or the depths or forces of a loaded body."""
+        """Return the values that the motion drives, ascending: angles, or the depths or forces on a loaded body."""
         return self.angles_deg() if self.key == "angle_deg" else self.depths_mm or self.forces_N or ()
 
     def angles_deg(self) -> tuple[float, ...]:
-        """Angles from `from_deg` to `to_deg` by `step_deg`, both ends included where the step meets them.
+        """Return the angles from `from_deg` to `to_deg` in steps of `step_deg`; both ends if the step reaches them.
 
-        They are summed in decimal, as the file states them: -0.3 by 0.1 passes through exactly 0.0.
+        The steps are added in decimal arithmetic, as the file states them: -0.3 in steps of 0.1 passes through exactly
+        0.0.
 
         Returns
         -------
         tuple of float
-            Ascending, in degrees; none exceeds `to_deg`.
+            Ascending, in degrees; no angle exceeds `to_deg`.
 
         Raises
         ------
         SpecError
-            Where the motion drives a depth or a force.
+            If the motion drives a depth or a force.
         """
         if self.key != "angle_deg":
             limit = "is not an angle, which this command needs"
@@ -159,6 +160,6 @@ class Motion(Strict):
 
 
 def _snapped(angle: Decimal, last: Decimal, near: Decimal) -> float:
-    """Angle as a float; a step such as 1/3 misses 0 and the end by rounding, which is corrected here."""
+    """Return an angle as a float, corrected if rounding of a step such as 1/3 made it miss 0 or the last angle."""
     goal = next((goal for goal in (Decimal(0), last) if abs(angle - goal) <= near), angle)
     return float(goal)

@@ -1,11 +1,11 @@
 """A network of guides: ``[network]`` and its lists, for ``body.kind = "network"``.
 
-Nodes are joined by guides; lenses, emitters and receivers stand at nodes where a single guide ends, or on a guide's
-side. What all lenses, emitters and receivers share is stated by ``[lens]``, ``[emitter]`` and ``[receivers]``, and a
-key stated here replaces it for one of them. Emitters light in turn: ``lit`` names the one that does. What can move
-stands at ``at_deg`` of its motion.
+Guides join nodes; lenses, emitters and receivers are placed at nodes where a single guide ends, or on the side of a
+guide. ``[lens]``, ``[emitter]`` and ``[receivers]`` state what all lenses, emitters and receivers share, and a key of a
+single part overrides the shared value. The emitters are lit in turn: ``lit`` names the one that is. ``at_deg`` is the
+current position of each motion.
 
-With ``body.file`` the network is drawn: the lists name its emitters, lenses and receivers, and say no place.
+With ``body.file`` the network is drawn: the lists then name emitters, lenses and receivers, but do not place them.
 """
 
 import re
@@ -36,12 +36,12 @@ PivotOf = Annotated[Point | Literal["emitter"], or_refuse('must be "emitter" or 
 PlaceOf = Annotated[Point, or_refuse("must be [x_mm, z_mm] with two finite numbers")]
 
 OF_FACES = ("receiver", "mirror", "black", "lens", "end", "join", "fillet")
-"""First words of faces that are no guide's sides."""
+"""First words of the names of faces that are not sides of a guide."""
 
 
 def _name(name: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9]([A-Za-z0-9_-]*[A-Za-z0-9])?", name):
-        raise refused("", "must be letters, digits, - and _", value=name)
+        raise refused("", "must consist of letters, digits, - and _", value=name)
     return name
 
 
@@ -55,18 +55,19 @@ Name = Annotated[Text, AfterValidator(_name)]
 
 
 class Node(Strict):
-    """A place where guides meet, or where one ends."""
+    """A node: a place where guides meet or where a guide ends."""
 
     table: ClassVar[str] = "network.nodes"
 
     name: Name = Field(description="its name.")
     at_mm: PlaceOf | None = Field(
         None,
-        description="Place [x_mm, z_mm]; default: the end of the guide that leads there; the first: the origin.",
+        description="Position [x_mm, z_mm]; default: the end of the guide that leads to it, or "
+        "the origin for the first node.",
     )
     fillet_mm: Size = Field(0.0, description="Radius of the fillets in the corners between guides; 0 for none.")
     end: Literal["open", "mirror", "black"] = Field(
-        "open", description="What ends a guide where nothing stands: an open face, a mirror, or black."
+        "open", description="Face that closes a guide where no part is placed: open, a mirror, or black."
     )
 
 
@@ -78,31 +79,37 @@ class Guide(Strict):
     name: Annotated[Text, AfterValidator(_name_of_guide)] = Field(
         description="its name; its sides are called NAME-right and NAME-left."
     )
-    nodes: tuple[Text, Text] = Field(description='the nodes that it leads from and to, ["base", "fork"].')
-    width_mm: Width = Field(description="width, or coefficients of a polynomial in the length from the first node.")
+    nodes: tuple[Text, Text] = Field(description='the nodes from which and to which it leads, ["base", "fork"].')
+    width_mm: Width = Field(
+        description="its width in mm, or the coefficients of a polynomial in the arc length from the first node."
+    )
     direction_deg: Heading | None = Field(
         None, description="Direction at the first node, counter-clockwise from +z; default: towards the second."
     )
-    length_mm: Length | None = Field(
-        None, description="Length of the centre line; default: up to the place of the second node."
+    length_mm: Length | None = Field(None, description="Length of the centre line; default: up to the second node.")
+    turn_deg: Turn = Field(
+        0.0, description="Angle through which the guide turns as an arc, counter-clockwise; 0: straight."
     )
-    turn_deg: Turn = Field(0.0, description="Angle that it turns by, counter-clockwise, as an arc; 0: straight.")
-    through_mm: Through = Field((), description="Points between the nodes that a spline goes through; none: no spline.")
+    through_mm: Through = Field(
+        (), description="Points between the nodes through which the centre line passes as a spline; default: no spline."
+    )
     flush: Side | None = Field(
         None,
-        description="Side that continues the wall of the one guide that leads to its first node, in whose corner it "
-        "begins; default: centred on the node.",
+        description="Side that continues the wall of the single guide that leads to the first node, so that this guide begins in its "
+        "corner; default: centred on the node.",
     )
 
     @property
     def widths(self) -> tuple[float, ...]:
-        """Coefficients of the width."""
+        """Coefficients of the width as a polynomial."""
         return self.width_mm if isinstance(self.width_mm, tuple) else (self.width_mm,)
 
     @model_validator(mode="after")
     def _one_centre_line(self) -> Self:
         if self.nodes[0] == self.nodes[1]:
-            raise refused("nodes", "must be two nodes", value=list(self.nodes), remedy="put a node between")
+            raise refused(
+                "nodes", "must be two different nodes", value=list(self.nodes), remedy="put a node in between"
+            )
         stated = {"turn_deg": self.turn_deg, "direction_deg": self.direction_deg, "flush": self.flush}
         stated["length_mm"] = self.length_mm
         for key, value in stated.items():
@@ -121,15 +128,15 @@ REMEDY_OF_PLACE = 'state node = "tip", or guide and side'
 
 
 class Placed(Strict):
-    """A part that stands at a node where one guide ends, or on a guide's side; in a drawn network where it is drawn."""
+    """A part at a node where a single guide ends, or on the side of a guide; a drawing places its parts itself."""
 
     name: Name = Field(description="its name.")
-    node: Text | None = Field(None, description="Node where it stands; one guide ends there.")
-    guide: Text | None = Field(None, description="Guide on whose side it stands.")
-    side: Side | None = Field(None, description="That side, seen from the guide's first node.")
+    node: Text | None = Field(None, description="Node at which the part is placed; only one guide may end there.")
+    guide: Text | None = Field(None, description="Guide on whose side the part is placed.")
+    side: Side | None = Field(None, description="Side of that guide, as seen from its first node.")
 
     def check_place(self, beside: Iterable[str]) -> None:
-        """Reject both a node and a side, and keys of a side without it, or a side without them."""
+        """Raise an error if both a node and a side are stated, or if keys of a side are missing or do not apply."""
         if self.node is not None and self.guide is not None:
             raise refused("node", "does not apply with guide", value=self.node, remedy=REMEDY_OF_PLACE)
         for key in ("side", *beside):
@@ -140,18 +147,22 @@ class Placed(Strict):
 
 
 class PlacedLens(Placed):
-    """A lens; what is not stated is that of ``[lens]``."""
+    """A lens of a network; keys that are not stated have the values of ``[lens]``."""
 
     table: ClassVar[str] = "network.lenses"
 
-    at_mm: NotNegative | None = Field(None, description="Its middle, in mm along the side from the guide's first node.")
-    shape: Shape | None = Field(None, description="As lens.shape; default: that.")
-    focus_mm: Length | None = Field(None, description="As lens.focus_mm; default: that.")
-    half_width_mm: Length | None = Field(
-        None, description="As lens.half_width_mm; default: half the guide's width, on a side lens.half_width_mm."
+    at_mm: NotNegative | None = Field(
+        None, description="Position of its middle, in mm along the side from the guide's first node."
     )
-    design_index: Index | None = Field(None, description="As lens.design_index; default: that.")
-    knots_um: tuple[Number, ...] | None = Field(None, description="As lens.knots_um; default: that.")
+    shape: Shape | None = Field(None, description="Replaces lens.shape for this lens.")
+    focus_mm: Length | None = Field(None, description="Replaces lens.focus_mm for this lens.")
+    half_width_mm: Length | None = Field(
+        None,
+        description="Replaces lens.half_width_mm for this lens; default: half the guide's "
+        "width, or lens.half_width_mm on a side.",
+    )
+    design_index: Index | None = Field(None, description="Replaces lens.design_index for this lens.")
+    knots_um: tuple[Number, ...] | None = Field(None, description="Replaces lens.knots_um for this lens.")
 
     @model_validator(mode="after")
     def _stands_somewhere(self) -> Self:
@@ -160,20 +171,22 @@ class PlacedLens(Placed):
 
 
 class PlacedEmitter(Placed):
-    """An emitter before a lens, a bare end or a side; what is not stated is that of ``[emitter]``."""
+    """An emitter before a lens, a bare end or a side; keys that are not stated have the values of ``[emitter]``."""
 
     table: ClassVar[str] = "network.emitters"
 
-    lens: Text | None = Field(None, description="Lens that it stands before, in place of node or guide.")
-    at_mm: NotNegative | None = Field(None, description="Its place, in mm along the side from the guide's first node.")
-    part: Text | None = Field(None, description="As emitter.part; default: that.")
-    wavelength_nm: Wavelength | None = Field(None, description="As emitter.wavelength_nm; default: that.")
-    distance_mm: Length | None = Field(None, description="As emitter.distance_mm; default: that.")
-    offset_mm: Place | None = Field(None, description="As emitter.offset_mm; default: that.")
-    width_mm: Size | None = Field(None, description="As emitter.width_mm; default: that.")
-    height_mm: Size | None = Field(None, description="As emitter.height_mm; default: that.")
+    lens: Text | None = Field(
+        None, description="Lens before which the emitter is placed, instead of a node or a guide."
+    )
+    at_mm: NotNegative | None = Field(None, description="Position in mm along the side from the guide's first node.")
+    part: Text | None = Field(None, description="Replaces emitter.part for this emitter.")
+    wavelength_nm: Wavelength | None = Field(None, description="Replaces emitter.wavelength_nm for this emitter.")
+    distance_mm: Length | None = Field(None, description="Replaces emitter.distance_mm for this emitter.")
+    offset_mm: Place | None = Field(None, description="Replaces emitter.offset_mm for this emitter.")
+    width_mm: Size | None = Field(None, description="Replaces emitter.width_mm for this emitter.")
+    height_mm: Size | None = Field(None, description="Replaces emitter.height_mm for this emitter.")
     cone_deg: Annotated[Number, Field(gt=0, le=360)] | None = Field(
-        None, description="As emitter.cone_deg; default: that."
+        None, description="Replaces emitter.cone_deg for this emitter."
     )
 
     @model_validator(mode="after")
@@ -188,12 +201,14 @@ class PlacedEmitter(Placed):
 
 
 class PlacedReceiver(Placed):
-    """A receiver on an end or on a stretch of a side."""
+    """A receiver on the end of a guide or on part of its side."""
 
     table: ClassVar[str] = "network.receivers"
 
-    from_mm: NotNegative | None = Field(None, description="Where it begins, in mm along the side.")
-    to_mm: Positive | None = Field(None, description="Where it ends, in mm along the side from the first node.")
+    from_mm: NotNegative | None = Field(
+        None, description="Start of the receiver, in mm along the side from the first node."
+    )
+    to_mm: Positive | None = Field(None, description="End of the receiver, in mm along the side from the first node.")
 
     @model_validator(mode="after")
     def _stands_somewhere(self) -> Self:
@@ -204,25 +219,30 @@ class PlacedReceiver(Placed):
 
 
 class NamedMotion(Strict):
-    """A motion by its name: a bend of a guide, or a turn of a part."""
+    """A named motion: a bend of a guide, or a rotation of a part."""
 
     table: ClassVar[str] = "network.motion"
 
     name: Name = Field(description="its name.")
     kind: Literal["bend", "rotation"] = Field(description="bend of a guide between its nodes, or rotation of a part.")
-    part: Text = Field(description="guide that bends; or guide, lens or emitter that turns, with all beyond a guide.")
+    part: Text = Field(
+        description="guide that bends; or guide, lens or emitter that turns. A "
+        "guide carries everything beyond it along."
+    )
     pivot: PivotOf | None = Field(
         None,
-        description="Place [x_mm, z_mm], all at rest, that a rotation is about, or emitter; default: a guide's nearer "
-        "node, the middle of a lens's base.",
+        description="Centre [x_mm, z_mm] of a rotation, with all motions at 0, or emitter; default: the guide's nearer "
+        "node, or the middle of a lens's base.",
     )
     join: Join | None = Field(
-        None, description="How a lens that turns joins its guide, as motion.join; default: by seams."
+        None, description="How a lens that turns joins its guide, as for motion.join; default: by seams."
     )
-    at_deg: Turn = Field(0.0, description="Angle at which it stands, counter-clockwise, of what moves.")
-    from_deg: Turn = Field(-3.0, description="First angle of its range.")
-    to_deg: Turn = Field(3.0, description="Last angle of its range, greater than from_deg.")
-    steps: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(6, description="Steps from first to last.")
+    at_deg: Turn = Field(0.0, description="Current angle of the moving part, counter-clockwise.")
+    from_deg: Turn = Field(-3.0, description="First angle of the range.")
+    to_deg: Turn = Field(3.0, description="Last angle of the range, greater than from_deg.")
+    steps: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(
+        6, description="Number of steps from the first angle to the last."
+    )
 
     @model_validator(mode="after")
     def _ascends(self) -> Self:
@@ -237,7 +257,7 @@ class NamedMotion(Strict):
         return self
 
     def angles_deg(self) -> tuple[float, ...]:
-        """Angles of its range, ascending, both ends included."""
+        """Return the angles of the range, ascending, with both ends."""
         step = (self.to_deg - self.from_deg) / self.steps
         inner = (self.from_deg + i * step for i in range(1, self.steps))
         return (self.from_deg, *(0.0 if abs(angle) < 1e-9 * step else angle for angle in inner), self.to_deg)
@@ -248,15 +268,15 @@ class Network(Strict):
 
     table: ClassVar[str] = "network"
 
-    lit: Text | None = Field(None, description="Emitter that lights; default: the first.")
-    fixed: Text | None = Field(None, description="Node that stands still while parts move; default: the first.")
-    nodes: tuple[Node, ...] = Field((), description="Where guides meet or end.")
+    lit: Text | None = Field(None, description="Emitter that is lit; default: the first.")
+    fixed: Text | None = Field(None, description="Node that stays fixed while parts move; default: the first.")
+    nodes: tuple[Node, ...] = Field((), description="Nodes where guides meet or end.")
     guides: tuple[Guide, ...] = Field((), description="The guides.")
     lenses: tuple[PlacedLens, ...] = Field((), description="Its lenses.")
-    emitters: tuple[PlacedEmitter, ...] = Field((), description="Its emitters, which light in turn.")
+    emitters: tuple[PlacedEmitter, ...] = Field((), description="Emitters, which are lit in turn.")
     receivers: tuple[PlacedReceiver, ...] = Field((), description="Its receivers.")
     motion: tuple[NamedMotion, ...] = Field((), description="Its motions.")
-    reading: tuple[Reading, ...] = Field((), description="Expressions of powers, by name.")
+    reading: tuple[Reading, ...] = Field((), description="Named expressions of received powers.")
 
     @model_validator(mode="after")
     def _names_are_known(self) -> Self:
@@ -265,41 +285,41 @@ class Network(Strict):
         parts = [one.name for key in ("guides", "lenses", "emitters") for one in getattr(self, key)]
         for key, name, kind, known in self._names():
             if name is not None and name not in known:
-                limit = f"names no {kind}; there are {', '.join(known) or 'none'}"
+                limit = f"is not the name of a {kind}; known names: {', '.join(known) or 'none'}"
                 raise refused(key, limit, value=name)
         for number, motion in enumerate(self.motion):
             before = [one.name for one in self.motion[:number] if one.part == motion.part]
             if before:
-                limit = f"is moved by {before[0]} already"
+                limit = f"is already moved by {before[0]}"
                 raise refused(f"motion[{number}].part", limit, value=motion.part, remedy="leave one of them out")
             lenses = {one.name: one for one in self.lenses}
             if motion.join is not None and (motion.part not in lenses or lenses[motion.part].guide is not None):
-                limit = "is of a lens that ends a guide"
+                limit = "applies only to a lens at the end of a guide"
                 raise refused(f"motion[{number}].join", limit, value=motion.join, remedy="leave it out")
             if motion.pivot == "emitter" and motion.part in [one.name for one in self.guides]:
-                raise refused(f"motion[{number}].pivot", "is of a lens or an emitter", value=motion.pivot)
+                raise refused(f"motion[{number}].pivot", "applies only to a lens or an emitter", value=motion.pivot)
             if isinstance(motion.pivot, tuple) and motion.part in self._on_sides():
-                limit, remedy = "stands on a side", 'set pivot = "emitter", or put it at the end of a guide'
+                limit, remedy = "is on a side", 'set pivot = "emitter", or place it at the end of a guide'
                 raise refused(f"motion[{number}].part", limit, value=motion.part, remedy=remedy)
             if motion.kind == "rotation" and parts.count(motion.part) > 1:
                 limit = "is the name of several parts"
-                raise refused(f"motion[{number}].part", limit, value=motion.part, remedy="give each its own")
+                raise refused(f"motion[{number}].part", limit, value=motion.part, remedy="give each part its own name")
         _ = self.formulas  # parsed here to reject an invalid one
         return self
 
     def _on_sides(self) -> set[str]:
-        """Lenses on sides, and emitters there or before them."""
+        """Return the names of lenses on sides, and of emitters on sides or before such lenses."""
         lenses = {one.name for one in self.lenses if one.guide is not None}
         return lenses | {one.name for one in self.emitters if one.guide is not None or one.lens in lenses}
 
     @property
     def formulas(self) -> tuple[Formula, ...]:
-        """Formulas of its readings."""
+        """The parsed formulas of the network's readings."""
         emitters, receivers = ([one.name for one in many] for many in (self.emitters, self.receivers))
         return tuple(Formula.of(one, emitters, receivers, f"reading[{i}].value") for i, one in enumerate(self.reading))
 
     def _names(self) -> Iterator[tuple[str, str | None, str, list[str]]]:
-        """Keys that name something, with that name, its kind, and the names there are."""
+        """Yield the keys that refer to a name, each with that name, its kind, and the names that exist."""
         known = {key: [one.name for one in getattr(self, key)] for key in LISTS}
         yield "lit", self.lit, "emitter", known["emitters"]
         yield "fixed", self.fixed, "node", known["nodes"]
@@ -322,9 +342,9 @@ LISTS = ("nodes", "guides", "lenses", "emitters", "receivers", "motion", "readin
 
 
 def _check_twice(key: str, names: list[str]) -> None:
-    """Reject two of one kind with one name."""
+    """Raise an error if two entries of one kind have the same name."""
     for name, count in Counter(names).items():
         if count > 1:
             second = [number for number, one in enumerate(names) if one == name][1]
-            limit = f"is the name of {key}[{names.index(name)}] too"
+            limit = f"is also the name of {key}[{names.index(name)}]"
             raise refused(f"{key}[{second}].name", limit, value=name, remedy="give it another name")

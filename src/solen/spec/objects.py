@@ -1,7 +1,7 @@
-"""Objects of JSON files converted to dataclasses; every field is checked against its type.
+"""Conversion of JSON objects to dataclasses, with every field checked against its type.
 
-Objects of several kinds, such as curves, have a ``kind`` and the fields of its class; unknown keys are
-rejected with their location.
+An object that may be of several kinds, such as a curve, has a ``kind`` and the fields of the class that it names.
+Unknown keys are rejected, and the error states their location.
 """
 
 import dataclasses
@@ -28,10 +28,10 @@ T = TypeVar("T")
 
 
 def parsed(text: str, where: str, remedy: str = "") -> Any:
-    """Content of a JSON text; `DataError` if it is not JSON, which excludes NaN."""
+    """Return the content of a JSON text; raise `DataError` if it is not valid JSON, which excludes NaN."""
 
     def refuse(constant: str) -> None:
-        raise ValueError(f"{constant} is not a number of JSON")
+        raise ValueError(f"{constant} is not a valid JSON number")
 
     try:
         return json.loads(text, parse_constant=refuse)
@@ -40,7 +40,7 @@ def parsed(text: str, where: str, remedy: str = "") -> Any:
 
 
 def untagged(data: dict[str, Any], kinds: dict[str, type[T]], where: str) -> T:
-    """Object of the class that its ``kind`` names."""
+    """Make an object of the class that its ``kind`` names."""
     kind = data.get("kind")
     if not isinstance(kind, str) or kind not in kinds:
         raise DataError(f"{where}: kind", value=kind, limit=f"must be one of {', '.join(kinds)}")
@@ -48,7 +48,7 @@ def untagged(data: dict[str, Any], kinds: dict[str, type[T]], where: str) -> T:
 
 
 def made(cls: type[T], data: dict[str, Any], where: str) -> T:
-    """Object of a dataclass, every field checked against its type."""
+    """Make an object of a dataclass, with every field checked against its type."""
     fields = dataclasses.fields(cls)  # type: ignore[arg-type]  # every class here is a dataclass
     required = {f.name for f in fields if f.default is dataclasses.MISSING}
     check_keys(data, {field.name for field in fields}, required, where)
@@ -57,7 +57,7 @@ def made(cls: type[T], data: dict[str, Any], where: str) -> T:
 
 
 def value_of(hint: Any, value: Any, where: str) -> Any:
-    """A value checked against a type; an instance of the type is returned unchanged."""
+    """Return a value checked against a type; an instance of the type is returned unchanged."""
     if isinstance(value, Curve | BaseModel):
         return value
     inner = [
@@ -78,10 +78,10 @@ def value_of(hint: Any, value: Any, where: str) -> Any:
 
 
 def check_keys(data: dict[str, Any], known: set[str], required: set[str], where: str) -> None:
-    """`DataError` for a key that is unknown or missing."""
+    """Raise `DataError` if a key is unknown or missing."""
     for key in data:
         if key not in known:
-            raise DataError(f"{where}: {key}", limit=f"unknown key; there are {', '.join(sorted(known))}")
+            raise DataError(f"{where}: {key}", limit=f"unknown key; the known keys are {', '.join(sorted(known))}")
     for key in sorted(required):
         if key not in data:
             raise DataError(f"{where}: {key}", limit="missing")

@@ -1,4 +1,4 @@
-"""What the parts of a network are: the shared tables of its design with the keys that each states."""
+"""Tables of the parts of a network: the shared tables of the design, overridden by the keys of each part."""
 
 from collections.abc import Iterator, Mapping
 from itertools import product
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from solen.spec.strict import Strict
 
 OF_A_PART = ("wavelength_nm", "spectrum", "fwhm_nm", "width_mm", "height_mm", "cone_deg", "pattern", "exponent")
-"""Shared keys that a part named for one emitter replaces."""
+"""Shared keys of ``[emitter]`` that do not apply to an emitter with a part of its own."""
 OF_A_SHAPE = ("knots_um", "least_feature_um")
-"""Shared keys of a lens that a shape stated for one replaces."""
+"""Shared keys of ``[lens]`` that do not apply to a lens with a shape of its own."""
 
 MOST_TOGETHER = 6
-"""Most motions whose ends are checked in every combination."""
+"""Largest number of motions for which every combination of end positions is checked."""
 
 
 def lens_table(design: "Design", placed: PlacedLens, half_width_mm: float | None) -> Lens:
-    """Table of one lens of a network; ``half_width_mm`` where neither it nor ``[lens]`` states one."""
+    """Return the table of one lens of a network; ``half_width_mm`` applies if no table states a half width."""
     own = _stated(placed, Lens)
     shared = {} if half_width_mm is None else {"half_width_mm": half_width_mm}
     shared |= {key: getattr(design.lens, key) for key in design.lens.model_fields_set}
@@ -32,7 +32,10 @@ def lens_table(design: "Design", placed: PlacedLens, half_width_mm: float | None
 
 
 def lit(design: "Design", name: str | None = None) -> "Design":
-    """Design of a network with one emitter alight, in place of that which it names: ``[emitter]`` is that one."""
+    """Return the design of a network with one emitter lit, by default the one that the network names.
+
+    The ``[emitter]`` table of the result is that emitter's.
+    """
     network = design.network
     name = name or network.lit or network.emitters[0].name
     (placed,) = (one for one in network.emitters if one.name == name)
@@ -40,7 +43,7 @@ def lit(design: "Design", name: str | None = None) -> "Design":
 
 
 def emitter_table(design: "Design", placed: PlacedEmitter) -> Emitter:
-    """Table of one emitter of a network."""
+    """Return the table of one emitter of a network."""
     own = _stated(placed, Emitter)
     emitter = design.shared_emitter
     shared = {key: getattr(emitter, key) for key in emitter.model_fields_set}
@@ -49,20 +52,20 @@ def emitter_table(design: "Design", placed: PlacedEmitter) -> Emitter:
 
 
 def state_of(design: "Design", angles_deg: Mapping[str, float]) -> "Design":
-    """Design of a network with some of its motions at other angles, by name.
+    """Return the design of a network with some of its motions at other angles, given by name.
 
     Raises
     ------
     SpecError
-        If a motion has no such name, or its range does not reach an angle.
+        If no motion has one of these names, or an angle is outside the range of its motion.
     """
     known = {motion.name: motion for motion in design.network.motion}
     for name, angle in angles_deg.items():
         if name not in known:
-            limit = f"names no motion; there are {', '.join(known) or 'none'}"
+            limit = f"is not the name of a motion; known names: {', '.join(known) or 'none'}"
             raise SpecError("network.motion", value=name, limit=limit)
         if not known[name].from_deg <= angle <= known[name].to_deg:
-            limit = f"must lie from {known[name].from_deg:g} to {known[name].to_deg:g} deg, the range of {name}"
+            limit = f"must be from {known[name].from_deg:g} to {known[name].to_deg:g} deg, the range of {name}"
             raise SpecError(f"network.motion {name}", value=angle, limit=limit)
     motion = tuple(one.model_copy(update={"at_deg": angles_deg.get(name, one.at_deg)}) for name, one in known.items())
     network = design.network.model_copy(update={"motion": motion})
@@ -70,7 +73,11 @@ def state_of(design: "Design", angles_deg: Mapping[str, float]) -> "Design":
 
 
 def states(network: Network) -> Iterator[dict[str, float]]:
-    """States by which a network's motions are checked: each over its range, the others as they stand; then all ends."""
+    """Yield the states at which the motions of a network are checked.
+
+    Each motion goes through its range with the others at their current angles; then follow all combinations of the
+    ends.
+    """
     yield {}
     for motion in network.motion:
         yield from ({motion.name: angle} for angle in motion.angles_deg())
@@ -81,5 +88,5 @@ def states(network: Network) -> Iterator[dict[str, float]]:
 
 
 def _stated(placed: "Strict", kind: "type[Strict]") -> dict[str, object]:
-    """Keys of a part that it states itself."""
+    """Return the keys that a part states itself."""
     return {key: value for key in kind.model_fields if (value := getattr(placed, key, None)) is not None}

@@ -1,7 +1,7 @@
-"""Readings of a network: ``[[network.reading]]``, named expressions of powers, ``(a.right - a.left) / a.end``.
+"""Readings of a network: ``[[network.reading]]``, named expressions of powers such as ``(a.right - a.left) / a.end``.
 
-A power is written ``EMITTER.RECEIVER``: what that receiver gets while that emitter lights. As names may hold a dash, a
-minus between two names needs a space. Expressions are parsed, never run: `solen.expression`.
+A power is written ``EMITTER.RECEIVER``: the power at that receiver while that emitter is lit. Names may contain a dash,
+so a minus sign between two names needs spaces. Expressions are parsed and never executed; see `solen.expression`.
 """
 
 import ast
@@ -32,14 +32,14 @@ class Reading(Strict):
 
 @dataclass(frozen=True)
 class Formula:
-    """A reading's expression.
+    """The parsed expression of a reading.
 
     Attributes
     ----------
     name
         Name of the reading.
     powers
-        Emitters and receivers whose powers it holds.
+        Pairs of emitter and receiver whose powers the expression contains.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Formula:
 
     @classmethod
     def of(cls, reading: Reading, emitters: Sequence[str], receivers: Sequence[str], key: str = "") -> Self:
-        """Formula of a reading; what `refused` makes, at a key, where it is malformed or names no power."""
+        """Parse the expression of a reading; raise the error of `refused` if it is malformed or has no power."""
         pairs = list(product(emitters, receivers))
         mark = next(mark for length in count(1) if (mark := "p" * length) not in reading.value)  # a name not stated
         known = {pair: f"{mark}_{number}" for number, pair in enumerate(pairs)}
@@ -57,12 +57,14 @@ class Formula:
 
         def refusal(limit: str, remedy: str) -> Exception:
             limit = re.sub(rf"{mark}_\d+", lambda found: shown.get(found[0], found[0]), limit)
-            choices = f"powers are EMITTER.RECEIVER, of {', '.join(emitters)} and {', '.join(receivers)}"
+            choices = (
+                f"powers are EMITTER.RECEIVER, with emitters {', '.join(emitters)} and receivers {', '.join(receivers)}"
+            )
             return refused(key, limit, value=reading.value, remedy=remedy or choices)
 
         def check(name: str) -> None:
             if name not in stated:
-                raise refusal(f"{name} is no power", "")
+                raise refusal(f"{name} is not a power", "")
 
         text, stated = _with_places(reading.value, known, refusal)
         grammar = Grammar("power", False, refusal, check)
@@ -73,11 +75,11 @@ class Formula:
         return cls(reading.name, tuple(power for power, place in known.items() if place in held), tree, known)
 
     def value(self, powers: Mapping[tuple[str, str], Any]) -> Any:
-        """Its value for powers by emitter and receiver."""
+        """Return the value of the reading for powers given by emitter and receiver."""
         return value(self._tree, self._by_place(powers))
 
     def slopes(self, powers: Mapping[tuple[str, str], Any]) -> dict[tuple[str, str], Any]:
-        """Its exact derivatives by the powers that it holds."""
+        """Return the exact derivatives of the reading with respect to the powers that it contains."""
         found = slopes(self._tree, self._by_place(powers))
         return {power: found[self._places[power]] for power in self.powers}
 
@@ -88,7 +90,10 @@ class Formula:
 def _with_places(
     text: str, known: Mapping[tuple[str, str], str], refusal: Callable[[str, str], Exception]
 ) -> tuple[str, set[str]]:
-    """Text with every power replaced by an identifier, and these; an error for a power that there is not."""
+    """Replace every power in the text by an identifier.
+
+    Return the new text and the identifiers used; raise an error for a power that does not exist.
+    """
     stated = set()
 
     def place(found: re.Match[str]) -> str:
@@ -97,11 +102,13 @@ def _with_places(
         if is_number and (emitter, receiver) not in known:
             return found[0]
         if is_number:
-            raise refusal(f"{found[0]} is a number and a power", "give the emitter a name with a letter")
+            raise refusal(f"{found[0]} is both a number and a power", "give the emitter a name that contains a letter")
         if (emitter, receiver) not in known:
             near = nearest(found[0], [".".join(pair) for pair in known])
-            hints = [f"did you mean {near}?"] * bool(near) + ["a minus after a name needs a space"] * ("-" in found[0])
-            raise refusal(f"{found[0]} is no power", " ".join(hints))
+            hints = [f"did you mean {near}?"] * bool(near) + ["put spaces around a minus sign after a name"] * (
+                "-" in found[0]
+            )
+            raise refusal(f"{found[0]} is not a power", " ".join(hints))
         stated.add(known[emitter, receiver])
         return known[emitter, receiver]
 

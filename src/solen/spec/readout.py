@@ -18,26 +18,28 @@ class Readout(Strict):
 
     table: ClassVar[str] = "readout"
 
-    part: Text = Field("TEMT7100X01", description=f"{_NAMED.format('a receiver')}: the receivers' part.")
+    part: Text = Field("TEMT7100X01", description=f"{_NAMED.format('a receiver')}: the part used for each receiver.")
     emitter_part: Text | None = Field(
         None,
-        description=f"{_NAMED.format('an emitter')}: its power is taken; default: emitter.part, or VSMY1850.",
+        description=f"{_NAMED.format('an emitter')}: its power is used; default: emitter.part, or VSMY1850.",
     )
     emitter_current_ma: Annotated[Number, Field(gt=0, le=1e5)] = Field(
         2.0, description="Current of the emitter while it is on, in mA."
     )
     load_ohm: Ohms = Field(2000.0, description="Load resistor of each receiver in ohm.")
     supply_v: Supply = Field(5.0, description="Supply of the receivers in V.")
-    trimmer: Text = Field("TC33X-2-202E", description=f"{_NAMED.format('a trimmer')}: sets the load.")
-    adc: Text = Field("USB-6218", description=f"{_NAMED.format('a converter')}: reads the voltage.")
+    trimmer: Text = Field("TC33X-2-202E", description=f"{_NAMED.format('a trimmer')}: the trimmer that sets the load.")
+    adc: Text = Field("USB-6218", description=f"{_NAMED.format('a converter')}: the converter that reads the voltage.")
     adc_range_v: tuple[Volts, Volts] | None = Field(
-        None, description="Range of the converter, [low_V, high_V]; default: its smallest that includes the supply."
+        None,
+        description="Input range of the converter, [low_V, high_V]; default: its smallest "
+        "range that includes the supply.",
     )
     samples: Annotated[int, Field(strict=True, ge=1, le=1_000_000)] = Field(
         1, description="Samples averaged per reading."
     )
     rate_hz: Annotated[Number, Field(gt=0, le=1e6)] = Field(
-        200.0, description="Readings of an emitter per second; it is off for half of each period."
+        200.0, description="Readings of an emitter per second; the emitter is off for half of each period."
     )
     temperature_c: Annotated[Number, Field(ge=-55, le=150)] = Field(25.0, description="Temperature in °C.")
     ambient_mw_cm2: NotNegative = Field(

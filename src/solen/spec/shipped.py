@@ -1,4 +1,4 @@
-"""Libraries of TOML files: shipped ones by name (resins, parts, printers), a user's own by path."""
+"""Libraries of TOML files: shipped ones by name, such as resins, parts and printers, and a user's files by path."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -17,15 +17,15 @@ T = TypeVar("T")
 
 
 MOST_NAMES = 16
-"""Most names that an error lists."""
+"""Largest number of names that an error message lists."""
 
 
 @dataclass(frozen=True)
 class Library(Generic[T]):
-    """A folder of TOML files; ``what`` names their kind, ``make`` builds an object from the keys of a file.
+    """A folder of TOML files; ``what`` names their kind, and ``make`` builds an object from the keys of a file.
 
-    ``migrations`` convert tables of each version to the next, up to ``schema``. Other packages add files
-    by entry points of the ``group``, each naming a package that holds ``NAME.toml``.
+    ``migrations`` convert tables of each version to the next, up to ``schema``. Other packages add files by entry
+    points of the ``group``; each entry point names a package that contains ``NAME.toml``.
     """
 
     folder: Traversable
@@ -35,19 +35,19 @@ class Library(Generic[T]):
     migrations: Migrations
     group: str = ""
     _kept: dict[str, tuple[str, T]] = field(default_factory=dict, init=False, repr=False, compare=False)
-    """Objects that were made, by name, with the text that they are of."""
+    """Objects already built, by name, each with the text from which it was built."""
 
     @property
     def _added(self) -> Registry[ModuleType]:
         return Registry(self.group, {}, ModuleType)
 
     def names(self) -> tuple[str, ...]:
-        """Names of the files without their ending, sorted."""
+        """Return the names of the files without their extension, sorted."""
         own = (file.name[:-5] for file in self.folder.iterdir() if file.name.endswith(".toml"))
         return tuple(sorted({*own, *(self._added if self.group else ())}))
 
     def text(self, name: str) -> str:
-        """Text of a file; `DataError` suggests the nearest name if there is none of that name."""
+        """Return the text of a file; if there is no file of that name, raise `DataError` with the nearest name."""
         names = self.names()
         if name not in names:
             near = nearest(name, names)
@@ -56,7 +56,7 @@ class Library(Generic[T]):
                 self.what,
                 value=name,
                 limit=f"not in the library ({known})",
-                remedy=f"did you mean {near}?" if near else "a file's name ends in .toml",
+                remedy=f"did you mean {near}?" if near else "the name of a file must end in .toml",
             )
         file = self.folder / f"{name}.toml"
         if not file.is_file():
@@ -64,14 +64,14 @@ class Library(Generic[T]):
         return file.read_text(encoding="utf-8")
 
     def shipped(self, name: str) -> T:
-        """Object by its name; `DataError` suggests the nearest name if there is none."""
+        """Return the shipped object of a name; if there is none, raise `DataError` with the nearest name."""
         text, kept = self.text(name), self._kept.get(name)
         if kept is None or kept[0] != text:
             kept = self._kept[name] = (text, self._made(text, f"{self.what} {name}"))
         return kept[1]
 
     def load(self, path: Path | str) -> T:
-        """Object of a file; `DataError` if it cannot be read, is not TOML, has another schema, or is invalid."""
+        """Return the object of a file; raise `DataError` if the file is unreadable, not TOML, or not valid."""
         return self._made(read_text(Path(path), DataError), str(path))
 
     def _made(self, text: str, what: str) -> T:

@@ -1,7 +1,8 @@
-"""What holds a soft body and what loads it: ``[[hold]]``, ``[[press]]``, ``[[pull]]``; how it gives: ``[mechanics]``.
+"""Supports and loads of a soft body: ``[[hold]]``, ``[[press]]``, ``[[pull]]``, and its elasticity: ``[mechanics]``.
 
-Nothing is held by default: how a part is held decides its response. Supports, fingers and pulls have names; tables of
-one name are one support. A motion of kind ``loaded`` drives one number of them: ``drives = "clamp.angle_deg"``.
+No support is assumed by default, because the supports of a part decide its response. Supports, fingers and pulls have
+names; hold tables with the same name form one support. A motion of kind ``loaded`` drives one of their quantities:
+``drives = "clamp.angle_deg"``.
 """
 
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
@@ -20,13 +21,13 @@ HOLD_CHOICES = (
     'kind = "fixed", "sliding" or "turning"'
 )
 DRIVEN = {"hold": ("angle_deg",), "press": ("depth_mm", "force_N"), "pull": ("force_N",)}
-"""Numbers that a loaded motion can drive, by table."""
+"""Quantities that a loaded motion can drive, by table."""
 LISTS = {"angle_deg": None, "depth_mm": "depths_mm", "force_N": "forces_N"}
-"""Keys of the motion that list the values of a driven number; an angle has from_deg, to_deg and step_deg."""
+"""Keys of the motion that list the values of a driven quantity; an angle has from_deg, to_deg and step_deg instead."""
 
 
 class Mechanics(Strict):
-    """How the body gives under load; used with ``motion.kind = "loaded"``."""
+    """Elastic properties of the body under load; used with ``motion.kind = "loaded"``."""
 
     table: ClassVar[str] = "mechanics"
 
@@ -38,19 +39,20 @@ class Mechanics(Strict):
     )
     plane: Literal["strain", "stress"] = Field(
         "strain",
-        description="Plane strain, as within a thick body, or plane stress, as in a thin one; a part lies between.",
+        description="Plane strain, as within a thick body, or plane stress, as in a thin one; "
+        "a real part is between the two.",
     )
     mesh_mm: Annotated[Number, Field(ge=0.02, le=100)] | None = Field(
-        None, description="Size of the elements in mm; default: by the size of the body."
+        None, description="Element size in mm; default: chosen from the size of the body."
     )
 
 
 class Hold(Stretch):
-    """A support of a stretch of the outline."""
+    """A support of part of the outline."""
 
     table: ClassVar[str] = "hold"
 
-    name: Text = Field("hold", description="Its name; tables with the same name form one support.")
+    name: Text = Field("hold", description="Name of the support; tables with the same name form one support.")
     kind: Literal["fixed", "sliding", "turning"] = Field(
         "fixed", description="Fixed; sliding along the wall; or turning as a rigid piece about a point."
     )
@@ -60,11 +62,11 @@ class Hold(Stretch):
             or_refuse('must be "stem-base", "emitter" or [x_mm, z_mm] with two finite numbers'),
         ]
         | None
-    ) = Field(None, description='Of turning: "stem-base", "emitter" or [x_mm, z_mm].')
+    ) = Field(None, description='For turning: the centre, "stem-base", "emitter" or [x_mm, z_mm].')
     angle_deg: Annotated[Number, Field(gt=-90, lt=90)] | None = Field(
-        None, description="Of turning: angle of a clamp that turns it; default: driven by the motion, or free to turn."
+        None, description="For turning: angle of the clamp; default: driven by the motion, or free to turn."
     )
-    solid: bool = Field(False, description="Whether a clamp holds the material between its stretches as well.")
+    solid: bool = Field(False, description="Whether a clamp also holds the material between its faces.")
 
     @model_validator(mode="after")
     def _turning_has_a_pivot(self) -> Self:
@@ -83,19 +85,21 @@ class Press(Strict):
     table: ClassVar[str] = "press"
 
     name: Text = Field("press", description="Its name.")
-    face: Text = Field(description='the wall it touches first, as "stem-right".')
-    at_mm: NotNegative = Field(description="where, in mm along the wall.")
+    face: Text = Field(description='the wall that the finger touches first, such as "stem-right".')
+    at_mm: NotNegative = Field(description="position of the finger in mm along the wall.")
     radius_mm: Length = Field(description="radius of the finger in mm.")
-    depth_mm: NotNegative | None = Field(None, description="How far it moves on after it touches, in mm.")
-    force_N: NotNegative | None = Field(None, description="Or with what force in N, over the whole thickness.")
+    depth_mm: NotNegative | None = Field(None, description="Distance in mm that the finger moves after first contact.")
+    force_N: NotNegative | None = Field(None, description="Force in N over the whole thickness, instead of depth_mm.")
     direction_deg: Annotated[Number, Field(ge=-360, le=360)] | None = Field(
-        None, description="Direction of its motion, counter-clockwise from +z; default: normal to the wall."
+        None, description="Direction in which the finger moves, counter-clockwise from +z; default: normal to the wall."
     )
     backing: Text | None = Field(
-        None, description="Face that slides on a flat support behind the body; default: its back is free."
+        None, description="Face that slides on a flat support behind the body; default: no support."
     )
     index: Annotated[Number, Field(ge=1, lt=5)] | None = Field(
-        None, description="Refractive index of the finger's surface where it touches; default: dry, air stays between."
+        None,
+        description="Refractive index of the finger's surface in contact with the body; "
+        "default: dry contact, with air in between.",
     )
     absorption_per_mm: NotNegative = Field(0.0, description="Absorption of power per mm in the finger.")
 
@@ -104,25 +108,27 @@ class Press(Strict):
         if self.depth_mm is not None and self.force_N is not None:
             raise refused("force_N", "does not apply with depth_mm", value=self.force_N, remedy="leave one of them out")
         if self.absorption_per_mm and self.index is None:
-            limit = "does not apply without index: a dry finger takes no light"
+            limit = "does not apply without index: a dry finger absorbs no light"
             raise refused("absorption_per_mm", limit, value=self.absorption_per_mm, remedy="add index = 1.4")
         return self
 
 
 class Pull(Stretch):
-    """A force spread evenly over a stretch; its direction stays as the body moves."""
+    """A force distributed evenly over part of the outline; its direction stays constant as the body moves."""
 
     table: ClassVar[str] = "pull"
 
     name: Text = Field("pull", description="Its name.")
-    force_N: Number | None = Field(None, description="Force in N over the whole thickness; default: driven.")
+    force_N: Number | None = Field(
+        None, description="Force in N over the whole thickness; default: driven by the motion."
+    )
     direction_deg: Annotated[Number, Field(ge=-360, le=360)] = Field(
-        description="its direction in degrees, counter-clockwise from +z: 90 pulls to the left."
+        description="its direction in degrees, counter-clockwise from +z; 90 pulls to the left."
     )
 
 
 def check_loads(design: "Design") -> None:
-    """Refuse a loaded motion without what it needs, and loads of another motion."""
+    """Reject a loaded motion that lacks a support or a load, and loads with any other kind of motion."""
     tables = {name: getattr(design, name) for name in DRIVEN}
     if design.motion.kind != "loaded":
         stated = [name for name, rows in tables.items() if rows]
@@ -132,27 +138,27 @@ def check_loads(design: "Design") -> None:
             raise refused(stated[0], limit, remedy='leave it out, or set motion.kind = "loaded"')
         return
     if not design.hold:
-        limit = "missing: nothing is held by default, and how the body is held decides its response"
+        limit = "missing: no support is assumed by default, because the supports of the body decide its response"
         raise refused("hold", limit, remedy=HOLD_CHOICES)
     _check_names(design)
     _check_driven(design)
 
 
 def driven(design: "Design") -> tuple[str, str, str]:
-    """Table, name and key of what a loaded motion drives."""
+    """Return the table, name and key of the quantity that a loaded motion drives."""
     name, _, key = (design.motion.drives or "").rpartition(".")
     table = next(table for table in DRIVEN if any(row.name == name for row in getattr(design, table)))
     return table, name, key
 
 
 def _check_names(design: "Design") -> None:
-    """Tables of one name must be one support; fingers and pulls have names of their own."""
+    """Check that hold tables with the same name describe one support, and that fingers and pulls have unique names."""
     seen: dict[str, tuple[str, Strict]] = {}
     outsides = {wall.outside for wall in design.wall}
     for table in DRIVEN:
         for number, row in enumerate(getattr(design, table)):
             if "." in row.name:
-                raise refused(f"{table}[{number}].name", "must have no dot", value=row.name)
+                raise refused(f"{table}[{number}].name", "cannot contain a dot", value=row.name)
             if table == "press" and row.name in ("air", "body", *(outsides if row.index is not None else ())):
                 limit = "is the name of another medium"
                 raise refused(f"{table}[{number}].name", limit, value=row.name, remedy="use another name")
@@ -160,16 +166,16 @@ def _check_names(design: "Design") -> None:
             if first is row:
                 continue
             if table != "hold" or other != "hold":
-                limit = f"is the name of another {other}"
+                limit = f"is already the name of a {other}"
                 raise refused(f"{table}[{number}].name", limit, value=row.name, remedy="use another name")
             for key in ("kind", "about", "angle_deg"):
                 if getattr(row, key) != getattr(first, key):
-                    limit = f"must be that of the other tables of the name {row.name}: they are one support"
+                    limit = f"must be the same in all tables with the name {row.name}, which form one support"
                     raise refused(f"{table}[{number}].{key}", limit, value=getattr(row, key))
 
 
 def _check_driven(design: "Design") -> None:
-    """What is driven exists, is not stated as well, and has values."""
+    """Check that the driven quantity exists, is not stated as well, and has values."""
     drives = design.motion.drives
     choices = [
         f"{row.name}.{key}"
@@ -179,24 +185,24 @@ def _check_driven(design: "Design") -> None:
         if table != "hold" or row.kind == "turning"
     ]
     if drives not in choices:
-        limit = "missing" if drives is None else "drives nothing that the design has"
+        limit = "missing" if drives is None else "is not a quantity of this design that can be driven"
         known = (
             ", ".join(dict.fromkeys(choices)) or 'none: add a [[press]], a [[pull]] or a [[hold]] of kind = "turning"'
         )
-        raise refused("motion.drives", limit, value=drives, remedy=f"what can be driven: {known}")
+        raise refused("motion.drives", limit, value=drives, remedy=f"quantities that can be driven: {known}")
     _check_stated(design)
     _check_values(design)
 
 
 def _check_stated(design: "Design") -> None:
-    """What is driven is not stated, and all else is."""
+    """Check that the driven quantity is not stated in its table, and that all others are."""
     driving, name, _ = driven(design)
     for table in ("hold", "press", "pull"):
         for number, row in enumerate(getattr(design, table)):
             stated = next((key for key in DRIVEN[table] if getattr(row, key) is not None), None)
             of_driven = (table, row.name) == (driving, name)
             if of_driven and stated:
-                limit = f"does not apply beside motion.drives = {design.motion.drives!r}"
+                limit = f"does not apply with motion.drives = {design.motion.drives!r}"
                 raise refused(f"{table}[{number}].{stated}", limit, value=getattr(row, stated), remedy="leave it out")
             if not (of_driven or stated or table == "hold"):
                 key = DRIVEN[table][0]
@@ -206,7 +212,7 @@ def _check_stated(design: "Design") -> None:
 
 
 def _check_values(design: "Design") -> None:
-    """The motion has the values of what it drives, and no others."""
+    """Check that the motion lists values of the driven quantity, and of no other."""
     motion, (_, _, key) = design.motion, driven(design)
     because = f"drives = {motion.drives!r}"
     sweep = {name: name in motion.model_fields_set for name in ("from_deg", "to_deg", "step_deg")}
@@ -221,4 +227,4 @@ def _check_values(design: "Design") -> None:
     if key == "depth_mm" and motion.depths_mm and motion.depths_mm[0] < 0.0:
         raise refused("motion.depths_mm", "must begin at 0 or more", value=list(motion.depths_mm))
     if driven(design)[0] == "press" and motion.forces_N and motion.forces_N[0] < 0.0:
-        raise refused("motion.forces_N", "of a finger must begin at 0 or more", value=list(motion.forces_N))
+        raise refused("motion.forces_N", "must begin at 0 or more for a finger", value=list(motion.forces_N))

@@ -1,4 +1,4 @@
-"""A stretch of the outline, as tables of walls, holds and pulls name it."""
+"""Part of the outline, as the tables of walls, holds and pulls state it."""
 
 from typing import Annotated, Self
 
@@ -8,12 +8,12 @@ from solen.spec.strict import NotNegative, Number, Strict, Text, refused
 
 
 class Stretch(Strict):
-    """A face, every face that a pattern matches, or part of it."""
+    """A face, all faces that match a pattern, or part of a face."""
 
-    face: Text = Field(description='a face or a pattern of faces, as "stem-right" or "stem-*".')
-    from_mm: NotNegative = Field(0.0, description="Where the stretch begins, in mm along the face.")
+    face: Text = Field(description='a face or a pattern of faces, such as "stem-right" or "stem-*".')
+    from_mm: NotNegative = Field(0.0, description="Start in mm along the face.")
     to_mm: Annotated[Number, Field(gt=0)] | None = Field(
-        None, description="Where the stretch ends, in mm along the face; default: at its end."
+        None, description="End in mm along the face; default: the end of the face."
     )
 
     @model_validator(mode="after")
