@@ -61,7 +61,10 @@ def test_a_design_without_walls_writes_none() -> None:
         ('face = "a"\nsigma = 0.1', "wall[0].sigma = 0.1; does not apply with scatter = "),
         ('face = "a"\nreflectance = 0.5', "wall[0].reflectance = 0.5; does not apply without finish"),
         ('face = "a"\nfinish = "mirror"\noutside = "skin"\nindex = 1.4', "wall[0].outside; does not apply with finish"),
-        ('face = "a"\nfinish = "black"\nscatter = "lambertian"', "wall[0].finish = 'black'; does not apply to a black wall"),
+        (
+            'face = "a"\nfinish = "black"\nscatter = "lambertian"',
+            "wall[0].finish = 'black'; does not apply to a black wall",
+        ),
         ('face = "a"\ntexture_pitch_um = 25', "wall[0].texture_amplitude_um; missing"),
         ('face = "a"\ncoating = [{index = 1.3}]', "wall[0].coating[0].thickness_nm; missing; add it: its thickness"),
     ],

@@ -29,8 +29,9 @@ class Emitter(Strict):
 
     part: Text | None = Field(
         None,
-        description="Name of an emitter in the library, or a part file (ends in .toml or contains a / or \\), relative to "
-        "the design file. Its pattern, spectrum and size apply unless this table states them.",
+        description="Name of an emitter in the library, or a part file (ends in .toml or contains a / or \\), "
+        "relative to the design file. Its pattern, spectrum and size apply unless this table "
+        "states them.",
     )
     wavelength_nm: Wavelength = Field(
         860.0, description="Wavelength in nm; default: that of the part or the spectrum, or 860 if neither is stated."
@@ -62,8 +63,8 @@ class Emitter(Strict):
     )
     pattern: Literal["fan", "uniform", "lambertian", "table"] = Field(
         "fan",
-        description="Angular pattern: uniform in angle in the plane (a fan), uniform in all directions, cos^exponent, or "
-        "a table.",
+        description="Angular pattern: uniform in angle in the plane (a fan), uniform in all directions, "
+        "cos^exponent, or a table.",
     )
     exponent: Annotated[Number, Field(ge=0, le=10_000)] = Field(
         1.0, description="Exponent m of the pattern cos^m; with lambertian only."

@@ -55,8 +55,8 @@ class Motion(Strict):
 
     kind: Literal["rotation", "bend", "loaded"] = Field(
         "rotation",
-        description="A rotation of parts about a pivot, a bend of the stem, or loads on a soft body, whose supports and loads are stated "
-        "by [[hold]], [[press]] and [[pull]].",
+        description="A rotation of parts about a pivot, a bend of the stem, or loads on a soft body, whose "
+        "supports and loads are stated by [[hold]], [[press]] and [[pull]].",
     )
     pivot: Annotated[Pivot, or_refuse('must be "stem-base", "emitter" or [x_mm, z_mm] with two finite numbers')] = (
         Field("stem-base", description="Centre of the rotation: stem-base, emitter, or a point [x_mm, z_mm].")
@@ -75,8 +75,8 @@ class Motion(Strict):
         | None
     ) = Field(
         None,
-        description="Points of a bent stem's centre line, from base to fork, which define how the bend is distributed along it; "
-        "default: evenly.",
+        description="Points of a bent stem's centre line, from base to fork, which define how the bend is "
+        "distributed along it; default: evenly.",
     )
     bend_mm: Annotated[tuple[Place, Place], or_refuse("must be two heights [z_from_mm, z_to_mm]")] | None = Field(
         None, description="Heights z between which an outline bends; the part below moves along rigidly."

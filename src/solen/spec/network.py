@@ -95,8 +95,8 @@ class Guide(Strict):
     )
     flush: Side | None = Field(
         None,
-        description="Side that continues the wall of the single guide that leads to the first node, so that this guide begins in its "
-        "corner; default: centred on the node.",
+        description="Side that continues the wall of the single guide that leads to the first node, so that "
+        "this guide begins in its corner; default: centred on the node.",
     )
 
     @property
