@@ -1,8 +1,7 @@
 """The response of a lens as it was printed, here simulated with a deviation of 20 µm (rms) from its design.
 
 The profile is like that from a micrograph: points 4 µm apart, each with an uncertainty of 0.5 µm. It is smoothed
-accordingly, traced, and compared with the designed lens; random outlines within the uncertainty give the uncertainty of
-the response.
+accordingly, traced, and compared with the designed lens. Random outlines give the uncertainty of the response.
 """
 
 from dataclasses import replace

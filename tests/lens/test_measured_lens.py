@@ -135,10 +135,10 @@ def test_a_wider_profile_is_cut_at_the_lens() -> None:
 
 
 REFUSED = [
-    (profile(x=np.linspace(-1.4, 2.0, 1701)), "needs 16 or more, from -1.5 to 1.5 mm"),
+    (profile(x=np.linspace(-1.4, 2.0, 1701)), "needs at least 16 points, which cover -1.5 to 1.5 mm"),
     (profile(x=np.linspace(-0.03, 0.03, 31)), "31 points from -0.03 to 0.03 mm"),
     (profile_of(X, LENS.z_mm(X) + 1.2, 0.0), "+1.2 mm from the design"),
-    (profile_of(X, LENS.z_mm(X) - 0.95, 0.0), "the emitter stands at z = -1 mm"),
+    (profile_of(X, LENS.z_mm(X) - 0.95, 0.0), "the emitter is at z = -1 mm"),
     (profile_of(X, 0.0 * X, 0.0), "-1.811 mm from the design"),
 ]
 

@@ -142,11 +142,11 @@ def test_a_knot_is_a_number_of_the_design() -> None:
 @pytest.mark.parametrize(
     ("key", "words"),
     [
-        ("lens.knots_um[6]", "the design has 6 of these"),
-        ("lens.knots_um[x]", "the design has 6 of these"),
-        ("lens.knots_um.0", "the design has 6 of these"),
-        ("lens.focus_mm[0]", "unknown key|has 0 of these"),
-        ("wall[0].index", "the design has 0 of these"),
+        ("lens.knots_um[6]", "the list has 6 entries"),
+        ("lens.knots_um[x]", "the list has 6 entries"),
+        ("lens.knots_um.0", "the list has 6 entries"),
+        ("lens.focus_mm[0]", "unknown key|has 0 entries"),
+        ("wall[0].index", "the design has 0 entries"),
         ("lens.knots_um[0].x", "unknown key"),
     ],
 )
@@ -192,7 +192,7 @@ def test_keys_that_make_no_free_form_are_refused(table: dict[str, object], words
     [
         ([-950.0, -600.0], "the face reaches z = -0.95 mm at x = 0 mm"),
         ([0.0, 0.0, -300.0, 0.0, 0.0], "deg of incidence at x = "),
-        ([0.0, 0.0, 0.0, 0.0, 0.0, -100.0], "deg of incidence at x = 2 mm'; must stay below 90 deg"),
+        ([0.0, 0.0, 0.0, 0.0, 0.0, -100.0], "deg of incidence at x = 2 mm'; must be below 90 deg"),
     ],
 )
 def test_a_face_that_light_cannot_use_is_refused(knots: list[float], words: str) -> None:

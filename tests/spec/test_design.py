@@ -212,7 +212,7 @@ DRAWN = {"kind": "outline", "file": "sensor.dxf"}
         ({"motion": BEND | {"bend_mm": [0, 5]}}, "motion.bend_mm = (0.0, 5.0); does not apply with body.kind"),
         ({"motion": {"centre_line": [[0, 0], [0, 1], [1, 2]]}}, "motion.centre_line = ((0.0, 0.0), (0.0, 1.0)"),
         ({"motion": BEND | {"centre_line": [[0, 0], [0, 1]]}}, "motion.centre_line = [[0, 0], [0, 1]]; must be"),
-        ({"motion": BEND, "body": DRAWN}, "motion.bend_mm; missing: an outline needs it"),
+        ({"motion": BEND, "body": DRAWN}, "motion.bend_mm; missing: the bend of an outline needs it"),
         ({"motion": BEND | {"bend_mm": [5, 0]}, "body": DRAWN}, "motion.bend_mm = [5.0, 0.0]; must run from low"),
         ({"body": {"kind": "outline"}}, "body.file; missing"),
         ({"body": {"file": "sensor.dxf"}}, "body.file = 'sensor.dxf'; does not apply with body.kind = "),

@@ -88,7 +88,7 @@ def test_a_key_of_one_of_several_tables_is_read_and_set_by_its_number() -> None:
             "press[0].name = 'finger'; is the name of another medium",
             "another",
         ),
-        (TURNED + HOLD.replace("fork", "f.1") + CLAMP, "hold[0].name = 'f.1'; must have no dot", ""),
+        (TURNED + HOLD.replace("fork", "f.1") + CLAMP, "hold[0].name = 'f.1'; cannot contain a dot", ""),
         (TURNED + HOLD + "from_mm = 2\nto_mm = 1\n" + CLAMP, "hold[0].from_mm = 2.0; must be less than", ""),
         (TURNED + HOLD + CLAMP + "[mechanics]\npoisson = 0.3\n", "mechanics.poisson = 0.3; must be at least 0.4", ""),
     ],
