@@ -119,7 +119,7 @@ def test_a_refusal_is_one_line_that_names_file_and_limit(tmp_path: Path, change:
         ("[1, 2]", "not a profile of a lens"),
         ('{"solen": "lens profile", "schema": 1, "x_mm": [NaN]}', "NaN is not a valid JSON number"),
         ("x_mm,y_mm\n1,2\n3,4\n", "has no column z or z_mm"),
-        ("x,z\n" + "\n".join(f"{x},{x}" for x in range(20)), "cannot be taken to mm"),
+        ("x,z\n" + "\n".join(f"{x},{x}" for x in range(20)), "cannot be converted to mm"),
         ("x_mm,z_mm\n" + "\n".join(f"{x},{'' if x == 7 else x}" for x in range(20)), "z_mm[7] = nan"),
         ("x_mm,z_mm\n" + "\n".join(f"{abs(x)},{x}" for x in range(-10, 10)), "must ascend"),
     ],

@@ -146,7 +146,7 @@ def test_a_knot_is_a_number_of_the_design() -> None:
         ("lens.knots_um[x]", "the list has 6 entries"),
         ("lens.knots_um.0", "the list has 6 entries"),
         ("lens.focus_mm[0]", "unknown key|has 0 entries"),
-        ("wall[0].index", "the design has 0 entries"),
+        ("wall[0].index", "the list is empty|list has 0 entries"),
         ("lens.knots_um[0].x", "unknown key"),
     ],
 )

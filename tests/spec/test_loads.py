@@ -80,7 +80,7 @@ def test_a_key_of_one_of_several_tables_is_read_and_set_by_its_number() -> None:
             "hold[2].about = 'emitter'; must be",
             "one",
         ),
-        (TURNED + HOLD + CLAMP + FINGER.replace("finger", "fork"), "press[0].name = 'fork'; is the name of", "another"),
+        (TURNED + HOLD + CLAMP + FINGER.replace("finger", "fork"), "press[0].name = 'fork'; is already the", "hold"),
         (PRESSED + HOLD + FINGER.replace('"finger"', '"air"'), "press[0].name = 'air'; is the name of", "another"),
         (PRESSED + HOLD + FINGER.replace('"finger"', '"body"'), "press[0].name = 'body'; is the name of", "another"),
         (
