@@ -106,7 +106,7 @@ def check_report(page: Page, found: dict[str, Any]) -> None:
         (["deform", "{}", "--set", "motion.kind=rotation"], "motion.drives = 'clamp.angle_deg'; does not apply"),
         (["deform", "{}", "--at", "95"], "--at = 95.0; must be between"),
         (["deform", "{}", "--set", "hold[0].face=recievers"], "mount.face = 'recievers'; is not the name of a face"),
-        (["deform", "{}", "--set", "hold[4].face=lens"], "hold[4].face; the design has 2"),
+        (["deform", "{}", "--set", "hold[4].face=lens"], "hold[4].face; the list has 2"),
         (["trace", "{}", "--angle-deg", "1"], "--angle-deg = 1.0; does not apply: the motion drives clamp.angle_deg"),
         (["run", "{}", "--set", "motion.drives=clamp.depth_mm", "--out", "{}.out"], "motion.drives = 'clamp.depth_mm'"),
     ],
