@@ -19,7 +19,7 @@ from solen.trace.adaptive import Lights, why_not
 from solen.trace.cells import Cell, Cells
 from solen.trace.cone import DOUBLE
 from solen.trace.kernel.family import at_angles, heading
-from solen.trace.kernel.paths import add_rays, integrate_path, path_room, trace_rays
+from solen.trace.kernel.paths import add_rays, integrate_path, path_buffers, trace_rays
 from solen.trace.kernel.prism import NO_DRAW
 from solen.trace.space import LightInSpace
 
@@ -262,17 +262,17 @@ def test_parts_of_one_path_that_end_apart() -> None:
     light = Lights.of(gap.scene(1.7), "power", Limits(1e-6)).each[0]
     assert isinstance(light, LightInSpace)
     family = light.families[0]._replace(rules=light.families[0].rules._replace(min_weight=0.5, max_hits=4))
-    room, total = path_room(light.columns), np.empty(light.columns)
+    buffers, total = path_buffers(light.columns), np.empty(light.columns)
     for rise, angle in ((0.05, 0.2), (0.6, 0.1), (0.8, 0.3)):
         path = at_angles(family, angle, 0.0, rise, family.low, family.high)
-        room.counts[:] = 0
-        integrate_path(DOUBLE, light.walls, path, room, light.ends, 64, 1e-4, 1e-5, 1e-3, total)
-        assert room.counts[0] < 2000, "no jump is halved without end"
+        buffers.counts[:] = 0
+        integrate_path(DOUBLE, light.walls, path, buffers, light.ends, 64, 1e-4, 1e-5, 1e-3, total)
+        assert buffers.counts[0] < 2000, "no jump is halved without end"
         brute = np.zeros(light.columns)
         for u in np.linspace(family.low, family.high, 4001)[:-1] + (family.high - family.low) / 8000:
-            room.counts[3], room.u[0] = 0, u
-            add_rays(DOUBLE, light.walls, path, room, heading(path, u), 0, 1)
-            brute += room.value[0] / 4000
+            buffers.counts[3], buffers.u[0] = 0, u
+            add_rays(DOUBLE, light.walls, path, buffers, heading(path, u), 0, 1)
+            brute += buffers.value[0] / 4000
         assert total / (family.high - family.low) == pytest.approx(brute, abs=1e-3)
 
 
@@ -313,15 +313,15 @@ def test_the_tail_takes_up_all_that_is_left(hits: int, height_mm: tuple[float, f
     light = lights.each[0]
     rules = lights.rules._replace(min_weight=0.02, max_hits=hits)
     tail = light.tail(rules)
-    room, columns = path_room(tail.columns), tail.columns
+    buffers, columns = path_buffers(tail.columns), tail.columns
     launch = light.source.launch_at(np.random.default_rng(hits).random((400, 4)), 400, True)
     left, sampled = np.zeros(columns), np.zeros(columns)
     assert launch.dy is not None
     for i in range(400):
-        room.start[:2] = launch.x_mm[i], launch.z_mm[i], launch.dx[i], launch.dy[i], launch.dz[i]
+        buffers.start[:2] = launch.x_mm[i], launch.z_mm[i], launch.dx[i], launch.dy[i], launch.dz[i]
         for n, draw in ((0, NO_DRAW), (1, i)):
-            trace_rays(DOUBLE, tail.walls, tail.family_of(0), room, n, n + 1, draw, 10_000)
-        room.counts[3], (exact, rest) = 0, room.value[:2]
+            trace_rays(DOUBLE, tail.walls, tail.family_of(0), buffers, n, n + 1, draw, 10_000)
+        buffers.counts[3], (exact, rest) = 0, buffers.value[:2]
         assert rest[-1] == pytest.approx(exact[-1], abs=1e-12)
         assert math.fsum(rest[:-3]) == pytest.approx(rest[-1], abs=1e-9)
         assert math.fsum(exact[:-3]) + exact[-1] == pytest.approx(1.0, abs=1e-9)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from solen.cli import run_command
 from solen.scene import dumps, loads, rayoptics
-from solen.trace import Turns, trace, trace_in_turns
+from solen.trace import RoundRobin, trace, trace_round_robin
 from tests.outside.peer_support import Peer, angle_source, beam, load, point_source
 
 ASKED, REACHED = 1e-3, 1e-9
@@ -60,7 +60,7 @@ def test_readings_are_those_that_the_peer_recorded(
 ) -> None:
     imported = rayoptics.load(place(outside, name), facets=True)
     assert imported.not_understood == ()
-    result = trace_in_turns(imported.scene, Turns(imported.weak, imported.weakest, imported.fresh))
+    result = trace_round_robin(imported.scene, RoundRobin(imported.weak, imported.weakest, imported.fresh))
     assert result.undefined == 0, result.undefined_at_mm
     assert abs(result.ledger.total - 1.0) < 1e-12
     (reading,) = imported.readings(result.monitors).values()

@@ -70,9 +70,9 @@ def test_the_angle_in_space_is_the_inverse_of_the_power(pattern: Pattern, half: 
 @every_case
 def test_stretches_are_the_pattern(pattern: Pattern, half: float) -> None:
     """In order, without overlap, each the intensity times a constant; together they have the stated integral."""
-    stretches = pattern.stretches(half)
+    intervals = pattern.intervals(half)
     total = 0.0
-    for one in stretches:
+    for one in intervals:
         for share in (0.1, 0.5, 0.9):
             angle = one.low + share * (one.high - one.low)
             here = (one.base + one.slope * angle) * math.cos(angle) ** one.power
@@ -82,7 +82,7 @@ def test_stretches_are_the_pattern(pattern: Pattern, half: float) -> None:
             lambda t, one=one: (one.base + one.slope * t) * max(math.cos(t), 0.0) ** one.power, one.low, one.high
         )[0]
     assert total == pytest.approx(pattern.plane_angle(half), rel=1e-8)
-    assert all(a.high <= b.low + 1e-15 for a, b in pairwise(stretches))
+    assert all(a.high <= b.low + 1e-15 for a, b in pairwise(intervals))
 
 
 def test_moments_of_a_lambertian_emitter() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from solen.errors import DesignError
 from solen.scene import rayoptics
-from solen.trace import Turns, trace, trace_in_turns
+from solen.trace import RoundRobin, trace, trace_round_robin
 
 Json = dict[str, Any]
 NM, LINES = 540.0, 600.0
@@ -42,7 +42,7 @@ def arc(**more: Any) -> Json:
 
 def orders(imported: rayoptics.Imported) -> dict[float, float]:
     """Brightness of what escapes by its direction's x, both rounded."""
-    found = trace_in_turns(imported.scene, Turns(imported.weak, imported.weakest, imported.fresh), legs=True)
+    found = trace_round_robin(imported.scene, RoundRobin(imported.weak, imported.weakest, imported.fresh), legs=True)
     assert found.ledger.total == pytest.approx(1.0, abs=1e-12)
     return {
         round(path.exit_direction[0], 4): round(path.power * imported.scene.emitted, 4)
@@ -85,7 +85,7 @@ def test_solens_engine_draws_the_same_orders() -> None:
     grating = flat(customBrightness=True, brightnesses=[0.4, 0.3, 0.2])
     imported = loaded(beam, grating, screen, rayModeDensity=4000, colorMode="linear")
     drawn = trace(imported.scene, "power", seed=4).monitors["detector1"].power_by_bin
-    turns = trace_in_turns(imported.scene, Turns(imported.weak, imported.weakest, imported.fresh))
+    turns = trace_round_robin(imported.scene, RoundRobin(imported.weak, imported.weakest, imported.fresh))
     exact = turns.monitors["detector1"].power_by_bin
     np.testing.assert_allclose(drawn, exact, atol=4 * 0.5 / math.sqrt(imported.scene.rays))
     assert np.abs(exact).sum() == pytest.approx(0.9, abs=1e-9)
@@ -93,7 +93,7 @@ def test_solens_engine_draws_the_same_orders() -> None:
 
 def test_orders_brighter_than_the_light_are_followed_in_turns_alone() -> None:
     imported = loaded(lamp(0.0, True), flat(customBrightness=True))
-    found = trace_in_turns(imported.scene, Turns(imported.weak, imported.weakest, imported.fresh))
+    found = trace_round_robin(imported.scene, RoundRobin(imported.weak, imported.weakest, imported.fresh))
     assert (found.ledger.escaped, found.ledger.truncated) == pytest.approx((2.0, -1.0))
     with pytest.raises(DesignError, match="sum of 2"):
         trace(imported.scene, "power")
@@ -141,7 +141,7 @@ def test_a_glass_over_a_first_curve_off_the_line_is_the_same_as_polyline_and_cur
         imported = rayoptics.loads(json.dumps(settings), facets=facets)
         assert imported.not_understood == ()
         assert {(r.name, r.index) for r in imported.scene.regions} == {("air", 1.0), ("customglass1", 1.5)}
-        turns = trace_in_turns(imported.scene, Turns(imported.weak, imported.weakest, imported.fresh))
+        turns = trace_round_robin(imported.scene, RoundRobin(imported.weak, imported.weakest, imported.fresh))
         assert turns.undefined == 0
         found.append(turns.monitors["detector1"].power)
     assert found[0] == pytest.approx(found[1], abs=2e-3)

@@ -17,7 +17,7 @@ from solen.scene import Fan, Interface, Scene, rayoptics
 from solen.scene.rayoptics.arrangement import Element, Glass, arranged
 from solen.scene.rayoptics.formula_curves import fitted
 from solen.scene.rayoptics.seedrandom import drawn
-from solen.trace import Turns, trace, trace_in_turns
+from solen.trace import RoundRobin, trace, trace_round_robin
 
 Json = dict[str, Any]
 LAMP: Json = {"type": "SingleRay", "p1": {"x": 0, "y": 0}, "p2": {"x": 1, "y": 0}}
@@ -156,7 +156,7 @@ def test_colours_are_lines_and_filters_bands() -> None:
     for wavelength, invert, passes in ((505, False, 0), (515, False, 1), (505, True, 1), (515, True, 0)):
         lamp = {**LAMP, "wavelength": wavelength}
         found = scene(lamp, {**mirror, "invert": invert}, detector, simulateColors=True)
-        result = trace_in_turns(found.scene, Turns(found.weak, found.weakest, found.fresh))
+        result = trace_round_robin(found.scene, RoundRobin(found.weak, found.weakest, found.fresh))
         assert abs(found.readings(result.monitors)["behind"].power) == passes
     assert trace(scene(LAMP, mirror, detector).scene, "power").monitors["behind"].power == 0.0  # no colours, no filter
 
@@ -264,8 +264,7 @@ def test_what_is_unknown_is_reported_and_the_rest_is_read() -> None:
         "object 6, CustomMirror: formula 'x.real' at character 2 = '.'; is not part of a formula; "
         "the object is omitted",
         "object 7, ModuleObj, module: there is no module 'none', or it contains itself",
-        "object 8, Beam, random: the scene has no randomSeed, so that its rays differ from time to time; "
-        "the object is omitted",
+        "object 8, Beam, random: the scene has no randomSeed, so its rays differ on each run; the object is omitted",
         "object 10, object: is not an object",
         "scene, weather: unknown key",
     ]

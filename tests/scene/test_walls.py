@@ -142,7 +142,7 @@ def test_a_pad_with_air_beyond_lets_light_come_back() -> None:
 @pytest.mark.parametrize(
     ("walls", "words"),
     [
-        ([{"face": "stern-*"}], r"wall\[0\]\.face = 'stern-\*'; names no wall; there are lens, stem-right"),
+        ([{"face": "stern-*"}], r"wall\[0\]\.face = 'stern-\*'; names no wall; the walls are lens, stem-right"),
         ([{"face": "joint-*"}], r"wall\[0\]\.face = 'joint-\*'; names no wall"),
         ([{"face": "receiver-right"}], r"wall\[0\]\.face = 'receiver-right'; names no wall"),
         ([{"face": "stem-right", "from_mm": 17.0}], r"wall\[0\]\.from_mm = 17\.0; must be below 16\.2"),

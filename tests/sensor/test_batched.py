@@ -14,7 +14,8 @@ from solen.sensor import Responses, Sensor, numbers_of, respond, why_not_batched
 from solen.spec import Design
 from solen.trace import batch
 from solen.trace.kernel import loop, tally
-from solen.trace.kernel.room import BLOCK, Rows, room
+from solen.trace.kernel.buffers import BLOCK, Rows, new_buffers
+from solen.trace.sums import of_tasks
 from solen.trace.tables import Tables, compile_scene
 from tests.lens.measured_support import X, lens, profile
 
@@ -68,13 +69,13 @@ def random_sensors(many: int, seed: int) -> list[Sensor]:
 class Legs:
     """The first stretches of all rays through tables, ray by ray, and the powers at both receivers."""
 
-    def __init__(self, tables: Tables, rays: Rows, lot: batch.Lot) -> None:
-        sums = batch.empty_sums(1)
+    def __init__(self, tables: Tables, rays: Rows, lot: batch.DesignBatch) -> None:
+        sums = of_tasks(1, 2)
         self.sums = tally.Sums(
             sums.fate[0], sums.detected, sums.arrived, sums.optical, sums.position, sums.angle, sums.crossed,
             sums.crossings, sums.maps, sums.counts[0], sums.place[0], np.empty((512 * len(rays.x), tally.LEG_WIDTH)),
         )  # fmt: skip
-        space = room(len(rays.x), np.float64, 64 * BLOCK)
+        space = new_buffers(len(rays.x), np.float64, 64 * BLOCK)
         assert loop.trace_rays(batch.DOUBLE, tables, self.sums, rays, lot.rules, space, None)
         rows = self.sums.legs[: self.sums.counts[tally.LEGS]]
         assert len(rows) == self.sums.counts[tally.LEGS] <= len(self.sums.legs)
@@ -97,7 +98,7 @@ class Legs:
         return own
 
 
-def tables_of(lot: batch.Lot, a: int) -> Tables:
+def tables_of(lot: batch.DesignBatch, a: int) -> Tables:
     """Tables that a lot has made of a scene."""
     p, q = lot.starts.piece[a : a + 2]
     parts: list[Any] = list(lot.tables)
@@ -138,7 +139,7 @@ def compare(sensors: list[Sensor], bins: int, each: int) -> tuple[int, int, floa
     Other powers differ by more than 1e-12 of the emitted light.
     """
     numbers, edges = numbers_of(sensors), np.linspace(-0.15, 0.15, bins + 1)
-    lot = batch.Lot(ANGLES, bins, each, 0, "power", False)
+    lot = batch.DesignBatch(ANGLES, bins, each, 0, "power", False)
     many, others, most = 0, 0, 0.0
     for d, sensor in enumerate(sensors):
         found = lot.traced(numbers, d, batch.Bins(edges[:-1], edges[1:]), d)
@@ -271,7 +272,7 @@ def test_a_measured_lens_has_the_powers_of_its_scenes() -> None:
     designed = Sensor.of(BASE)
     measured = replace(designed, cut=lens(profile(5.0 * np.cos(X + 0.5))))
     numbers = numbers_of([measured])
-    lot = batch.Lot(np.array([1.0]), 1, 16, int(numbers.body[0, -1]), "power", False)
+    lot = batch.DesignBatch(np.array([1.0]), 1, 16, int(numbers.body[0, -1]), "power", False)
     lot.prepare(numbers, 0, batch.Bins(np.zeros(1), np.zeros(1)), 0)
     mine, its = tables_of(lot, 0), compile_scene(measured.scene(1.0))
     assert mine.shape == pytest.approx(its.shape, abs=1e-12)

@@ -13,7 +13,7 @@ from solen.plane import heading
 from solen.scene import Fan, Interface, Monitor, Rays, Region, Scene
 from solen.trace import Limits, Trace, trace, trace_reference
 from solen.trace.engine import CHUNK
-from solen.trace.kernel.room import BLOCK
+from solen.trace.kernel.buffers import BLOCK
 from tests.agreement.bits_support import bits
 from tests.agreement.random_scene_support import motley_scene
 from tests.agreement.scenes_support import same_readings

@@ -10,7 +10,7 @@ something does not fit: the end may then lie on the inside of another curve, whi
 directions.
 
 Errors that only a comparison of whole areas would show are not detected, for example a closed body inside a medium
-other than the one that its outer side names. `solen.scene.apart` checks that no two curves coincide or cross.
+other than the one that its outer side names. `solen.scene.overlaps` checks that no two curves coincide or cross.
 """
 
 import math
@@ -233,11 +233,13 @@ def _passing(
     ending = {branch.interface.name for branch in vertex}
     near = np.flatnonzero(((boxes[:, :2] <= at) & (boxes[:, 2:] >= at)).all(axis=1)).tolist()
     return [
-        interfaces[k] for k in near if interfaces[k].name not in ending and holds(interfaces[k].curve, at, tolerance_mm)
+        interfaces[k]
+        for k in near
+        if interfaces[k].name not in ending and passes_through(interfaces[k].curve, at, tolerance_mm)
     ]
 
 
-def holds(curve: Curve, point: Point, tolerance_mm: float) -> bool:
+def passes_through(curve: Curve, point: Point, tolerance_mm: float) -> bool:
     """Whether a curve passes through a point, within a tolerance."""
     rays = [(along(point, direction, -BACK_MM), direction) for direction in ((1.0, 0.0), (0.0, 1.0))]
     return any(abs(t - BACK_MM) <= tolerance_mm for ray in rays for t in curve.hits(*ray))

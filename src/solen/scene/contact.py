@@ -79,7 +79,7 @@ def pad_edges(body: Body, walls: Sequence[Wall]) -> tuple[Interface, ...]:
         for i, pad in enumerate(touching):
             if pad is not None:
                 interfaces += _edges(touching[i - 1], pad, touching[(i + 1) % len(touching)])
-    _check_apart(body, pads)
+    _check_pads(body, pads)
     return tuple(interfaces)
 
 
@@ -194,7 +194,7 @@ def _normals(curve: Curve, u: FloatArray) -> FloatArray:
     return np.asarray(np.column_stack([-z, x]) / np.hypot(x, z)[:, None])
 
 
-def _check_apart(body: Body, pads: Sequence[Pad]) -> None:
+def _check_pads(body: Body, pads: Sequence[Pad]) -> None:
     """Check that each pad is in the air: not in the body or another pad, nor over the emitter or a receiver."""
     if not pads:
         return

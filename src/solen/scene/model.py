@@ -20,8 +20,8 @@ from solen.errors import DesignError
 from solen.geometry import Front
 from solen.material import Dispersion
 from solen.plane import Point
-from solen.scene.apart import ON_IT_MM, check_apart, overlap_mm
 from solen.scene.closed_media import check_closed
+from solen.scene.overlaps import ON_IT_MM, check_overlaps, overlap_mm
 from solen.scene.sources import Source
 from solen.scene.surface import Surface
 
@@ -127,7 +127,7 @@ class Extrusion:
 class Scene:
     """Regions, interfaces, sources and monitors, checked on construction; a `DesignError` names the fault.
 
-    Interfaces must be separate (see `solen.scene.apart`) and media closed (see `solen.scene.closed_media`). With
+    Interfaces must be separate (see `solen.scene.overlaps`) and media closed (see `solen.scene.closed_media`). With
     ``open_media`` neither is checked, for drawings in which a medium has no outer boundary, as a half-space or an
     endless plate: a ray that passes round an open end and meets a medium that it is not in ends there, and the trace
     counts it as undefined. A ``front`` is a face of an extruded scene that is not upright.
@@ -152,7 +152,7 @@ class Scene:
             self._check_interface(interface)
         if not self.open_media:
             check_closed(self.interfaces)
-            check_apart(self.interfaces)
+            check_overlaps(self.interfaces)
         if not self.sources:
             raise DesignError("scene sources", value=0, limit="a scene needs at least one source")
         for source in self.sources:

@@ -131,7 +131,9 @@ class _Batch:
         each, most = max(math.ceil(rays / lattices), FEWEST_RAYS), int(self.numbers.body[:, -1].max(initial=0))
         self.lattices, self.lots = lattices, local()
         self.places: dict[tuple[bytes, bytes], Places] = {}
-        self.new_lot = partial(batch.Lot, self.angle_deg[self.traced], lattices, each, most, mode, in_space, Limits())
+        self.new_lot = partial(
+            batch.DesignBatch, self.angle_deg[self.traced], lattices, each, most, mode, in_space, Limits()
+        )
         shape = (len(sensors), self.width.shape[1], len(self.angle_deg))
         right, left, u = (np.full(shape, math.nan) for _ in range(3))
         self.responses = Responses(right, left, u, np.full(len(sensors), math.nan), [""] * len(sensors))

@@ -14,7 +14,7 @@ from solen.sensor.numbers import inert, number, tolerance_of, usual_keys
 from solen.sensor.response import Sensitivity, contrast_slope
 from solen.spec import with_values
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate
-from solen.trace.adaptive import POINT_TOLERANCE, is_extended, usual_tolerance, why_not
+from solen.trace.adaptive import POINT_TOLERANCE, default_tolerance, is_extended, why_not
 from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS, SPACE_TOLERANCE, TOLERANCE
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def _sensitivity(sensor: "Sensor", key: str, value: float, angle_deg: float, bas
 
 def slope_per_deg(sensor: "Sensor", angle_deg: float, tolerance: float | None) -> Slope | None:
     """See `Sensor.slope_per_deg`."""
-    point = usual_tolerance(sensor.scene(angle_deg)) == POINT_TOLERANCE
+    point = default_tolerance(sensor.scene(angle_deg)) == POINT_TOLERANCE
     half = (SLOPE_DEG if point else WIDE_SLOPE_DEG) / 2
     near = sensor.power([angle_deg + n * half for n in (-2, -1, 1, 2)], tolerance=tolerance)
     value, u = near.contrast, near.u_contrast

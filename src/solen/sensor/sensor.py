@@ -27,7 +27,7 @@ from solen.spec import Design, load, with_values
 from solen.spec.body import OF_SHAPES as KEYS_OF_SHAPES
 from solen.spec.placed import lit, state_of, states
 from solen.trace import Derivative, Mode, Slope, Trace, integrate, trace
-from solen.trace.adaptive import usual_tolerance, why_not
+from solen.trace.adaptive import default_tolerance, why_not
 from solen.trace.chunks import Sampling
 from solen.trace.nets import by_nets
 
@@ -251,7 +251,7 @@ class Sensor:
         that is not a cylinder is integrated with randomised nets, and its uncertainty is a standard error.
         """
         scene = self.scene(angle_deg)
-        tolerance = usual_tolerance(scene) if tolerance is None else tolerance
+        tolerance = default_tolerance(scene) if tolerance is None else tolerance
         return integrate(scene, mode, tolerance)
 
     def derivative(

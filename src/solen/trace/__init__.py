@@ -9,7 +9,7 @@ from solen.trace.many import trace_many
 from solen.trace.options import TraceOptions, trace_with
 from solen.trace.reference import trace_reference
 from solen.trace.result import Crossed, Detected, Ledger, Limits, Mode, Path, Trace
-from solen.trace.turns import Turns, trace_in_turns
+from solen.trace.round_robin import RoundRobin, trace_round_robin
 
 __all__ = [
     "Convergence",
@@ -20,11 +20,11 @@ __all__ = [
     "Limits",
     "Mode",
     "Path",
+    "RoundRobin",
     "Series",
     "Slope",
     "Trace",
     "TraceOptions",
-    "Turns",
     "convergence",
     "derivative",
     "integrate",
@@ -32,8 +32,8 @@ __all__ = [
     "save_netcdf",
     "to_dataset",
     "trace",
-    "trace_in_turns",
     "trace_many",
     "trace_reference",
+    "trace_round_robin",
     "trace_with",
 ]

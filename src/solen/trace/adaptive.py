@@ -21,7 +21,7 @@ import numpy as np
 from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Scene, Source
-from solen.scene.sources import Emission, Emitter
+from solen.scene.sources import Ambient, Emission, Emitter
 from solen.trace.cone import COARSE, COARSE_TOLERANCE, RULE, Cone, Integral, weighted_sum
 from solen.trace.kernel import adapt
 from solen.trace.kernel.family import FamilyInSpace
@@ -32,7 +32,7 @@ from solen.trace.kernel.surface import SPLITTING
 from solen.trace.kernel.tree import Family
 from solen.trace.nets import by_nets
 from solen.trace.result import Detected, Ledger, Limits, Mode, Trace, check_mode
-from solen.trace.space import LightInSpace, why_not_in_space
+from solen.trace.space import LightInSpace
 from solen.trace.tables import Tables, compile_scene
 from solen.trace.tail import Tail
 
@@ -220,7 +220,7 @@ class Light:
         """Return the point at a position from 0 to 1, at one wavelength."""
         x, z, axis_deg = self.emission.at(place)
         here = self.family._replace(x=x, z=z, axis=math.radians(axis_deg), colour=colour)
-        families = tuple(here._replace(**stretch._asdict()) for stretch in self.emission.stretches)
+        families = tuple(here._replace(**interval._asdict()) for interval in self.emission.intervals)
         return Cone(self.tables, self.ends, self.columns, families, self.emission.whole)
 
     def integral(self, tolerance: float, rules: Rules, most_legs: int) -> Integral:
@@ -267,9 +267,14 @@ def why_not(scene: Scene) -> str:
         return "a scene that scatters"
     if scene.front is not None:
         return "a lens whose section depends on the height"
-    if scene.extrusion is not None:
-        return why_not_in_space(scene)
-    others = [type(source).__name__ for source in scene.sources if source.emission() is None]
+    in_space = scene.extrusion is not None
+    if in_space and any(interface.behaviour == "lens" for interface in scene.interfaces):
+        return "an ideal lens in space"
+    others = [
+        type(source).__name__
+        for source in scene.sources
+        if source.emission() is None or (in_space and isinstance(source, Ambient))
+    ]
     return f"a source {others[0]}" if others else ""
 
 
@@ -282,7 +287,7 @@ def is_extended(scene: Scene) -> bool:
     )
 
 
-def usual_tolerance(scene: Scene) -> float:
+def default_tolerance(scene: Scene) -> float:
     """Return the default tolerance for a scene's powers."""
     in_space = scene.extrusion is not None
     return EXTENDED_TOLERANCE if in_space or is_extended(scene) else POINT_TOLERANCE

@@ -15,8 +15,8 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.scene import Launch, Scene, Source
 from solen.scene.sources.points import COPIES, sample
+from solen.trace.kernel.buffers import Rows
 from solen.trace.kernel.extruded import RowsInSpace
-from solen.trace.kernel.room import Rows
 from solen.trace.kernel.rows import Precision
 from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING

@@ -31,7 +31,7 @@ from solen.trace.kernel.tree import LEG_COLUMNS, STACK, Family
 from solen.trace.kernel.tree import WIDTH as STACK_WIDTH
 from solen.trace.tables import Tables
 
-FIRST_STRETCHES, LEAST_STRETCHES = 64, 4
+FIRST_INTERVALS, LEAST_INTERVALS = 64, 4
 """Initial number of intervals of a whole cone, and the least number for a part of it between two corners of a
 pattern.
 """
@@ -177,14 +177,14 @@ class Cone:
     def integral(self, tolerance: float, most_legs: int, parts: list[Parts] | None = None) -> Integral:
         """Cut and integrate; if given, ``parts`` receives the pieces."""
         width = math.fsum(family.high - family.low for family in self.families)
-        found = [self._stretch(family, width, tolerance, most_legs, parts) for family in self.families]
+        found = [self._interval(family, width, tolerance, most_legs, parts) for family in self.families]
         return found[0] if len(found) == 1 else weighted_sum(found, [1.0] * len(found))
 
-    def _stretch(
+    def _interval(
         self, family: Family, width: float, tolerance: float, most_legs: int, kept: list[Parts] | None
     ) -> Integral:
         """Integrate one interval of angles, as its part of the source's power."""
-        samples, pieces = room(most_legs, self.columns)
+        samples, pieces = buffers_of(most_legs, self.columns)
         total, narrowest = np.zeros(self.columns), math.radians(NARROWEST_DEG)
         here = family.high - family.low
         most = max(abs(family.base + family.slope * family.low), abs(family.base + family.slope * family.high))
@@ -192,7 +192,7 @@ class Cone:
         error, gaps, parts = adapt.integrate_cone(
             DOUBLE, self.tables, family, samples, pieces, self.ends, RULE, density,
             max(GAP_SHARE * tolerance * self.whole / most, narrowest), narrowest,
-            0.5 * tolerance * self.whole * share / most, max(math.ceil(FIRST_STRETCHES * share), LEAST_STRETCHES),
+            0.5 * tolerance * self.whole * share / most, max(math.ceil(FIRST_INTERVALS * share), LEAST_INTERVALS),
             most_legs, np.zeros((len(NODES) + 1, self.columns)), total,
         )  # fmt: skip
         if kept is not None:
@@ -204,14 +204,14 @@ class Cone:
         """Return powers (D + 2,) over the pieces of a slightly different point; None if any cannot be located."""
         total = np.zeros(self.columns)
         for family, parts in zip(self.families, before, strict=True):
-            found = self._stretch_again(family, parts)
+            found = self._interval_again(family, parts)
             if found is None:
                 return None
             total += found
         return total / self.whole
 
-    def _stretch_again(self, family: Family, parts: Parts) -> np.ndarray | None:
-        samples, pieces = room(MOST_LEGS, self.columns)
+    def _interval_again(self, family: Family, parts: Parts) -> np.ndarray | None:
+        samples, pieces = buffers_of(MOST_LEGS, self.columns)
         samples.counts[:] = 0
         for name in Parts._fields:
             getattr(pieces, name)[: len(getattr(parts, name))] = getattr(parts, name)
@@ -224,26 +224,26 @@ class Cone:
         return total if found and gaps <= widths_before + NEW_GAPS * here else None
 
 
-class _Rooms(threading.local):
+class _Buffers(threading.local):
     """Working memory of each thread, by its size."""
 
     def __init__(self) -> None:
-        self.rooms: dict[tuple[int, int], tuple[adapt.Samples, adapt.Pieces]] = {}
+        self.by_size: dict[tuple[int, int], tuple[adapt.Samples, adapt.Pieces]] = {}
 
 
-_ROOMS = _Rooms()
+_BUFFERS = _Buffers()
 
 
-def room(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
+def buffers_of(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
     """Return the working memory of this thread, which the next call reuses."""
-    rooms = _ROOMS.rooms
-    if (most_legs, columns) not in rooms:
-        rooms.clear()
-        rooms[most_legs, columns] = _room(most_legs, columns)
-    return rooms[most_legs, columns]
+    by_size = _BUFFERS.by_size
+    if (most_legs, columns) not in by_size:
+        by_size.clear()
+        by_size[most_legs, columns] = _new_buffers(most_legs, columns)
+    return by_size[most_legs, columns]
 
 
-def _room(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
+def _new_buffers(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
     """Allocate working memory; unused pages of it take no memory."""
     n = MOST_SAMPLES
 

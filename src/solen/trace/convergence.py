@@ -8,7 +8,6 @@ integral and a fan and a sample with four times the rays of the densest.
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from solen.results import Result
 from solen.scene import Rays, Scene
 from solen.trace.adaptive import integrate
 from solen.trace.engine import trace
+from solen.trace.nets import with_rays
 from solen.trace.result import Limits, Method, Mode, Trace, check_mode
 
 LEAST_RAYS, MOST_RAYS = 2**4, 2**18
@@ -126,8 +126,7 @@ def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trac
 
 def _with_rays(scene: Scene, rays: int) -> Scene:
     """Return the scene with this number of rays, divided evenly among its sources."""
-    each = max(1, rays // len(scene.sources))
-    return replace(scene, sources=tuple(source.with_rays(each) for source in scene.sources))
+    return with_rays(scene, max(1, rays // len(scene.sources)))
 
 
 def _series(reference: Trace, result: list[Trace]) -> Series:

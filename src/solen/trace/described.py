@@ -20,7 +20,7 @@ from solen.results import HIDDEN, Result
 from solen.scene import Monitor, Scene, loads, rayoptics
 from solen.trace.options import TraceOptions, trace_with
 from solen.trace.result import Crossed, Trace
-from solen.trace.turns import Turns, trace_in_turns
+from solen.trace.round_robin import RoundRobin, trace_round_robin
 
 
 class Branch(Result):
@@ -261,8 +261,8 @@ def _in_turns(imported: rayoptics.Imported, options: TraceOptions, paths: bool) 
         limit = "does not apply when tracing by the rules of ray-optics"
         raise SpecError(f"--{name}", value=value, limit=limit, remedy="add --mode power to trace with solen's engine")
     max_hits = {} if imported.max_hits is None else {"max_hits": imported.max_hits}
-    turns = Turns(imported.weak, imported.weakest, imported.fresh, **max_hits)
-    return trace_in_turns(imported.scene, turns, legs=paths)
+    turns = RoundRobin(imported.weak, imported.weakest, imported.fresh, **max_hits)
+    return trace_round_robin(imported.scene, turns, legs=paths)
 
 
 def _received(scene: Scene, trace: Trace) -> dict[str, ScreenReading]:

@@ -33,7 +33,7 @@ from solen.trace.chunks import (
 )
 from solen.trace.entry import note_entry, through_face
 from solen.trace.kernel import extruded, loop, tally
-from solen.trace.kernel.room import BLOCK, Rows, room
+from solen.trace.kernel.buffers import BLOCK, Rows, new_buffers
 from solen.trace.kernel.surface import SPLITTING
 from solen.trace.result import Limits, Mode, Trace, check_choice, check_mode, in_order
 from solen.trace.sums import add, empty, legs_of, result
@@ -224,8 +224,8 @@ def _trace_chunk(job: Job, chunk: Chunk) -> tally.Sums:
     legs, waiting = (8 * len(launch) if job.legs else 0), 64 * BLOCK
     while True:
         sums = empty(job, legs)
-        space = room(len(launch), dtype, waiting)
-        enough = loop.trace_rays(job.constants, job.tables, sums, rays, rules, space, treatments)
+        buffers = new_buffers(len(launch), dtype, waiting)
+        enough = loop.trace_rays(job.constants, job.tables, sums, rays, rules, buffers, treatments)
         if enough and (not job.legs or sums.counts[tally.LEGS] <= legs):
             return sums
         legs = max(legs, int(sums.counts[tally.LEGS]) if job.legs else 0)
@@ -236,8 +236,8 @@ def _trace_in_space(job: Job, chunk: Chunk, extrusion: Extrusion) -> tally.Sums:
     rays, rules, waiting = rows_in_space(job, chunk), rules_of(job, chunk), 64 * BLOCK
     slab = extruded.Slab(0.5 * extrusion.thickness_mm, extrusion.index_above, extrusion.index_below)
     while True:
-        sums, room = empty(job), extruded.room_in_space(waiting)
-        if extruded.trace_in_space(job.constants, job.tables, sums, rays, rules, slab, room):
+        sums, buffers = empty(job), extruded.buffers_in_space(waiting)
+        if extruded.trace_in_space(job.constants, job.tables, sums, rays, rules, slab, buffers):
             note_entry(sums, chunk.launch)
             return sums
         waiting *= 2

@@ -18,11 +18,10 @@ from solen.curve import check_count
 from solen.errors import DesignError
 from solen.scene import Scene
 from solen.trace.chunks import DTYPES, Chunk, Digits, Job, chunks, rows_of, rules_of
-from solen.trace.entry import REFLECTED
 from solen.trace.kernel import batch, tally
-from solen.trace.kernel.room import BLOCK, Rows, room
-from solen.trace.result import KEPT_PLACES, Limits, Mode, Trace, check_choice, check_mode
-from solen.trace.sums import empty, result
+from solen.trace.kernel.buffers import BLOCK, Rows, new_buffers
+from solen.trace.result import Limits, Mode, Trace, check_choice, check_mode
+from solen.trace.sums import empty, of_tasks, result
 from solen.trace.tables import Tables
 
 Task = tuple[int, Chunk]
@@ -82,20 +81,7 @@ class _Batch:
             monitor=_starts(monitors),
             bin=_starts(bins),
         )
-        self.sums = tally.Sums(
-            fate=np.zeros((len(tasks), REFLECTED + 1)),
-            detected=np.zeros(sum(receivers)),
-            arrived=np.zeros(sum(receivers), dtype=np.int64),
-            optical=np.zeros(sum(receivers)),
-            position=np.zeros((0, 0)),
-            angle=np.zeros((0, 0)),
-            crossed=np.zeros(sum(monitors)),
-            crossings=np.zeros(sum(monitors), dtype=np.int64),
-            maps=np.zeros(sum(bins)),
-            counts=np.zeros((len(tasks), 4), dtype=np.int64),
-            place=np.full((len(tasks), 2, KEPT_PLACES, 2), np.nan),
-            legs=np.empty((0, tally.LEG_WIDTH)),
-        )
+        self.sums = of_tasks(len(tasks), sum(receivers), sum(monitors), sum(bins))
 
     def shares(self, threads: int) -> list[int]:
         """Divide the tasks among threads, with about the same number of rays each."""
@@ -112,7 +98,7 @@ class _Batch:
         treatments = self.tables.treatments if len(self.tables.treatments) else None
         while not batch.trace_tasks(
             job.constants, self.tables, self.starts, self.where, self.sums, self.rays, rules,
-            room(most, dtype, waiting), treatments, begin, stop,
+            new_buffers(most, dtype, waiting), treatments, begin, stop,
         ):  # fmt: skip
             waiting *= 2
             self._clear(begin, stop)

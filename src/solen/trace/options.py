@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from solen.errors import SpecError
 from solen.scene import Scene
 from solen.spec.strict import Finite, Options, refused
-from solen.trace.adaptive import LEAST_TOLERANCE, MOST_TOLERANCE, integrate, usual_tolerance
+from solen.trace.adaptive import LEAST_TOLERANCE, MOST_TOLERANCE, default_tolerance, integrate
 from solen.trace.chunks import Digits
 from solen.trace.engine import trace
 from solen.trace.result import Mode, Trace
@@ -70,7 +70,7 @@ def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", 
     mode = options.mode or usual_mode
     if options.sampling == "adaptive":
         _check_adaptive(scene, paths)
-        tolerance = options.tolerance or usual_tolerance(scene)
+        tolerance = options.tolerance or default_tolerance(scene)
         return integrate(scene, mode, tolerance)
     draws = options.sampling == "sobol" or mode == "roulette" or scene.is_random
     if options.seed is not None and not draws:

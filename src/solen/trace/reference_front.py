@@ -67,7 +67,7 @@ class FrontInSpace:
     def _depth(self, x: float, y: float) -> float:
         return float(self.lens.z_at(np.array([x]), np.array([y]))[0])
 
-    def _stretch(self, at: Vector, d: Vector) -> tuple[float, float]:
+    def _search_range(self, at: Vector, d: Vector) -> tuple[float, float]:
         """Distances along a ray between which it is in or in front of the lens."""
         low, high = LEAST_MM, math.inf
         box = (
@@ -85,7 +85,7 @@ class FrontInSpace:
 
     def on_face(self, at: Vector, d: Vector) -> Iterator[FrontHit]:
         """Yield the nearest hit of a ray on the face or its ledges, if there is one, in the lens's own frame."""
-        low, high = self._stretch(at, d)
+        low, high = self._search_range(at, d)
         if not low < high:
             return
         if isinstance(self.lens, LayeredLens):

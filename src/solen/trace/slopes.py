@@ -50,24 +50,24 @@ def _of_colour(
     lights: Sequence[LightInSpace], colour: int, step: float, receivers: int, rules: Rules, most_legs: int
 ) -> Slopes:
     """Slopes at one wavelength, starting from an integral's cells: only the edges of light may change."""
-    room = paths.path_room(lights[0].columns)
+    buffers = paths.path_buffers(lights[0].columns)
     families = [light.families[colour]._replace(rules=rules) for light in lights]
     overs = [
-        light.over(family, CHIP_TOLERANCE, room, CLOSENESS) for light, family in zip(lights, families, strict=True)
+        light.over(family, CHIP_TOLERANCE, buffers, CLOSENESS) for light, family in zip(lights, families, strict=True)
     ]
 
     def change(bounds: Sequence[Bounds]) -> list[Cell]:
         pairs = zip(overs[0](bounds), overs[1](bounds), strict=True)
         return [high.minus(low, 1.5 / step) for high, low in pairs]
 
-    room.counts[:] = 0
-    plain = lights[0].over(families[0], CHIP_TOLERANCE, room)
-    begun, _ = divided(plain, lights[0].first_cells, CHIP_TOLERANCE, most_legs, room.counts)
+    buffers.counts[:] = 0
+    plain = lights[0].over(families[0], CHIP_TOLERANCE, buffers)
+    begun, _ = divided(plain, lights[0].first_cells, CHIP_TOLERANCE, most_legs, buffers.counts)
     share, caution = (SHARE, CAUTION) if lights[0].source.width_mm > 0.0 else (POINT_SHARE, POINT_CAUTION)
     first = change([cell.bounds for cell in begun] if begun else lights[0].first_cells)
     for cells, u in refined(change, first, caution):
         largest = float(np.max(np.abs(cells.value[:receivers])))
-        if u <= max(share * largest, FLOOR / step) or room.counts[1] >= most_legs:
+        if u <= max(share * largest, FLOOR / step) or buffers.counts[1] >= most_legs:
             break
     bounds = [cell.bounds for cell in cells]
     powers = np.array([np.sum([cell.value for cell in over(bounds)], axis=0) for over in overs])[:, :receivers]

@@ -23,7 +23,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import DesignError
 from solen.scene import Scene
-from solen.scene.sources import Ambient, Emitter
+from solen.scene.sources import Emitter
 from solen.scene.sources.pattern import CosinePower, Isotropic, PatternTable
 from solen.trace.cells import COARSE, FINE, POINT, Bounds, Cell, Over, accounted, divided
 from solen.trace.cone import COARSE_TOLERANCE, DOUBLE, Integral, weighted_sum
@@ -56,15 +56,6 @@ NARROW_SHARE, SOFT_RAD = 0.1, 0.001
 """Width at which an edge is no longer refined, per tolerance, and width in radians up to which an interval is not
 searched, both of the angle of a point.
 """
-
-
-def why_not_in_space(scene: Scene) -> str:
-    """Return why an extruded scene cannot be integrated; an empty text if it can."""
-    if any(interface.behaviour == "lens" for interface in scene.interfaces):
-        return "an ideal lens in space"
-    others = [type(source).__name__ for source in scene.sources if source.emission() is None]
-    others += [type(source).__name__ for source in scene.sources if isinstance(source, Ambient)]
-    return f"a source {others[0]}" if others else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,8 +131,8 @@ class LightInSpace:
         return Tail(self.walls, self.source, True, self.columns, families.__getitem__)
 
     def _colour(self, family: FamilyInSpace, tolerance: float, most_legs: int) -> Integral:
-        room = paths.path_room(self.columns)
-        return _integrated(self.over(family, tolerance, room), self.first_cells, tolerance, most_legs, room)
+        buffers = paths.path_buffers(self.columns)
+        return _integrated(self.over(family, tolerance, buffers), self.first_cells, tolerance, most_legs, buffers)
 
     @property
     def first_cells(self) -> list[Bounds]:
@@ -153,7 +144,7 @@ class LightInSpace:
         lines = [part for low, high in sides for part in pairwise(np.linspace(low, high, FIRST_LINES + 1).tolist())]
         return [(0.0, 1.0, *line) for line in lines]
 
-    def over(self, family: FamilyInSpace, tolerance: float, room: paths.PathRoom, closeness: float = 1.0) -> Over:
+    def over(self, family: FamilyInSpace, tolerance: float, buffers: paths.PathBuffers, closeness: float = 1.0) -> Over:
         """Return the integrator over cells at one wavelength; a smaller ``closeness`` resolves paths more finely."""
         half, width = self.source.half_rad, self.source.width_mm
         scale = (2.0 if self.mirrored else 1.0) / self.whole
@@ -171,7 +162,7 @@ class LightInSpace:
 
         def over(bounds: Sequence[Bounds]) -> list[Cell]:
             sums, errors = np.empty((len(bounds), 3, self.columns)), np.empty((len(bounds), 3))
-            over_cells(DOUBLE, self.walls, light, room, nodes, across, along, np.array(bounds), sums, errors)
+            over_cells(DOUBLE, self.walls, light, buffers, nodes, across, along, np.array(bounds), sums, errors)
             return [
                 Cell(of, value[0], value[1:], (q, t), inner, len(across.nodes) * len(along.nodes))
                 for of, value, (q, t, inner) in zip(bounds, sums, errors.tolist(), strict=True)
@@ -185,15 +176,15 @@ def _integrated(
     first: Sequence[Bounds],
     tolerance: float,
     most_legs: int,
-    room: paths.PathRoom,
+    buffers: paths.PathBuffers,
 ) -> Integral:
     """Sum over cells, halved until the error is within the tolerance."""
-    room.counts[:] = 0
-    cells, u = divided(over, first, tolerance, most_legs, room.counts)
-    rays, legs, undefined = (int(count) for count in room.counts[:3])
+    buffers.counts[:] = 0
+    cells, u = divided(over, first, tolerance, most_legs, buffers.counts)
+    rays, legs, undefined = (int(count) for count in buffers.counts[:3])
     counts = np.array([rays, legs, undefined, sum(cell.paths for cell in cells or ())])
     if cells is None:
-        return Integral(np.zeros(room.value.shape[1] + 2 - MORE_COLUMNS), 0.0, 1.0, counts)
+        return Integral(np.zeros(buffers.value.shape[1] + 2 - MORE_COLUMNS), 0.0, 1.0, counts)
     whole = accounted(cells.value)
     value = cells.value / max(whole, 1.0)  # a sum above 1 is an error of the quadrature
     error = max(u - max(1.0 - whole, 0.0), 0.0)  # the missing power is already part of u

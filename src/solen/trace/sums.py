@@ -48,6 +48,24 @@ def empty(job: Job, legs: int = 0) -> tally.Sums:
     )
 
 
+def of_tasks(tasks: int, receivers: int, monitors: int = 0, bins: int = 0) -> tally.Sums:
+    """Return empty sums of many tasks, with the total numbers of their receivers, monitors and bins of maps."""
+    return tally.Sums(
+        fate=np.zeros((tasks, REFLECTED + 1)),
+        detected=np.zeros(receivers),
+        arrived=np.zeros(receivers, dtype=np.int64),
+        optical=np.zeros(receivers),
+        position=np.zeros((0, 0)),
+        angle=np.zeros((0, 0)),
+        crossed=np.zeros(monitors),
+        crossings=np.zeros(monitors, dtype=np.int64),
+        maps=np.zeros(bins),
+        counts=np.zeros((tasks, 4), dtype=np.int64),
+        place=np.full((tasks, 2, KEPT_PLACES, 2), math.nan),
+        legs=np.empty((0, tally.LEG_WIDTH)),
+    )
+
+
 def add(total: tally.Sums, sums: tally.Sums) -> tally.Sums:
     """Add two sums; of the places, the first are kept, and of the legs those of the total."""
     added = {

@@ -42,13 +42,13 @@ class Tail(NamedTuple):
 
         If that number cannot suffice, only a tenth of it is used.
         """
-        room = paths.path_room(self.columns)
+        buffers = paths.path_buffers(self.columns)
         dimensions = self.source.dimensions(self.in_space)
         points = [sample(dimensions, (SEED, copy)) for copy in range(SCRAMBLINGS)]
         totals, done, many, legs = np.zeros((SCRAMBLINGS, self.columns)), 0, FIRST_SAMPLES, 0
         while True:
             for copy, at in enumerate(points):
-                legs += self._sum(at(done, many), copy * MOST_SAMPLES + done, most_hits, room, totals[copy])
+                legs += self._sum(at(done, many), copy * MOST_SAMPLES + done, most_hits, buffers, totals[copy])
             share, u = divided(totals / many, found.unfinished)
             hopeless = legs * (u / tolerance) ** 2 > 4.0 * most_legs
             if u <= tolerance or 2 * many > MOST_SAMPLES or 2 * legs > (0.1 if hopeless else 1.0) * most_legs:
@@ -63,7 +63,7 @@ class Tail(NamedTuple):
             leaked=found.leaked + float(share[-1]),
         )
 
-    def _sum(self, u: FloatArray, first: int, most_hits: int, room: paths.PathRoom, total: FloatArray) -> int:
+    def _sum(self, u: FloatArray, first: int, most_hits: int, buffers: paths.PathBuffers, total: FloatArray) -> int:
         """Add the tails of samples at points ``u`` (N, dimensions) of the unit cube; returns the number of segments."""
         launch = self.source.launch_at(u, len(u), self.in_space)
         rise = np.zeros(len(launch)) if launch.dy is None else launch.dy
@@ -71,7 +71,9 @@ class Tail(NamedTuple):
         legs = 0
         for line in np.unique(launch.line).tolist():
             chosen = np.ascontiguousarray(starts[launch.line == line])
-            legs += paths.sample_tails(DOUBLE, self.walls, self.family_of(line), chosen, first, most_hits, room, total)
+            legs += paths.sample_tails(
+                DOUBLE, self.walls, self.family_of(line), chosen, first, most_hits, buffers, total
+            )
         return legs
 
 

@@ -22,7 +22,7 @@ from solen.material import Cauchy
 from solen.plane import Point, along, cross, dot, heading, minus
 from solen.scene.model import Behaviour, Interface, Region
 from solen.scene.rayoptics.facets import Facets
-from solen.scene.rayoptics.intersections import crossings, part, place_of, unlooped
+from solen.scene.rayoptics.intersections import crossings, part, place_of, without_loops
 from solen.scene.surface import Surface
 
 Levels = tuple[int, ...]
@@ -30,7 +30,7 @@ Levels = tuple[int, ...]
 
 DIRECTIONS = tuple(heading(angle_deg) for angle_deg in (17.3, 131.9, 253.1))
 """Directions along which crossings of outlines are counted; the majority decides."""
-SOMEWHERE = 0.3819660112501051
+SIDE_POINT = 0.3819660112501051
 """Parameter of the point of a segment at which its sides are tested: not the middle, where drawn objects often
 touch.
 """
@@ -64,7 +64,7 @@ class Element:
 
 
 @dataclass
-class _Stretch:
+class _Portion:
     """Part of a curve on which no other curve ends, and its owners."""
 
     curve: Curve
@@ -91,9 +91,9 @@ def arranged(parts: Sequence[Glass | Element], tolerance: float, colours: bool) 
     interfaces: list[Interface] = []
     refused: dict[str, str] = {}
     counts: dict[str, int] = {}
-    for stretch in _stretches(parts, tolerance):
-        owners = [parts[i] for i in stretch.owners]
-        left, right = (_levels(glasses, stretch.curve, way * 4.0 * tolerance) for way in (1.0, -1.0))
+    for portion in _portions(parts, tolerance):
+        owners = [parts[i] for i in portion.owners]
+        left, right = (_levels(glasses, portion.curve, way * 4.0 * tolerance) for way in (1.0, -1.0))
         head = next((owner for owner in owners if isinstance(owner, Element)), owners[0])
         if left == right and isinstance(head, Glass):
             continue
@@ -107,7 +107,7 @@ def arranged(parts: Sequence[Glass | Element], tolerance: float, colours: bool) 
             refused[next(o.name for o in owners if isinstance(o, Element) and o is not head)] = f"lies on {head.name}"
         counts[head.name] = counts.get(head.name, 0) + 1
         sides = (known.setdefault(levels, _region_name(glasses, levels)) for levels in (left, right))
-        interfaces.append(_interface(f"{head.name}.{counts[head.name]}", stretch.curve, head, *sides))
+        interfaces.append(_interface(f"{head.name}.{counts[head.name]}", portion.curve, head, *sides))
     known.setdefault((0,) * len(glasses), AIR)
     regions = tuple(_region(name, glasses, levels, colours) for levels, name in known.items())
     return Arranged(regions, tuple(interfaces), tuple(refused.items()))
@@ -150,25 +150,25 @@ def _product(glasses: Iterable[Glass]) -> Cauchy:
     return Cauchy(A=a, B_um2=b, C_um4=c)
 
 
-def _stretches(parts: Sequence[Glass | Element], tolerance: float) -> list[_Stretch]:
+def _portions(parts: Sequence[Glass | Element], tolerance: float) -> list[_Portion]:
     whole = [
-        _Stretch(piece, [i])
+        _Portion(piece, [i])
         for i, one in enumerate(parts)
         for curve in (one.outline if isinstance(one, Glass) else one.curves)
-        for piece in unlooped(curve)
+        for piece in without_loops(curve)
     ]
     return _divided_at_crossings(_united(_divided_at_ends(whole, tolerance), tolerance), tolerance)
 
 
-def _divided_at_ends(stretches: list[_Stretch], tolerance: float) -> list[_Stretch]:
+def _divided_at_ends(portions: list[_Portion], tolerance: float) -> list[_Portion]:
     """Divide segments wherever another one ends on them."""
-    ends = [point for stretch in stretches for point in (stretch.curve.start, stretch.curve.end)]
+    ends = [point for portion in portions for point in (portion.curve.start, portion.curve.end)]
     corners = np.array(ends)
-    divided: list[_Stretch] = []
-    for stretch in stretches:
-        near = _near(stretch.curve, corners, tolerance)
-        places = [place_of(stretch.curve, ends[i], tolerance) for i in near]
-        divided += _cut(stretch, [u for u in places if u is not None], tolerance)
+    divided: list[_Portion] = []
+    for portion in portions:
+        near = _near(portion.curve, corners, tolerance)
+        places = [place_of(portion.curve, ends[i], tolerance) for i in near]
+        divided += _cut(portion, [u for u in places if u is not None], tolerance)
     return divided
 
 
@@ -184,28 +184,28 @@ def _box(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
     return points.min(axis=0) - margin, points.max(axis=0) + margin
 
 
-def _cut(stretch: _Stretch, places: Iterable[float], tolerance: float) -> list[_Stretch]:
+def _cut(portion: _Portion, places: Iterable[float], tolerance: float) -> list[_Portion]:
     """Cut a segment at these parameters, ignoring any within the tolerance of another cut or of an end."""
-    curve = stretch.curve
+    curve = portion.curve
     kept = [0.0]
     for u in sorted(places):
         here, last, end = curve.points(np.array([u, kept[-1], 1.0]))
         if u > kept[-1] and min(math.dist(here, last), math.dist(here, end)) > tolerance:
             kept.append(u)
-    return [_Stretch(part(curve, low, high), list(stretch.owners)) for low, high in pairwise([*kept, 1.0])]
+    return [_Portion(part(curve, low, high), list(portion.owners)) for low, high in pairwise([*kept, 1.0])]
 
 
-def _united(stretches: list[_Stretch], tolerance: float) -> list[_Stretch]:
+def _united(portions: list[_Portion], tolerance: float) -> list[_Portion]:
     """Merge coinciding segments and their owners; an outline that passes a segment twice is its owner twice."""
-    united: list[_Stretch] = []
-    for stretch in stretches:
-        same = next((other for other in united if _coincide(stretch.curve, other.curve, tolerance)), None)
+    united: list[_Portion] = []
+    for portion in portions:
+        same = next((other for other in united if _coincide(portion.curve, other.curve, tolerance)), None)
         if same is None:
-            united.append(stretch)
+            united.append(portion)
         else:
-            same.owners += stretch.owners
-    for stretch in united:
-        stretch.owners.sort()
+            same.owners += portion.owners
+    for portion in united:
+        portion.owners.sort()
     return united
 
 
@@ -217,22 +217,22 @@ def _coincide(a: Curve, b: Curve, tolerance: float) -> bool:
     return place_of(b, a.middle_point, 2.0 * tolerance) is not None
 
 
-def _divided_at_crossings(stretches: list[_Stretch], tolerance: float) -> list[_Stretch]:
-    places: list[list[float]] = [[] for _ in stretches]
-    boxes = [_box(stretch.curve) for stretch in stretches]
-    for i, j in combinations(range(len(stretches)), 2):
+def _divided_at_crossings(portions: list[_Portion], tolerance: float) -> list[_Portion]:
+    places: list[list[float]] = [[] for _ in portions]
+    boxes = [_box(portion.curve) for portion in portions]
+    for i, j in combinations(range(len(portions)), 2):
         if np.any(np.maximum(boxes[i][0], boxes[j][0]) > np.minimum(boxes[i][1], boxes[j][1])):
             continue
-        for u, v in crossings(stretches[i].curve, stretches[j].curve, tolerance):
+        for u, v in crossings(portions[i].curve, portions[j].curve, tolerance):
             places[i].append(u)
             places[j].append(v)
-    pairs = zip(stretches, places, strict=True)
-    return [piece for stretch, cuts in pairs for piece in _cut(stretch, cuts, tolerance)]
+    pairs = zip(portions, places, strict=True)
+    return [piece for portion, cuts in pairs for piece in _cut(portion, cuts, tolerance)]
 
 
 def _levels(glasses: Sequence[Glass], curve: Curve, aside: float) -> Levels:
     """How many times each glass contains the point at the distance ``aside`` to the left of a curve."""
-    at = curve.point_at(SOMEWHERE)
+    at = curve.point_at(SIDE_POINT)
     point = along(at, curve.normal_at(at), aside)
     return tuple(_level(glass, point) for glass in glasses)
 

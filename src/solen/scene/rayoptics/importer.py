@@ -23,8 +23,8 @@ from solen.scene.rayoptics.fields import GREEN_NM, LARGEST, Fields, NotUnderstoo
 from solen.scene.rayoptics.formula import number_in
 from solen.scene.rayoptics.modules import unfolded
 from solen.scene.rayoptics.objects import READERS
-from solen.scene.rayoptics.outlines import World, line
-from solen.scene.rayoptics.sources import EMISSIONS, Lamps, rays
+from solen.scene.rayoptics.outlines import SceneSettings, line
+from solen.scene.rayoptics.sources import EMISSIONS, SourceSettings, rays
 from solen.scene.sources import Rays
 
 VERSION = 5
@@ -191,8 +191,8 @@ class _Scene:
         self.settings = Fields(0, "scene", data)
         self.settings.unread -= APPEARANCE
         try:
-            self.world = self._world()
-            self.lamps = self._lamps()
+            self.scene_settings = self._scene_settings()
+            self.source_settings = self._source_settings()
             self.max_hits = self._max_hits()
         except UnreadError as bad:
             raise DataError(f"{where}: {bad.key}", limit=bad.reason) from None
@@ -203,7 +203,7 @@ class _Scene:
         for key in sorted(self.settings.unread - LIGHT):
             self._miss(0, "scene", key, "unknown key")
         try:
-            found = arranged(self.parts, MERGING * self.world.length_scale, self.world.colours)
+            found = arranged(self.parts, MERGING * self.scene_settings.length_scale, self.scene_settings.colours)
         except DesignError as bad:
             raise type(bad)(f"{self.where}: {bad.what}", value=bad.value, limit=bad.limit, remedy=bad.remedy) from None
         for name, reason in found.refused:
@@ -223,17 +223,17 @@ class _Scene:
             str(self.data.get("name") or Path(self.where).stem),
             open_media=True,
         )
-        weak = WEAK_IN_COLOUR if self.lamps.correct else WEAK
-        weakest = WEAK_IN_COLOUR if self.lamps.correct else 0.0
+        weak = WEAK_IN_COLOUR if self.source_settings.correct else WEAK
+        weakest = WEAK_IN_COLOUR if self.source_settings.correct else 0.0
         return Imported(
             scene, tuple(self.detectors), tuple(self.missed), weak, weakest, self.max_hits, tuple(self.fresh)
         )
 
-    def _world(self) -> World:
+    def _scene_settings(self) -> SceneSettings:
         scale = self.settings.number_of("lengthScale", 1.0, above=0.0)
-        return World(scale, self.settings.flag("simulateColors"), _span(self.data["objs"]), self.facets)
+        return SceneSettings(scale, self.settings.flag("simulateColors"), _span(self.data["objs"]), self.facets)
 
-    def _lamps(self) -> Lamps:
+    def _source_settings(self) -> SourceSettings:
         mode = self.settings.choice("mode", "rays")
         if mode not in MODES:
             raise UnreadError("mode", f"must be one of {', '.join(MODES)}")
@@ -243,9 +243,11 @@ class _Scene:
             raise UnreadError("rayModeDensity", f"must be above 0, not {density:g}")
         correct = self.settings.choice("colorMode", "default") != "default"
         seed = self.data.get("randomSeed")
-        world = self.world
+        world = self.scene_settings
         observed = mode == "observer"
-        return Lamps(density, world.length_scale, world.colours, correct, observed, None if seed is None else str(seed))
+        return SourceSettings(
+            density, world.length_scale, world.colours, correct, observed, None if seed is None else str(seed)
+        )
 
     def _max_hits(self) -> int | None:
         value = self.data.get("maxRayDepth")
@@ -315,10 +317,10 @@ class _Scene:
     def _take_part(self, fields: Fields) -> None:
         name = self._next_name(fields.type)
         self.named[name] = (fields.number, fields.type)
-        self.parts += READERS[fields.type](fields, name, self.world)
+        self.parts += READERS[fields.type](fields, name, self.scene_settings)
 
     def _take_source(self, fields: Fields) -> None:
-        sources, fresh = rays(fields, self.lamps)
+        sources, fresh = rays(fields, self.source_settings)
         self.sources += sources
         self.fresh += fresh
 

@@ -15,7 +15,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.curve import Arc, CubicChain, Curve, Segment
 from solen.plane import Point, along, cross, dot, minus, unit
-from solen.scene.apart import chords_meet
+from solen.scene.overlaps import chords_meet
 from solen.scene.rayoptics.facets import Facets
 
 Place = tuple[float, float]
@@ -186,10 +186,10 @@ def _newton(a: Curve, b: Curve, u: float, v: float) -> Place:
     return (min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0))
 
 
-def unlooped(curve: Curve) -> list[Curve]:
+def without_loops(curve: Curve) -> list[Curve]:
     """Divide a curve into parts that cannot cross themselves."""
     turns = turning_deg(curve)
     if isinstance(curve, Segment | Arc) or turns < 175.0:
         return [curve]
     ends = np.linspace(0.0, 1.0, math.ceil(turns / 150.0) + 1).tolist()
-    return [piece for low, high in pairwise(ends) for piece in unlooped(part(curve, low, high))]
+    return [piece for low, high in pairwise(ends) for piece in without_loops(part(curve, low, high))]

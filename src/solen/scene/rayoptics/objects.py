@@ -12,7 +12,7 @@ from solen.scene.rayoptics.arrangement import Element, Glass
 from solen.scene.rayoptics.fields import GREEN_NM, Fields, UnreadError, finite
 from solen.scene.rayoptics.outlines import (
     Outline,
-    World,
+    SceneSettings,
     aperture,
     arc,
     between_formulas,
@@ -35,22 +35,22 @@ MOST_ORDERS, LEAST_ORDER = 1000, 1e-7
 omitted.
 """
 
-Reader = Callable[[Fields, str, "World"], Sequence[Glass | Element]]
+Reader = Callable[[Fields, str, "SceneSettings"], Sequence[Glass | Element]]
 """Reads an object of one type and gives it a name."""
 
 
-def glass(fields: Fields, name: str, outline: Sequence[Curve], world: World, **how: bool) -> list[Glass]:
+def glass(fields: Fields, name: str, outline: Sequence[Curve], settings: SceneSettings, **how: bool) -> list[Glass]:
     """Return a glass with the keys that all glasses have."""
     index, b = fields.number_of("refIndex", 1.5, above=0.0), fields.number_of("cauchyB", 0.004)
     partial = fields.flag("partialReflect", True)
-    return [Glass(name, tuple(outline), index, b if world.colours else 0.0, partial, **how)]
+    return [Glass(name, tuple(outline), index, b if settings.colours else 0.0, partial, **how)]
 
 
-def filtered(fields: Fields, world: World) -> tuple[float, float] | None:
+def filtered(fields: Fields, settings: SceneSettings) -> tuple[float, float] | None:
     """Return the wavelengths at which a filter acts, the higher one first if it acts outside them."""
     on, invert = fields.flag("filter"), fields.flag("invert")
     center, half = fields.number_of("wavelength", GREEN_NM), fields.number_of("bandwidth", 10.0)
-    if not (on and world.colours):
+    if not (on and settings.colours):
         return None
     if half < 0.0:
         raise UnreadError("bandwidth", f"must be at least 0, not {half:g}")
@@ -63,10 +63,10 @@ def _element(
 ) -> Reader:
     """Return the reader of an element: its curves, its filter if it can have one, and the numbers of its surface."""
 
-    def read(fields: Fields, name: str, world: World) -> Sequence[Glass | Element]:
-        here = tuple(curves(fields, world))
+    def read(fields: Fields, name: str, settings: SceneSettings) -> Sequence[Glass | Element]:
+        here = tuple(curves(fields, settings))
         values = {key: number(fields) for key, number in numbers.items()}
-        band = filtered(fields, world) if filters else None
+        band = filtered(fields, settings) if filters else None
         surface = Surface(band_nm=band, **values) if band is not None or values else None  # type: ignore[arg-type]
         return [Element(name, here, behaviour, surface)]
 
@@ -75,26 +75,26 @@ def _element(
 
 def _glass(outline: Outline, **how: bool) -> Reader:
     """Return the reader of a glass within an outline."""
-    return lambda fields, name, world: glass(fields, name, outline(fields, world), world, **how)
+    return lambda fields, name, settings: glass(fields, name, outline(fields, settings), settings, **how)
 
 
-def _spherical_lens(fields: Fields, name: str, world: World) -> Sequence[Glass | Element]:
+def _spherical_lens(fields: Fields, name: str, settings: SceneSettings) -> Sequence[Glass | Element]:
     """Read a lens from its outline, or from its two edges, thickness and radii or focal distances."""
     defined = fields.choice("defBy", "DR1R2")
     if fields.data.get("path") is not None:
         fields.skip("p1", "p2", "params")
-        return glass(fields, name, path_outline(fields, world), world)
+        return glass(fields, name, path_outline(fields, settings), settings)
     edges, numbers = (fields.point("p1"), fields.point("p2")), fields.data.get("params")
     fields.skip("path", "params")
     if not isinstance(numbers, dict):
         raise UnreadError("params", "is missing, and so is path")
     if defined == "DR1R2":
         d, r1, r2 = (_radius(f"params.{key}", numbers.get(key)) for key in ("d", "r1", "r2"))
-        return glass(fields, name, _lens(*edges, d, r1, r2), world)
+        return glass(fields, name, _lens(*edges, d, r1, r2), settings)
     if defined != "DFfdBfd":
         raise UnreadError("defBy", f"is unknown: {defined}")
     d, ffd, bfd = (finite(f"params.{key}", numbers.get(key)) for key in ("d", "ffd", "bfd"))
-    (made,) = glass(fields, name, (), world)
+    (made,) = glass(fields, name, (), settings)
     for radii in _radii(d, ffd, bfd, made.a + made.b_um2 / 0.546**2):
         try:
             return [replace(made, outline=tuple(_lens(*edges, d, *radii)))]
@@ -164,7 +164,7 @@ def _transmitted(fields: Fields) -> float:
 def _grating(curves: Outline, way: int, mirrored: bool | None = None) -> Reader:
     """Return the reader of a grating, with orders to the right of the light, or with ``way`` −1 to its left."""
 
-    def read(fields: Fields, name: str, world: World) -> Sequence[Glass | Element]:
+    def read(fields: Fields, name: str, settings: SceneSettings) -> Sequence[Glass | Element]:
         lines, custom = fields.number_of("lineDensity", 1000.0, above=0.0), fields.flag("customBrightness")
         stated, ratio = fields.numbers("brightnesses", (1.0, 0.5, 0.5)), fields.number_of("slitRatio", 0.5)
         if not 0.0 <= ratio <= 1.0:
@@ -174,7 +174,7 @@ def _grating(curves: Outline, way: int, mirrored: bool | None = None) -> Reader:
             raise UnreadError("brightnesses" if custom else "slitRatio", "leaves no light")
         back = fields.flag("mirrored") if mirrored is None else mirrored
         ruled = Grating(lines, tuple((way * order, share) for order, share in orders), back)
-        return [Element(name, tuple(curves(fields, world)), "grating", Surface(grating=ruled))]
+        return [Element(name, tuple(curves(fields, settings)), "grating", Surface(grating=ruled))]
 
     return read
 

@@ -23,12 +23,12 @@ CHECKED, ROUNDING = 200, 1e-9
 """Number of points at which two curves of a glass are compared, and their tolerance relative to its length."""
 SKIN = 1e-6
 """Distance from a surface, in length scales of the file, within which a ray that leaves it does not meet it again."""
-Outline = Callable[[Fields, "World"], Sequence[Curve]]
+Outline = Callable[[Fields, "SceneSettings"], Sequence[Curve]]
 """Reads the curves of an object."""
 
 
 @dataclass(frozen=True)
-class World:
+class SceneSettings:
     """Data of the scene that objects need: its length scale, whether colours are simulated, and its extent.
 
     With ``facets``, curves of formulas become the polylines that ray-optics makes of them.
@@ -40,7 +40,7 @@ class World:
     facets: bool
 
 
-def straight(fields: Fields, _: World) -> list[Curve]:
+def straight(fields: Fields, _: SceneSettings) -> list[Curve]:
     """A straight line."""
     return [line(fields)]
 
@@ -63,7 +63,7 @@ def arc_or_line(a: Point, middle: Point, b: Point) -> list[Curve]:
         return [Segment(a, b)]
 
 
-def path_outline(fields: Fields, _: World) -> list[Curve]:
+def path_outline(fields: Fields, _: SceneSettings) -> list[Curve]:
     """Return the outline through the points of a path."""
     _check_finished(fields)
     return path(fields.items("path"))
@@ -88,20 +88,20 @@ def path(items: list[dict[str, Any]]) -> list[Curve]:
     return curves
 
 
-def circle(fields: Fields, _: World) -> list[Curve]:
+def circle(fields: Fields, _: SceneSettings) -> list[Curve]:
     """Return a circle from its centre and a point on it."""
     spoke = line(fields)
     return [Arc.circle(spoke.a, spoke.length_mm)]
 
 
-def half_plane(fields: Fields, world: World) -> list[Curve]:
+def half_plane(fields: Fields, settings: SceneSettings) -> list[Curve]:
     """Return the edge of a half-plane."""
     edge = line(fields)
-    direction, far = unit(minus(edge.b, edge.a)), FAR * max(world.span, 1.0)
+    direction, far = unit(minus(edge.b, edge.a)), FAR * max(settings.span, 1.0)
     return [Segment(along(edge.a, direction, -far), along(edge.a, direction, far))]
 
 
-def smooth_outline(fields: Fields, _: World) -> list[Curve]:
+def smooth_outline(fields: Fields, _: SceneSettings) -> list[Curve]:
     """Return the outline made of Bézier curves."""
     _check_finished(fields)
     fields.skip("displayControlPoints", "intersectTol")
@@ -125,17 +125,17 @@ def _bezier(a: Point, control_a: Point, control_b: Point, b: Point) -> Curve:
     return Bezier(a, control_a, control_b, b)
 
 
-def between_formulas(fields: Fields, world: World) -> list[Curve]:
+def between_formulas(fields: Fields, settings: SceneSettings) -> list[Curve]:
     """Return the outline between two curves over a line, along which the formulas run from −1 to 1."""
     base = line(fields)
     lower = _over(base, fields.formula("eqn1", "x", "0"))
     upper = _over(base, fields.formula("eqn2", "x", HALF_ELLIPSE))
     _check_above(base, lower, upper)
-    if world.facets:
-        places = over_line(base.length_mm, world.length_scale)
+    if settings.facets:
+        places = over_line(base.length_mm, settings.length_scale)
         back = [upper(base.length_mm - place) for place in places]
         corners = [base.a, *sampled(lower, places, "eqn1"), *back, base.a]
-        whole = _facets(corners, (len(places),), "lengths", world)
+        whole = _facets(corners, (len(places),), "lengths", settings)
         low, high = _without_spike(_height(base, corners[1]), _height(base, corners[-2]))
         return [replace(whole[0], low=low), replace(whole[1], high=len(corners) - 1.0 - high)]
     there, back_again = (fitted(at, 0.0, base.length_mm, key) for at, key in ((lower, "eqn1"), (upper, "eqn2")))
@@ -179,9 +179,9 @@ def _over(base: Segment, formula: Expression) -> At:
     return at
 
 
-def _facets(corners: Sequence[Point], joints: Sequence[int], blend: Blend, world: World) -> list[Facets]:
+def _facets(corners: Sequence[Point], joints: Sequence[int], blend: Blend, settings: SceneSettings) -> list[Facets]:
     """Return a polyline through corners, divided at the joints, which may be corners of the outline."""
-    whole = Facets.through(tuple(corners), blend, SKIN * world.length_scale)
+    whole = Facets.through(tuple(corners), blend, SKIN * settings.length_scale)
     return [replace(whole, low=float(a), high=float(b)) for a, b in pairwise([0, *joints, len(corners) - 1])]
 
 
@@ -200,12 +200,12 @@ def reversed_curves(curves: Sequence[Curve]) -> list[Curve]:
     return [curve.reversed() for curve in reversed(curves)]
 
 
-def parametric_outline(fields: Fields, world: World) -> list[Curve]:
+def parametric_outline(fields: Fields, settings: SceneSettings) -> list[Curve]:
     """Return the outline formed by the pieces of a parametric object."""
-    return reversed_curves(closed_outline(_parametric(fields, world)))
+    return reversed_curves(closed_outline(_parametric(fields, settings)))
 
 
-def _parametric(fields: Fields, world: World) -> list[list[Curve]]:
+def _parametric(fields: Fields, settings: SceneSettings) -> list[list[Curve]]:
     """Return the curves of all pieces of a parametric object."""
     x0, z0 = point_of("origin", fields.data.get("origin", {"x": 0.0, "y": 0.0}))
     fields.skip("origin")
@@ -222,13 +222,13 @@ def _parametric(fields: Fields, world: World) -> list[list[Curve]]:
         def at(t: float, x: Function = x, y: Function = y) -> Point:
             return (x0 + x(t), z0 - y(t))
 
-        if world.facets:
+        if settings.facets:
             joints += [len(corners)] if corners else []
             corners += sampled(at, along_parameter(low, high, step), what)
         else:
             parts.append(fitted(at, low, high, what))
-    if world.facets and corners:
-        return [[*_facets(_closed(corners), joints, "units", world)]]
+    if settings.facets and corners:
+        return [[*_facets(_closed(corners), joints, "units", settings)]]
     if not parts:
         raise UnreadError("pieces", "must be at least one piece")
     return parts
@@ -244,12 +244,12 @@ def _check_finished(fields: Fields) -> None:
         raise UnreadError("notDone", "the drawing of the object was not finished")
 
 
-def aperture(fields: Fields, _: World) -> list[Curve]:
+def aperture(fields: Fields, _: SceneSettings) -> list[Curve]:
     """Return both sides of an aperture."""
     return [line(fields, "p1", "p3"), line(fields, "p4", "p2")]
 
 
-def arc(fields: Fields, _: World) -> list[Curve]:
+def arc(fields: Fields, _: SceneSettings) -> list[Curve]:
     """Return an arc through three points."""
     curves = arc_or_line(fields.point("p1"), fields.point("p3"), fields.point("p2"))
     if not curves:
@@ -257,7 +257,7 @@ def arc(fields: Fields, _: World) -> list[Curve]:
     return curves
 
 
-def parabola(fields: Fields, _: World) -> list[Curve]:
+def parabola(fields: Fields, _: SceneSettings) -> list[Curve]:
     """Return a parabola over a line, with its vertex at the height of the third point."""
     base, top = line(fields), fields.point("p3")
     direction = unit(minus(base.b, base.a))
@@ -272,23 +272,23 @@ def parabola(fields: Fields, _: World) -> list[Curve]:
     return [Bezier(base.a, control_a, control_b, base.b)]
 
 
-def over_line_curves(fields: Fields, world: World) -> list[Curve]:
+def over_line_curves(fields: Fields, settings: SceneSettings) -> list[Curve]:
     """Return the curve of a formula over a line."""
     base = line(fields)
     at = _over(base, fields.formula("eqn", "x", HALF_ELLIPSE))
-    if world.facets:
-        return [*_facets(sampled(at, over_line(base.length_mm, world.length_scale), "eqn"), (), "images", world)]
+    if settings.facets:
+        return [*_facets(sampled(at, over_line(base.length_mm, settings.length_scale), "eqn"), (), "images", settings)]
     return fitted(at, 0.0, base.length_mm, "eqn")
 
 
-def parametric_curves(fields: Fields, world: World) -> list[Curve]:
+def parametric_curves(fields: Fields, settings: SceneSettings) -> list[Curve]:
     """Return the curves of the pieces of a parametric object, joined."""
-    parts = _parametric(fields, world)
+    parts = _parametric(fields, settings)
     joints = [Segment(a[-1].end, b[0].start) for a, b in pairwise(parts) if math.dist(a[-1].end, b[0].start) > 1e-9]
     return [*(curve for part in parts for curve in part), *joints]
 
 
-def smooth_curve(fields: Fields, _: World) -> list[Curve]:
+def smooth_curve(fields: Fields, _: SceneSettings) -> list[Curve]:
     """Return a chain of Bézier curves, closed unless stated otherwise."""
     _check_finished(fields)
     return _beziers(fields, closed=fields.flag("isClosed", True))

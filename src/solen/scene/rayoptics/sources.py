@@ -37,7 +37,7 @@ class Placed:
 
 
 @dataclass
-class Lamps:
+class SourceSettings:
     """Data of the scene that sources need, and its random numbers."""
 
     density: float
@@ -64,14 +64,14 @@ class Lamps:
         return density
 
 
-Emission = Callable[[Fields, Lamps], list[Placed]]
+Emission = Callable[[Fields, SourceSettings], list[Placed]]
 
 
-def rays(fields: Fields, lamps: Lamps) -> tuple[tuple[Rays, ...], tuple[bool, ...]]:
+def rays(fields: Fields, settings: SourceSettings) -> tuple[tuple[Rays, ...], tuple[bool, ...]]:
     """Return the sources of one object, each with rays of one brightness, and for each ray whether it is fresh."""
     wavelength_nm = fields.number_of("wavelength", GREEN_NM, above=0.0)
-    placed = [ray for ray in EMISSIONS[fields.type](fields, lamps) if ray.brightness >= LEAST_POWER]
-    spectrum = ((wavelength_nm, 1.0),) if lamps.colours else ()
+    placed = [ray for ray in EMISSIONS[fields.type](fields, settings) if ray.brightness >= LEAST_POWER]
+    spectrum = ((wavelength_nm, 1.0),) if settings.colours else ()
     groups = [list(group) for _, group in groupby(placed, key=lambda ray: ray.brightness)]
     sources = tuple(
         Rays(
@@ -93,7 +93,7 @@ def _per_turn(density: float) -> int:
     return count
 
 
-def _single(fields: Fields, lamps: Lamps) -> list[Placed]:  # noqa: ARG001  one of several
+def _single(fields: Fields, settings: SourceSettings) -> list[Placed]:  # noqa: ARG001  one of several
     origin, other = fields.point("p1"), fields.point("p2")
     if origin == other:
         raise UnreadError("p2", "is the same point as p1")
@@ -113,19 +113,19 @@ def _angles(start: float, end: float, step: float) -> Iterator[float]:
         angle += step
 
 
-def _point(fields: Fields, lamps: Lamps) -> list[Placed]:
+def _point(fields: Fields, settings: SourceSettings) -> list[Placed]:
     """Place rays in all directions from a point."""
     origin = (fields.number_of("x"), -fields.number_of("y"))
     brightness = fields.number_of("brightness", 0.5, least=0.0)
-    density = lamps.settled(lambda d: brightness / d)
+    density = settings.settled(lambda d: brightness / d)
     step = math.tau / _per_turn(density)
-    first = -2.0 * step + 1e-6 if lamps.observed else 0.0
+    first = -2.0 * step + 1e-6 if settings.observed else 0.0
     each = min(brightness / density, 1.0)
     angles = _angles(first, math.tau - SHORT_OF_END, step)
     return [Placed(origin, _upwards(angle), each, fresh=angle == first) for angle in angles]
 
 
-def _into_angle(fields: Fields, lamps: Lamps) -> list[Placed]:
+def _into_angle(fields: Fields, settings: SourceSettings) -> list[Placed]:
     """Place rays from a point within an angle, centred on a line or starting from it."""
     origin, aim = fields.point("p1"), fields.point("p2")
     brightness, spread = (
@@ -133,9 +133,9 @@ def _into_angle(fields: Fields, lamps: Lamps) -> list[Placed]:
         math.radians(fields.number_of("emisAngle", 36.001)),
     )
     symmetric = fields.flag("symmetric", True)
-    density = lamps.settled(lambda d: brightness / d)
+    density = settings.settled(lambda d: brightness / d)
     step = math.tau / _per_turn(density)
-    first = -2.0 * step + 1e-6 if lamps.observed else 0.0
+    first = -2.0 * step + 1e-6 if settings.observed else 0.0
     start, end = (first - spread / 2.0, first + spread / 2.0) if symmetric else (first, first + spread)
     middle = math.atan2(origin[1] - aim[1], aim[0] - origin[0])
     each = min(brightness / density, 1.0)
@@ -145,7 +145,7 @@ def _into_angle(fields: Fields, lamps: Lamps) -> list[Placed]:
     ]
 
 
-def _beam(fields: Fields, lamps: Lamps) -> list[Placed]:
+def _beam(fields: Fields, settings: SourceSettings) -> list[Placed]:
     """Place parallel rays from a line, a fan at each of its points, or random points and angles."""
     a, b = fields.point("p1"), fields.point("p2")
     if a == b:
@@ -155,12 +155,12 @@ def _beam(fields: Fields, lamps: Lamps) -> list[Placed]:
         math.radians(fields.number_of("emisAngle", 0.0)) / 2.0,
     )
     lambert, random = fields.flag("lambert"), fields.flag("random")
-    scale = lamps.length_scale
+    scale = settings.length_scale
 
     def fan(density: float) -> float:
         return 1.0 + 2.0 * math.floor(half / (math.tau / _per_turn(density)))
 
-    density = lamps.settled(lambda d: brightness * scale / d / fan(d))
+    density = settings.settled(lambda d: brightness * scale / d / fan(d))
     count = math.dist(a, b) * density / scale
     if count * fan(density) > MOST_RAYS:
         raise UnreadError(None, f"would have more than {MOST_RAYS} rays")
@@ -172,9 +172,9 @@ def _beam(fields: Fields, lamps: Lamps) -> list[Placed]:
         return Placed(origin, _upwards(normal + angle), each * (math.cos(angle) if lambert else 1.0), fresh)
 
     if random:
-        if lamps.seed is None:
+        if settings.seed is None:
             raise UnreadError("random", "the scene has no randomSeed, so its rays differ on each run")
-        pairs = [(next(lamps.numbers), next(lamps.numbers)) for _ in range(math.ceil(count * fan(density)))]
+        pairs = [(next(settings.numbers), next(settings.numbers)) for _ in range(math.ceil(count * fan(density)))]
         return [placed(u, (2.0 * v - 1.0) * half, fresh=i == 0) for i, (u, v) in enumerate(pairs)]
     step = math.tau / _per_turn(density)
     angles = [0.0, *(way * angle for angle in _angles(step, half, step) for way in (1.0, -1.0))]

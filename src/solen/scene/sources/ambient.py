@@ -68,7 +68,7 @@ class Ambient(Source):
             return self.center[0] + self.radius_mm * dx, self.center[1] + self.radius_mm * dz, 360.0 * place + 180.0
 
         half = 0.5 * math.pi
-        return Emission(at, LAMBERT.stretches(half), LAMBERT.plane_angle(half), PANELS)
+        return Emission(at, LAMBERT.intervals(half), LAMBERT.plane_angle(half), PANELS)
 
     def check(self) -> None:
         """See :meth:`~solen.scene.sources.base.Source.check`."""

@@ -16,7 +16,7 @@ from solen.arrays import FloatArray, IntArray
 from solen.curve import check_count, check_numbers, check_points, check_range
 from solen.errors import DesignError
 from solen.plane import Point, heading
-from solen.scene.sources.pattern import Pattern, Stretch
+from solen.scene.sources.pattern import AngleInterval, Pattern
 from solen.scene.sources.points import copies, points
 
 LEAST_POWER, MOST_POWER = 1e-12, 1e12
@@ -84,7 +84,7 @@ class Emission(NamedTuple):
 
     at: Callable[[float], tuple[float, float, float]]
     """maps a position from 0 to 1 to the point there, x and z in mm, and its axis in degrees"""
-    stretches: tuple[Stretch, ...]
+    intervals: tuple[AngleInterval, ...]
     """intensity as a function of the angle from the axis, in smooth pieces, the same at all positions"""
     whole: float
     """its integral over all angles, in radians"""
@@ -230,8 +230,8 @@ class LineSource(Source):
             x, z = self.across(np.array([place]))
             return float(x[0]), float(z[0]), self.axis_deg
 
-        stretches = self.pattern.stretches(self.half_rad)
-        return Emission(at, stretches, self.pattern.plane_angle(self.half_rad), 1 if self.width_mm > 0.0 else 0)
+        intervals = self.pattern.intervals(self.half_rad)
+        return Emission(at, intervals, self.pattern.plane_angle(self.half_rad), 1 if self.width_mm > 0.0 else 0)
 
     def check(self) -> None:
         """See :meth:`Source.check`."""

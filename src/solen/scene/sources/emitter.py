@@ -72,4 +72,4 @@ class Emitter(LineSource):
         check_numbers("emitter", self.y_mm)
         check_range("emitter height_mm", self.height_mm, 0.0)
         if self.cone_deg > 0.0:
-            self.pattern.stretches(self.half_rad)  # a table raises if it has no intensity within the cone
+            self.pattern.intervals(self.half_rad)  # a table raises if it has no intensity within the cone

@@ -23,7 +23,7 @@ SAME_ANGLE = 1e-15
 """Step in radians below which Newton's method has converged."""
 
 
-class Stretch(NamedTuple):
+class AngleInterval(NamedTuple):
     """Angles (radians from the axis) over which the intensity in the plane is (base + slope angle) cos(angle)^power."""
 
     low: float
@@ -55,7 +55,7 @@ class AngularPattern(ABC):
         """Angles (N,) from 0 to half for the cumulative fractions ``u`` (N,) of the power in space."""
 
     @abstractmethod
-    def stretches(self, half: float) -> tuple[Stretch, ...]:
+    def intervals(self, half: float) -> tuple[AngleInterval, ...]:
         """The section in the plane, in intervals over which it is smooth, in the order of the angle."""
 
     @abstractmethod
@@ -92,9 +92,9 @@ class Isotropic(AngularPattern):
         """See :meth:`AngularPattern.in_space`; sin²(θ/2) is uniform."""
         return 2.0 * np.arcsin(np.sqrt(u) * math.sin(0.5 * half))
 
-    def stretches(self, half: float) -> tuple[Stretch, ...]:
-        """See :meth:`AngularPattern.stretches`."""
-        return (Stretch(-half, half, 1.0, 0.0, 0.0),)
+    def intervals(self, half: float) -> tuple[AngleInterval, ...]:
+        """See :meth:`AngularPattern.intervals`."""
+        return (AngleInterval(-half, half, 1.0, 0.0, 0.0),)
 
     def solid_angle_sr(self, half: float) -> float:
         """See :meth:`AngularPattern.solid_angle_sr`."""
@@ -138,10 +138,10 @@ class CosinePower(AngularPattern):
             lost: FloatArray = -np.expm1(np.log1p(-u * (1.0 - math.cos(_up_to_90(half)) ** m)) / m)  # 1 − cos θ
         return np.asarray(2.0 * np.arcsin(np.sqrt(0.5 * lost)))
 
-    def stretches(self, half: float) -> tuple[Stretch, ...]:
-        """See :meth:`AngularPattern.stretches`."""
+    def intervals(self, half: float) -> tuple[AngleInterval, ...]:
+        """See :meth:`AngularPattern.intervals`."""
         half = _up_to_90(half)
-        return (Stretch(-half, half, 1.0, 0.0, self.exponent),)
+        return (AngleInterval(-half, half, 1.0, 0.0, self.exponent),)
 
     def solid_angle_sr(self, half: float) -> float:
         """See :meth:`AngularPattern.solid_angle_sr`."""
@@ -211,14 +211,14 @@ class PatternTable(AngularPattern):
             step = new
         return start + step
 
-    def stretches(self, half: float) -> tuple[Stretch, ...]:
-        """See :meth:`AngularPattern.stretches`."""
+    def intervals(self, half: float) -> tuple[AngleInterval, ...]:
+        """See :meth:`AngularPattern.intervals`."""
         angle, value = (column.tolist() for column in self._within(half))
-        left: list[Stretch] = []
+        left: list[AngleInterval] = []
         for (low, first), (high, last) in pairwise(zip(angle, value, strict=True)):
             slope = (last - first) / (high - low)
-            left.append(Stretch(low, high, first - slope * low, slope, 0.0))
-        right = [Stretch(-part.high, -part.low, part.base, -part.slope, 0.0) for part in reversed(left)]
+            left.append(AngleInterval(low, high, first - slope * low, slope, 0.0))
+        right = [AngleInterval(-part.high, -part.low, part.base, -part.slope, 0.0) for part in reversed(left)]
         return tuple(part for part in (*right, *left) if part.most > 0.0)
 
     def solid_angle_sr(self, half: float) -> float:

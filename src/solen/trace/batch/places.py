@@ -16,7 +16,7 @@ import numpy as np
 
 from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.errors import DesignError
-from solen.trace.kernel.lots import Bins
+from solen.trace.kernel.designs import Bins
 
 FEWEST_BINS, MOST_BINS = 16, 128
 BINS_OF_A_CHIP = 16
@@ -88,7 +88,7 @@ def bins_upto(chips: Chips, ends: FloatArray, both: bool) -> FloatArray:
     return np.append(0.0, np.cumsum(BINS_OF_A_CHIP * np.diff(ends) / narrowest))
 
 
-def shared_out(lengths: FloatArray, many: int) -> IntArray:
+def distributed(lengths: FloatArray, many: int) -> IntArray:
     """Distribute ``many`` bins among intervals: at least one each, and approximately in proportion to their lengths."""
     shares = np.ones(len(lengths), np.int64)
     for _ in range(many - len(lengths)):
@@ -99,12 +99,12 @@ def shared_out(lengths: FloatArray, many: int) -> IntArray:
 class Places(NamedTuple):
     """Bins of positions, repeated for each lattice, and the weights (K, B) that combine them into chips.
 
-    ``doubt`` (K, B) are the weights for the estimated error of the interpolation.
+    ``interpolation_error`` (K, B) are the weights for the estimated error of the interpolation.
     """
 
     bins: Bins
     weights: FloatArray
-    doubt: FloatArray
+    interpolation_error: FloatArray
     shifts: int
 
     @classmethod
@@ -117,7 +117,7 @@ class Places(NamedTuple):
         many, ends = lattices // SHIFTS, ends_of(chips, both)
         if len(ends) > min(many + 1, MOST_ENDS):
             return cls._interpolated(chips, many, ends, both)
-        shares = shared_out(np.diff(ends[len(ends) // 2 :] if both else ends), many // 2 if both else many)
+        shares = distributed(np.diff(ends[len(ends) // 2 :] if both else ends), many // 2 if both else many)
         shares = np.concatenate([shares[::-1], shares]) if both else shares
         pieces = [np.linspace(ends[i], ends[i + 1], n, endpoint=False) for i, n in enumerate(shares.tolist())]
         edges = np.append(np.concatenate(pieces), ends[-1])
@@ -134,14 +134,14 @@ class Places(NamedTuple):
         edges = np.interp(np.linspace(0.0, wanted[-1], many + 1), wanted, ends)
         first, last = (chips.offset + side * 0.5 * chips.width for side in (-1.0, 1.0))
         cubic, straight = (
-            (upto(last, edges) - upto(first, edges)) / chips.width[:, None] for upto in (cumulative, straightly)
+            (upto(last, edges) - upto(first, edges)) / chips.width[:, None] for upto in (cumulative, cumulative_linear)
         )
         return cls._repeated(Bins(edges[:-1], edges[1:]), cubic, NOT_STRAIGHT * (cubic - straight), SHIFTS)
 
     @classmethod
-    def _repeated(cls, bins: Bins, weights: FloatArray, doubt: FloatArray, shifts: int) -> "Places":
-        each, doubts = (np.repeat(rows, shifts, axis=1) / shifts for rows in (weights, doubt))
-        return cls(Bins(*(np.repeat(ends, shifts) for ends in bins)), each, doubts, shifts)
+    def _repeated(cls, bins: Bins, weights: FloatArray, interpolation_error: FloatArray, shifts: int) -> "Places":
+        each, errors = (np.repeat(rows, shifts, axis=1) / shifts for rows in (weights, interpolation_error))
+        return cls(Bins(*(np.repeat(ends, shifts) for ends in bins)), each, errors, shifts)
 
     def powers(self, found: FloatArray) -> FloatArray:
         """Return powers (..., K) of the chips from those by lattice (..., B)."""
@@ -159,7 +159,7 @@ class Places(NamedTuple):
         squares = self.shifts * self.weights[:, :: self.shifts].T ** 2
         variance = of_bin @ squares
         lacking = (of_bin**2 @ squares**2) / np.maximum(freedom * variance**2, TINY)
-        return np.asarray(np.hypot(np.sqrt(variance) * (1.0 + STUDENT * lacking), found @ self.doubt.T))
+        return np.asarray(np.hypot(np.sqrt(variance) * (1.0 + STUDENT * lacking), found @ self.interpolation_error.T))
 
 
 def cumulative(at: FloatArray, edges: FloatArray) -> FloatArray:
@@ -177,7 +177,7 @@ def cumulative(at: FloatArray, edges: FloatArray) -> FloatArray:
     return np.asarray(sums * step + before[:, None] * slopes[which] - after[:, None] * slopes[which + 1])
 
 
-def straightly(at: FloatArray, edges: FloatArray) -> FloatArray:
+def cumulative_linear(at: FloatArray, edges: FloatArray) -> FloatArray:
     """The same as `cumulative`, with linear interpolation."""
     return np.asarray(np.clip(at[:, None] - edges[:-1], 0.0, np.diff(edges)))
 

@@ -1,1 +1,1 @@
-"""The compiled kernel: curves, surfaces and the loop over rays; `solen.trace.engine` drives it."""
+"""The compiled kernel: curves, surfaces and the loop over rays, called by `solen.trace.engine`."""

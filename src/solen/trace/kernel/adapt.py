@@ -1,4 +1,4 @@
-"""Cutting a cone of launch angles into pieces of one tree, and integrating over each; see `solen.trace.adaptive`."""
+"""Division of a cone of launch angles into pieces of one tree, and their integration; see `solen.trace.adaptive`."""
 
 import math
 from typing import NamedTuple
@@ -15,11 +15,11 @@ from solen.trace.tables import Tables
 SAMPLES, LEGS, PIECES, RAYS, ALL_LEGS, UNDEFINED = range(6)
 DONE, FULL = range(2)
 NEIGHBOURS = 1e-8
-"""Gap in radians across which two pieces share an edge."""
+"""Largest gap in radians between two pieces that share an edge."""
 
 
 class Rule(NamedTuple):
-    """Gauss–Kronrod pair: nodes in [−1, 1] (15,), weights of both rules."""
+    """Gauss–Kronrod pair: nodes in [−1, 1] (15,) and the weights of both rules."""
 
     nodes: FloatArray
     kronrod: FloatArray
@@ -27,28 +27,28 @@ class Rule(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Rays at angles (radians), chained in the order of the angle; the stretch behind each is whole or not."""
+    """Rays at angles (radians), linked in the order of the angle; the interval after each is either whole or not."""
 
     angle: FloatArray
     tree: NDArray[np.uint64]
     first: IntArray
-    """where its legs begin"""
+    """index of its first leg"""
     many: IntArray
     after: IntArray
     """the next sample, −1 for none"""
     whole: NDArray[np.bool_]
     legs: FloatArray
     open: IntArray
-    """room for a stack of stretches"""
+    """memory for a stack of intervals"""
     value: FloatArray
-    """(D + 2,) of the ray traced last"""
+    """(D + 2,) powers of the last ray traced"""
     stack: Floats
     counts: IntArray
     """(6,) samples, legs, pieces, rays, all legs, undefined rays of the quadrature"""
 
 
 class Pieces(NamedTuple):
-    """Stretches of one tree: from, to (radians), the tree; and parts of them, each integrated by one rule."""
+    """Intervals of one tree: ends (radians) and tree; and their parts, each integrated with one rule."""
 
     low: FloatArray
     high: FloatArray
@@ -59,12 +59,12 @@ class Pieces(NamedTuple):
     part_high: FloatArray
     part_of: IntArray
     waiting: FloatArray
-    """(room, 2) parts still to be integrated"""
+    """(capacity, 2) parts still to be integrated"""
 
 
 @linked
 def weigh(family: Family, angle: float, value: FloatArray) -> None:
-    """Multiply what a ray gives by how much it counts."""
+    """Multiply the powers of a ray by its intensity."""
     weight = intensity(family, angle)
     if weight != 1.0:
         for d in range(len(value)):
@@ -73,7 +73,7 @@ def weigh(family: Family, angle: float, value: FloatArray) -> None:
 
 @linked
 def add_sample(k: Precision, tables: Tables, family: Family, samples: Samples, angle: float) -> int:
-    """Trace a ray and keep it; returns its number, −1 where there is no room."""
+    """Trace a ray and store it; return its index, or −1 if there is no room."""
     n, first = samples.counts[SAMPLES], samples.counts[LEGS]
     if n == len(samples.angle):
         return NO_ROOM
@@ -92,7 +92,7 @@ def add_sample(k: Precision, tables: Tables, family: Family, samples: Samples, a
 def holds(
     ax: float, az: float, bx: float, bz: float, cx: float, cz: float, dx: float, dz: float, px: float, pz: float
 ) -> bool:
-    """Whether a point is in a quadrilateral, a crossed one too (even–odd rule)."""
+    """Whether a point is in a quadrilateral, which may be self-crossing (even–odd rule)."""
     inside = False
     if (az > pz) != (bz > pz) and px < ax + (pz - az) / (bz - az) * (bx - ax):
         inside = not inside
@@ -107,7 +107,7 @@ def holds(
 
 @linked
 def is_whole(samples: Samples, i: int, j: int, ends: FloatArray) -> bool:
-    """Whether two rays have one tree and no curve ends in the beam between them or beside a curved face of it."""
+    """Whether two rays have one tree and no curve ends in the beam between them or next to its curved faces."""
     if samples.tree[i] != samples.tree[j] or samples.many[i] != samples.many[j]:
         return False
     legs = samples.legs
@@ -143,7 +143,7 @@ def cut(
     narrow: float,
     most_legs: int,
 ) -> int:
-    """Halve the first ``opened`` stretches in ``samples.open`` until each is whole or narrow; FULL where room ends."""
+    """Halve the first ``opened`` intervals in ``samples.open`` until all are whole or narrow; FULL if out of room."""
     while opened > 0:
         opened -= 1
         i = samples.open[opened]
@@ -165,7 +165,7 @@ def cut(
 
 @linked
 def open_gaps(samples: Samples, narrow: float) -> int:
-    """Put the stretches that are not whole and wider than ``narrow`` into ``samples.open``; returns how many."""
+    """Collect the intervals that are not whole and wider than ``narrow`` in ``samples.open``; return their number."""
     opened, i = 0, 0
     while samples.after[i] >= 0:
         j = samples.after[i]
@@ -178,7 +178,7 @@ def open_gaps(samples: Samples, narrow: float) -> int:
 
 @linked
 def gather(samples: Samples, pieces: Pieces) -> float:
-    """Runs of whole stretches become pieces; returns the width of all that is between them."""
+    """Join consecutive whole intervals into pieces; return the total width between them."""
     n, i, gaps = 0, 0, 0.0
     while samples.after[i] >= 0:
         if not samples.whole[i]:
@@ -200,7 +200,7 @@ def gather(samples: Samples, pieces: Pieces) -> float:
 
 @linked
 def insert_stray(k: Precision, tables: Tables, family: Family, samples: Samples, start: int, angle: float) -> int:
-    """Keep a ray whose tree differs from its piece's, so that its stretch is looked at anew: its number, or −1."""
+    """Store a ray whose tree differs from that of its piece, so its interval is cut again; return its index or −1."""
     i = start
     while samples.after[i] >= 0 and samples.angle[samples.after[i]] <= angle:
         i = samples.after[i]
@@ -228,9 +228,9 @@ def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one
 ) -> tuple[float, float, int, int]:
     """Integrate over all pieces, each halved until its error per width is at most ``density``.
 
-    ``work`` is (16, D + 2): values at the nodes, then their sum. ``total`` (D + 2,) becomes the integral. Returns
-    the error, the width that was left out when the room or ``most_legs`` ended, how many parts, and how many strays
-    were put into the chain; a piece with strays is left out.
+    ``work`` is (16, D + 2): values at the nodes, then their sum. ``total`` (D + 2,) becomes the integral. Returns the
+    error, the width that was omitted because memory or ``most_legs`` was exhausted, the number of parts, and the number
+    of stray rays that were inserted; a piece with strays is omitted.
     """
     error, left_out, parts, strays, columns = 0.0, 0.0, 0, 0, len(total)
     for d in range(columns):
@@ -245,7 +245,7 @@ def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one
             if samples.counts[ALL_LEGS] > most_legs or parts == len(pieces.part_low):
                 left_out += high - low
                 continue
-            clean, room = True, True
+            clean, fits = True, True
             for node in range(len(rule.nodes)):
                 angle = middle + half * rule.nodes[node]
                 kept = samples.counts[LEGS]
@@ -256,16 +256,16 @@ def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one
                 samples.counts[ALL_LEGS] += max(many, 0)
                 samples.counts[UNDEFINED] += 1 if undefined else 0
                 if many == NO_ROOM:
-                    room = False
+                    fits = False
                     break
                 weigh(family, angle, work[node])
                 if tree != pieces.tree[piece]:
                     clean = False
                     if insert_stray(k, tables, family, samples, pieces.first[piece], angle) == NO_ROOM:
-                        room = False
+                        fits = False
                         break
                     strays += 1
-            if not room:
+            if not fits:
                 left_out += high - low
                 continue
             if not clean:
@@ -305,20 +305,20 @@ def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one
 @called
 def integrate_cone(
     k: Precision, tables: Tables, family: Family, samples: Samples, pieces: Pieces, ends: FloatArray, rule: Rule,
-    density: float, narrow: float, narrowest: float, widest: float, first_stretches: int, most_legs: int,
+    density: float, narrow: float, narrowest: float, widest: float, first_intervals: int, most_legs: int,
     work: FloatArray, total: FloatArray,
 ) -> tuple[float, float, int]:  # fmt: skip
-    """Integral over the family's angles of all that one ray gives, to an error of ``density`` per angle.
+    """Integrate the powers of a ray over the family's angles, to an error of ``density`` per angle.
 
-    Gaps are cut on down to ``narrow`` at first, and further where they are wider than ``widest`` together, down to
-    ``narrowest``. Returns the error, the width of all gaps and of all that was left out when room or ``most_legs``
-    ended, and how many parts.
+    Gaps are cut down to ``narrow`` at first, and further down to ``narrowest`` if their total width exceeds ``widest``.
+    Returns the error, the width of all gaps including those omitted because memory or ``most_legs`` was exhausted, and
+    the number of parts.
     """
     middle, half = 0.5 * (family.low + family.high), 0.5 * (family.high - family.low)
     for i in range(len(samples.counts)):
         samples.counts[i] = 0
-    for i in range(first_stretches + 1):
-        if add_sample(k, tables, family, samples, middle + half * (2.0 * i / first_stretches - 1.0)) == NO_ROOM:
+    for i in range(first_intervals + 1):
+        if add_sample(k, tables, family, samples, middle + half * (2.0 * i / first_intervals - 1.0)) == NO_ROOM:
             return 0.0, 2.0 * half, 0
         if i > 0:
             samples.after[i - 1] = i
@@ -340,7 +340,7 @@ def integrate_cone(
 
 @linked
 def has_tree(k: Precision, tables: Tables, family: Family, samples: Samples, angle: float, tree: np.uint64) -> bool:
-    """Whether the ray at an angle has a tree; what it took is counted."""
+    """Whether the ray at an angle has this tree; its legs are counted."""
     many, found, _ = trace_tree(k, tables, family, angle, samples.value, samples.legs, samples.stack)
     samples.counts[ALL_LEGS] += len(samples.legs) if many == NO_ROOM else many
     return many != NO_ROOM and found == tree
@@ -358,10 +358,10 @@ def moved_edge(
     limit: float,
     most_legs: int,
 ) -> float:
-    """Where the edge of a piece has gone in a scene that was changed a little; NaN where it is not found.
+    """Locate the edge of a piece in a slightly changed scene; NaN if it is not located.
 
-    The search begins at the old edge and goes outwards while the tree is the piece's, up to ``limit``, or else inwards,
-    up to ``middle``; then the place is bisected as far as numbers go. It ends after so many straight stretches.
+    The search begins at the old edge and proceeds outwards while the tree is that of the piece, up to ``limit``, or
+    else inwards, up to ``middle``; the position is then bisected to the last digit. It ends after ``most_legs`` legs.
     """
     outwards = 1.0 if edge > middle else -1.0
     inside = has_tree(k, tables, family, samples, edge, tree)
@@ -404,12 +404,11 @@ def integrate_again(
     work: FloatArray,
     total: FloatArray,
 ) -> tuple[float, bool]:
-    """Integral of a scene that was changed a little, over the same pieces, their edges moved to where they are now.
+    """Integrate a slightly changed scene over the same pieces, with their edges at the new positions.
 
-    ``pieces`` are those of the scene before, and become those of this one. Every part keeps its share of its piece, so
-    that what the rule leaves out is the same to first order and drops out of differences. Returns the width of what
-    lies between the pieces, and whether all edges and all nodes were found where they belong, within ``most_legs``
-    straight stretches of all rays together.
+    ``pieces`` are those of the scene before, and become those of this one. Each part keeps its relative position in its
+    piece, so the error of the rule is the same to first order and cancels in differences. Returns the width between the
+    pieces, and whether all edges were located and all nodes have the right tree, within ``most_legs`` legs of all rays.
     """
     for d in range(len(total)):
         total[d] = 0.0
@@ -418,7 +417,7 @@ def integrate_again(
         low, high, tree = pieces.low[piece], pieces.high[piece], pieces.tree[piece]
         middle, new_low, new_high = 0.5 * (low + high), low, high
         if low - before > NEIGHBOURS:
-            shift = 0.0  # else the piece is sought where the one before it has gone: it may be narrower than that
+            shift = 0.0  # otherwise the search starts with the shift of the piece before, which may exceed this width
         if low > family.low:
             new_low = moved_edge(k, tables, family, samples, tree, low + shift, middle + shift, family.low, most_legs)
             if math.isnan(new_low):
@@ -431,10 +430,10 @@ def integrate_again(
             return math.inf, False
         before, shift = high, new_high - high
         width += new_high - new_low
-        stretch = (new_high - new_low) / (high - low)
+        ratio = (new_high - new_low) / (high - low)
         while part < parts and pieces.part_of[part] == piece:
-            a = new_low + stretch * (pieces.part_low[part] - low)
-            b = new_low + stretch * (pieces.part_high[part] - low)
+            a = new_low + ratio * (pieces.part_low[part] - low)
+            b = new_low + ratio * (pieces.part_high[part] - low)
             for node in range(len(rule.nodes)):
                 angle = 0.5 * (a + b) + 0.5 * (b - a) * rule.nodes[node]
                 found, tree_there, _ = trace_tree(k, tables, family, angle, work[node], samples.legs, samples.stack)

@@ -1,12 +1,12 @@
-"""Many scenes in one call, of the plane or of space: their tables and rays one after the other in long arrays."""
+"""Many scenes in one call, in the plane or in space, with their tables and rays concatenated in long arrays."""
 
 from typing import NamedTuple
 
 from solen.arrays import IntArray
+from solen.trace.kernel.buffers import Buffers, Rows
 from solen.trace.kernel.compiled import called, compiled
-from solen.trace.kernel.extruded import RoomInSpace, RowsInSpace, Slab, trace_in_space
+from solen.trace.kernel.extruded import BuffersInSpace, RowsInSpace, Slab, trace_in_space
 from solen.trace.kernel.loop import trace_rays
-from solen.trace.kernel.room import Rows, Space
 from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.step import Rules
 from solen.trace.kernel.tally import Sums
@@ -14,7 +14,7 @@ from solen.trace.tables import Tables
 
 
 class Starts(NamedTuple):
-    """Where the rows of each scene begin in the arrays of `Tables` (S + 1,)."""
+    """Start of each scene's rows in the arrays of `Tables` (S + 1,)."""
 
     piece: IntArray
     wavelength: IntArray
@@ -26,7 +26,7 @@ class Starts(NamedTuple):
 
 
 class Tasks(NamedTuple):
-    """One source of one scene and one group of its rays each: (J,) or, of what begins where, (J + 1,)."""
+    """Tasks, each with one source of one scene and one group of its rays: (J,), or (J + 1,) for starts."""
 
     scene: IntArray
     first: IntArray
@@ -40,7 +40,7 @@ class Tasks(NamedTuple):
 
 @compiled
 def tables_of(tables: Tables, starts: Starts, i: int) -> Tables:
-    """Tables of one scene."""
+    """Return the tables of one scene."""
     p, q = starts.piece[i], starts.piece[i + 1]
     v, w = starts.wavelength[i], starts.wavelength[i + 1]
     m, n = starts.monitor[i], starts.monitor[i + 1]
@@ -60,7 +60,7 @@ def tables_of(tables: Tables, starts: Starts, i: int) -> Tables:
 
 @compiled
 def sums_of(sums: Sums, tasks: Tasks, j: int) -> Sums:
-    """Sums of one task."""
+    """Return the sums of one task."""
     d, e = tasks.receiver[j], tasks.receiver[j + 1]
     a, b = tasks.monitor[j], tasks.monitor[j + 1]
     return Sums(
@@ -79,14 +79,14 @@ def trace_tasks(
     sums: Sums,
     rays: Rows,
     rules: Rules,
-    space: Space,
+    buffers: Buffers,
     treatments: Floats | None,
     begin: int,
     stop: int,
 ) -> bool:
-    """Trace the tasks from ``begin`` up to ``stop``; False where there is no room for all the branches that wait.
+    """Trace the tasks from ``begin`` up to ``stop``; False if there is no room for all waiting branches.
 
-    Of ``sums``, fate, counts and place have a row for every task; of receivers, monitors and bins each has its own.
+    In ``sums``, fate, counts and place have one row per task; receivers, monitors and bins have their own starts.
     """
     for j in range(begin, stop):
         i = tasks.scene[j]
@@ -102,12 +102,17 @@ def trace_tasks(
             tasks.step[j],
             rules.turbid,
         )
-        room = Space(
-            space.state, space.tags, space.found, space.waiting_state, space.waiting_tags, space.branches[: y - x]
+        own_buffers = Buffers(
+            buffers.state,
+            buffers.tags,
+            buffers.found,
+            buffers.waiting_state,
+            buffers.waiting_tags,
+            buffers.branches[: y - x],
         )
         for ray in range(y - x):
-            room.branches[ray] = 1
-        if not trace_rays(k, mine, own, some, rule, room, None if treatments is None else mine.treatments):
+            own_buffers.branches[ray] = 1
+        if not trace_rays(k, mine, own, some, rule, own_buffers, None if treatments is None else mine.treatments):
             return False
     return True
 
@@ -115,9 +120,9 @@ def trace_tasks(
 @called
 def trace_tasks_in_space(
     k: Precision, tables: Tables, starts: Starts, tasks: Tasks, sums: Sums, rays: RowsInSpace, rules: Rules, slab: Slab,
-    room: RoomInSpace,
+    buffers: BuffersInSpace,
 ) -> bool:  # fmt: skip
-    """As `trace_tasks` of all tasks, of scenes of one slab."""
+    """As `trace_tasks` for all tasks, in space, for scenes with one slab."""
     for j in range(len(tasks.scene)):
         i = tasks.scene[j]
         mine, own = tables_of(tables, starts, i), sums_of(sums, tasks, j)
@@ -126,6 +131,6 @@ def trace_tasks_in_space(
             rays.x[x:y], rays.y[x:y], rays.z[x:y], rays.dx[x:y], rays.dy[x:y], rays.dz[x:y], rays.s[x:y], rays.p[x:y],
             rays.cr[x:y], rays.ci[x:y], rays.optical[x:y], rays.colour[x:y],
         )  # fmt: skip
-        if not trace_in_space(k, mine, own, some, rules, slab, room):
+        if not trace_in_space(k, mine, own, some, rules, slab, buffers):
             return False
     return True

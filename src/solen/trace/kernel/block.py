@@ -1,11 +1,12 @@
-"""The nearest interface ahead of a block of rays.
+"""The nearest interface ahead of each ray of a block.
 
-For every curve an inner loop runs over the rays of the block, free of branches, so that the processor handles several
-rays at once. Where there are many curves the grid of `solen.trace.kernel.nearest` takes over, ray by ray.
+For each curve an inner loop without branches runs over the rays of the block, which the processor vectorises. For many
+curves the grid of `solen.trace.kernel.nearest` is used instead, ray by ray.
 """
 
 from typing import NamedTuple
 
+from solen.trace.kernel.buffers import Found, Rays
 from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.hits import (
     arc_hit,
@@ -20,7 +21,6 @@ from solen.trace.kernel.hits import (
     segment_hit,
 )
 from solen.trace.kernel.nearest import Ray, curve_hit, nearest
-from solen.trace.kernel.room import Found, Rays
 from solen.trace.kernel.rows import (
     ARC,
     CONIC,
@@ -43,7 +43,7 @@ VECTOR_STEPS = 3
 
 
 class Bounds(NamedTuple):
-    """Least and greatest x, z, dx, dz of a block of rays."""
+    """Lowest and highest x, z, dx, dz of a block of rays."""
 
     x: tuple[float, float]
     z: tuple[float, float]
@@ -53,7 +53,7 @@ class Bounds(NamedTuple):
 
 @compiled
 def span(numbers: Floats, n: int) -> tuple[float, float]:
-    """Least and greatest of the first n numbers."""
+    """Lowest and highest of the first n numbers."""
     low, high = numbers[0], numbers[0]
     for i in range(n):
         low, high = least(low, numbers[i]), greatest(high, numbers[i])
@@ -69,10 +69,10 @@ def product(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, floa
 
 @compiled
 def passes_by(rays: Bounds, box: Floats) -> bool:
-    """Whether no ray of a block can meet anything in a box (least x, greatest x, least z, greatest z).
+    """Whether no ray of a block can meet anything in a box (lowest x, highest x, lowest z, highest z).
 
-    Interval arithmetic on how far the box lies beside the rays and ahead of them: rays that run together, as those of a
-    fan do, pass most curves by.
+    Interval arithmetic bounds the lateral and forward distances of the box from the rays: rays that are close together,
+    as in a fan, pass most curves.
     """
     vx, vz = (box[0] - rays.x[1], box[1] - rays.x[0]), (box[2] - rays.z[1], box[3] - rays.z[0])
     a, b = product(rays.dx, vz), product(rays.dz, vx)
@@ -85,7 +85,7 @@ def passes_by(rays: Bounds, box: Floats) -> bool:
 def find_block(  # noqa: C901  one inner loop per kind of curve
     k: Precision, tables: Tables, n: int, rays: Rays, found: Found
 ) -> None:
-    """Nearest interface ahead of rays 0 to n: distance (infinity for none), which (−1), parameter there."""
+    """Write the nearest interface ahead of rays 0 to n: distance (infinity for none), index (−1), parameter."""
     x, z, dx, dz, last, at = rays
     best, which, place = found.distance, found.curve, found.place
     if len(tables.grid_item) > 0:
@@ -132,10 +132,11 @@ def find_block(  # noqa: C901  one inner loop per kind of curve
 
 @compiled
 def oval_block(k: Precision, o: Oval, mine: int, n: int, rays: Rays, found: Found) -> None:
-    """Front of oval number ``mine`` against rays 0 to n; as `solen.trace.kernel.hits.oval_hit`, over many rays.
+    """Test the front of oval ``mine`` against rays 0 to n, like `solen.trace.kernel.hits.oval_hit` for one.
 
-    Rows of ``work``: 5 what is wanted of a ray (the near root, the far one or nothing), then its hit; 7 to 10 x, z, dx,
-    dz of the rays whose near root is sought by Newton's method; 11 and 12 the root and whether it is settled.
+    Rows of ``work``: 5 is the root required for a ray (the near root, the far one or none), then its hit; 7 to 10 are
+    x, z, dx, dz of the rays whose near root is computed with Newton's method; 11 and 12 are the root and whether it has
+    converged.
     """
     x, z, dx, dz, last, _ = rays
     best, which, _, work, pick = found
@@ -177,7 +178,7 @@ def oval_block(k: Precision, o: Oval, mine: int, n: int, rays: Rays, found: Foun
 
 @compiled
 def oval_again(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, near: float, settled: bool) -> float:
-    """Where a ray from outside meets the front whose near root was not found there in a few steps."""
+    """Hit of a ray from outside on the front, if its near root did not converge in a few steps."""
     t = near if settled else oval_root(k, o, x, z, dx, dz, -k.one)
     if t != t:
         return k.none  # the line misses the oval
@@ -189,7 +190,7 @@ def oval_again(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, 
 
 @compiled
 def newton(k: Precision, o: Oval, m: int, work: Floats) -> None:
-    """A few steps of Newton's method to the near root for m rays side by side; most need no more."""
+    """Take a few steps of Newton's method to the near root for m rays together; most need no more."""
     x, z, dx, dz, distance, settled = work[7], work[8], work[9], work[10], work[11], work[12]
     outwards = -k.one
     for j in range(m):

@@ -1,7 +1,7 @@
 """Integrals over a cell of two angles: a product of two rules, whose nodes are paths.
 
-Cells side by side, and a cell and its halves, have nodes in common at their borders. What was found at a node is kept,
-so that none is computed twice.
+Neighbouring cells, and a cell and its halves, have nodes in common at their borders. The result at each node is stored,
+so none is computed twice.
 """
 
 import math
@@ -15,53 +15,53 @@ from solen.arrays import FloatArray, IntArray
 from solen.trace.kernel.compiled import called, compiled, linked
 from solen.trace.kernel.family import FamilyInSpace, at_angles
 from solen.trace.kernel.nearest import Walls
-from solen.trace.kernel.paths import FIRST, FIRST_ANGLES, PathRoom, integrate_path
+from solen.trace.kernel.paths import FIRST, FIRST_ANGLES, PathBuffers, integrate_path
 from solen.trace.kernel.rows import Precision
 from solen.trace.kernel.surface import scrambled
 
 KEPT_NODES, SLOTS = 1 << 16, 1 << 17
 LEAST_SHARE = 0.05
-"""Least difference of two rules, as a share of what the rougher two differ by: two may agree by chance."""
+"""Least difference of two rules, as a fraction of that of the coarser two: two may agree by chance."""
 
 
 class Rule(NamedTuple):
-    """Nodes in [−1, 1] (N,) and weights (3, N) of three rules on them, from the best to the roughest."""
+    """Nodes in [−1, 1] (N,) and weights (3, N) of three rules on them, from the finest to the coarsest."""
 
     nodes: FloatArray
     weights: FloatArray
 
     @classmethod
     def of(cls, *halves: Sequence[float]) -> "Rule":
-        """Rule of an odd number of nodes, from the right halves of its columns, the middle first."""
+        """Return the rule for an odd number of nodes, from the right halves of its columns, the middle first."""
         nodes, *weights = (np.array([*half[:0:-1], *half]) for half in halves)
         nodes[: len(nodes) // 2] *= -1.0
         return cls(nodes, np.array(weights))
 
 
 class Light(NamedTuple):
-    """What is integrated over the angles of an emitter in one colour."""
+    """The integrand over the angles of an emitter at one wavelength."""
 
     family: FamilyInSpace
     ends: FloatArray
     """(2, E) x and z of the ends of curves"""
     cosine: float
-    """of half the cone"""
+    """of half the cone angle"""
     sine: float
-    """largest out of the plane"""
+    """largest sine of the angle out of the plane"""
     point: bool
-    """whether the path is the angle in projection, as an emitter without a width has no places"""
+    """whether the path is the projected angle, for an emitter of zero width"""
     scale: float
     density: float
-    """this and the next two as `solen.trace.kernel.paths.integrate_path` has them"""
+    """this and the next two as in `solen.trace.kernel.paths.integrate_path`"""
     narrow: float
     soft: float
 
 
 class Nodes(NamedTuple):
-    """Nodes with their integrals: q, t (N, 2) and powers with what they may be off by (N, D + 6)."""
+    """Nodes with their integrals: q, t (N, 2), and powers with their error (N, D + 6)."""
 
     slots: NDArray[np.int32]
-    """row of a node by its hash, −1 for none"""
+    """index of a node by its hash, −1 for none"""
     at: FloatArray
     value: FloatArray
     many: IntArray
@@ -71,7 +71,7 @@ class Nodes(NamedTuple):
 
 
 def new_nodes(columns: int, most: int) -> Nodes:
-    """Room for nodes, of rules of ``most`` nodes; untouched memory costs nothing."""
+    """Allocate nodes for rules of ``most`` nodes; unused pages take no memory."""
     return Nodes(
         np.full(SLOTS, -1, np.int32),
         np.empty((KEPT_NODES, 2)),
@@ -83,16 +83,16 @@ def new_nodes(columns: int, most: int) -> Nodes:
 
 @compiled
 def node_between(rule: Rule, low: float, high: float, n: int) -> float:
-    """Node of a stretch; the first and the last are its ends, to the last bit."""
+    """Node of an interval; the first and the last are its ends, to the last bit."""
     inner: float = 0.5 * (low + high) + 0.5 * (high - low) * rule.nodes[n]
     return low if n == 0 else high if n == len(rule.nodes) - 1 else inner
 
 
 @linked
-def node(k: Precision, walls: Walls, light: Light, room: PathRoom, nodes: Nodes, q: float, t: float) -> int:
-    """Row of a node, which is integrated where it is not known.
+def node(k: Precision, walls: Walls, light: Light, buffers: PathBuffers, nodes: Nodes, q: float, t: float) -> int:
+    """Return the index of a node, and integrate it if it is new.
 
-    The angle out of the plane is asin(sine sin t), the one in projection a share q of the largest within the cone
+    The angle out of the plane is asin(sine sin t), the projected one is the fraction q of the largest within the cone
     there; a point has no q.
     """
     hashed = scrambled(np.uint64(np.int64(1e15 * q)) ^ scrambled(np.uint64(np.int64(1e15 * t))))
@@ -102,7 +102,7 @@ def node(k: Precision, walls: Walls, light: Light, room: PathRoom, nodes: Nodes,
         if nodes.at[row, 0] == q and nodes.at[row, 1] == t:
             return row
         slot = (slot + 1) & (SLOTS - 1)
-    if nodes.many[0] == KEPT_NODES:  # begin anew
+    if nodes.many[0] == KEPT_NODES:  # start again
         nodes.many[0] = 0
         for other in range(SLOTS):
             nodes.slots[other] = -1
@@ -119,7 +119,7 @@ def node(k: Precision, walls: Walls, light: Light, room: PathRoom, nodes: Nodes,
         here, first = at_angles(family, most * q, 0.0, rise, family.low, family.high), FIRST
     last = len(value) - 1
     value[last] = integrate_path(
-        k, walls, here, room, light.ends, first, light.density, light.narrow, light.soft, value[:last]
+        k, walls, here, buffers, light.ends, first, light.density, light.narrow, light.soft, value[:last]
     )
     for d in range(len(value)):
         value[d] *= weight
@@ -128,7 +128,7 @@ def node(k: Precision, walls: Walls, light: Light, room: PathRoom, nodes: Nodes,
 
 @compiled
 def rules_apart(rule: Rule, grid: FloatArray, scale: float, value: FloatArray, apart: FloatArray) -> float:
-    """Integral (D,) of values (N, D) at the nodes, the difference of the best two rules, and the largest one."""
+    """Integrate values (N, D) at the nodes, with the differences of the best two rules; return the largest one."""
     most = rough = 0.0
     for d in range(len(value)):
         fine, coarse, least = 0.0, 0.0, 0.0
@@ -146,7 +146,7 @@ def over_cells(
     k: Precision,
     walls: Walls,
     light: Light,
-    room: PathRoom,
+    buffers: PathBuffers,
     nodes: Nodes,
     across: Rule,
     along: Rule,
@@ -154,10 +154,10 @@ def over_cells(
     sums: FloatArray,
     errors: FloatArray,
 ) -> None:
-    """Integrals over cells ``bounds`` (N, 4): q and t from and to, by the rules ``across`` q and ``along`` t.
+    """Integrate over cells ``bounds`` (N, 4), the ends of q and t, with the rules ``across`` q and ``along`` t.
 
     ``sums`` (N, 3, D + 5) become the powers and the differences of two rules over q and over t, ``errors`` (N, 3) the
-    largest of each and what the paths may be off by.
+    largest of each and the error of the paths.
     """
     nq, nt, columns = len(across.nodes), len(along.nodes), sums.shape[2]
     over_t, over_q = nodes.sums[0, :nq], nodes.sums[1, :nt]
@@ -167,7 +167,7 @@ def over_cells(
         for i in range(nt):
             t = node_between(along, bounds[c, 2], bounds[c, 3], i)
             for j in range(nq):
-                row = node(k, walls, light, room, nodes, node_between(across, bounds[c, 0], bounds[c, 1], j), t)
+                row = node(k, walls, light, buffers, nodes, node_between(across, bounds[c, 0], bounds[c, 1], j), t)
                 value = nodes.value[row]
                 for d in range(columns):
                     over_t[j, d] += along.weights[0, i] * value[d]

@@ -1,11 +1,11 @@
-"""How the kernel is compiled: by numba, without the interpreter's lock, cached on disk.
+"""Compilation of the kernel: by numba, without the interpreter's lock, cached on disk.
 
-numba renews a cached function only when the file it stands in changes. The functions here call each other across files,
-so each carries a stamp of the contents of its file and of all that this takes over: a copy of a tree compiles nothing.
+numba recompiles a cached function only when its own file changes. The functions here call each other across files, so
+each has a stamp of the contents of its file and of all files from which that imports. A copied tree compiles nothing.
 
-numba also compiles a function again with each of its callers, and theirs. Here a function either becomes part of its
-callers, or is linked with them as numba does, or stands on its own: then their code has no more than a call by its
-symbol, and what is kept of a caller says which functions must be there before it.
+numba also compiles a function again with each of its callers, and theirs. Here a function is either inlined in its
+callers, or linked with them as numba does, or standing: the callers' code then only calls it by its symbol, and the
+cached form of a caller states which functions must be loaded before it.
 """
 
 import hashlib
@@ -31,18 +31,18 @@ IMPORTED = re.compile(r"^from solen\.([\w.]+) import", re.MULTILINE)
 
 
 def _files(module: str) -> list[Path]:
-    """Files of a module of solen's by its name; of a package all of them."""
+    """Files of a module of solen by its name; for a package, all of its files."""
     path = ROOT.joinpath(*module.split("."))
     return list(path.glob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
 
 
 def _taken(file: Path) -> set[Path]:
-    """Files that a file of the kernel takes functions or constants from."""
+    """Files from which a file of the kernel imports functions or constants."""
     return {path for module in IMPORTED.findall(file.read_text("utf-8")) for path in _files(module)}
 
 
 def sources(file: Path) -> set[Path]:
-    """Files of the kernel that a file of it stands on, itself among them, and those whose constants they take over."""
+    """Files of the kernel on which a file depends, including itself, and files from which they import constants."""
     known, new = set[Path](), {file}
     while new:
         known |= new
@@ -52,7 +52,7 @@ def sources(file: Path) -> set[Path]:
 
 @cache
 def stamp(file: Path) -> str:
-    """Hash of the contents of all that a file of the kernel stands on."""
+    """Hash of the contents of all files on which a file of the kernel depends."""
     contents = hashlib.sha256()
     for path in sorted(sources(file)):
         contents.update(_digest(path))
@@ -71,33 +71,35 @@ OPTIONS: dict[str, Any] = {
     "_nrt": False,
     "no_cfunc_wrapper": True,
 }
-"""No reference is counted, so that passing tables to a function costs nothing; so nothing can be allocated either: room
-to work in is handed in. Division follows IEEE 754 (no branch for a zero divisor), and rounding may differ by fused
-operations and by multiplying with a reciprocal; infinities and NaN keep their meaning, parallel rays depend on it."""
+"""There is no reference counting, so passing tables to a function costs nothing. Nothing can be allocated either:
+callers supply working memory. Division follows IEEE 754 (no branch for a zero divisor). Rounding may differ
+because of fused operations and multiplication by a reciprocal; infinities and NaN keep their meaning, which
+parallel rays require.
+"""
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function that becomes part of its callers: what a loop calls, so that it can do several at once."""
+    """Compile a function that is inlined in its callers, so that their loops can be vectorised."""
     return _inlined(function)
 
 
 def rounded(function: Callable[P, R]) -> Callable[P, R]:
-    """As `compiled`, with every operation rounded: the same arguments give the same number wherever it is asked for."""
+    """As `compiled`, but with IEEE rounding of each operation: equal arguments give equal numbers in all callers."""
     return _inlined(function, fastmath=False)
 
 
 def summed(function: Callable[P, R]) -> Callable[P, R]:
-    """As `compiled`, for sums: in any order, so that several of their numbers can be added at once."""
+    """As `compiled`, for sums in any order, which can be vectorised."""
     return _inlined(function, fastmath={"contract", "arcp", "nsz", "reassoc"})
 
 
 def called(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function that stands on its own: a large one, or one that Python calls."""
+    """Compile a standing function: a large one, or one that Python calls."""
     return cast("Callable[P, R]", _kept(function, _StandingCache))
 
 
 def linked(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function that is linked with its callers: one that is called for every ray, or for a few."""
+    """Compile a function that is linked with its callers: one that is called once per ray or less often."""
     return _within(function)
 
 
@@ -113,12 +115,12 @@ def _within(function: Callable[P, R], **more: Any) -> Callable[P, R]:
 
 
 def _kept(function: Callable[..., Any], kind: type[FunctionCache], **more: Any) -> Any:
-    """`numba.njit` with a cache of a kind on disk."""
+    """Apply `numba.njit` with a kind of cache on disk."""
     return cached(partial(numba.njit, **(OPTIONS | more)), function, kind)
 
 
 class _Within(CPUDispatcher):
-    """A function without the code by which Python calls it: where it does, in tests, the function is compiled anew."""
+    """A function without the code for calls from Python, which tests compile on demand."""
 
     @cached_property
     def _from_python(self) -> Any:
@@ -130,13 +132,13 @@ class _Within(CPUDispatcher):
 
 
 Address = tuple[str, str, tuple[Any, ...]]
-"""Module, name and types of arguments of a function."""
+"""Module, name and argument types of a function."""
 STANDING: dict[str, Address] = {}
-"""Functions that stand on their own by their symbols."""
+"""Standing functions by their symbols."""
 
 
 class _Form(CompileResultCacheImpl):
-    """What is kept of a function: its symbols, the functions standing on their own that it calls, and its code."""
+    """The cached form of a function: its symbols, the standing functions that it calls, and its code."""
 
     def reduce(self, result: Any) -> Any:
         base: Any = super()
@@ -149,7 +151,7 @@ class _Form(CompileResultCacheImpl):
         symbols, calls, rest = kept
         for symbol, (module, name, arguments) in calls.items():
             dispatcher = getattr(importlib.import_module(module), name)
-            dispatcher.compile(arguments)  # or taken from the cache
+            dispatcher.compile(arguments)  # or loaded from the cache
             its = dispatcher.overloads[arguments]
             binding.add_symbol(symbol, its.library.get_pointer_to_function(its.fndesc.llvm_func_name))
         target_context.codegen()._engine._defined_symbols |= symbols
@@ -158,7 +160,7 @@ class _Form(CompileResultCacheImpl):
 
 
 class _StandingForm(_Form):
-    """As `_Form`, of a function that stands on its own: an empty module is what callers take over of it."""
+    """As `_Form` for a standing function, of which callers link an empty module."""
 
     def reduce(self, result: Any) -> Any:
         self._note(result)
@@ -194,22 +196,26 @@ class _FromPythonCache(_Cache):
 
 
 def cached(decorator: Callable[..., Any], function: Callable[..., Any], kind: type[FunctionCache] | None = None) -> Any:
-    """What a decorator of numba's makes of a function, with a cache on disk: numba's own, or one of a ``kind``."""
+    """Apply a decorator of numba to a function with a cache on disk: numba's own, or one of a ``kind``."""
     try:
         dispatcher: Any = decorator(function, cache=True)
-    except RuntimeError:  # nowhere to keep a cache: a read-only installation and no home folder
+    except RuntimeError:  # no folder for a cache: a read-only installation and no home folder
         return decorator(function)
     if kind is not None and hasattr(dispatcher, "_cache"):
         dispatcher._cache = kind(function)
-    cache = getattr(dispatcher, "_cache", None)  # there is none where numba is set to compile nothing
+    cache = getattr(dispatcher, "_cache", None)  # None if numba is set to compile nothing
     index = getattr(cache, "_cache_file", None)  # numba offers no public way to name more files
     if index is not None:
         index._source_stamp = stamp(Path(function.__code__.co_filename).resolve())
-        index._version = f"{numba.__version__} {index._source_stamp}"  # another's may name classes that are no more
+        index._version = (
+            f"{numba.__version__} {index._source_stamp}"  # an older cache may name classes that no longer exist
+        )
     return dispatcher
 
 
 def cache_folder() -> Path | None:
-    """Folder in which numba keeps the kernel; None where it can keep none."""
-    cache = getattr(cached(numba.njit, cache_folder), "_cache", None)  # any function of this folder; it is not compiled
+    """Folder in which numba caches the kernel; None if no folder is writable."""
+    cache = getattr(
+        cached(numba.njit, cache_folder), "_cache", None
+    )  # any function of this folder will do; it is not compiled
     return None if cache is None else Path(cache.cache_path)

@@ -1,13 +1,13 @@
 """The engine on a graphics card (CUDA): one thread per ray, with the functions that the processor runs.
 
-`follow` is the loop of `solen.trace.kernel.loop` for a single ray at a time; what a ray meets and what becomes of it
-there is decided by the same functions. They are compiled again for the card, from the same source.
+`follow` is the loop of `solen.trace.kernel.loop` for a single ray at a time; the same functions determine hits and
+fates, compiled for the card from the same source.
 
-The same scene gives the same numbers to the last bit, whatever order the card works in: thread t of T follows the rays
-t, t + T, t + 2 T, …, and T depends on the trace, not on the card; each thread adds up its own rays in a column of its
-own, and the columns are added in a fixed order. No two threads ever write to one place. Stretches of rays are not kept.
+The same scene gives the same numbers to the last bit, whatever the order of execution: thread t of T follows the rays
+t, t + T, t + 2 T, …, and T depends on the trace, not on the card; each thread adds up its own rays in its own column,
+and the columns are added in a fixed order. No two threads ever write to one location. Legs are not stored.
 
-Import this module where it is used: it needs numba-cuda, which few have.
+Import this module only where it is used: it requires numba-cuda, which is optional.
 """
 
 import math
@@ -23,10 +23,10 @@ from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from solen.arrays import IntArray
+from solen.trace.kernel.buffers import Rows
 from solen.trace.kernel.compiled import cached, called
 from solen.trace.kernel.hits import product
 from solen.trace.kernel.nearest import Ray, nearest
-from solen.trace.kernel.room import Rows
 from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.step import Load, Rules, carried_on, escape, leave, meet, part, weakened
 from solen.trace.kernel.surface import BRANCHES
@@ -45,19 +45,19 @@ from solen.trace.tables import Tables
 
 MOST_THREADS = 2**16
 BLOCK = 128
-"""Threads of a block: few, as each needs many registers."""
+"""Threads of a block: few, because each needs many registers."""
 FEWEST_BLOCKS = 128
-"""numba warns of fewer; those that find no work end at once."""
+"""numba warns of fewer; blocks without rays end immediately."""
 ROOM_BYTES = 2**29
-"""Memory for columns and waiting branches; where they are long, fewer threads run."""
+"""Memory for columns and waiting branches; if these are large, fewer threads run."""
 ADDED = 256
-"""Columns that a thread adds up in the first of two rounds."""
+"""Number of columns that a thread adds in the first of two rounds."""
 X, Z, DX, DZ, S, P, AT, OPTICAL = range(8)
 REGION, LAST, HIT = range(3)
 
 
 class Waiting(NamedTuple):
-    """Branches that wait, last in, first out; the last axis is the thread."""
+    """Stacks of waiting branches; the last axis is the thread."""
 
     state: Floats
     """(depth, 8, T)"""
@@ -76,7 +76,7 @@ def follow(  # noqa: C901  one loop, as that over blocks of rays
     thread: int,
     threads: int,
 ) -> None:
-    """Follow every ``threads``-th ray from ``thread`` on, and add up what becomes of it in the thread's column."""
+    """Follow every ``threads``-th ray from ``thread``, and add its powers in the thread's column."""
     sums = Sums(
         columns.fate[:, thread],
         columns.detected[:, thread],
@@ -125,13 +125,13 @@ def follow(  # noqa: C901  one loop, as that over blocks of rays
                         note_place(sums, CUT, met.x, met.z)
                     if met.fate == DETECTED:
                         count_arrival(k, tables, sums, ray, hit, met, power, load.optical)
-                else:  # scenes for a card have bare surfaces alone
+                else:  # scenes for a card have only bare surfaces
                     gone = leave(k, tables, rules, None, ray, hit.curve, met, load)
                     if gone.lost > 0.0:
                         sums.fate[ABSORBED] += gone.lost
                     goes_on, both, cut = not gone.ends, gone.both, gone.cut
                     other, its = part(hit, met, gone.parts, load, not gone.goes_back)
-                    if both and waits == len(state):  # powers too small for their type to be halved
+                    if both and waits == len(state):  # powers too small to be halved in their type
                         both, cut = False, its.s + its.p
                     if cut > 0.0:
                         sums.fate[TRUNCATED] += cut
@@ -155,10 +155,10 @@ def follow(  # noqa: C901  one loop, as that over blocks of rays
 
 
 def _on_card(function: Any, made: dict[Any, Any]) -> Any:
-    """A compiled function as the card's own, and so all that it calls.
+    """Compile a function, and all functions that it calls, for the card.
 
-    numba would convert them by itself where a kernel calls them, but with ``fastmath``, of which it knows there no more
-    than on or off: infinities and NaN would lose their meaning, and parallel rays depend on them.
+    numba would convert them automatically for a kernel that calls them, but with ``fastmath`` either on or off:
+    infinities and NaN would lose their meaning, which parallel rays require.
     """
     if function not in made:
         source = function.py_func
@@ -170,12 +170,12 @@ def _on_card(function: Any, made: dict[Any, Any]) -> Any:
 
 
 def _product(a: float, b: float) -> float:
-    """A product that the card does not fuse with a sum; what it is there stands below."""
+    """A product that the card does not fuse with a sum; its form on the card is below."""
     return a * b
 
 
 SIMULATED = bool(getattr(config, "ENABLE_CUDASIM", False))
-"""Whether numba imitates a card: then the processor's functions run, on the processor's arrays."""
+"""Whether numba simulates a card; the processor's functions then run on the processor's arrays."""
 _follow: Callable[..., None] = follow
 _kernel: Callable[[Callable[..., None]], Any] = cuda.jit
 if not SIMULATED:
@@ -203,7 +203,7 @@ def follow_rays(
 
 @_kernel
 def _add(columns: Any, sums: Any) -> None:
-    """Add the columns of each row to a few, in order, and clear them."""
+    """Reduce the columns of each row to a few, in order, and clear them."""
     row, lane = divmod(cuda.grid(1), sums.shape[1])
     if row < sums.shape[0]:
         sums[row, lane] = 0
@@ -227,11 +227,11 @@ class Card:
     k, tables
         The scene, in double or single precision.
     like
-        Sums of the shapes wanted.
+        Sums of the required shapes.
     splitting, min_weight
-        How rays are followed; see `Rules`.
+        Rules for following rays; see `Rules`.
     rays
-        The most that will be traced at a time.
+        Largest number of rays traced at a time.
     """
 
     def __init__(self, k: Precision, tables: Tables, like: Sums, splitting: int, min_weight: float, rays: int) -> None:
@@ -258,7 +258,7 @@ class Card:
         self._added(self._ints)
 
     def trace(self, rays: Rows, rules: Rules) -> Sums:
-        """Trace rays and add up what becomes of them."""
+        """Trace rays and add their powers."""
         there = Rows(*(_put(column) for column in rays))
         follow_rays[_blocks(self._threads), BLOCK](*self.arguments(), there, rules, self._threads)
         place = self._places()
@@ -270,7 +270,7 @@ class Card:
         return Sums(**sums, place=place, legs=self._like.legs)
 
     def arguments(self) -> tuple[Precision, Tables, Sums, Waiting]:
-        """What the kernel is given whatever the rays."""
+        """Arguments of the kernel that do not depend on the rays."""
         return self._k, self._tables, self._columns, self._waiting
 
     def _parts(self, columns: Any, names: tuple[str, ...]) -> dict[str, Any]:
@@ -284,7 +284,7 @@ class Card:
         return parts
 
     def _added(self, columns: Any) -> NDArray[Any]:
-        """Sum of all columns, which are cleared."""
+        """Return the sum of all columns, and clear them."""
         while True:
             rows, lanes = columns.shape[0], -(-columns.shape[1] // ADDED)
             sums = _room((rows, lanes), columns.dtype)
@@ -294,7 +294,7 @@ class Card:
             columns = sums
 
     def _places(self) -> NDArray[np.float64]:
-        """First places of both kinds, thread by thread."""
+        """First places of both kinds, by thread."""
         place = np.full(self._like.place.shape, math.nan)
         many = _got(self._columns.counts)
         for kind, count in enumerate((UNDEFINED, CUT)):

@@ -1,13 +1,14 @@
-"""The compiled way of rays through a face whose walls are not upright, into a body that is a prism behind it.
+"""The compiled path of rays through a face whose walls are not upright, into a body that is a prism behind it.
 
-In the lens's own frame. A ray from before the face is carried to it, layer by layer: a smooth face is one layer.
-Where a layer stands out beyond the one that the ray comes from, the ray meets its level *ledge*; there β, which upright
-walls keep, changes. Of both parts at a ledge one is followed, drawn by its power; at the face both are, as what a wall
-reflects may meet the next ledge. What goes in is carried on, by the bounces off top and bottom that it may take, to the
-plane of the stem's base, unless it is beyond it: from there on the body is a prism.
+Coordinates are those of the lens. A ray from in front of the face is advanced to it, layer by layer; a smooth face is
+one layer. Where a layer protrudes beyond the one that the ray comes from, the ray meets its level *ledge*, which
+changes β, the quantity that upright walls conserve. One of the two parts at a ledge is followed, drawn with probability
+proportional to its power; at the face both are, because reflected light may meet the next ledge. Light that enters is
+advanced, with bounces off top and bottom, to the plane of the stem's base, unless it is already beyond it: from there
+the body is a prism.
 
-What is left out: a ray in the body that comes back to the face (it meets the cylinder of the middle section instead),
-and one in the body that meets a ledge from within, on its way to the middle of the body, or runs back from one.
+Not modelled are rays in the body that return to the face (they meet the cylinder of the middle section instead), and
+rays in the body that meet a ledge from within, on their way to the middle of the body, or that run back from one.
 """
 
 import math
@@ -34,11 +35,13 @@ from solen.trace.kernel.space import (
 from solen.trace.kernel.treated import Amplitudes
 
 MOST_STEPS = 500
-"""Most steps of closing in on the face."""
+"""Largest number of steps towards the face."""
 CLOSE_MM, INSIDE_MM, BESIDE_MM = 1e-13, 1e-7, 0.05
-"""How closely the face is found; how far in rays of the body begin; how far beside the lens those that pass it do."""
+"""Accuracy of a hit on the face; depth at which rays in the body start; distance from the lens at which others
+start.
+"""
 BEYOND_MM = 1e-3
-"""How far before its nearest and behind its deepest place a face is looked for: they are known as well as that."""
+"""Margin in front of its nearest and behind its deepest point within which a face is searched, for their errors."""
 ROUNDING, LEAST = 1e-12, 1e-300
 MOST_BOUNCES = 1000
 
@@ -48,22 +51,22 @@ LEAKED, REFLECTED, TURNED_BACK, ABSORBED, LOST = range(5)
 
 
 class Faced(NamedTuple):
-    """A face and the media before, behind and beside it."""
+    """A face and the media in front of, behind and beside it."""
 
     face: Face
     outside: float
     above: float
     below: float
     loss: float
-    """absorbed per mm in the body"""
+    """absorption per mm in the body"""
     counts: bool
-    """whether rays are counted: none is divided"""
+    """whether rays are counted, and therefore not split"""
 
 
 class Passage(NamedTuple):
-    """Rays in the lens's frame: before the face, and written over by what comes of them.
+    """Rays in the lens's frame: in front of the face, overwritten with the results.
 
-    N come from the source; there is room for as many again, for what the face reflects forwards, or onto a ledge.
+    N come from the source; there is room for as many again, for light that the face reflects forwards, or onto a ledge.
     """
 
     x: FloatArray
@@ -78,16 +81,16 @@ class Passage(NamedTuple):
     ci: FloatArray
     optical: FloatArray
     inside: FloatArray
-    """index of the body in the ray's colour"""
+    """index of the body at the ray's wavelength"""
     chance: FloatArray
-    """a number from 0 to 1, for ledges"""
+    """random number from 0 to 1, for ledges"""
     line: IntArray
     lost: FloatArray
-    """(4,) power that leaked; that the face reflected, and of that what goes back; that was absorbed"""
+    """(4,) powers: leaked; reflected by the face; the part of it that turns back; absorbed"""
 
 
 class Step(NamedTuple):
-    """Where a ray meets the face: how far, whether, and whether on a ledge."""
+    """Distance of a ray to the face, whether it meets it, and whether on a ledge."""
 
     way: float
     met: bool
@@ -97,7 +100,7 @@ class Step(NamedTuple):
 
 @compiled
 def optical_length(f: Face, x: float, y: float, z: float) -> tuple[float, Vector]:
-    """Optical length by a place to the wave front behind a smooth face, less that over the vertex, and its gradient."""
+    """Optical length via a point to the wave front behind a smooth face, minus that via the vertex; its gradient."""
     from_line = math.sqrt(x * x + (f.focus - z) * (f.focus - z))
     length, by_line, by_y = from_line - f.focus, 1.0, 0.0
     if f.ring < math.inf:
@@ -113,7 +116,7 @@ def optical_length(f: Face, x: float, y: float, z: float) -> tuple[float, Vector
 
 @compiled
 def before(f: Face, layer: int, x: float, y: float, z: float) -> float:
-    """Something above 0 before the face, below 0 in the body: the optical length, or the distance from a profile."""
+    """A function above 0 in front of the face and below 0 in the body: optical length, or distance from a profile."""
     if len(f.profiles) > 0:
         return profile_at(f, layer, x)[0] - z
     return optical_length(f, x, y, z)[0]
@@ -121,7 +124,7 @@ def before(f: Face, layer: int, x: float, y: float, z: float) -> float:
 
 @compiled
 def place_on(f: Face, x: float) -> tuple[float, int, float]:
-    """Distance between places of a profile, the place before a lateral position, and how far it is to the next."""
+    """Spacing of a profile's points, the point before a lateral position, and the relative distance to the next."""
     step = f.half_width / (f.profiles.shape[1] - 1)
     at = min(abs(x), f.half_width) / step
     cell = min(int(at), f.profiles.shape[1] - 2)
@@ -141,15 +144,15 @@ def profile_at(f: Face, layer: int, x: float) -> tuple[float, float]:
 
 @compiled
 def facing(f: Face, layer: int, x: float, y: float, z: float) -> Vector:
-    """Unit normal of the face towards the outside."""
+    """Outward unit normal of the face."""
     if len(f.profiles) > 0:
         return unit_of(Vector(profile_at(f, layer, x)[1], 0.0, -1.0))
     return unit_of(optical_length(f, x, y, z)[1])
 
 
 @compiled
-def stretch(f: Face, at: Vector, d: Vector) -> tuple[float, float]:
-    """Between which ways a ray may meet the face: between its nearest and deepest place, within the aperture."""
+def search_range(f: Face, at: Vector, d: Vector) -> tuple[float, float]:
+    """Distances between which a ray may meet the face: between its nearest and deepest point, within the aperture."""
     first, last = f.first - BEYOND_MM, f.deepest + BEYOND_MM
     start, end = 0.0, math.inf
     if d.z > 0.0:
@@ -165,7 +168,7 @@ def stretch(f: Face, at: Vector, d: Vector) -> tuple[float, float]:
 
 @compiled
 def along(f: Face, layer: int, at: Vector, d: Vector, way: float) -> tuple[float, float]:
-    """Something above 0 before the face at a place along a ray, as `before`, and its change along the ray."""
+    """The function `before` at a point along a ray, and its derivative along the ray."""
     x, y, z = at.x + way * d.x, at.y + way * d.y, at.z + way * d.z
     if len(f.profiles) > 0:
         depth, slope = profile_at(f, layer, x)
@@ -176,9 +179,9 @@ def along(f: Face, layer: int, at: Vector, d: Vector, way: float) -> tuple[float
 
 @compiled
 def reach(f: Face, layer: int, at: Vector, d: Vector, start: float, end: float) -> float:
-    """How far it is to a smooth face, or to the profile of a layer; infinite where there is none before the end.
+    """Distance to a smooth face, or to the profile of a layer; infinite if there is none before the end.
 
-    Newton's method with the least second derivative that there may be: no step goes beyond the first place.
+    Newton's method with the least possible second derivative: no step passes the first root.
     """
     bend, t = (f.bend * d.x * d.x if len(f.profiles) > 0 else f.bend), start
     for _ in range(MOST_STEPS):
@@ -197,22 +200,22 @@ def reach(f: Face, layer: int, at: Vector, d: Vector, start: float, end: float) 
 
 @compiled
 def may_dip(f: Face, d: Vector, g: float, change: float, way: float) -> bool:
-    """Whether a ray may have been behind a profile at some place within a ``way`` before this one."""
+    """Whether a ray may have been behind a profile within the distance ``way`` before this point."""
     return g <= 0.0 or change > 0.0 or g - change * way <= 0.5 * f.bend * d.x * d.x * way * way
 
 
 @linked
 def to_layers(f: Face, layer: int, at: Vector, d: Vector, start: float, end: float) -> Step:
-    """The profile of a layer ahead of a ray, or the ledge of the next one.
+    """Find the profile of a layer ahead of a ray, or the ledge of the next one.
 
-    Layers that the ray is sure to pass, by the most that its distance may fall from one to the next, are left out.
+    Layers that the ray certainly passes are skipped, based on the largest decrease of its distance from layer to layer.
     """
     if start > 0.0:
         layer = layer_of(f, at.y + start * d.y)
     up, last = (1 if d.y > 0.0 else -1), len(f.edges) - 2
     fall = f.step + LEAST
     if d.y != 0.0:
-        rate = d.z + abs(d.x) * (f.fall if at.x * d.x >= 0.0 else max(f.rise, f.fall))  # it may cross the axis
+        rate = d.z + abs(d.x) * (f.fall if at.x * d.x >= 0.0 else max(f.rise, f.fall))  # the ray may cross the axis
         fall += max(rate, 0.0) * f.thickest / abs(d.y)
     while True:
         border = f.edges[layer + 1] if d.y > 0.0 else f.edges[layer]
@@ -239,8 +242,8 @@ def to_layers(f: Face, layer: int, at: Vector, d: Vector, start: float, end: flo
 
 @compiled
 def to_face(f: Face, layer: int, at: Vector, d: Vector) -> Step:
-    """The face ahead of a ray before it; where there is none, the way to where the ray leaves the aperture."""
-    start, end = stretch(f, at, d)
+    """Find the face ahead of a ray; without a hit, return the distance at which the ray leaves the aperture."""
+    start, end = search_range(f, at, d)
     if not end > start or abs(at.x) > f.half_width:
         return Step(max(end, 0.0), False, False, layer)
     if len(f.profiles) > 0:
@@ -260,7 +263,7 @@ def layer_of(f: Face, y: float) -> int:
 
 
 class Walk(NamedTuple):
-    """A ray on its way: place, light, and the optical path behind it."""
+    """A ray on its way: position, light, and its optical path so far."""
 
     at: Vector
     beam: Beam
@@ -270,13 +273,13 @@ class Walk(NamedTuple):
 
 @compiled
 def ahead(at: Vector, d: Vector, way: float) -> Vector:
-    """Place so far along a direction."""
+    """Position at a distance along a direction."""
     return Vector(at.x + way * d.x, at.y + way * d.y, at.z + way * d.z)
 
 
 @compiled
 def over_body(f: Face, y: float, z: float) -> bool:
-    """Whether a place at the edge of the aperture, seen along y, lies in the body: behind its middle or its corner."""
+    """Whether a point at the edge of the aperture, seen along y, is in the body: behind its middle or its corner."""
     layer = layer_of(f, y)
     return z > f.base or before(f, layer, f.half_width, math.copysign(f.half_height, y), z) < 0.0
 
@@ -294,9 +297,9 @@ def goes_over(f: Face, at: Vector, d: Vector, way: float) -> bool:
 
 @compiled
 def beside(f: Faced, walk: Walk) -> Walk:
-    """A ray that misses the face, just beside the body; what left the slab on the way stands at its end.
+    """Move a ray that misses the face just beside the body; one that left the slab on the way is placed at its edge.
 
-    Behind the base the prism is cut away before a deeper face: there it is put beside the wall.
+    Behind the base the prism is cut away in front of a deeper face: there the ray is placed beside the wall.
     """
     face, at, d = f.face, walk.at, walk.beam.d
     if not d.z > 0.0 or d.x == 0.0:
@@ -313,7 +316,7 @@ def beside(f: Faced, walk: Walk) -> Walk:
 
 @compiled
 def write(f: Faced, rays: Passage, i: int, walk: Walk) -> None:
-    """Write a ray into a row, its polarisation in the upright basis; what goes over the body is put beyond the slab."""
+    """Write a ray to a row, with its polarisation in the upright basis; one over the body is put outside the slab."""
     at, (d, e, light) = walk.at, walk.beam
     basis = upright(d)
     light = turned_basis(light, scalar(basis, e), scalar(basis, vector(d, e)))
@@ -329,7 +332,7 @@ def write(f: Faced, rays: Passage, i: int, walk: Walk) -> None:
 
 @linked
 def set_aside(f: Faced, rays: Passage, free: IntArray, i: int, layer: int, chance: float, walk: Walk) -> None:
-    """Write what the face reflects of a ray into a row of its own, where it may get to the body; the rest goes back."""
+    """Write the reflected part of a ray to a row of its own if it may reach the body; the remainder turns back."""
     power = power_of(walk.beam.light)
     rays.lost[REFLECTED] += power
     row, inside = free[0], rays.inside[i]
@@ -345,7 +348,7 @@ def set_aside(f: Faced, rays: Passage, free: IntArray, i: int, layer: int, chanc
 
 @linked
 def met(f: Faced, rays: Passage, i: int, free: IntArray) -> Walk:
-    """A ray at the face, on its way in, or as it misses it."""
+    """Return a ray at the face, entering the body, or as it misses the face."""
     at, d = Vector(rays.x[i], rays.y[i], rays.z[i]), Vector(rays.dx[i], rays.dy[i], rays.dz[i])
     beam = Beam(d, upright(d), Coherency(rays.s[i], rays.p[i], rays.cr[i], rays.ci[i]))
     inside, chance, optical = rays.inside[i], rays.chance[i], rays.optical[i]
@@ -358,7 +361,7 @@ def met(f: Faced, rays: Passage, i: int, free: IntArray) -> Walk:
         at, layer = ahead(at, d, step.way), step.layer
         optical += f.outside * step.way
         normal = Vector(0.0, -math.copysign(1.0, d.y), 0.0) if step.ledge else facing(f.face, layer, at.x, at.y, at.z)
-        if not scalar(d, normal) < 0.0:  # it only grazes
+        if not scalar(d, normal) < 0.0:  # grazing incidence
             return Walk(at, beam, optical, PASSED)
         border = Border(normal, f.outside, inside, False)
         parts = smooth_parts(beam, border)
@@ -377,7 +380,7 @@ def met(f: Faced, rays: Passage, i: int, free: IntArray) -> Walk:
 
 @linked
 def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
-    """A ray in the body at the plane of the stem's base, by its bounces off top, bottom and sides, or where it was."""
+    """Advance a ray in the body, with its bounces, to the plane of the stem's base unless it is beyond it."""
     at, beam, optical, _ = walk
     d, inside = beam.d, rays.inside[i]
     way = max((f.face.base - at.z) / d.z, 0.0) if d.z > 0.0 else 0.0
@@ -398,7 +401,9 @@ def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
         else:
             normal, outside = Vector(-math.copysign(1.0, d.x), 0.0, 0.0), f.outside
         parts = smooth_parts(beam, Border(normal, inside, outside, False))
-        rays.lost[LEAKED if over <= side else TURNED_BACK] += power_of(parts.on.light)  # by a side it escapes, too
+        rays.lost[LEAKED if over <= side else TURNED_BACK] += power_of(
+            parts.on.light
+        )  # light leaving by a side also escapes
         beam = parts.back
         d = beam.d
     at = Vector(at.x + INSIDE_MM * d.x, at.y, at.z + INSIDE_MM * d.z)
@@ -407,9 +412,9 @@ def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
 
 @called
 def pass_face(f: Faced, rays: Passage, free: IntArray) -> None:
-    """Carry rays to the face and into the body; ``free`` (1,) is how many rows are taken."""
+    """Advance rays to the face and into the body; ``free`` (1,) is the number of rows in use."""
     i = -1
-    while i + 1 < free[0]:  # what the face reflects is added behind
+    while i + 1 < free[0]:  # light reflected by the face is appended
         i += 1
         if abs(rays.y[i]) > f.face.half_height:
             continue

@@ -1,9 +1,9 @@
-"""The compiled loop over rays in space, in scenes that reach along y from a bottom to a top.
+"""The compiled loop over rays in space, in scenes that extend along y from a bottom to a top.
 
-Walls are upright: in projection along y a ray is straight between two of them, so that the search of the plane finds
-the next one, whatever happens at top and bottom on the way. A ray is stored as its projection, a unit vector (ux, uz),
-with ``flat``, the length of the projection of its direction. What leaves through top or bottom never comes back: what
-was in the medium that is there too has *missed* the bodies, the rest has *leaked* from them.
+Walls are upright: in projection along y a ray is straight between two of them, so the search in the plane finds the
+next one, whatever happens at top and bottom on the way. A ray is stored as its projection, a unit vector (ux, uz), with
+``flat``, the length of the projection of its direction. Light that leaves through top or bottom never returns: if it
+was in the same medium as the one beyond, it has *missed* the bodies, otherwise it has *leaked* from them.
 """
 
 import math
@@ -13,9 +13,9 @@ import numpy as np
 
 from solen.arrays import IntArray
 from solen.trace.kernel.block import find_block
+from solen.trace.kernel.buffers import BLOCK, Found, Rays, block_buffers, copy_ray, resume
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.nearest import Hit, Ray
-from solen.trace.kernel.room import BLOCK, Found, Rays, room_of_block
 from solen.trace.kernel.rows import MIRROR, RECEIVER, REFRACTING, TREATED, Floats, Precision
 from solen.trace.kernel.space import (
     Beam,
@@ -54,7 +54,7 @@ X, Z, UX, UZ, AT, Y, DY, FLAT, I1, I2, CR, CI, EX, EY, EZ, LEAST, OPTICAL = rang
 REGION, LAST, HIT, NUMBER, COLOUR = range(5)
 NUMBERS, TAGS = 17, 5
 UPRIGHT = 1e-12
-"""Least length of a projection: a ray along y is all but that."""
+"""Least length of a projection, that of a ray along y."""
 
 
 class RowsInSpace(NamedTuple):
@@ -82,8 +82,8 @@ class Slab(NamedTuple):
     below: float
 
 
-class RoomInSpace(NamedTuple):
-    """Room to work in."""
+class BuffersInSpace(NamedTuple):
+    """Working memory."""
 
     state: Floats
     """(NUMBERS, BLOCK)"""
@@ -91,24 +91,24 @@ class RoomInSpace(NamedTuple):
     """(TAGS, BLOCK)"""
     found: Found
     waiting_state: Floats
-    """(capacity, NUMBERS) branches that wait"""
+    """(capacity, NUMBERS) waiting branches"""
     waiting_tags: IntArray
     """(capacity, TAGS)"""
 
 
-def room_in_space(capacity: int) -> RoomInSpace:
-    """Room for as many waiting branches."""
-    return RoomInSpace(
+def buffers_in_space(capacity: int) -> BuffersInSpace:
+    """Allocate working memory for this number of waiting branches."""
+    return BuffersInSpace(
         np.empty((NUMBERS, BLOCK)),
         np.empty((TAGS, BLOCK), np.int64),
-        room_of_block(np.float64),
+        block_buffers(np.float64),
         np.empty((capacity, NUMBERS)),
         np.empty((capacity, TAGS), np.int64),
     )
 
 
-class Stretch(NamedTuple):
-    """A way through a medium in mm, its absorption per mm, and the length of the direction's projection."""
+class Leg(NamedTuple):
+    """A path through a medium in mm, its absorption per mm, and the length of the direction's projection."""
 
     way: float
     n1: float
@@ -117,7 +117,7 @@ class Stretch(NamedTuple):
 
 
 class Flight(NamedTuple):
-    """A ray after its way through a medium, bounces off top and bottom included."""
+    """A ray after its path through a medium, including bounces off top and bottom."""
 
     y: float
     beam: Beam
@@ -126,11 +126,9 @@ class Flight(NamedTuple):
 
 
 @compiled
-def fly(
-    tables: Tables, sums: Sums, rules: Rules, slab: Slab, at: Vector, beam: Beam, stretch: Stretch, load: Load
-) -> Flight:
-    """Carry a ray through a medium; add up what is absorbed and what leaves at top and bottom."""
-    (d, e, light), (x, y, z), (way, n1, loss, flat), hits = beam, at, stretch, load.hits
+def fly(tables: Tables, sums: Sums, rules: Rules, slab: Slab, at: Vector, beam: Beam, leg: Leg, load: Load) -> Flight:
+    """Advance a ray through a medium; add the powers absorbed and lost at top and bottom."""
+    (d, e, light), (x, y, z), (way, n1, loss, flat), hits = beam, at, leg, load.hits
     gone, ended = 0.0, False
     ux, uz, has_monitors = d.x / flat, d.z / flat, len(tables.monitor) > 0
     while True:
@@ -177,7 +175,7 @@ def fly(
 def wall_parts(
     tables: Tables, splitting: int, c: int, behaviour: int, colour: int, event: Event, beam: Beam, border: Border
 ) -> Parts:
-    """Both parts at a wall, which may be taken for one of another behaviour."""
+    """Both parts at a wall, with a behaviour that may differ from the table's."""
     if behaviour >= TREATED:
         return treated_parts(tables, splitting, c, colour, event, beam, border)
     a = bare(border.n1, border.n2, -border.n1 * scalar(beam.d, border.n))
@@ -201,32 +199,17 @@ def note_beam(row: Floats, beam: Beam) -> None:
     row[I1], row[I2], row[CR], row[CI] = light.i1, light.i2, light.cr, light.ci
 
 
-@compiled
-def copy_ray(state: Floats, tags: IntArray, i: int, j: int) -> None:
-    """Put ray i in place j."""
-    for row in range(NUMBERS):
-        state[row, j] = state[row, i]
-    for row in range(TAGS):
-        tags[row, j] = tags[row, i]
-
-
 @called
 def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
-    k: Precision, tables: Tables, sums: Sums, rays: RowsInSpace, rules: Rules, slab: Slab, room: RoomInSpace
+    k: Precision, tables: Tables, sums: Sums, rays: RowsInSpace, rules: Rules, slab: Slab, buffers: BuffersInSpace
 ) -> bool:
-    """Trace rays and add up what becomes of them; False where there is no room for all the branches that wait."""
-    state, tags, found = room.state, room.tags, room.found
-    waiting_state, waiting_tags = room.waiting_state, room.waiting_tags
+    """Trace rays and add their powers; False if there is no room for all waiting branches."""
+    state, tags, found = buffers.state, buffers.tags, buffers.found
+    waiting_state, waiting_tags = buffers.waiting_state, buffers.waiting_tags
     block = Rays(state[X], state[Z], state[UX], state[UZ], tags[LAST], state[AT])
     n, waiting, launched = 0, 0, 0
     while True:
-        while n < BLOCK and waiting > 0:
-            waiting -= 1
-            for row in range(NUMBERS):
-                state[row, n] = waiting_state[waiting, row]
-            for row in range(TAGS):
-                tags[row, n] = waiting_tags[waiting, row]
-            n += 1
+        n, waiting = resume(state, tags, n, waiting_state, waiting_tags, waiting)
         while n < BLOCK and launched < len(rays.x):
             d = Vector(rays.dx[launched], rays.dy[launched], rays.dz[launched])
             s, p = rays.s[launched], rays.p[launched]
@@ -283,8 +266,8 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 free = free_path(k, tables, rules, met.here, load)
                 scatters = free < way
                 way = min(free, way)
-            stretch = Stretch(way, n1, met.loss, flat)
-            y, beam, hits, ended = fly(tables, sums, rules, slab, Vector(x, y, z), beam, stretch, load)
+            leg = Leg(way, n1, met.loss, flat)
+            y, beam, hits, ended = fly(tables, sums, rules, slab, Vector(x, y, z), beam, leg, load)
             if ended:
                 continue
             d, power, optical = beam.d, power_of(beam.light), state[OPTICAL, i] + n1 * way
@@ -337,7 +320,7 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             both = on >= least and back >= least
             if not (on >= least or back >= least):
                 continue
-            goes_back = back <= on if both else back >= least  # of two parts the weaker goes first
+            goes_back = back <= on if both else back >= least  # the weaker of two parts is first
             if both and waiting == len(waiting_state):
                 return False
             if both:

@@ -1,4 +1,4 @@
-"""Rays of an emitter in space along a path of one parameter, and how much each counts."""
+"""Rays of an emitter in space along a path with one parameter, and their weights."""
 
 import math
 from typing import NamedTuple
@@ -10,12 +10,12 @@ from solen.trace.kernel.step import Rules
 
 
 class FamilyInSpace(NamedTuple):
-    """Rays of an emitter along a path of one parameter, from ``low`` to ``high``: its angle, its place, or both.
+    """Rays of an emitter along a path from parameter ``low`` to ``high``: over its angle, its position, or both.
 
-    At parameter u a ray starts at (x + u along_x, z + u along_z), at heights from ``y_low`` to ``y_high``. It leaves
-    at ``angle`` + u ``turn`` from the axis in projection, in radians, with the y-component ``rise`` of its direction.
-    One at θ from the axis in space counts cos(θ)^``power`` times, or by the table of ``relative`` intensities over
-    ``theta`` where that has entries.
+    At parameter u a ray starts at (x + u along_x, z + u along_z), at heights from ``y_low`` to ``y_high``. Its
+    projected angle from the axis is ``angle`` + u ``turn``, in radians, and the y-component of its direction is
+    ``rise``. Its weight, at θ from the axis in space, is cos(θ)^``power``, or follows from the ``relative`` intensities
+    over ``theta`` if these have entries.
     """
 
     x: float
@@ -46,7 +46,7 @@ class FamilyInSpace(NamedTuple):
 
 @compiled
 def intensity_in_space(family: FamilyInSpace, u: float) -> float:
-    """How much the ray at a parameter counts, per angle in projection and per sine out of the plane."""
+    """Weight of the ray at a parameter, per projected angle and per sine out of the plane."""
     cos = math.sqrt(1.0 - family.rise * family.rise) * math.cos(family.angle + u * family.turn)
     if len(family.theta) == 0:
         return 1.0 if family.power == 0.0 else max(cos, 0.0) ** family.power
@@ -62,7 +62,7 @@ def intensity_in_space(family: FamilyInSpace, u: float) -> float:
 
 
 class Heading(NamedTuple):
-    """Direction of a ray, and how much it counts."""
+    """Direction of a ray, and its weight."""
 
     d: Vector
     weight: float
@@ -70,7 +70,7 @@ class Heading(NamedTuple):
 
 @compiled
 def heading(family: FamilyInSpace, u: float) -> Heading:
-    """Direction and weight of the ray at a parameter."""
+    """Return the direction and weight of the ray at a parameter."""
     angle = family.axis + family.angle + u * family.turn
     flat = math.sqrt(1.0 - family.rise * family.rise)
     d = Vector(-flat * math.sin(angle), family.rise, flat * math.cos(angle))
@@ -79,7 +79,7 @@ def heading(family: FamilyInSpace, u: float) -> Heading:
 
 @compiled
 def at_angles(family: FamilyInSpace, angle: float, turn: float, rise: float, low: float, high: float) -> FamilyInSpace:
-    """The family along another path."""
+    """Return the family along another path."""
     f = family
     return FamilyInSpace(
         f.x, f.z, f.along_x, f.along_z, f.axis, angle, turn, rise, f.y_low, f.y_high, f.s, f.p, f.colour, f.rules,

@@ -1,10 +1,10 @@
-"""Where a ray meets a curve: one function per kind of curve, the same physics as `solen.curve`.
+"""Hits of a ray on a curve: one function per kind of curve, with the same mathematics as `solen.curve`.
 
-Each takes the numbers of a row of `solen.trace.tables.Tables.shape` and a ray and returns the distance to the nearest
-hit ahead, ``k.none`` (infinity) where there is none. They are free of loops and nearly of branches, so that a loop over
-rays that calls one of them handles several rays at once; the same functions run one ray at a time on a graphics card.
+Each takes a row of `solen.trace.tables.Tables.shape` and a ray and returns the distance to the nearest hit ahead,
+``k.none`` (infinity) for none. They have no loops and almost no branches, so a loop over rays that calls one of them
+can be vectorised; on a graphics card the same functions treat one ray at a time.
 
-No literal takes part in arithmetic: numbers come from the tables and from ``k``, so single precision stays single.
+Arithmetic uses no literals: numbers come from the tables and from ``k``, so single precision is preserved.
 """
 
 import math
@@ -28,10 +28,10 @@ def segment_hit(k: Precision, s: Segment, x: float, z: float, dx: float, dz: flo
 
 @compiled
 def roots(k: Precision, a: float, half_b: float, rest: float, square: float, leaving: bool) -> tuple[float, float]:
-    """Roots of a t² + 2 half_b t + rest, ``square`` being half_b² − a rest; see `solen.curve.quadratic_roots`.
+    """Roots of a t² + 2 half_b t + rest, with ``square`` = half_b² − a rest; see `solen.curve.quadratic_roots`.
 
-    A ray that is ``leaving`` has one root next to 0, which is left out (−1), and the other is mended by the rest to
-    first order: −b/a + rest/b. What is to be divided is chosen first, as divisions are slow.
+    A ray that is ``leaving`` has one root near 0, which is omitted (−1), and the other is corrected with the rest to
+    first order: −b/a + rest/b. Operands are selected before dividing, because divisions are slow.
     """
     root = math.sqrt(max(square, k.zero))
     total = -half_b - (root if half_b >= 0.0 else -root)
@@ -39,7 +39,7 @@ def roots(k: Precision, a: float, half_b: float, rest: float, square: float, lea
     mend = a * rest if abs(a * rest) < k.small * b * b else k.zero
     first = (mend - b * b if leaving else total) / (a * b if leaving else a)
     second = -k.one if leaving else rest / total
-    missed = (not leaving) & (square <= 0.0)  # a line that only touches crosses nothing
+    missed = (not leaving) & (square <= 0.0)  # a tangent line does not cross
     return (-k.one if missed else first), (-k.one if missed else second)
 
 
@@ -49,7 +49,7 @@ def arc_hit(k: Precision, a: Arc, x: float, z: float, dx: float, dz: float, leav
     wx, wz = x - a.cx, z - a.cz
     half_b = wx * dx + wz * dz
     rest = wx * wx + wz * wz - a.radius * a.radius
-    passes = abs(wx * dz - wz * dx)  # far away, rounding would drown b² − 4ac
+    passes = abs(wx * dz - wz * dx)  # far away, b² − 4ac would be lost to rounding
     square = (a.radius - passes) * (a.radius + passes)
     t1, t2 = roots(k, k.one, half_b, rest, square, leaving)
     t1 = t1 if (t1 > 0.0) & on_arc(k, a, wx + t1 * dx, wz + t1 * dz) else k.none
@@ -59,7 +59,7 @@ def arc_hit(k: Precision, a: Arc, x: float, z: float, dx: float, dz: float, leav
 
 @compiled
 def on_arc(k: Precision, a: Arc, px: float, pz: float) -> bool:
-    """Whether a point of the circle, seen from its centre, lies on the arc."""
+    """Whether a point of the circle, relative to its centre, is on the arc."""
     forward, beside = px * a.mx + pz * a.mz, abs(px * a.mz - pz * a.mx)
     short = (forward >= -k.end) & (beside <= a.end + k.end)
     long = (forward >= 0.0) | (beside >= a.end - k.end)
@@ -68,7 +68,7 @@ def on_arc(k: Precision, a: Arc, px: float, pz: float) -> bool:
 
 @compiled
 def conic_hit(k: Precision, q: Conic, x: float, z: float, dx: float, dz: float, leaving: bool) -> float:
-    """Distance to a conic c r² − 2 w + b w² = 0; of its two sheets only the vertex's, where b w < 1, is there."""
+    """Distance to a conic c r² − 2 w + b w² = 0; only the sheet of its vertex, where b w < 1, exists."""
     wx, wz = x - q.vx, z - q.vz
     r, w = wx * q.lx + wz * q.lz, wz * q.lx - wx * q.lz
     dr, dw = dx * q.lx + dz * q.lz, dz * q.lx - dx * q.lz
@@ -76,7 +76,7 @@ def conic_hit(k: Precision, q: Conic, x: float, z: float, dx: float, dz: float, 
     half_b = q.c * r * dr - dw + q.b * w * dw
     rest = q.c * r * r - (w + w) + q.b * w * w
     moment = w * dr - r * dw
-    square = dw * dw + q.c * moment * (dr + dr - q.b * moment)  # half_b² − a rest, not drowned from far away
+    square = dw * dw + q.c * moment * (dr + dr - q.b * moment)  # half_b² − a rest, without loss of digits far away
     t1, t2 = roots(k, a, half_b, rest, square, leaving)
     t1 = t1 if (t1 > 0.0) & on_conic(k, q, r + t1 * dr, w + t1 * dw) else k.none
     t2 = t2 if (t2 > 0.0) & on_conic(k, q, r + t2 * dr, w + t2 * dw) else k.none
@@ -91,7 +91,7 @@ def on_conic(k: Precision, q: Conic, r: float, w: float) -> bool:
 
 @compiled
 def unit(x: float, z: float, side: float) -> tuple[float, float]:
-    """A vector brought to the length ``side``."""
+    """A vector scaled to the length ``side``."""
     scale = side / math.sqrt(x * x + z * z)
     return scale * x, scale * z
 
@@ -120,15 +120,16 @@ def oval_normal(o: Oval, x: float, z: float) -> tuple[float, float]:
 
 
 # The Cartesian oval. Along a line its residual is convex: Newton's method from any point where the slope has the sign
-# that it has at the wanted root steps outside at most once and then runs down to that root without overshoot.
+# of the required root steps outside at most once and then converges to that root without overshoot.
 
 
 @compiled
 def oval_near(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, leaving: bool) -> bool:
-    """Whether a ray may meet the front: a test of straight lines that spares most rays Newton's method.
+    """Whether a ray may meet the front: a test with straight lines, which avoids Newton's method for most rays.
 
-    The front lies in the hull of its ends and of the corners of three of its tangents. With its chord it encloses a
-    convex cap: what leaves the cap by the chord, or is beyond the chord and goes on, meets the front no more.
+    The front is in the hull of its ends and of the intersections of three of its tangents. With its chord it encloses a
+    convex cap: a ray that leaves the cap through the chord, or is beyond the chord and moves away, does not meet the
+    front.
     """
     height, climb = (z - o.az) * o.ux - (x - o.ax) * o.uz, dz * o.ux - dx * o.uz
     a, d = dx * (o.az - z) - dz * (o.ax - x), dx * (o.dz - z) - dz * (o.dx - x)
@@ -143,9 +144,9 @@ def oval_near(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, l
 
 @compiled
 def oval_at(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float) -> tuple[float, float]:
-    """Residual of the oval's equation and its slope along a direction, both times positive numbers.
+    """Residual of the oval's equation and its slope along a direction, both multiplied by positive numbers.
 
-    n1 (|P − F1| − s) + n2 (|P − F2| − s'), each bracket as a difference of squares over a sum.
+    n1 (|P − F1| − s) + n2 (|P − F2| − s'), with each bracket as a difference of squares over a sum.
     """
     ax, az, bx, bz, vx, vz = x - o.x1, z - o.z1, x - o.x2, z - o.z2, x - o.vx, z - o.vz
     a, b = math.sqrt(ax * ax + az * az), math.sqrt(bx * bx + bz * bz)
@@ -153,14 +154,14 @@ def oval_at(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float) -> 
     first = o.n1 * (square + (o.s1 + o.s1) * forward) * (b + o.s2)
     second = o.n2 * (square - (o.s2 + o.s2) * forward) * (a + o.s1)
     forth = ax * dx + az * dz
-    at_focus = a == 0.0  # where the emitter stands: whatever way it goes, the distance from F1 grows
+    at_focus = a == 0.0  # at the emitter the distance from F1 grows in any direction
     forth, a = (k.one if at_focus else forth), (k.one if at_focus else a)
     return first + second, o.n1 * b * forth + o.n2 * a * (bx * dx + bz * dz)
 
 
 @compiled
 def oval_start(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, outwards: float) -> float:
-    """Where Newton's method starts: at the conic r² = p0 + p1 w + p2 w² fitted to the front, or next to it."""
+    """Start of Newton's method: at the conic r² = p0 + p1 w + p2 w² fitted to the front, or near it."""
     vx, vz = x - o.vx, z - o.vz
     w, r = vx * o.wx + vz * o.wz, vx * o.wz - vz * o.wx
     dw, dr = dx * o.wx + dz * o.wz, dx * o.wz - dz * o.wx
@@ -173,7 +174,7 @@ def oval_start(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, 
 
 @compiled
 def oval_circle(o: Oval, x: float, z: float, dx: float, dz: float, outwards: float) -> float:
-    """Where the line meets the circle about F2 that holds the oval: a start that is always outside; NaN for none."""
+    """Intersection of the line with the circle about F2 that contains the oval, an outside start; NaN for none."""
     wx, wz = x - o.x2, z - o.z2
     middle, nearest = -(wx * dx + wz * dz), wx * dz - wz * dx
     return middle + outwards * math.sqrt(o.circle * o.circle - nearest * nearest)
@@ -185,7 +186,7 @@ def oval_step(
 ) -> tuple[float, bool, bool]:
     """One step of Newton's method along a ray: the new distance, whether it is the root, whether there is none.
 
-    After a step h the error is at most h² f''/2 f', and f'' at most n1/|P − F1| + n2/|P − F2|.
+    After a step h the error is at most h² f''/2 f', and f'' is at most n1/|P − F1| + n2/|P − F2|.
     """
     px, pz = x + t * dx, z + t * dz
     ax, az, bx, bz, vx, vz = px - o.x1, pz - o.z1, px - o.x2, pz - o.z2, px - o.vx, pz - o.vz
@@ -202,7 +203,7 @@ def oval_step(
 
 @compiled
 def oval_root(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, outwards: float) -> float:
-    """Distance of the near root (``outwards`` −1) or the far one (+1) of the whole oval; NaN where it is missed."""
+    """Distance of the near root (``outwards`` −1) or the far one (+1) of the whole oval; NaN if the ray misses it."""
     t = oval_start(k, o, x, z, dx, dz, outwards)
     t, settled, missed = oval_step(k, o, x, z, dx, dz, t, outwards)
     if missed or t != t:
@@ -217,7 +218,7 @@ def oval_root(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, o
 
 @compiled
 def oval_holds(k: Precision, o: Oval, x: float, z: float) -> bool:
-    """Whether a point of the oval is between the rays from the object focus to the front's ends, and faces it."""
+    """Whether a point of the oval is between the rays from the object focus to the front's ends and faces it."""
     rx, rz, qx, qz = x - o.x1, z - o.z1, x - o.x2, z - o.z2
     r, q = math.sqrt(rx * rx + rz * rz), math.sqrt(qx * qx + qz * qz)
     right, left = o.rx * rz - o.rz * rx >= -k.end, o.lx * rz - o.lz * rx <= k.end
@@ -232,7 +233,7 @@ def oval_hit(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, le
     value, slope = oval_at(k, o, x, z, dx, dz)
     outside = value > 0.0 and not leaving
     if slope >= 0.0 and (outside or leaving):
-        return k.none  # it goes away from a convex region
+        return k.none  # the ray moves away from a convex region
     if outside:
         t = oval_root(k, o, x, z, dx, dz, -k.one)
         if t > 0.0 and oval_holds(k, o, x + t * dx, z + t * dz):
@@ -248,13 +249,13 @@ def oval_hit(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, le
 
 @rounded
 def product(a: float, b: float) -> float:
-    """A product that is rounded by itself; `solen.trace.kernel.cuda` has another, as a card fuses it with any sum."""
+    """A separately rounded product; `solen.trace.kernel.cuda` has another, as a card fuses products with sums."""
     return a * b
 
 
 @rounded
 def aside(dx: float, dz: float, x: float, z: float) -> float:
-    """How far beside a ray's line a point is; both pieces at a joint must get the same sign for it, to the last bit."""
+    """Lateral distance of a point from a ray's line, with a sign that is equal for both pieces at a joint."""
     return product(dx, z) - product(dz, x)
 
 
@@ -262,10 +263,10 @@ def aside(dx: float, dz: float, x: float, z: float) -> float:
 def cubic_hit(
     k: Precision, q: Cubic, x: float, z: float, dx: float, dz: float, standing: bool, at: float, beside: float
 ) -> tuple[float, float]:
-    """Distance to a cubic piece, and the parameter there; the ray may stand on it ``at`` a parameter.
+    """Distance to a cubic piece, and the parameter there; the ray may start on it ``at`` a parameter.
 
-    ``beside`` is how far beside its line a ray seems to stand that stands on the piece next to this one: that is
-    rounding, and a ray that leaves at a small angle would meet this piece at once if it were not taken off.
+    ``beside`` is the apparent lateral distance of a ray that starts on the neighbouring piece: it is a rounding error,
+    and is subtracted because a ray that leaves at a small angle would otherwise meet this piece immediately.
     """
     f0, f1 = aside(dx, dz, q.x0 - x, q.z0 - z) - beside, aside(dx, dz, q.x1 - x, q.z1 - z) - beside
     f2, f3 = aside(dx, dz, q.x2 - x, q.z2 - z) - beside, aside(dx, dz, q.x3 - x, q.z3 - z) - beside
@@ -276,12 +277,12 @@ def cubic_hit(
         return cubic_other(k, q, x, z, dx, dz, at, f0, c1, c2, c3)
     reach = k.end if q.before > 0.0 or q.after > 0.0 else k.zero
     if min(min(f0, f1), min(f2, f3)) > reach or max(max(f0, f1), max(f2, f3)) < -reach:
-        return k.none, k.zero  # all of its hull is on one side
+        return k.none, k.zero  # its whole hull is on one side
     best, place = k.none, k.zero
     turn = cubic_turn(k, f0, f1, f2, f3)
     ends = (k.zero, turn, k.one)
     ftop = f0 + turn * (c1 + turn * (c2 + turn * c3))
-    ftop = f3 if turn >= 1.0 else f0 if turn <= 0.0 else ftop  # the very sign that the next piece gets
+    ftop = f3 if turn >= 1.0 else f0 if turn <= 0.0 else ftop  # exactly the sign that the next piece has
     for half in range(2):
         low, high = ends[half], ends[half + 1]
         flow, fhigh = (f0, ftop) if half == 0 else (ftop, f3)
@@ -291,7 +292,7 @@ def cubic_hit(
         t = cubic_along(k, q, x, z, dx, dz, u)
         if 0.0 < t < best:
             best, place = t, u
-    for end in range(2):  # what it reaches beyond an end of the whole curve, straight on
+    for end in range(2):  # the straight extension beyond an end of the whole curve
         u = -f0 / c1 if end == 0 else k.one - f3 / (k.three * (f3 - f2))
         beyond = (-q.before * k.end <= u < 0.0) if end == 0 else (1.0 < u <= k.one + q.after * k.end)
         t = cubic_along(k, q, x, z, dx, dz, u) if beyond else k.none
@@ -302,16 +303,16 @@ def cubic_hit(
 
 @compiled
 def cubic_beside(k: Precision, q: Cubic, x: float, z: float, dx: float, dz: float, u: float) -> float:
-    """How far beside a ray's line the point of a piece at a parameter is."""
+    """Lateral distance of the point of a piece at a parameter from a ray's line."""
     px, pz = cubic_point(k, q, u)
     return dx * (pz - z) - dz * (px - x)
 
 
 @compiled
 def cubic_turn(k: Precision, f0: float, f1: float, f2: float, f3: float) -> float:
-    """Parameter where f has its extremum; 1 where it has none inside.
+    """Parameter at which f has its extremum; 1 if it has none inside.
 
-    f' is g0 (1 − u)² + 2 g1 u (1 − u) + g2 u² but for a factor; where g0 and g2 differ in sign it has one root.
+    f' is proportional to g0 (1 − u)² + 2 g1 u (1 − u) + g2 u²; if g0 and g2 differ in sign it has one root.
     """
     g0, g1, g2 = f1 - f0, f2 - f1, f3 - f2
     if (g0 < 0.0) == (g2 < 0.0) or g0 == 0.0:
@@ -323,7 +324,7 @@ def cubic_turn(k: Precision, f0: float, f1: float, f2: float, f3: float) -> floa
 
 @compiled
 def cubic_root(k: Precision, f0: float, c1: float, c2: float, c3: float, low: float, high: float, rises: bool) -> float:
-    """Root of f0 + c1 u + c2 u² + c3 u³ in a bracket where it is monotone: Newton's method, halving where it leaves."""
+    """Root of f0 + c1 u + c2 u² + c3 u³ in a bracket where it is monotonic: Newton's method with bisection."""
     u = k.half * (low + high)
     for _ in range(STEPS):
         value = f0 + u * (c1 + u * (c2 + u * c3))
@@ -355,7 +356,7 @@ def cubic_other(
     c2: float,
     c3: float,
 ) -> tuple[float, float]:
-    """The other hit of a ray that stands on the piece: f is divided by (u − at), which leaves a quadratic."""
+    """The other hit of a ray that starts on the piece: division of f by (u − at) leaves a quadratic."""
     rest = f0 + at * (c1 + at * (c2 + at * c3))
     b1 = c1 + at * (c2 + c2 + k.three * at * c3)
     b2 = c2 + k.three * at * c3
@@ -378,7 +379,7 @@ def cubic_other(
 
 @compiled
 def cubic_along(k: Precision, q: Cubic, x: float, z: float, dx: float, dz: float, u: float) -> float:
-    """How far along a ray the point of a piece at a parameter is."""
+    """Distance along a ray of the point of a piece at a parameter."""
     px, pz = cubic_point(k, q, u)
     return (px - x) * dx + (pz - z) * dz
 
@@ -393,7 +394,7 @@ def cubic_point(k: Precision, q: Cubic, u: float) -> tuple[float, float]:
 
 @compiled
 def cubic_tangent(k: Precision, q: Cubic, u: float) -> tuple[float, float]:
-    """Direction of a piece at a parameter, not of length 1."""
+    """Direction of a piece at a parameter, not normalised."""
     v = k.one - u
     a, b, c = v * v, (v + v) * u, u * u
     tx = a * (q.x1 - q.x0) + b * (q.x2 - q.x1) + c * (q.x3 - q.x2)

@@ -1,9 +1,9 @@
-"""The rays of a batch: for every bin of places before the lens a lattice, shifted by chance, of angles and places.
+"""The rays of a batch: for each bin of positions in front of the lens, a lattice of angles and positions.
 
-Rays are uniform in the angle from the emitter's axis, in space in the angle in projection and in the sine of the other
-one, and carry what the emitter sends there. Only the angles at which something of the sensor lies are launched, and
-only the slopes that pass between bottom and top. The shift belongs to the seed, the angle and the lattice and to
-nothing else: it is the same for all designs, so that their differences are less noisy than they are.
+Rays are uniform in the angle from the emitter's axis, in space in the projected angle and in the sine of the other one,
+and carry the emitter's intensity there. Only angles at which part of the sensor lies are launched, and only slopes that
+pass between bottom and top. The random shift depends only on the seed, the angle and the lattice: it is the same for
+all designs, so their differences have less noise than their powers.
 """
 
 import math
@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.arrays import FloatArray
+from solen.trace.kernel.buffers import Rows
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.extruded import RowsInSpace
-from solen.trace.kernel.room import Rows
 from solen.trace.kernel.rows import CONIC, OVAL, SEGMENT
 from solen.trace.kernel.surface import scrambled
 from solen.trace.kernel.y_tables import Pose
@@ -24,39 +24,39 @@ GOLDEN = 0.6180339887498949
 RATIO_3 = 1.2207440846057596
 """Root of x⁴ = x + 1: steps 1/x, 1/x², 1/x³ fill a cube evenly (M. Roberts, 2018)."""
 AROUND = 1.2
-"""Angle in radians from the axis up to which a sensor may lie for the angles beyond it to be left out."""
+"""Largest angle in radians of a sensor from the axis for which the angles beyond it are not launched."""
 WIDER = 1e-6
-"""What the range of angles is widened by, in radians: beyond what curves reach over their ends."""
+"""Margin of the range of angles, in radians, larger than the extension of curves beyond their ends."""
 
 
 class Light(NamedTuple):
-    """An emitter, as numbers."""
+    """An emitter as numbers."""
 
     half: float
-    """half of the cone in radians"""
+    """half of the cone angle in radians"""
     exponent: float
-    """m of cos^m, 0 for the same at all angles; below 0 for a table"""
+    """m of cos^m, 0 for a uniform pattern; negative for a table"""
     whole: float
     """integral of the intensity, over angles in the plane or over directions in space"""
     height: float
     y: float
     first: float
     many: float
-    """where its table is"""
+    """number of rows of its table"""
     flat: float
-    """1 where it emits in the plane alone, or is traced there"""
+    """1 if it emits only in the plane, or is traced there"""
 
 
 @compiled
 def light_row(numbers: FloatArray, d: int) -> Light:
-    """Row of an emitter."""
+    """Return the row of an emitter."""
     n = numbers[d]
     return Light(n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7])
 
 
 @compiled
 def chance(seed: int, angle: int, place: int, which: int) -> float:
-    """A number in [0, 1) that belongs to a bin of an angle."""
+    """A random number in [0, 1) for a bin of an angle."""
     key = scrambled(np.uint64(seed) ^ scrambled(np.uint64(angle) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(1)))
     key = scrambled(key ^ scrambled(np.uint64(place) * np.uint64(4) + np.uint64(which) + np.uint64(0x51ED270B)))
     return float(key >> np.uint64(11)) * 2.0**-53
@@ -64,7 +64,7 @@ def chance(seed: int, angle: int, place: int, which: int) -> float:
 
 @compiled
 def intensity(light: Light, table: FloatArray, cos: float) -> float:
-    """Relative intensity at an angle whose cosine is given."""
+    """Relative intensity at an angle with this cosine."""
     if light.exponent == 0.0:
         return 1.0 if cos >= math.cos(light.half) else 0.0
     if light.exponent > 0.0:
@@ -88,7 +88,7 @@ def intensity(light: Light, table: FloatArray, cos: float) -> float:
 
 
 class Ahead(NamedTuple):
-    """Angles in radians from the axis between which a sensor lies, and how far along the axis it begins."""
+    """Angles in radians from the axis between which a sensor lies, and its distance along the axis."""
 
     low: float
     high: float
@@ -97,7 +97,7 @@ class Ahead(NamedTuple):
 
 @compiled
 def widened(a: Ahead, x: float, z: float, sin: float, cos: float, px: float, pz: float) -> Ahead:
-    """With one more point."""
+    """Return the range extended by one more point."""
     forward, left = -sin * (px - x) + cos * (pz - z), -cos * (px - x) - sin * (pz - z)
     if not forward > 0.0:
         return Ahead(-math.inf, math.inf, 0.0)
@@ -107,7 +107,7 @@ def widened(a: Ahead, x: float, z: float, sin: float, cos: float, px: float, pz:
 
 @compiled
 def ahead_of(t: Tables, first: int, last: int, pose: Pose, x: float, z: float) -> Ahead:
-    """Where the curves from row ``first`` to ``last`` lie, seen from a point."""
+    """Return the range of the curves from row ``first`` to ``last`` as seen from a point."""
     sin, cos = math.sin(pose.axis), math.cos(pose.axis)
     a = Ahead(math.inf, -math.inf, math.inf)
     for p in range(first, last):
@@ -130,7 +130,7 @@ def ahead_of(t: Tables, first: int, last: int, pose: Pose, x: float, z: float) -
 
 @compiled
 def range_of(t: Tables, first: int, last: int, pose: Pose, light: Light, low: float, high: float) -> Ahead:
-    """Angles at which the sensor lies for some place of a bin, within the cone."""
+    """Angles at which the sensor is seen from any position of a bin, within the cone."""
     sin, cos = math.sin(pose.axis), math.cos(pose.axis)
     a = ahead_of(t, first, last, pose, pose.x + low * cos, pose.z + low * sin)
     b = ahead_of(t, first, last, pose, pose.x + high * cos, pose.z + high * sin)
@@ -146,10 +146,11 @@ def launch(
     t: Tables, first: int, last: int, pose: Pose, light: Light, table: FloatArray, low: float, high: float, seed: int,
     angle: int, place: int, rays: Rows, begin: int, many: int,
 ) -> None:  # fmt: skip
-    """Write so many rays of a bin of places from ``low`` to ``high``, in mm to the right of the axis.
+    """Write ``many`` rays of a bin of positions from ``low`` to ``high``, in mm to the right of the axis.
 
-    ``first`` and ``last`` are rows of the sensor's curves, ``angle`` and ``place`` the numbers of angle and bin. The
-    powers add up to what an emitter at those places sends to the sensor, as a fraction of all that it sends.
+    ``first`` and ``last`` are rows of the sensor's curves, ``angle`` and ``place`` the indices of angle and bin. The
+    powers add up to the power from an emitter at those positions towards the sensor, as a fraction of all that it
+    emits.
     """
     a = range_of(t, first, last, pose, light, low, high)
     wide = max(a.high - a.low, 0.0)
@@ -171,7 +172,7 @@ def launch_in_space(
     t: Tables, first: int, last: int, pose: Pose, light: Light, table: FloatArray, half: float, low: float, high: float,
     seed: int, angle: int, place: int, rays: RowsInSpace, begin: int, many: int,
 ) -> None:  # fmt: skip
-    """As `launch`, in a body from y = −half to half; a ray and its mirror image in y = 0 are one where they may be."""
+    """As `launch`, in a body from y = −half to half; a ray and its mirror image in y = 0 are combined if possible."""
     a = range_of(t, first, last, pose, light, low, high)
     wide = max(a.high - a.low, 0.0)
     one, two = chance(seed, angle, place, 0), chance(seed, angle, place, 1)
@@ -201,8 +202,8 @@ def launch_in_space(
 
 
 @compiled
-def steepest(room: float, near: float) -> float:
-    """Largest slope out of the plane, as a sine, at which a ray rises by no more than ``room`` over ``near``."""
-    if room <= 0.0:
+def steepest(rise_mm: float, near: float) -> float:
+    """Largest slope out of the plane, as a sine, at which a ray rises by at most ``rise_mm`` over ``near``."""
+    if rise_mm <= 0.0:
         return 0.0
-    return room / math.sqrt(room * room + near * near)
+    return rise_mm / math.sqrt(rise_mm * rise_mm + near * near)

@@ -1,8 +1,8 @@
-"""The compiled loop over rays: tables in, sums out; it holds the same physics as `solen.trace.reference`.
+"""The compiled loop over rays: tables in, sums out, with the same physics as `solen.trace.reference`.
 
-Rays are carried in blocks (see `solen.trace.kernel.block`). Each is taken through the interface it met; rays that ended
-leave their places to branches that wait and to rays not yet launched. A ray that stands on a curve has that curve's
-root at zero divided out by algebra (its constant term is zero), never by a distance threshold.
+Rays are advanced in blocks (see `solen.trace.kernel.block`). Each is taken through the interface that it met; rays that
+ended are replaced by waiting branches and by rays not yet launched. For a ray that starts on a curve, the root at zero
+is divided out algebraically (the constant term is zero), never excluded with a distance threshold.
 """
 
 import math
@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 
 from solen.trace.kernel.block import find_block
-from solen.trace.kernel.compiled import called, compiled
-from solen.trace.kernel.nearest import Hit, Ray
-from solen.trace.kernel.passing import ASIDE, LEFT, absorbs, pass_block
-from solen.trace.kernel.room import (
+from solen.trace.kernel.block_step import ASIDE, LEFT, absorbs, pass_block
+from solen.trace.kernel.buffers import (
     AT,
     BLOCK,
     BRANCH,
@@ -28,15 +26,19 @@ from solen.trace.kernel.room import (
     OPTICAL,
     PARENT,
     REGION,
+    Buffers,
     Carried,
     P,
     Rays,
     Rows,
     S,
-    Space,
     X,
     Z,
+    copy_ray,
+    resume,
 )
+from solen.trace.kernel.compiled import called, compiled
+from solen.trace.kernel.nearest import Hit, Ray
 from solen.trace.kernel.rows import Floats, Precision, Tags
 from solen.trace.kernel.step import (
     Load,
@@ -68,14 +70,14 @@ from solen.trace.result import ABSORBED, DETECTED, GOES_ON, TRUNCATED
 from solen.trace.tables import Tables
 
 FEW = BLOCK // 8
-"""Rays left of a block when others are launched."""
+"""Number of rays left in a block at which others are launched."""
 WHOLE: Any = np.int64
-"""Numbers of single rays are all of one type, whatever the precision."""
+"""Integers of single rays have one type, whatever the precision."""
 
 
 @compiled
 def read(row: Floats, tag: Tags) -> tuple[Ray, Load, Stem]:
-    """A ray as it is kept."""
+    """Read a ray from its row."""
     ray = Ray(row[X], row[Z], row[DX], row[DZ], WHOLE(tag[LAST]), row[AT])
     region, colour, number, hits = WHOLE(tag[REGION]), WHOLE(tag[COLOUR]), WHOLE(tag[NUMBER]), WHOLE(tag[HIT])
     load = Load(row[S], row[P], row[LEAST], row[OPTICAL], region, colour, number, hits)
@@ -84,16 +86,18 @@ def read(row: Floats, tag: Tags) -> tuple[Ray, Load, Stem]:
 
 @compiled
 def write(row: Floats, tag: Tags, ray: Ray, load: Load, stem: Stem) -> None:
-    """Keep a ray."""
+    """Write a ray to its row."""
     row[X], row[Z], row[DX], row[DZ], tag[LAST], row[AT] = ray
     row[S], row[P], row[LEAST], row[OPTICAL], tag[REGION], tag[COLOUR], tag[NUMBER], tag[HIT] = load
     tag[BRANCH], tag[PARENT] = stem
 
 
 @compiled
-def launch(k: Precision, rules: Rules, rays: Rows, first: int, n: int, many: int, space: Space, stems: bool) -> None:
-    """Put rays from number ``first`` on behind the n of a block, row by row; ``stems`` tell branches apart."""
-    state, tags = space.state, space.tags
+def launch(
+    k: Precision, rules: Rules, rays: Rows, first: int, n: int, many: int, buffers: Buffers, stems: bool
+) -> None:
+    """Add rays from number ``first`` behind the n of a block, row by row; ``stems`` also numbers their branches."""
+    state, tags = buffers.state, buffers.tags
     for row, numbers in ((X, rays.x), (Z, rays.z), (DX, rays.dx), (DZ, rays.dz), (S, rays.s), (P, rays.p)):
         for i in range(many):
             state[row, n + i] = numbers[first + i]
@@ -110,7 +114,7 @@ def launch(k: Precision, rules: Rules, rays: Rows, first: int, n: int, many: int
 
 @compiled
 def close_up(n: int, state: Floats, tags: Tags, fate: Tags) -> int:
-    """Fill the places of rays that ended with the last ones that go on; how many do."""
+    """Move the last continuing rays to the places of rays that ended; return how many continue."""
     first = 0
     while True:
         while first < n and fate[first] == GOES_ON:
@@ -120,10 +124,7 @@ def close_up(n: int, state: Floats, tags: Tags, fate: Tags) -> int:
         if first >= n:
             return n
         n -= 1
-        for row in range(9):
-            state[row, first] = state[row, n]
-        for row in range(7):
-            tags[row, first] = tags[row, n]
+        copy_ray(state, tags, n, first)
         first += 1
 
 
@@ -131,7 +132,7 @@ def close_up(n: int, state: Floats, tags: Tags, fate: Tags) -> int:
 def scatter(
     k: Precision, tables: Tables, sums: Sums, rules: Rules, ray: Ray, load: Load, stem: Stem, met: Meeting, way: float
 ) -> tuple[bool, Ray, Load]:
-    """Scatter a ray in a medium after a ``way``; whether it goes on, and the ray that does."""
+    """Scatter a ray in a medium after the distance ``way``; return whether it continues, and the scattered ray."""
     kept = math.exp(-met.loss * way) if met.loss > 0.0 else k.one
     after = weakened(load, kept, tables.refractive_index[load.colour, met.here] * way)
     power, left = load.s + load.p, after.s + after.p
@@ -152,15 +153,15 @@ def scatter(
 
 @called
 def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions at a price
-    k: Precision, tables: Tables, sums: Sums, rays: Rows, rules: Rules, space: Space, treatments: Floats | None
+    k: Precision, tables: Tables, sums: Sums, rays: Rows, rules: Rules, buffers: Buffers, treatments: Floats | None
 ) -> bool:
-    """Trace rays and add up what becomes of them; False where there is no room for all the branches that wait.
+    """Trace rays and add their powers; False if there is no room for all waiting branches.
 
-    ``treatments`` are those of the tables, or None where there are none.
+    ``treatments`` are those of the tables, or None if there are none.
     """
-    state, tags, found = space.state, space.tags, space.found
+    state, tags, found = buffers.state, buffers.tags, buffers.found
     block = Rays(state[X], state[Z], state[DX], state[DZ], tags[LAST], state[AT])
-    waiting_state, waiting_tags, branches = space.waiting_state, space.waiting_tags, space.branches
+    waiting_state, waiting_tags, branches = buffers.waiting_state, buffers.waiting_tags, buffers.branches
     keeps_legs, has_monitors = len(sums.legs) > 0, len(tables.monitor) > 0
     n, waiting, launched, fates = 0, 0, 0, found.pick
     carried = Carried(state[S], state[P], state[LEAST], state[OPTICAL], tags[REGION], tags[COLOUR], tags[HIT])
@@ -168,17 +169,11 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
     special = keeps_legs or has_monitors or rules.turbid or sums.position.shape[1] > 0 or sums.angle.shape[1] > 0
     side_by_side = rules.splitting != ROULETTE and not special
     while True:
-        while n < BLOCK and waiting > 0:
-            waiting -= 1
-            for row in range(9):
-                state[row, n] = waiting_state[waiting, row]
-            for row in range(7):
-                tags[row, n] = waiting_tags[waiting, row]
-            n += 1
-        fresh = n <= FEW  # rays launched together meet the same curves: they are not mixed with others
+        n, waiting = resume(state, tags, n, waiting_state, waiting_tags, waiting)
+        fresh = n <= FEW  # rays launched together meet the same curves and are not mixed with others
         if fresh:
             many = min(BLOCK - n, len(rays.x) - launched)
-            launch(k, rules, rays, launched, n, many, space, not side_by_side)
+            launch(k, rules, rays, launched, n, many, buffers, not side_by_side)
             launched += many
             n += many
         if n == 0:
@@ -188,7 +183,7 @@ def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions a
         if side_by_side:
             if waiting + n > len(waiting_state):
                 return False
-            waiting, left = pass_block(k, tables, rules, sums, n, block, carried, space, clear, waiting)
+            waiting, left = pass_block(k, tables, rules, sums, n, block, carried, buffers, clear, waiting)
         else:
             for i in range(n):
                 fates[i] = LEFT

@@ -1,4 +1,4 @@
-"""The nearest interface ahead of one ray: all of them in turn, or through a grid where there are many."""
+"""The nearest interface ahead of one ray: by testing all of them, or with a grid if there are many."""
 
 import math
 from typing import NamedTuple
@@ -39,16 +39,16 @@ from solen.trace.kernel.rows import (
 from solen.trace.tables import Tables
 
 SIDE_BY_SIDE = 8
-"""Multiple of which segments are looked at."""
+"""Number of segments that are tested together; their count is padded to a multiple."""
 MOST_AT_ONCE = 64
-"""Segments that are looked at without a tree."""
+"""Largest number of segments that are tested without a tree."""
 FEW = 4
-"""Other pieces up to which they are looked at in turn."""
+"""Largest number of other pieces that are tested in turn."""
 FAR = 1e300
 
 
 class Ray(NamedTuple):
-    """Where a ray is and where it goes, the curve it stands on (−1: none) and the parameter there."""
+    """Position and direction of a ray, the curve at its origin (−1: none) and the parameter there."""
 
     x: float
     z: float
@@ -59,7 +59,7 @@ class Ray(NamedTuple):
 
 
 class Hit(NamedTuple):
-    """What a ray meets: the distance (infinity for nothing), which curve (−1), and the parameter there."""
+    """The nearest hit of a ray: the distance (infinity for none), the curve (−1), and the parameter there."""
 
     distance: float
     curve: int
@@ -68,7 +68,7 @@ class Hit(NamedTuple):
 
 @compiled
 def curve_hit(k: Precision, tables: Tables, c: int, ray: Ray) -> tuple[float, float]:
-    """Distance to curve ``c`` and the parameter there (of cubic pieces alone)."""
+    """Distance to curve ``c`` and the parameter there (for cubic pieces only)."""
     kind, shape, before = tables.kind, tables.shape, tables.before
     x, z, dx, dz, last, at = ray
     leaving = c == last
@@ -87,7 +87,7 @@ def curve_hit(k: Precision, tables: Tables, c: int, ray: Ray) -> tuple[float, fl
         forwards = before[c] == last
         if (at >= 1.0 if forwards else at <= 0.0) or on_joint(
             k, q, forwards, x, z
-        ):  # it stands on the joint of the two
+        ):  # the ray starts on the joint of the two
             return cubic_hit(k, q, x, z, dx, dz, True, k.zero if forwards else k.one, k.zero)
         beside = cubic_beside(k, cubic_row(shape, last), x, z, dx, dz, at)
         return cubic_hit(k, q, x, z, dx, dz, False, k.zero, beside)
@@ -96,7 +96,7 @@ def curve_hit(k: Precision, tables: Tables, c: int, ray: Ray) -> tuple[float, fl
 
 @compiled
 def on_joint(k: Precision, q: Cubic, first: bool, x: float, z: float) -> bool:
-    """Whether a point is the first or the last one of a piece but for rounding."""
+    """Whether a point is the first or last one of a piece, up to rounding."""
     away = abs(x - q.x0) + abs(z - q.z0) if first else abs(x - q.x3) + abs(z - q.z3)
     size = abs(x) + abs(z) + abs(q.x3 - q.x0) + abs(q.z3 - q.z0)
     return bool(away <= (k.three + k.one) * k.rounding * size)
@@ -119,7 +119,7 @@ def normal_at(k: Precision, kind: int, shape: Floats, c: int, x: float, z: float
 
 @compiled
 def place_on(k: Precision, kind: int, shape: Floats, c: int, x: float, z: float, at: float) -> float:
-    """How far along its interface, from 0 at the start to 1 at the end, a point of curve ``c`` is."""
+    """Relative position of a point of curve ``c`` along its interface, from 0 at the start to 1 at the end."""
     if kind == SEGMENT:
         s = segment_row(shape, c)
         return ((x - s.ax) * s.ux + (z - s.az) * s.uz) / s.length
@@ -147,7 +147,7 @@ def place_on(k: Precision, kind: int, shape: Floats, c: int, x: float, z: float,
 
 @compiled
 def nearest(k: Precision, tables: Tables, ray: Ray) -> Hit:
-    """The nearest curve ahead of a ray."""
+    """Return the nearest hit ahead of a ray."""
     if len(tables.grid_item) > 0:
         return nearest_by_grid(k, tables, ray)
     best, found, place = k.none, -1, k.zero
@@ -159,31 +159,33 @@ def nearest(k: Precision, tables: Tables, ray: Ray) -> Hit:
 
 
 class Walls(NamedTuple):
-    """Tables of a scene with its pieces by how they are looked at: segments at once, the others by a tree of boxes."""
+    """Tables of a scene with its pieces grouped for testing: segments together, the others in a tree of boxes."""
 
     tables: Tables
     segment: Floats
-    """(5, S) rows of segments as columns; behind them some that no ray meets, to fill a register"""
+    """(5, S) rows of segments as columns, padded with segments that no ray meets to fill a register"""
     piece: IntArray
-    """(S,) which piece each is"""
+    """(S,) index of each piece"""
     distance: Floats
-    """(S,) room for distances"""
+    """(S,) memory for distances"""
     other: IntArray
-    """the other pieces where they are few"""
+    """the other pieces if they are few"""
     leaf: IntArray
-    """(L,) where they are many, −1 behind them; L is a power of two, or 0"""
+    """(L,) the other pieces if they are many, padded with −1; L is a power of two, or 0"""
     box: Floats
-    """(2 L, 4) box round all below a node: node 1 is the root, n has the nodes 2 n and 2 n + 1, leaf n is node L + n"""
+    """(2 L, 4) box around everything below a node: node 1 is the root, n has the nodes 2 n and 2 n + 1, leaf n is
+    node L + n
+    """
 
 
 def walls_of(tables: Tables) -> Walls:
-    """Pieces of a scene as one thread looks at them; beside few other pieces, many segments are in the tree too."""
+    """Group the pieces of a scene for one thread; if there are few other pieces, many segments are in the tree, too."""
     lines = np.flatnonzero(tables.kind == SEGMENT)
     lines = lines if len(lines) <= MOST_AT_ONCE else lines[:0]
     width = len(Segment._fields)
     filled = -(-len(lines) // SIDE_BY_SIDE) * SIDE_BY_SIDE
     segment, piece = np.zeros((width, filled)), np.full(filled, -2)
-    segment[-1], segment[-2] = -1.0, 1.0  # of a negative length
+    segment[-1], segment[-2] = -1.0, 1.0  # with a negative length
     segment[:, : len(lines)], piece[: len(lines)] = tables.shape[lines, :width].T, lines
     others = np.setdiff1d(np.arange(len(tables.kind)), lines)
     few = len(others) <= FEW
@@ -192,7 +194,7 @@ def walls_of(tables: Tables) -> Walls:
 
 
 def _tree(tables: Tables, pieces: IntArray) -> tuple[IntArray, Floats]:
-    """Leaves and boxes of the tree over some pieces, level by level."""
+    """Build the leaves and boxes of the tree over some pieces, level by level."""
     leaves = 1 << (len(pieces) - 1).bit_length() if len(pieces) else 0
     leaf = np.full(leaves, -1)
     leaf[: len(pieces)] = pieces
@@ -209,15 +211,15 @@ def _tree(tables: Tables, pieces: IntArray) -> tuple[IntArray, Floats]:
 
 @compiled
 def passes(box: Floats, x: float, z: float, across: float, ahead: float, best: float) -> bool:
-    """Whether a ray passes a box or is there farther than ``best``; its direction is (1 / across, 1 / ahead)."""
+    """Whether a ray passes a box or reaches it further away than ``best``; its direction is (1 / across, 1 / ahead)."""
     xa, xb, za, zb = (box[0] - x) * across, (box[1] - x) * across, (box[2] - z) * ahead, (box[3] - z) * ahead
     enters, exits = max(min(xa, xb), min(za, zb)), min(max(xa, xb), max(za, zb))
-    return bool(enters > exits or exits < 0.0 or enters > best)  # not by NaN, of a ray along a side
+    return bool(enters > exits or exits < 0.0 or enters > best)  # False for NaN, from a ray along a side
 
 
 @compiled
 def nearest_wall(k: Precision, walls: Walls, ray: Ray) -> Hit:
-    """As `nearest`: the segments at once, the others where their boxes lie ahead and near enough."""
+    """As `nearest`: tests all segments together, and the others if their boxes are ahead and near enough."""
     s, distance = walls.segment, walls.distance
     x, z, dx, dz, last, _ = ray
     for i in range(len(distance)):
@@ -248,7 +250,7 @@ def nearest_wall(k: Precision, walls: Walls, ray: Ray) -> Hit:
 
 @compiled
 def next_leaf(walls: Walls, node: int, x: float, z: float, across: float, ahead: float, best: float) -> tuple[int, int]:
-    """The first piece of the tree, from a node on, that a ray may meet, or −1; and the node after it, 0 for none."""
+    """The first piece of the tree, from a node on, that a ray may meet, or −1; and the node after it, or 0."""
     leaves = len(walls.leaf)
     while node > 0:
         missed = passes(walls.box[node], x, z, across, ahead, best)
@@ -307,7 +309,7 @@ def nearest_by_grid(k: Precision, tables: Tables, ray: Ray) -> Hit:
 
 @compiled
 def other_side(k: Precision, tables: Tables, ray: Ray, c: int) -> bool:
-    """Whether curve ``c`` lies on the other side of the curve a ray stands on than the ray goes to."""
+    """Whether curve ``c`` and the ray's direction are on opposite sides of the curve at the ray's origin."""
     nx, nz = normal_at(k, tables.kind[ray.last], tables.shape, ray.last, ray.x, ray.z, ray.at)
     towards = (tables.middle[c, 0] - ray.x) * nx + (tables.middle[c, 1] - ray.z) * nz
     return bool(towards * (ray.dx * nx + ray.dz * nz) < 0.0)

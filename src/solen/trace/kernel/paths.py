@@ -1,10 +1,10 @@
-"""The integral of what a ray gives along a path of one parameter, in space: adaptive, with its edges found by secants.
+"""Integrals of a ray's powers along a path with one parameter, in space: adaptive, with edges located by secants.
 
-Between two rays of one tree the powers are smooth: Simpson's rule serves, checked against the trapezium. Where trees
-differ there is an edge. It is where the beam passes an end of a curve, at a leg that begins alike for both rays: the
-secant of the distance to that end predicts it, and two rays about the prediction confirm it. Equal trees prove nothing:
-a strip of other light may lie between. So a ray is traced at every end that the beam passes, of trees that are equal
-too.
+Between two rays of one tree the powers are smooth: Simpson's rule is used, with the trapezoidal rule as a check.
+Between different trees there is an edge. It is where the beam passes an end of a curve, on a leg that starts on the
+same curve for both rays: the secant of the distance to that end predicts it, and two rays around the prediction confirm
+it. Equal trees prove nothing: a strip of other light may be in between. A ray is therefore also traced at each end that
+a beam between equal trees passes.
 """
 
 import math
@@ -23,13 +23,13 @@ from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.space import Vector
 
 MOST_LEGS = 300
-"""Straight stretches of one ray with its branches, after which what goes on is left to the tail."""
+"""Largest number of legs of one ray with its branches, after which its remaining power is left to the tail."""
 FIRST, FIRST_ANGLES = 2, 32
-"""Stretches that a path begins with: over the places of a chip, over the angles of a point."""
+"""Initial number of intervals of a path: over the positions of a chip, over the angles of a point."""
 
 
-class PathRoom(NamedTuple):
-    """Room for the rays of one path (N,) and for the stretches that wait."""
+class PathBuffers(NamedTuple):
+    """Memory for the rays of one path (N,) and for the waiting intervals."""
 
     u: FloatArray
     start: FloatArray
@@ -37,24 +37,24 @@ class PathRoom(NamedTuple):
     tree: NDArray[np.uint64]
     path: NDArray[np.uint64]
     value: FloatArray
-    """(N, D + 5) weighed powers"""
+    """(N, D + 5) weighted powers"""
     first: IntArray
     many: IntArray
     legs: FloatArray
     waiting: IntArray
-    """(room, 2)"""
+    """(capacity, 2)"""
     stack: Floats
     counts: IntArray
     """(4,) rays, legs, undefined, kept legs"""
 
 
-KEPT_RAYS, KEPT_LEGS, KEPT_STRETCHES = 4096, 400_000, 2048
+KEPT_RAYS, KEPT_LEGS, KEPT_INTERVALS = 4096, 400_000, 2048
 
 
-def path_room(columns: int) -> PathRoom:
-    """New room; untouched memory costs nothing."""
+def path_buffers(columns: int) -> PathBuffers:
+    """Allocate memory for a path; unused pages take no memory."""
     n = KEPT_RAYS
-    return PathRoom(
+    return PathBuffers(
         u=np.empty(n),
         start=np.empty((n, 5)),
         tree=np.empty(n, np.uint64),
@@ -63,7 +63,7 @@ def path_room(columns: int) -> PathRoom:
         first=np.empty(n, np.int64),
         many=np.empty(n, np.int64),
         legs=np.empty((KEPT_LEGS, 6)),
-        waiting=np.empty((KEPT_STRETCHES, 2), np.int64),
+        waiting=np.empty((KEPT_INTERVALS, 2), np.int64),
         stack=np.empty((STACK_IN_SPACE, WIDTH_IN_SPACE)),
         counts=np.zeros(4, np.int64),
     )
@@ -74,20 +74,20 @@ def trace_rays(
     k: Precision,
     walls: Walls,
     family: FamilyInSpace,
-    room: PathRoom,
+    buffers: PathBuffers,
     low: int,
     high: int,
     draw: int,
     most_hits: int,
 ) -> None:
-    """Trace the rays from number ``low`` to ``high``, whose starts are in the room.
+    """Trace the rays from number ``low`` to ``high``, with their starts from the memory.
 
-    With a ``draw``, the number of the first ray's sample, their tails alone.
+    With a ``draw``, the sample number of the first ray, only their tails are traced.
     """
     for n in range(low, high):
-        first = room.counts[3]
-        x, z = room.start[n, 0], room.start[n, 1]
-        d = Vector(room.start[n, 2], room.start[n, 3], room.start[n, 4])
+        first = buffers.counts[3]
+        x, z = buffers.start[n, 0], buffers.start[n, 1]
+        d = Vector(buffers.start[n, 2], buffers.start[n, 3], buffers.start[n, 4])
         sample = draw + n - low if draw >= 0 else NO_DRAW
         many, tree, path, undefined = trace_prism(
             k,
@@ -99,33 +99,33 @@ def trace_rays(
             sample,
             most_hits,
             MOST_LEGS,
-            room.value[n],
-            room.legs[first:],
-            room.stack,
+            buffers.value[n],
+            buffers.legs[first:],
+            buffers.stack,
         )
-        room.counts[0] += 1
-        room.counts[1] += many
-        room.counts[2] += 1 if undefined else 0
-        room.counts[3] += many if draw < 0 else 0
-        room.tree[n], room.path[n], room.first[n], room.many[n] = tree, path, first, many
+        buffers.counts[0] += 1
+        buffers.counts[1] += many
+        buffers.counts[2] += 1 if undefined else 0
+        buffers.counts[3] += many if draw < 0 else 0
+        buffers.tree[n], buffers.path[n], buffers.first[n], buffers.many[n] = tree, path, first, many
 
 
 @compiled
 def add_rays(
-    k: Precision, walls: Walls, family: FamilyInSpace, room: PathRoom, along: Heading, low: int, high: int
+    k: Precision, walls: Walls, family: FamilyInSpace, buffers: PathBuffers, along: Heading, low: int, high: int
 ) -> None:
-    """Trace the rays at the parameters that the room names from ``low`` to ``high``; ``along`` is where paths go."""
+    """Trace the rays at the stored parameters from ``low`` to ``high``, along ``along`` if the angle is constant."""
     turns = family.turn != 0.0
     for n in range(low, high):
-        u = room.u[n]
+        u = buffers.u[n]
         d = heading(family, u).d if turns else along.d
-        room.start[n, 0], room.start[n, 1] = family.x + u * family.along_x, family.z + u * family.along_z
-        room.start[n, 2], room.start[n, 3], room.start[n, 4] = d.x, d.y, d.z
-    trace_rays(k, walls, family, room, low, high, NO_DRAW, 0)
+        buffers.start[n, 0], buffers.start[n, 1] = family.x + u * family.along_x, family.z + u * family.along_z
+        buffers.start[n, 2], buffers.start[n, 3], buffers.start[n, 4] = d.x, d.y, d.z
+    trace_rays(k, walls, family, buffers, low, high, NO_DRAW, 0)
     for n in range(low, high):
-        weight = heading(family, room.u[n]).weight if turns else along.weight
-        for column in range(room.value.shape[1]):
-            room.value[n, column] *= weight
+        weight = heading(family, buffers.u[n]).weight if turns else along.weight
+        for column in range(buffers.value.shape[1]):
+            buffers.value[n, column] *= weight
 
 
 @called
@@ -136,26 +136,26 @@ def sample_tails(
     starts: FloatArray,
     first: int,
     most_hits: int,
-    room: PathRoom,
+    buffers: PathBuffers,
     total: FloatArray,
 ) -> int:
-    """Sum of the tails (D + 5,) of rays that start at ``starts`` (N, 5): x, z and the direction x, y, z.
+    """Add the tails (D + 5,) of rays that start at ``starts`` (N, 5): x, z and the direction x, y, z.
 
-    They are samples from the number ``first`` on. Returns how many straight stretches that took.
+    Their sample numbers begin at ``first``. Returns the number of legs traced.
     """
-    before, done = room.counts[1], 0
-    room.counts[3] = 0
+    before, done = buffers.counts[1], 0
+    buffers.counts[3] = 0
     while done < len(starts):
-        many = min(len(starts) - done, len(room.u))
+        many = min(len(starts) - done, len(buffers.u))
         for n in range(many):
             for column in range(5):
-                room.start[n, column] = starts[done + n, column]
-        trace_rays(k, walls, family, room, 0, many, first + done, most_hits)
+                buffers.start[n, column] = starts[done + n, column]
+        trace_rays(k, walls, family, buffers, 0, many, first + done, most_hits)
         for n in range(many):
             for column in range(len(total)):
-                total[column] += room.value[n, column]
+                total[column] += buffers.value[n, column]
         done += many
-    steps: int = room.counts[1] - before
+    steps: int = buffers.counts[1] - before
     return steps
 
 
@@ -163,7 +163,7 @@ def sample_tails(
 def passed(
     ends: FloatArray, ax: float, az: float, ux: float, uz: float, bx: float, bz: float, vx: float, vz: float
 ) -> int:
-    """How many ends lie between the lines of two legs, ahead or behind: a loop without branches, as there are few."""
+    """Number of ends between the lines of two legs, ahead or behind, in a loop without branches."""
     many = 0
     for e in range(ends.shape[1]):
         px, pz = ends[0, e], ends[1, e]
@@ -173,11 +173,11 @@ def passed(
 
 
 @linked
-def predicted_edge(room: PathRoom, i: int, j: int, ends: FloatArray) -> float:
-    """Share of the stretch at which the beam between two rays passes an end of a curve; −1 where none is seen."""
-    legs = room.legs
-    for leg in range(min(room.many[i], room.many[j])):
-        a, b = room.first[i] + leg, room.first[j] + leg
+def predicted_edge(buffers: PathBuffers, i: int, j: int, ends: FloatArray) -> float:
+    """Relative position in the interval at which the beam between two rays passes an end of a curve; −1 for none."""
+    legs = buffers.legs
+    for leg in range(min(buffers.many[i], buffers.many[j])):
+        a, b = buffers.first[i] + leg, buffers.first[j] + leg
         ax, az, dx, dz = legs[a, 0], legs[a, 1], legs[b, 0], legs[b, 1]
         ux, uz, vx, vz = legs[a, 2] - ax, legs[a, 3] - az, legs[b, 2] - dx, legs[b, 3] - dz
         best, share, alike = math.inf, -1.0, legs[a, 5] == legs[b, 5]
@@ -202,11 +202,11 @@ def predicted_edge(room: PathRoom, i: int, j: int, ends: FloatArray) -> float:
 
 
 @linked
-def integrate_path(  # noqa: C901  one loop over stretches
+def integrate_path(  # noqa: C901  one loop over intervals
     k: Precision,
     walls: Walls,
     family: FamilyInSpace,
-    room: PathRoom,
+    buffers: PathBuffers,
     ends: FloatArray,
     first: int,
     density: float,
@@ -214,70 +214,70 @@ def integrate_path(  # noqa: C901  one loop over stretches
     soft: float,
     total: FloatArray,
 ) -> float:
-    """Integral of the powers from ``family.low`` to ``family.high``, into ``total`` (D + 5,).
+    """Integrate the powers from ``family.low`` to ``family.high`` into ``total`` (D + 5,).
 
-    The path begins as ``first`` stretches. ``density`` is the error allowed per parameter; a stretch is left at a width
-    of ``narrow``, and not searched for hidden edges from ``soft`` on. Where the room ends the mean of what is known
-    stands for the rest. Returns what the integral may be off by.
+    The path begins with ``first`` intervals. ``density`` is the error allowed per parameter; an interval is not divided
+    below a width of ``narrow``, nor searched for hidden edges below ``soft``. If memory is exhausted, the mean of the
+    known powers is used for the remainder. Returns the error of the integral.
     """
     low, high = family.low, family.high
     n, waiting, error, columns = 0, 0, 0.0, len(total)
-    room.counts[3] = 0
+    buffers.counts[3] = 0
     for d in range(columns):
         total[d] = 0.0
     along = heading(family, low)
     for s in range(first + 1):
-        room.u[s] = low + (high - low) * s / first
-    add_rays(k, walls, family, room, along, 0, first + 1)
+        buffers.u[s] = low + (high - low) * s / first
+    add_rays(k, walls, family, buffers, along, 0, first + 1)
     n = first + 1
     for s in range(first):
-        room.waiting[waiting, 0], room.waiting[waiting, 1] = s, s + 1
+        buffers.waiting[waiting, 0], buffers.waiting[waiting, 1] = s, s + 1
         waiting += 1
     while waiting > 0:
         waiting -= 1
-        i, j = room.waiting[waiting, 0], room.waiting[waiting, 1]
-        a, b = room.u[i], room.u[j]
+        i, j = buffers.waiting[waiting, 0], buffers.waiting[waiting, 1]
+        a, b = buffers.u[i], buffers.u[j]
         width = b - a
-        hard = room.tree[i] != room.tree[j]
-        full = n + 2 > len(room.u) or waiting + 4 > len(room.waiting)
-        full = full or room.counts[3] + 2 * MOST_LEGS > len(room.legs)
+        hard = buffers.tree[i] != buffers.tree[j]
+        full = n + 2 > len(buffers.u) or waiting + 4 > len(buffers.waiting)
+        full = full or buffers.counts[3] + 2 * MOST_LEGS > len(buffers.legs)
         if full or width <= narrow:
             apart = 0.0
             for d in range(columns):
-                total[d] += 0.5 * width * (room.value[i, d] + room.value[j, d])
-                apart = max(apart, abs(room.value[i, d] - room.value[j, d]))
+                total[d] += 0.5 * width * (buffers.value[i, d] + buffers.value[j, d])
+                apart = max(apart, abs(buffers.value[i, d] - buffers.value[j, d]))
             error += (0.5 if full else 0.25) * width * apart
             continue
-        edge = a + predicted_edge(room, i, j, ends) * width if hard or width > soft else a
+        edge = a + predicted_edge(buffers, i, j, ends) * width if hard or width > soft else a
         seen, m = edge - narrow > a and edge + narrow < b, n
         if seen and hard:
-            room.u[n], room.u[n + 1] = edge - 0.45 * narrow, edge + 0.45 * narrow
+            buffers.u[n], buffers.u[n + 1] = edge - 0.45 * narrow, edge + 0.45 * narrow
             n += 2
-        else:  # where rays on both sides are alike: is the one at the edge between them?
-            room.u[n] = edge if seen else 0.5 * (a + b)
+        else:  # rays on both sides are alike: test whether the one at the predicted edge is, too
+            buffers.u[n] = edge if seen else 0.5 * (a + b)
             n += 1
-        add_rays(k, walls, family, room, along, m, n)
+        add_rays(k, walls, family, buffers, along, m, n)
         if seen and hard:
-            room.waiting[waiting, 0], room.waiting[waiting, 1] = i, m
-            room.waiting[waiting + 1, 0], room.waiting[waiting + 1, 1] = m, m + 1
-            room.waiting[waiting + 2, 0], room.waiting[waiting + 2, 1] = m + 1, j
+            buffers.waiting[waiting, 0], buffers.waiting[waiting, 1] = i, m
+            buffers.waiting[waiting + 1, 0], buffers.waiting[waiting + 1, 1] = m, m + 1
+            buffers.waiting[waiting + 2, 0], buffers.waiting[waiting + 2, 1] = m + 1, j
             waiting += 3
             continue
         if (
-            room.tree[m] == room.tree[i]
+            buffers.tree[m] == buffers.tree[i]
             and not hard
             and not seen
-            and (width <= soft or (room.path[m] == room.path[i] and room.path[m] == room.path[j]))
+            and (width <= soft or (buffers.path[m] == buffers.path[i] and buffers.path[m] == buffers.path[j]))
         ):
             apart = 0.0
             for d in range(columns):
-                apart = max(apart, abs(room.value[i, d] - 2.0 * room.value[m, d] + room.value[j, d]))
+                apart = max(apart, abs(buffers.value[i, d] - 2.0 * buffers.value[m, d] + buffers.value[j, d]))
             if apart <= 6.0 * density:
                 for d in range(columns):
-                    total[d] += width / 6.0 * (room.value[i, d] + 4.0 * room.value[m, d] + room.value[j, d])
+                    total[d] += width / 6.0 * (buffers.value[i, d] + 4.0 * buffers.value[m, d] + buffers.value[j, d])
                 error += width * apart / 30.0
                 continue
-        room.waiting[waiting, 0], room.waiting[waiting, 1] = i, m
-        room.waiting[waiting + 1, 0], room.waiting[waiting + 1, 1] = m, j
+        buffers.waiting[waiting, 0], buffers.waiting[waiting, 1] = i, m
+        buffers.waiting[waiting + 1, 0], buffers.waiting[waiting + 1, 1] = m, j
         waiting += 2
     return error

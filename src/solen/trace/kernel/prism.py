@@ -1,14 +1,14 @@
-"""One ray in space with all its branches, in a body that reaches from a bottom to a top: for adaptive integration.
+"""One ray in space with all its branches, in a body that extends from a bottom to a top: for adaptive integration.
 
-The steps are those of `solen.trace.kernel.extruded`. The y-component of a ray's direction in its source and its angle
-in projection place it; the heights at which the source emits are not sampled: a branch carries an interval of heights,
-all with the same path in projection. Where a part of the interval passes above or below a body, meets a receiver or is
-reflected once more at top or bottom than the rest, the interval is divided there. So the integral over the height of a
-source is exact.
+The steps are those of `solen.trace.kernel.extruded`. A ray is determined by the y-component of its direction at the
+source and its projected angle; the heights at which the source emits are not sampled: a branch carries an interval of
+heights, all with the same projected path. If part of the interval passes above or below a body, meets a receiver or is
+reflected once more at top or bottom than the remainder, the interval is divided there. The integral over the height of
+a source is therefore exact.
 
-Branches are followed exactly down to a least weight and up to so many hits. What is left of the power then, the *tail*,
-is followed one way only, each interface drawing what it does (Russian roulette): so it is sampled without bias, at a
-cost that grows with the number of hits and not with that of branches.
+Branches are followed exactly down to a least weight and up to a number of hits. The remaining power, the *tail*, is
+followed along one path only, drawn at each interface (Russian roulette): it is sampled without bias, at a cost that
+grows with the number of hits and not with that of branches.
 """
 
 import math
@@ -42,20 +42,20 @@ STACK_IN_SPACE = 256
 WIDTH_IN_SPACE = 20
 X, Z, LOW, HIGH, DX, DY, DZ, EX, EY, EZ, I1, I2, CR, CI, REGION, LAST, HIT, AT, STATE, LEAST = range(20)
 SEEN, SILENT, TAIL = range(3)
-"""States of a branch: its legs tell one path from another, they do not, it is followed one way only."""
+"""States of a branch: its legs are part of the path, its legs are not, it is the tail."""
 MORE_COLUMNS = 5
-"""Numbers of a ray beside its power by receiver: escaped, absorbed, missed, leaked and unfinished."""
+"""Number of values of a ray besides its power by receiver: escaped, absorbed, missed, leaked and unfinished."""
 FAINT = 1e-12
 """Weight at which the tail ends."""
 MOST_BOUNCES = 10_000
-"""Reflections at top and bottom between two walls, after which light is left to the tail."""
+"""Largest number of reflections at top and bottom between two walls, after which light is left to the tail."""
 NO_DRAW = -1
-"""No sample: the exact part."""
+"""Sample number of the exact part."""
 
 
 @compiled
 def put(w: Floats, x: float, z: float, low: float, high: float, d: Vector, e: Vector, light: Coherency) -> None:
-    """Write a branch that waits."""
+    """Write a waiting branch."""
     w[X], w[Z], w[LOW], w[HIGH] = x, z, low, high
     w[DX], w[DY], w[DZ], w[EX], w[EY], w[EZ] = d.x, d.y, d.z, e.x, e.y, e.z
     w[I1], w[I2], w[CR], w[CI] = light.i1, light.i2, light.cr, light.ci
@@ -63,7 +63,7 @@ def put(w: Floats, x: float, z: float, low: float, high: float, d: Vector, e: Ve
 
 @compiled
 def mean_kept(loss: float, nearest_mm: float, farthest_mm: float) -> float:
-    """Mean share that a medium leaves of light over ways that are spread evenly between two lengths."""
+    """Mean transmitted fraction of a medium over path lengths distributed uniformly between two values."""
     spread = loss * (farthest_mm - nearest_mm)
     return math.exp(-loss * nearest_mm) * (-math.expm1(-spread) / spread if spread > 1e-12 else 1.0)
 
@@ -85,13 +85,13 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
 ) -> tuple[int, np.uint64, np.uint64, bool]:
     """Trace a ray with all its branches, as `solen.trace.kernel.tree.trace_tree` does in the plane.
 
-    Returns how many legs, the tree of all that changes powers, the path with every hit, and whether a
-    branch was undefined. ``value`` (D + 5,) becomes the power by receiver, escaped, absorbed; of what escaped the
-    part that missed the bodies above or below and the part that leaked from them; and what is left unfinished.
-    ``legs`` (``most_legs`` or more, 6) are in projection: start, end, 1 where it ends on a curved face, owner.
+    Returns the number of legs, the tree of all events that change powers, the path with every hit, and whether a branch
+    was undefined. ``value`` (D + 5,) becomes the power by receiver, escaped and absorbed, the parts of the escaped
+    power that missed the bodies above or below and that leaked from them, and the unfinished power. ``legs``
+    (``most_legs`` or more, 6) are in projection: start, end, 1 if it ends on a curved face, owner.
 
     With a ``draw``, the number of a sample, ``value`` is that of the tail alone, followed for ``most_hits``, and its
-    last entry all that was left to the tail; no legs are kept then.
+    last entry is the total left to the tail; no legs are stored then.
     """
     tables, receivers = walls.tables, len(value) - MORE_COLUMNS
     missed, leaked, unfinished = receivers + 2, receivers + 3, receivers + 4
@@ -128,7 +128,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             silent, tail = w[STATE] != SEEN, w[STATE] == TAIL
             gain, running = 1.0 if tail or not sampling else 0.0, True
         if not tail and (many == most_legs or waiting + 4 > len(stack)):
-            # all that still goes on is left to the tail
+            # the remaining power is left to the tail
             value[unfinished] += light.i1 + light.i2
             for i in range(waiting):
                 value[unfinished] += stack[i, I1] + stack[i, I2] if stack[i, STATE] != TAIL else 0.0
@@ -136,7 +136,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             if not sampling:
                 return many, tree, way_hash, undefined
             tail, gain = True, 1.0
-        if tail and yb > ya:  # one height by chance
+        if tail and yb > ya:  # one random height
             ya += chance(rules.seed, draw, draws) * (yb - ya)
             yb, draws = ya, draws + 1
         wide, most = yb > ya, most_hits if tail else rules.max_hits
@@ -204,15 +204,15 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 bounces = math.floor((min(a, b) + half) / (2.0 * half))
                 bounces = max(bounces, 0)
                 edge = half * (2.0 * bounces + 1.0)
-                leaky = n1 * n1 * (1.0 - d.y * d.y) < n2 * n2  # top and bottom do not reflect all
+                leaky = n1 * n1 * (1.0 - d.y * d.y) < n2 * n2  # top and bottom reflect only in part
                 if wide and highest > edge:
-                    # the part that is reflected once more waits at the start of this leg
+                    # the part reflected once more waits at the start of this leg
                     cut = (edge - rise) if rise > 0.0 else -(edge + rise)
                     outer = (yb - cut) if rise > 0.0 else (cut - ya)
                     share = outer / (yb - ya)
                     w = stack[waiting]
                     if share > 1.0 - 1e-12:
-                        bounces += 1  # it waited to be reflected once more: but for rounding, all of it is
+                        bounces += 1  # it waited for one more reflection, which all of it has, up to rounding
                     elif share > 1e-12:
                         tip = 1e-15 * half
                         if rise > 0.0:
@@ -248,7 +248,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                         break
                     d = Vector(d.x, -d.y, d.z)
                     light = passed(face.back_s, face.back_p, face.back_cr, face.back_ci, light)
-                    hits += 1 if tail else 0  # parts of one path shall end alike, whatever they do at top and bottom
+                    hits += 1 if tail else 0  # parts of one path must end alike, whatever happens at top and bottom
                     left = kept * (light.i1 + light.i2)
                     if left < lowest or worn or (tail and hits + 1 >= most):
                         if tail or not sampling:
@@ -275,7 +275,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 mark = np.uint64(16 + bounces) ^ mark if leaky else np.uint64(0)
                 power = light.i1 + light.i2
             if silent and (mark != np.uint64(0) or n1 == n2):
-                # from here on it does not end as the rest of its path does
+                # from here it ends differently from the rest of its path
                 mark, silent = mark ^ np.uint64(4), False
         if loss > 0.0 and not ended:
             kept = math.exp(-loss * way)
@@ -306,7 +306,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 if share > 0.0:
                     outer, inner_part = max(yb - upper, 0.0), max(lower - ya, 0.0)
                     if outer > 0.0 and inner_part > 0.0:
-                        # two parts go past the receiver: the upper one waits behind the wall and before it
+                        # two parts pass the receiver: the upper one waits behind the wall and in front of it
                         above, above_low, above_high = outer / inner_part, upper, yb
                         share = inner_part / (outer + inner_part)
                         light, least = scaled(light, share), least * share
@@ -321,7 +321,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             value[unfinished] += (1.0 + above) * power
             if hits + 1 < most_hits:
                 tail, gain, fate = True, 1.0, GOES_ON
-            if above > 0.0:  # one of the two parts by chance
+            if above > 0.0:  # one of the two parts, drawn
                 if chance(rules.seed, draw, draws) * (1.0 + above) < above:
                     ya, yb = above_low, above_high
                 light, above, draws = scaled(light, 1.0 + above), 0.0, draws + 1

@@ -1,6 +1,6 @@
-"""What the numbers in the tables mean: rows of the table of curves by name, kinds, behaviours, constants.
+"""The format of the tables: rows of the table of curves by name, kinds, behaviours, constants.
 
-`solen.trace.tables` writes them, the rest of this folder reads them.
+`solen.trace.tables` writes them, the other modules of this package read them.
 """
 
 from collections.abc import Callable
@@ -18,19 +18,19 @@ from solen.trace.kernel.compiled import compiled
 
 Floats = NDArray[np.floating]
 Tags = NDArray[np.signedinteger]
-"""Whole numbers as wide as the floating-point numbers beside them, so that as many fit into a register."""
+"""Integers of the same width as the floating-point numbers, so that as many fit into a register."""
 N = TypeVar("N", float, np.signedinteger)
 TYPES: dict[Any, type[np.number]] = {types.float32: np.float32, types.int32: np.int32, types.int64: np.int64}
 
 SEGMENT, ARC, CONIC, OVAL, CUBIC = range(5)
 REFRACTING, MIRROR, ABSORBING, RECEIVER, SPLITTER, LENS, GRATING = range(len(BEHAVIOURS))
 TREATED = 8
-"""Added to the behaviour of an interface whose surface is more than smooth, clean and bare."""
+"""Added to the behaviour of an interface whose surface is not smooth, clean and bare."""
 SMOOTH, LAMBERTIAN, GAUSSIAN, HARVEY_SHACK, BY_TABLE = range(5)
 
 
 class Precision(NamedTuple):
-    """Constants in the precision that is computed in: arithmetic with literals would be done in double precision."""
+    """Constants in the precision of the computation: arithmetic with literals would be done in double precision."""
 
     zero: float
     half: float
@@ -38,19 +38,19 @@ class Precision(NamedTuple):
     three: float
     none: float  # infinity: no hit
     nan: float
-    end: float  # how far curves reach beyond their ends, mm
-    corner: float  # how far a ray in a corner is carried on, mm
-    margin: float  # what tests that only spare work leave undecided, mm
+    end: float  # extension of curves beyond their ends, mm
+    corner: float  # distance by which a ray in a corner is moved, mm
+    margin: float  # margin of tests that only save time, mm
     small: float
     rounding: float
 
     @classmethod
     def of(cls, dtype: type[np.floating]) -> "Precision":
-        """Constants of double or of single precision."""
+        """Return the constants for double or single precision."""
         double = dtype is np.float64
         lengths = (END_TOLERANCE_MM, 2 * END_TOLERANCE_MM, 1e-9) if double else (1e-5, 2e-5, 1e-3)
         rest = (SMALL, ROUNDING if double else 2.0**-22)
-        in_it: Callable[[float], Any] = dtype  # its numbers stand where a float does
+        in_it: Callable[[float], Any] = dtype  # its numbers are used as floats
         return cls(*(in_it(value) for value in (0.0, 0.5, 1.0, 3.0, np.inf, np.nan, *lengths, *rest)))
 
 
@@ -65,7 +65,7 @@ class Segment(NamedTuple):
 
 
 class Arc(NamedTuple):
-    """About (cx, cz); (mx, mz) points to its middle, its ends lie ``end`` from that axis."""
+    """Centre (cx, cz); (mx, mz) points to the middle of the arc, whose ends are ``end`` away from that axis."""
 
     cx: float
     cz: float
@@ -78,7 +78,7 @@ class Arc(NamedTuple):
 
 
 class Conic(NamedTuple):
-    """c r² − 2 w + b w² = 0 about the vertex, r along the unit vector (lx, lz), w to its left; r from low to high."""
+    """c r² − 2 w + b w² = 0 about the vertex, r along the unit vector (lx, lz) from low to high, w to its left."""
 
     vx: float
     vz: float
@@ -107,7 +107,7 @@ class Oval(NamedTuple):
     wx: float  # axis
     wz: float
     side: float
-    circle: float  # radius about F2 that holds the oval
+    circle: float  # radius about F2 of a circle that contains the oval
     rx: float  # ray from F1 to the end on the right
     rz: float
     lx: float  # and to the one on the left
@@ -128,9 +128,9 @@ class Oval(NamedTuple):
 
 
 class Cubic(NamedTuple):
-    """Cubic Bézier piece without inflection that turns little.
+    """Cubic Bézier piece without inflection and with a small turning angle.
 
-    At an end of the whole curve ``before`` or ``after`` is the parameter per mm, elsewhere 0.
+    At an end of the whole curve, ``before`` or ``after`` is the parameter per mm, elsewhere 0.
     """
 
     x0: float
@@ -148,12 +148,12 @@ class Cubic(NamedTuple):
 
 
 class Treatment(NamedTuple):
-    """What a surface is beyond smooth, clean and bare; see `solen.scene.surface`."""
+    """Properties of a surface that is not smooth, clean and bare; see `solen.scene.surface`."""
 
     reflectance: float
     transmitted: float
     focal: float  # 0: no ideal element
-    partial: float  # 1 where refraction loses to partial reflection
+    partial: float  # 1 if refraction has partial reflection
     band_low: float  # wavelengths, nm
     band_high: float
     band_within: float  # 1: acts inside the band, 0: outside it
@@ -162,10 +162,10 @@ class Treatment(NamedTuple):
     wing: float  # its slope
     share: float
     tilt: float  # steepest slope of the texture
-    across: float  # 1 where its crests stand one above another along y
+    across: float  # 1 if its crests follow one another along y
     first_layer: float
     layers: float
-    first_row: float  # shares by the angle of incidence from the left, or orders of a grating
+    first_row: float  # fractions by the angle of incidence from the left, or orders of a grating
     rows: float
     rows_right: float  # the same from the right, behind those
     lines: float  # of a grating per nm, negative where it reflects; 0: none
@@ -184,7 +184,7 @@ def treatment_row(treatments: Floats, i: int) -> Treatment:
 
 
 def as_in(sample: N, number: float) -> N:
-    """A number in the type of another one: wider ones beside it would halve how many are computed side by side."""
+    """A number in the type of another one: a wider type would halve the number of rays computed together."""
     return type(sample)(number)
 
 
@@ -200,7 +200,7 @@ def _as_in(_sample: Any, _number: Any) -> Any:
 
 @intrinsic
 def _least(_: Any, a: Any, b: Any) -> Any:
-    """The less of two numbers, none of which is NaN, in a form that a loop can take for many at once."""
+    """The lesser of two numbers that are not NaN, in a form that can be vectorised."""
     return a(a, b), _extreme("llvm.minnum")
 
 
@@ -239,16 +239,9 @@ def arc_row(shape: Floats, c: int) -> Arc:
 def conic_row(shape: Floats, c: int) -> Conic:
     """Row of a conic."""
     return Conic(
-        shape[c, 0],
-        shape[c, 1],
-        shape[c, 2],
-        shape[c, 3],
-        shape[c, 4],
-        shape[c, 5],
-        shape[c, 6],
-        shape[c, 7],
+        shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4], shape[c, 5], shape[c, 6], shape[c, 7],
         shape[c, 8],
-    )
+    )  # fmt: skip
 
 
 @compiled
@@ -266,16 +259,6 @@ def oval_row(shape: Floats, c: int) -> Oval:
 def cubic_row(shape: Floats, c: int) -> Cubic:
     """Row of a cubic piece."""
     return Cubic(
-        shape[c, 0],
-        shape[c, 1],
-        shape[c, 2],
-        shape[c, 3],
-        shape[c, 4],
-        shape[c, 5],
-        shape[c, 6],
-        shape[c, 7],
-        shape[c, 8],
-        shape[c, 9],
-        shape[c, 10],
-        shape[c, 11],
-    )
+        shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4], shape[c, 5], shape[c, 6], shape[c, 7],
+        shape[c, 8], shape[c, 9], shape[c, 10], shape[c, 11],
+    )  # fmt: skip

@@ -1,8 +1,9 @@
-"""Rays in space: vectors, polarisation, and what a surface makes of them.
+"""Rays in space: vectors, polarisation, and the effect of a surface.
 
-A ray carries its coherency matrix [[i1, c], [c*, i2]] in the basis (e, d × e), e a unit vector across its direction d;
-c = cr + i·ci. At a surface the basis is turned so that e lies along s = d × N; Fresnel's amplitudes then act on the two
-fields apart (Born & Wolf, sections 1.5 and 10.9), total reflection with its phases. Fields go as exp(+iωt).
+A ray carries its coherency matrix [[i1, c], [c*, i2]] in the basis (e, d × e), with a unit vector e perpendicular to
+its direction d and c = cr + i·ci. At a surface the basis is rotated to e along s = d × N; Fresnel's amplitudes then
+apply to the two fields separately (Born & Wolf, sections 1.5 and 10.9), including the phases of total reflection.
+Fields have the time dependence exp(+iωt).
 """
 
 import math
@@ -12,7 +13,7 @@ from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.treated import Amplitudes
 
 PARALLEL = 1e-12
-"""Sine of the angle of incidence below which every basis is as good as another."""
+"""Sine of the angle of incidence below which any basis can be used."""
 
 
 class Vector(NamedTuple):
@@ -24,7 +25,7 @@ class Vector(NamedTuple):
 
 
 class Coherency(NamedTuple):
-    """Powers along e and across it, and how the two fields belong together."""
+    """Powers along e and perpendicular to it, and the correlation of the two fields."""
 
     i1: float
     i2: float
@@ -41,17 +42,17 @@ class Beam(NamedTuple):
 
 
 class Border(NamedTuple):
-    """A surface as light meets it: the normal faces the light, which comes from the index n1."""
+    """A surface as light meets it: the normal is on the side of the light, which comes from the index n1."""
 
     n: Vector
     n1: float
     n2: float
     from_right: bool
-    """of the curve in projection; of no matter to bare surfaces"""
+    """of the curve in projection; not used for bare surfaces"""
 
 
 class Parts(NamedTuple):
-    """What goes on through a surface and what goes back."""
+    """The transmitted and the reflected light at a surface."""
 
     on: Beam
     back: Beam
@@ -78,7 +79,7 @@ def unit_of(a: Vector) -> Vector:
 
 @compiled
 def upright(d: Vector) -> Vector:
-    """Unit vector across d that lies in the plane of d and the y-axis; x for a ray along y."""
+    """Unit vector perpendicular to d in the plane of d and the y-axis; x for a ray along y."""
     flat = d.x * d.x + d.z * d.z
     if flat < PARALLEL * PARALLEL:
         return Vector(1.0, 0.0, 0.0)
@@ -87,7 +88,7 @@ def upright(d: Vector) -> Vector:
 
 @compiled
 def turned_basis(light: Coherency, cos: float, sin: float) -> Coherency:
-    """Coherency in the basis turned by an angle from e towards d × e."""
+    """Coherency in the basis rotated by an angle from e towards d × e."""
     both, cross = 2.0 * cos * sin * light.cr, cos * sin * (light.i2 - light.i1)
     return Coherency(
         cos * cos * light.i1 + sin * sin * light.i2 + both,
@@ -99,7 +100,7 @@ def turned_basis(light: Coherency, cos: float, sin: float) -> Coherency:
 
 @compiled
 def scaled(light: Coherency, by: float) -> Coherency:
-    """Coherency of so many times the power."""
+    """Coherency with the power multiplied by a factor."""
     return Coherency(by * light.i1, by * light.i2, by * light.cr, by * light.ci)
 
 
@@ -111,7 +112,7 @@ def power_of(light: Coherency) -> float:
 
 @compiled
 def times(beam: Beam, by: float) -> Beam:
-    """Light of so many times the power."""
+    """Light with the power multiplied by a factor."""
     return Beam(beam.d, beam.e, scaled(beam.light, by))
 
 
@@ -127,7 +128,7 @@ def bare(n1: float, n2: float, axial: float) -> Amplitudes:
     """Fresnel's coefficients; ``axial`` is n1 times the cosine of the angle of incidence."""
     square = (n2 - n1) * (n2 + n1) + axial * axial
     if square <= 0.0:
-        # total reflection: both phases, of their product's square root
+        # total reflection: both phases, from the square root of their product
         behind = math.sqrt(-square)
         real, imaginary = n2 * n2 * axial * axial - n1 * n1 * square, (n2 - n1) * (n2 + n1) * axial * behind
         whole = real * real + imaginary * imaginary
@@ -142,7 +143,7 @@ def bare(n1: float, n2: float, axial: float) -> Amplitudes:
 
 @compiled
 def passed(amount_s: float, amount_p: float, cr: float, ci: float, light: Coherency) -> Coherency:
-    """Coherency after both fields were weakened and their product multiplied by a complex number."""
+    """Coherency with both fields weakened and their product multiplied by a complex number."""
     return Coherency(
         amount_s * light.i1, amount_p * light.i2, cr * light.cr - ci * light.ci, cr * light.ci + ci * light.cr
     )
@@ -150,7 +151,7 @@ def passed(amount_s: float, amount_p: float, cr: float, ci: float, light: Cohere
 
 @compiled
 def in_plane_of_incidence(d: Vector, e: Vector, n: Vector, light: Coherency) -> tuple[Vector, Coherency]:
-    """The unit vector s across the plane of incidence, and the coherency in its basis."""
+    """The unit vector s perpendicular to the plane of incidence, and the coherency in its basis."""
     across = vector(d, n)
     size = math.sqrt(scalar(across, across))
     if size < PARALLEL:
@@ -161,7 +162,7 @@ def in_plane_of_incidence(d: Vector, e: Vector, n: Vector, light: Coherency) -> 
 
 @compiled
 def mirrored(d: Vector, n: Vector, cos: float) -> Vector:
-    """Direction after a reflection, of length 1 however many went before."""
+    """Direction after a reflection, normalised to avoid drift over many reflections."""
     twice = cos + cos
     x, y, z = d.x + twice * n.x, d.y + twice * n.y, d.z + twice * n.z
     mend = 1.0 + 0.5 * (1.0 - (x * x + y * y + z * z))
@@ -170,7 +171,7 @@ def mirrored(d: Vector, n: Vector, cos: float) -> Vector:
 
 @compiled
 def bent(d: Vector, n: Vector, cos: float, n1: float, n2: float) -> Vector:
-    """Direction behind a surface by Snell's law; what is totally reflected has none."""
+    """Direction behind a surface by Snell's law; not defined for total reflection."""
     square = (n2 - n1) * (n2 + n1) + (n1 * cos) * (n1 * cos)
     if square <= 0.0:
         return d

@@ -1,8 +1,8 @@
-"""What happens to a ray from one interface to the next, whoever follows it.
+"""The steps of a ray from one interface to the next, common to all loops.
 
-The loop over blocks of rays, the tree of one ray and the thread of a graphics card carry rays differently, but each
-takes them through an interface by `meet`, which brings a ray to it, `leave`, which says what goes on and what back, and
-`part`, the ray that does.
+The loop over blocks of rays, the tree of one ray and the thread of a graphics card store rays differently, but each
+takes them through an interface with `meet`, which advances a ray to it, `leave`, which computes the transmitted and
+reflected light, and `part`, which returns the ray for one of them.
 """
 
 import math
@@ -28,7 +28,7 @@ from solen.trace.tables import Tables
 
 
 class Rules(NamedTuple):
-    """How rays are followed."""
+    """Rules for following rays."""
 
     splitting: int
     min_weight: float
@@ -37,13 +37,13 @@ class Rules(NamedTuple):
     first: int
     """number of the first ray"""
     step: int
-    """from one ray's number to the next one's"""
+    """difference between the numbers of successive rays"""
     turbid: bool
-    """whether some medium scatters"""
+    """whether any medium scatters"""
 
 
 class Load(NamedTuple):
-    """What a ray carries: powers in s and p, the least that is followed, where it is and what it has behind it."""
+    """State of a ray besides its position: powers in s and p, the least power that is followed, medium and history."""
 
     s: float
     p: float
@@ -71,23 +71,23 @@ class Meeting(NamedTuple):
     undefined: bool
     """whether the ray was in another region"""
     corner: bool
-    """whether the ray stands in a corner and meets no more than the end of the other curve"""
+    """whether the ray starts in a corner and meets only the end of the other curve"""
     loss: float
-    """absorption per mm on the way here"""
+    """absorption per mm on the way"""
     kept: float
-    """share of the power that is left"""
+    """fraction of the power left"""
     fate: int
 
 
 @compiled
 def event_of(rules: Rules, load: Load) -> Event:
-    """The meeting that a ray is at."""
+    """Return the event for random draws at a ray's next hit."""
     return Event(rules.seed, rules.first + rules.step * load.number, load.hits)
 
 
 @compiled
 def meet(k: Precision, tables: Tables, rules: Rules, ray: Ray, hit: Hit, load: Load) -> Meeting:
-    """What becomes of a ray on its way to a curve, before the surface itself acts on it."""
+    """Advance a ray to a curve, before the surface itself acts on it."""
     c, length = hit.curve, hit.distance
     px, pz = ray.x + length * ray.dx, ray.z + length * ray.dz
     nx, nz = normal_at(k, tables.kind[c], tables.shape, c, px, pz, hit.place)
@@ -109,28 +109,28 @@ def meet(k: Precision, tables: Tables, rules: Rules, ray: Ray, hit: Hit, load: L
 
 @compiled
 def escape(k: Precision, tables: Tables, rules: Rules, region: int, colour: int) -> tuple[float, int]:
-    """Absorption per mm where a ray is that meets nothing more, and its fate."""
+    """Absorption per mm and fate of a ray that meets nothing more."""
     loss = tables.absorption[colour, region] if rules.splitting != COUNT and region >= 0 else k.zero
     return loss, ABSORBED if loss > 0.0 else ESCAPED
 
 
 @compiled
 def carried_on(k: Precision, ray: Ray, hit: Hit) -> Ray:
-    """A ray in a corner, carried on beyond the end of the curve it would meet; far out less is lost in rounding."""
+    """Move a ray in a corner beyond the end of the curve it would meet; the step grows with rounding errors."""
     step = k.corner + k.rounding * (abs(ray.x) + abs(ray.z))
     return Ray(ray.x + step * ray.dx, ray.z + step * ray.dz, ray.dx, ray.dz, hit.curve, hit.place)
 
 
 @compiled
 def weakened(load: Load, kept: float, way: float) -> Load:
-    """A load of which a medium left so much, after so long an optical path."""
+    """Return a load with a fraction of its power after an optical path."""
     return Load(
         kept * load.s, kept * load.p, load.least, load.optical + way, load.region, load.colour, load.number, load.hits
     )
 
 
 class Leaving(NamedTuple):
-    """What leaves an interface."""
+    """Light that leaves an interface."""
 
     parts: Divided
     lost: float
@@ -140,18 +140,18 @@ class Leaving(NamedTuple):
     both: bool
     """whether both parts are followed"""
     ends: bool
-    """whether none is"""
+    """whether neither part is followed"""
     goes_back: bool
-    """whether the part to be followed first goes back: of two the weaker one"""
+    """whether the part to be followed first, the weaker of two, is the reflected one"""
 
 
 @compiled
 def leave(
     k: Precision, tables: Tables, rules: Rules, treatments: Floats | None, ray: Ray, c: int, met: Meeting, load: Load
 ) -> Leaving:
-    """What the surface of curve ``c`` makes of a ray; its powers are those that reach it.
+    """Apply the surface of curve ``c`` to a ray with the powers that reach it.
 
-    ``treatments`` are those of the tables, or None where there are none: then what they need is not even compiled.
+    ``treatments`` are those of the tables, or None if there are none: the code for treatments is then not compiled.
     """
     index = tables.refractive_index[load.colour]
     n1, n2, lost = index[met.here], index[met.there], k.zero
@@ -173,7 +173,7 @@ def leave(
 
 @compiled
 def part(hit: Hit, met: Meeting, parts: Divided, load: Load, back: bool) -> tuple[Ray, Load]:
-    """The part of a ray that goes back from an interface, or the one that goes on."""
+    """Return the reflected or the transmitted part of a ray at an interface."""
     if back:
         ray = Ray(met.x, met.z, parts.back_x, parts.back_z, hit.curve, hit.place)
         s, p, region = parts.back_s, parts.back_p, met.here
@@ -185,7 +185,7 @@ def part(hit: Hit, met: Meeting, parts: Divided, load: Load, back: bool) -> tupl
 
 @compiled
 def free_path(k: Precision, tables: Tables, rules: Rules, region: int, load: Load) -> float:
-    """How far a ray gets in a medium before it is scattered, mm: drawn from the exponential distribution."""
+    """Free path of a ray in a medium up to scattering, mm, drawn from the exponential distribution."""
     scattering = tables.scattering[load.colour, region]
     if not scattering > 0.0:
         return k.none
@@ -196,7 +196,7 @@ def free_path(k: Precision, tables: Tables, rules: Rules, region: int, load: Loa
 
 @compiled
 def phase_turn(k: Precision, tables: Tables, rules: Rules, region: int, load: Load) -> float:
-    """Tangent of half the angle by which scattering turns a ray in the plane: the wrapped Cauchy distribution."""
+    """Tangent of half the scattering angle in the plane, from the wrapped Cauchy distribution."""
     share = chance_of(event_of(rules, load), PHASE)
     g = tables.anisotropy[load.colour, region]
     half: float = (k.one - g) / (k.one + g) * as_in(k.zero, math.tan(math.pi * (share - 0.5)))
@@ -205,7 +205,7 @@ def phase_turn(k: Precision, tables: Tables, rules: Rules, region: int, load: Lo
 
 @compiled
 def turned(k: Precision, half: float, dx: float, dz: float) -> tuple[float, float]:
-    """Direction turned by the angle of whose half this is the tangent."""
+    """Direction rotated by the angle whose half has this tangent."""
     scale = k.one / (k.one + half * half)
     cos, sin = (k.one - half * half) * scale, (half + half) * scale
     return cos * dx - sin * dz, sin * dx + cos * dz

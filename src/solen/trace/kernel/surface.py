@@ -1,7 +1,7 @@
-"""What an interface makes of a ray that meets it: the one place where further behaviours plug in.
+"""The effect of an interface on a ray, extended here for further behaviours.
 
-A behaviour either ends the ray (`end_fate`) or sends it on: `at_surface` returns the directions through and back and
-the powers that go there, whatever the loop over rays does with them.
+A behaviour either ends the ray (`end_fate`) or continues it: `at_surface` returns the transmitted and reflected
+directions and powers, for any loop over rays.
 """
 
 import math
@@ -14,23 +14,23 @@ from solen.trace.kernel.rows import ABSORBING, MIRROR, RECEIVER, Precision
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, TRUNCATED
 
 COUNT, BRANCHES, ROULETTE = range(3)
-"""Ways to treat a partial reflection: all of the ray goes through; both parts are followed; one of them by chance."""
+"""Treatment of partial reflection: all light is transmitted; both parts are followed; one of them is drawn."""
 SPLITTING = {"count": COUNT, "power": BRANCHES, "roulette": ROULETTE}
-"""By the mode of a trace."""
+"""Treatment of partial reflection by the mode of a trace."""
 
 
 class Event(NamedTuple):
-    """A meeting of a ray, to which what is drawn there belongs."""
+    """A hit of a ray, which identifies its random numbers."""
 
     seed: int
     ray: int
-    """the ray's number"""
+    """number of the ray"""
     hit: int
-    """how many meetings it had before"""
+    """number of hits before"""
 
 
 class Incidence(NamedTuple):
-    """A ray at a surface; the normal is either of the two."""
+    """A ray at a surface; the normal may point to either side."""
 
     x: float
     z: float
@@ -39,14 +39,14 @@ class Incidence(NamedTuple):
     nx: float
     nz: float
     n1: float
-    """refractive index that the ray comes from"""
+    """refractive index on the side of the ray"""
     n2: float
     s: float
     p: float
 
 
 class Divided(NamedTuple):
-    """What a surface makes of a ray: a part that goes on through it, and one that goes back."""
+    """The transmitted and the reflected part of a ray at a surface."""
 
     on_x: float
     """direction"""
@@ -62,7 +62,7 @@ class Divided(NamedTuple):
 
 @compiled
 def end_fate(behaviour: int, from_right: bool, worn_out: bool) -> int:
-    """Fate of a ray at an interface of this behaviour; GOES_ON where it leaves it again."""
+    """Fate of a ray at an interface with this behaviour; GOES_ON if it leaves it again."""
     if behaviour == RECEIVER and not from_right:
         return DETECTED
     if behaviour in (RECEIVER, ABSORBING):
@@ -78,8 +78,8 @@ def fresnel(cos_in: float, cos_out: float, n1: float, n2: float) -> tuple[float,
     return s * s, p * p
 
 
-class Ways(NamedTuple):
-    """Directions through a surface and back, and the shares of s and p that go back."""
+class Deflection(NamedTuple):
+    """Transmitted and reflected directions at a surface, and the reflected fractions of s and p."""
 
     on_x: float
     on_z: float
@@ -100,16 +100,16 @@ def bend(
     nz: float,
     n1: float,
     n2: float,
-) -> Ways:
-    """Where a smooth, clean and bare surface sends a ray.
+) -> Deflection:
+    """Compute the directions of a ray after a smooth, clean and bare surface.
 
-    The normal is either of the two. Counting sends all of a ray through unless it is reflected totally.
+    The normal may point to either side. Counting transmits the whole ray unless it is totally reflected.
     """
     cos = -(dx * nx + dz * nz)
     cos_in, nx, nz = abs(cos), (-nx if cos < 0.0 else nx), (-nz if cos < 0.0 else nz)
     bx, bz = dx + (cos_in + cos_in) * nx, dz + (cos_in + cos_in) * nz
-    mend = k.one + k.half * (k.one - (bx * bx + bz * bz))  # its length drifts over thousands of reflections
-    cos2 = (n2 - n1) * (n2 + n1) + (n1 * cos_in) * (n1 * cos_in)  # times n2²; exact also where the indices match
+    mend = k.one + k.half * (k.one - (bx * bx + bz * bz))  # otherwise its length drifts over thousands of reflections
+    cos2 = (n2 - n1) * (n2 + n1) + (n1 * cos_in) * (n1 * cos_in)  # times n2²; also exact if the indices are equal
     total = (behaviour == MIRROR) | (cos2 <= 0.0)
     ratio, cos_out = n1 / n2, math.sqrt(max(cos2, k.zero)) / n2
     turn = ratio * cos_in - cos_out
@@ -117,7 +117,7 @@ def bend(
     scale = k.zero if total else k.one / math.sqrt(tx * tx + tz * tz)
     share_s, share_p = (k.zero, k.zero) if splitting == COUNT else fresnel(cos_in, cos_out, n1, n2)
     share_s, share_p = (k.one if total else share_s), (k.one if total else share_p)
-    return Ways(scale * tx, scale * tz, mend * bx, mend * bz, share_s, share_p)
+    return Deflection(scale * tx, scale * tz, mend * bx, mend * bz, share_s, share_p)
 
 
 @compiled
@@ -131,7 +131,7 @@ def at_surface(k: Precision, behaviour: int, splitting: int, ray: Incidence) -> 
 
 @compiled
 def drawn(k: Precision, event: Event, power: float, d: Divided) -> tuple[Divided, float, float]:
-    """Both parts after a draw gives all the power to one of them, and how much each has."""
+    """Draw one of two parts, which receives all the power; also return the power of each."""
     on, back = d.on_s + d.on_p, d.back_s + d.back_p
     if chance(event.seed, event.ray, event.hit) * power < back:
         back_s, back_p = d.back_s * power / back, d.back_p * power / back
@@ -142,8 +142,8 @@ def drawn(k: Precision, event: Event, power: float, d: Divided) -> tuple[Divided
 
 @compiled
 def chance(seed: int, ray: int, hit: int) -> float:
-    """Number in [0, 1) that belongs to a seed, a ray and a hit: the same on every machine and thread (splitmix64)."""
-    number = scrambled(np.uint64(seed))  # else another seed would only deal the same numbers to other rays
+    """Random number in [0, 1) for a seed, a ray and a hit: the same on every machine and thread (splitmix64)."""
+    number = scrambled(np.uint64(seed))  # otherwise another seed would only permute the numbers among rays
     for part in (ray, hit):
         number = scrambled(number ^ np.uint64(part))
     return float(number >> np.uint64(11)) * 2.0**-53
@@ -151,7 +151,7 @@ def chance(seed: int, ray: int, hit: int) -> float:
 
 @compiled
 def chance_of(event: Event, draw: int) -> float:
-    """As `chance`, for the several numbers that one hit may need: the n-th is that of ``draw`` n, from 1 on."""
+    """As `chance`, if one hit needs several numbers: that with the index ``draw``, starting at 1."""
     number = scrambled(np.uint64(event.seed))
     for part in (event.ray, event.hit, draw):
         number = scrambled(number ^ np.uint64(part))

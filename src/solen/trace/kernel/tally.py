@@ -1,4 +1,4 @@
-"""What a loop over rays adds up: powers by fate and receiver, crossings of monitors, stretches, places."""
+"""Sums of a loop over rays: powers by fate and receiver, crossings of monitors, legs, places."""
 
 import math
 from typing import NamedTuple
@@ -16,15 +16,15 @@ from solen.trace.tables import Tables
 
 HITS, UNDEFINED, CUT, LEGS = range(4)
 MISSED, LEAKED = len(FATES), len(FATES) + 1
-"""Of what escaped in an extruded scene, what left over top and bottom from around the bodies, and what from them."""
+"""Indices of the parts of the escaped power in an extruded scene: past the bodies at top or bottom, and from them."""
 LEG_WIDTH = 15
 
 
 class Sums(NamedTuple):
-    """What one chunk of rays adds up, in double precision."""
+    """Sums of one chunk of rays, in double precision."""
 
     fate: NDArray[np.float64]
-    """(7,) power by fate, and of what escaped in an extruded scene what missed and what leaked"""
+    """(7,) power by fate, and the missed and leaked parts of the escaped power in an extruded scene"""
     detected: NDArray[np.float64]
     """(D,) power per receiver"""
     arrived: NDArray[np.int64]
@@ -44,13 +44,13 @@ class Sums(NamedTuple):
     counts: NDArray[np.int64]
     """(4,) hits, undefined rays, other truncated branches, legs"""
     place: NDArray[np.float64]
-    """(2, KEPT_PLACES, 2) where the first undefined rays were, and the first other truncated ones"""
+    """(2, KEPT_PLACES, 2) places of the first undefined rays, and of the first other truncated ones"""
     legs: NDArray[np.float64]
-    """(capacity, LEG_WIDTH) straight stretches, as far as there is room"""
+    """(capacity, LEG_WIDTH) legs, as far as there is room"""
 
 
 class Stem(NamedTuple):
-    """Which branch of a ray, and the one that it parted from (−1)."""
+    """A branch of a ray, and the one from which it was split off (−1)."""
 
     branch: int
     parent: int
@@ -60,7 +60,7 @@ class Stem(NamedTuple):
 def count_monitors(
     tables: Tables, sums: Sums, ox: float, oz: float, dx: float, dz: float, length: float, power: float, loss: float
 ) -> None:
-    """Count a straight stretch at every monitor it crosses, with the power left there."""
+    """Record a leg at each monitor that it crosses, with the power left there."""
     lines = tables.monitor
     for m in range(len(lines)):
         wx, wz = lines[m, 0] - ox, lines[m, 1] - oz
@@ -82,7 +82,7 @@ def count_monitors(
 def count_arrival(
     k: Precision, tables: Tables, sums: Sums, ray: Ray, hit: Hit, met: Meeting, power: float, optical: float
 ) -> None:
-    """Count what a receiver detects."""
+    """Record light detected by a receiver."""
     c = hit.curve
     receiver = tables.receiver[c]
     sums.detected[receiver] += power
@@ -103,7 +103,7 @@ def count_arrival(
 def note_leg(
     sums: Sums, rules: Rules, ray: Ray, load: Load, stem: Stem, interface: int, fate: int, length: float, kept: float
 ) -> None:
-    """Keep a straight stretch where there is room, in the order of `solen.trace.result.LEG`; count it anyway."""
+    """Store a leg if there is room, in the order of `solen.trace.result.LEG`; count it in any case."""
     row = sums.counts[LEGS]
     if row < len(sums.legs):
         leg = sums.legs[row]
@@ -117,7 +117,7 @@ def note_leg(
 
 @compiled
 def note_place(sums: Sums, which: int, x: float, z: float) -> None:
-    """Count a ray that is undefined or was truncated, and remember where."""
+    """Count an undefined or truncated ray, and store its place."""
     n = sums.counts[which]
     if n < KEPT_PLACES:
         sums.place[which - UNDEFINED, n, 0], sums.place[which - UNDEFINED, n, 1] = x, z

@@ -1,7 +1,7 @@
-"""Surfaces that are more than smooth, clean and bare: mirrors, ideal elements, films, tables, gratings, scatter.
+"""Surfaces that are not smooth, clean and bare: mirrors, ideal elements, films, tables, gratings, scatter.
 
-One function, `at_treated`, stands for `solen.trace.kernel.surface.at_surface` where an interface says that it is
-treated. What is drawn belongs to the ray's number, the hits it has had and the number of the draw.
+One function, `at_treated`, replaces `solen.trace.kernel.surface.at_surface` for a treated interface. Random numbers
+depend on the ray's number, its number of hits and the index of the draw.
 """
 
 import cmath
@@ -29,17 +29,17 @@ from solen.trace.kernel.surface import BRANCHES, COUNT, Divided, Event, Incidenc
 from solen.trace.tables import Tables
 
 FREE_PATH, PHASE, ORDER, FACET, ON, BACK = 1, 2, 3, 1 << 10, 1 << 11, 1 << 12
-"""Where each purpose begins to count its draws."""
+"""First index of the draws for each purpose."""
 TRIES = 256
-"""Draws that may be turned down before the smooth direction is taken instead."""
+"""Largest number of rejected draws before the smooth direction is used instead."""
 KEEP = 2 * TRIES + 1
-"""Where a purpose begins to count the draws that decide whether others are turned down."""
+"""Offset of the draws that decide about rejection."""
 OPAQUE = 300.0
-"""Imaginary phase of a film from which on nothing comes through that a number could hold."""
+"""Imaginary phase of a film from which the transmitted amplitude is below the smallest number."""
 
 
 class Amplitudes(NamedTuple):
-    """Shares of power in s and p that go back and on, and what the product of the field s with p* is multiplied by."""
+    """Reflected and transmitted fractions of power in s and p, and complex factors for the product s p*."""
 
     back_s: float
     back_p: float
@@ -65,7 +65,7 @@ def acting(tables: Tables, c: int, colour: int) -> int:
 def at_treated(  # noqa: C901  one case for each kind of surface
     k: Precision, tables: Tables, splitting: int, c: int, colour: int, event: Event, ray: Incidence
 ) -> Divided:
-    """Both parts of a ray at curve ``c``; what neither has is absorbed."""
+    """Both parts of a ray at curve ``c``; the remaining power is absorbed."""
     x, z, dx, dz, nx, nz, n1, n2, s, p = ray
     t, behaviour = treatment_row(tables.treatments, tables.treatment[c]), acting(tables, c, colour)
     if behaviour < 0:
@@ -121,9 +121,10 @@ def at_treated(  # noqa: C901  one case for each kind of surface
 def at_grating(
     k: Precision, tables: Tables, t: Treatment, splitting: int, colour: int, event: Event, ray: Incidence
 ) -> Divided:
-    """As `at_treated`, at a grating whose normal faces the ray: one order, drawn by its share, carries all power.
+    """As `at_treated`, at a grating with its normal on the side of the ray: one order, drawn, carries all power.
 
-    Positive orders lie to the right of the direction of the light.
+    The probability of an order is proportional to its fraction. Positive orders are to the right of the light's
+    direction.
     """
     _, _, dx, dz, nx, nz, n1, n2, s, p = ray
     after = n1 if t.lines < 0.0 else n2
@@ -152,7 +153,7 @@ def at_grating(
 def focused(
     mx: float, mz: float, focal: float, x: float, z: float, dx: float, dz: float, nx: float, nz: float
 ) -> tuple[float, float]:
-    """Direction behind an ideal thin lens about (mx, mz): its slope to the axis falls by the height over the lens/f."""
+    """Direction behind an ideal thin lens about (mx, mz): its slope to the axis falls by height over f."""
     along, height = dx * -nz + dz * nx, (x - mx) * -nz + (z - mz) * nx
     onwards = -(dx * nx + dz * nz)
     slope = along / onwards - height / focal
@@ -164,10 +165,10 @@ def focused(
 def facet(
     event: Event, tilt: float, dx: float, dz: float, nx: float, nz: float, n1: float, n2: float
 ) -> tuple[float, float]:
-    """Normal of the stretch of a ripple that a ray meets, facing it.
+    """Normal of the facet of a ripple that a ray meets, on the ray's side.
 
-    Stretches are drawn by how large they look from the ray; those that would send light through the surface again are
-    drawn anew, as are those that it cannot see.
+    Facets are drawn in proportion to their projected size. Those that would send light through the surface again, or
+    that the ray cannot reach, are rejected.
     """
     cos_in, sine = -(dx * nx + dz * nz), dx * -nz + dz * nx
     steepest = 1.0 + tilt * abs(sine) / cos_in
@@ -196,7 +197,7 @@ def facet(
 def scattered(
     tables: Tables, t: Treatment, event: Event, purpose: int, dx: float, dz: float, nx: float, nz: float
 ) -> tuple[float, float]:
-    """Direction of a part that leaves on the side of the normal: as it was, or drawn from the profile about it."""
+    """Direction of a part on the side of the normal: unchanged, or drawn from the profile about it."""
     if not chance_of(event, purpose) < t.share:
         return dx, dz
     smooth = dx * -nz + dz * nx
@@ -223,7 +224,7 @@ def scattered(
 
 @compiled
 def offset(tables: Tables, t: Treatment, share: float, in_space: bool) -> tuple[float, float]:
-    """Offset where a profile's envelope has so much below it, and the chance with which it stands for the profile."""
+    """Offset at a cumulative fraction of a profile's envelope, and the acceptance probability there."""
     column, power = (3, 2.0) if in_space else (2, 1.0)
     low, high = int(t.first_off), int(t.first_off + t.offs) - 1
     while high - low > 1:
@@ -241,9 +242,9 @@ def offset(tables: Tables, t: Treatment, share: float, in_space: bool) -> tuple[
 
 @compiled
 def by_angle(tables: Tables, t: Treatment, from_right: bool, cos: float, shut: bool) -> Amplitudes:
-    """Shares of a table at an angle of incidence, linear between its rows; all goes back where no light can go on.
+    """Fractions from a table at an angle of incidence, linear between its rows; without transmission all is reflected.
 
-    A table has no phases: fields keep theirs as at a perfect mirror and on the way through air.
+    A table has no phases: reflected fields have those of a perfect mirror, and transmitted ones those of air.
     """
     low = int(t.first_row + t.rows) if from_right and t.rows_right > 0.0 else int(t.first_row)
     high = low + int(t.rows_right if from_right and t.rows_right > 0.0 else t.rows) - 1
@@ -265,7 +266,7 @@ def by_angle(tables: Tables, t: Treatment, from_right: bool, cos: float, shut: b
 
 @compiled
 def harvey_shack_kept(width: float, wing: float, far: float) -> float:
-    """Chance with which a draw from Cauchy's distribution stands for one from (1 + far²)^(−wing/2), cut off at 2."""
+    """Acceptance probability of a draw from Cauchy's distribution for (1 + far²)^(−wing/2), truncated at 2."""
     widest = 2.0 / width
     power = 1.0 - 0.5 * wing
     most = (1.0 + widest * widest) ** power if power > 0.0 else 1.0
@@ -274,7 +275,7 @@ def harvey_shack_kept(width: float, wing: float, far: float) -> float:
 
 @compiled
 def shut(tables: Tables, t: Treatment, colour: int, cos: float, n1: float) -> bool:
-    """Whether counting sees a total reflection, by a film thicker than the wavelength that cannot be entered."""
+    """Whether counting has total reflection, at a film thicker than the wavelength that light cannot enter."""
     sine2 = n1 * n1 * (1.0 - cos * cos)
     found = False
     for i in range(int(t.layers)):
@@ -287,9 +288,10 @@ def shut(tables: Tables, t: Treatment, colour: int, cos: float, n1: float) -> bo
 def film(
     tables: Tables, t: Treatment, colour: int, from_right: bool, cos_in: float, n1: float, n2: float
 ) -> Amplitudes:
-    """What a stack of films does to power and fields, by characteristic matrices.
+    """Effect of a stack of films on power and fields, with characteristic matrices.
 
-    (Macleod, Thin-Film Optical Filters, chapter 2.) A film that decays beyond all numbers counts as without end.
+    (Macleod, Thin-Film Optical Filters, chapter 2.) A film in which waves decay below the smallest number is taken as
+    infinitely thick.
     """
     q2 = n1 * n1 * (1.0 - cos_in * cos_in)
     out = root(complex(n2 * n2 - q2, 0.0))
@@ -314,7 +316,7 @@ def film(
     r_s, r_p = (in_s * b_s - c_s) / below_s, (in_p * b_p - c_p) / below_p
     on_s = max(4.0 * in_s * last_s / abs(below_s) ** 2, 0.0)
     on_p = max(4.0 * in_p * last_p / abs(below_p) ** 2, 0.0)
-    turn = below_p * below_s.conjugate()  # the phases of both transmitted fields, one against the other
+    turn = below_p * below_s.conjugate()  # phase difference of the transmitted fields
     both = math.sqrt(on_s * on_p) * turn / abs(turn)
     back = -r_s * r_p.conjugate()  # of fields along the surface p has the other sign
     return Amplitudes(abs(r_s) ** 2, abs(r_p) ** 2, back.real, back.imag, on_s, on_p, both.real, both.imag)
@@ -322,6 +324,6 @@ def film(
 
 @compiled
 def root(square: complex) -> complex:
-    """Root of a squared wave number along the normal: a wave that decays as it goes on (time as exp(+iωt))."""
+    """Root of a squared wave number along the normal, for a decaying wave (time dependence exp(+iωt))."""
     axial = cmath.sqrt(square)
     return -axial if axial.imag > 0.0 else axial

@@ -1,7 +1,7 @@
-"""Treated surfaces in space: what `solen.trace.kernel.treated` does in the plane.
+"""Treated surfaces in space: the counterpart of `solen.trace.kernel.treated` in the plane.
 
-Profiles of scatter are round in the disc of direction cosines, what is scattered is unpolarised, and a texture tilts
-the surface along the interface or along y. Ideal elements and gratings are of the plane alone.
+Profiles of scatter are rotationally symmetric in the disc of direction cosines, scattered light is unpolarised, and a
+texture tilts the surface along the interface or along y. Ideal elements and gratings exist only in the plane.
 """
 
 import math
@@ -91,7 +91,7 @@ def treated_parts(
 
 @compiled
 def facet(t: Treatment, event: Event, d: Vector, border: Border) -> Vector:
-    """Normal of the stretch of a ripple that a ray meets; see `solen.trace.kernel.treated.facet`."""
+    """Normal of the facet of a ripple that a ray meets; see `solen.trace.kernel.treated.facet`."""
     n, n1, n2, _ = border
     along = Vector(0.0, 1.0, 0.0) if t.across > 0.0 else Vector(-n.z, 0.0, n.x)
     cos_in, sine = -scalar(d, n), scalar(d, along)
@@ -141,7 +141,7 @@ def scattered(tables: Tables, t: Treatment, event: Event, purpose: int, d: Vecto
 
 @compiled
 def harvey_shack_radius(width: float, wing: float, share: float) -> float:
-    """Distance in shoulders within which the ``share`` of the profile lies that is no farther than 2 off."""
+    """Distance in shoulders that contains the fraction ``share`` of the profile truncated at offsets of 2."""
     widest, power = 1.0 + (2.0 / width) ** 2, 1.0 - 0.5 * wing
     if abs(power) < 1e-9:
         return math.sqrt(math.expm1(share * math.log(widest)))
@@ -150,7 +150,7 @@ def harvey_shack_radius(width: float, wing: float, share: float) -> float:
 
 @compiled
 def henyey_greenstein(one: float, two: float, g: float, d: Vector) -> Vector:
-    """Direction after scattering in a turbid medium (Astrophys. J. 93, 70, 1941), of two numbers in [0, 1)."""
+    """Direction after scattering in a turbid medium (Astrophys. J. 93, 70, 1941), from two numbers in [0, 1)."""
     cos = 1.0 - 2.0 * one
     if abs(g) > 1e-6:
         part = (1.0 - g * g) / (1.0 + g - 2.0 * g * one)

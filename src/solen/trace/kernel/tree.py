@@ -1,8 +1,7 @@
-"""One ray with all its branches, ray by ray: what adaptive integration looks at, launch angle by launch angle.
+"""One ray with all its branches, for adaptive integration over the launch angle.
 
 The steps are those of `solen.trace.kernel.step`, one ray at a time. The *tree* of a ray is the sequence of interfaces
-that it and its branches meet, folded into one number: neighbouring rays of one tree differ in nothing but
-geometry.
+that it and its branches meet, hashed into one number: neighbouring rays of one tree differ only in geometry.
 """
 
 import math
@@ -20,17 +19,19 @@ from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON
 from solen.trace.tables import Tables
 
 STACK = 64
-"""Branches that can wait: the weaker of two goes first, so they are at most the logarithm of the least weight."""
+"""Largest number of waiting branches: the weaker of two is first, so it is at most the logarithm of the least
+weight.
+"""
 WIDTH = 10
 LEG_COLUMNS = 5
 NO_ROOM = -1
 
 
 class Family(NamedTuple):
-    """Rays of one point source: where it is, its axis in radians, the shares of s and p, how they are followed.
+    """Rays of one point source: position, axis in radians, fractions of s and p, and rules.
 
-    They go from the angle ``low`` to ``high``, in radians from the axis; what one carries counts
-    (``base`` + ``slope`` angle) cos(angle)^``power`` times.
+    Their angles are from ``low`` to ``high``, in radians from the axis; the weight of a ray is (``base`` + ``slope``
+    angle) cos(angle)^``power``.
     """
 
     x: float
@@ -41,7 +42,7 @@ class Family(NamedTuple):
     colour: int
     rules: Rules
     far: float
-    """where an escaping ray's last leg ends, mm"""
+    """length of an escaping ray's last leg, mm"""
     low: float
     high: float
     base: float
@@ -51,7 +52,7 @@ class Family(NamedTuple):
 
 @compiled
 def intensity(family: Family, angle: float) -> float:
-    """How much the ray at an angle counts."""
+    """Weight of the ray at an angle."""
     value = family.base + family.slope * angle
     return value if family.power == 0.0 else value * math.cos(angle) ** family.power
 
@@ -69,7 +70,7 @@ def trace_tree(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
     """Trace the ray of power 1 at an angle (radians) from the axis.
 
     ``value`` (D + 2,) becomes its power by receiver, escaped and absorbed; ``legs`` (capacity, 5) the corners of its
-    legs: start and end, and 1 where it ends on a curved face. Returns how many legs (−1: no room), its tree, and
+    legs: start and end, and 1 if it ends on a curved face. Returns the number of legs (−1: no room), its tree, and
     whether a branch was undefined.
     """
     receivers = len(value) - 2

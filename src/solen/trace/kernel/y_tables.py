@@ -1,6 +1,6 @@
-"""The tables of a Y at an angle, made from a design's numbers alone by compiled code.
+"""The tables of a Y at an angle, computed from a design's numbers alone by compiled code.
 
-`solen.geometry.y`, `solen.scene.sensor` and `solen.trace.tables`, which make them together, stay the truth; the
+`solen.geometry.y`, `solen.scene.sensor` and `solen.trace.tables`, which together create them, remain the reference; the
 formulas here are theirs, and tests compare the rays through both.
 """
 
@@ -21,18 +21,18 @@ AT_BASE, AT_EMITTER, AT_POINT = range(3)
 AIR, BODY = range(2)
 """Regions."""
 WALLS = 13
-"""Pieces beside those of a spline at most: a lens, five on either side, and a receiver behind a gap on each."""
+"""Largest number of pieces besides those of a spline: a lens, five on either side, and two receivers behind gaps."""
 FIT_POINTS = 17
 MOST_TURN, MOST_GAP = 0.3, 0.25
-"""Turn in radians, and gap between lens and stem as a share of the half width, up to which joints need no search."""
+"""Turning angle in radians, and gap between lens and stem over the half width, up to which joints need no search."""
 LEAST_MM = 0.01
-"""Lengths and gaps below which it is left to `solen.scene` whether things lie apart."""
+"""Lengths and gaps below which `solen.scene` must check for overlaps."""
 SOUND, UNSURE = 1, 0
 NO_JOIN, TOO_WIDE = -1, -2
 
 
 class Y(NamedTuple):
-    """A design, as numbers; lengths in mm."""
+    """A design as numbers; lengths in mm."""
 
     lens: float
     distance: float
@@ -42,7 +42,7 @@ class Y(NamedTuple):
     depth: float
     """of a lens made of pieces"""
     left_edge: float
-    """depths of its edges; they may be off the design's"""
+    """depths of its edges, which may differ from the design's"""
     right_edge: float
     refractive_index: float
     absorption: float
@@ -62,24 +62,24 @@ class Y(NamedTuple):
     gap: float
     """NaN for receivers on the arms' ends"""
     receiver_height: float
-    """infinite where it is the body's"""
+    """infinite if it is that of the body"""
     first_piece: float
     pieces: float
 
 
 class Front(NamedTuple):
-    """What only depends on the lens: in its own frame, vertex at the origin."""
+    """Properties that depend only on the lens, in its own frame with the vertex at the origin."""
 
     depth: float
     corner: float
-    """where the tangents at the edges meet the one at the vertex"""
+    """intersection of the tangents at the edges with that at the vertex"""
     p0: float
     p1: float
     p2: float
 
 
 class Turn(NamedTuple):
-    """A turn and a shift."""
+    """A rotation and a shift."""
 
     cos: float
     sin: float
@@ -89,7 +89,7 @@ class Turn(NamedTuple):
 
 @compiled
 def y_row(numbers: FloatArray, d: int) -> Y:
-    """Row of a design."""
+    """Return the row of a design."""
     n = numbers[d]
     return Y(
         n[0], n[1], n[2], n[3], n[4], n[5], n[6], n[7], n[8], n[9], n[10], n[11], n[12], n[13], n[14], n[15], n[16],
@@ -99,7 +99,7 @@ def y_row(numbers: FloatArray, d: int) -> Y:
 
 @compiled
 def turn_about(x: float, z: float, angle_deg: float) -> Turn:
-    """Turn about a point; the exact identity for 0."""
+    """Return the rotation about a point; for 0 the exact identity."""
     if angle_deg == 0.0:
         return Turn(1.0, 0.0, 0.0, 0.0)
     c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
@@ -108,7 +108,7 @@ def turn_about(x: float, z: float, angle_deg: float) -> Turn:
 
 @compiled
 def moved(t: Turn, x: float, z: float) -> tuple[float, float]:
-    """Where a point goes."""
+    """Return a point after a rotation and shift."""
     return t.cos * x - t.sin * z + t.x, t.sin * x + t.cos * z + t.z
 
 
@@ -130,7 +130,7 @@ def oval_depth(y: Y, x: float) -> tuple[float, float]:
 
 @compiled
 def fitted(y: Y, depth: float) -> tuple[float, float, float]:
-    """Conic r² = p0 + p1 w + p2 w² by least squares at points evenly spaced in angle: where Newton's method starts."""
+    """Conic r² = p0 + p1 w + p2 w², fitted by least squares at equal angles, for the start of Newton's method."""
     edge = math.atan2(y.half_width, y.distance + depth)
     a, c = y.cut_index * y.cut_index - 1.0, y.distance + y.cut_index * y.focus
     d = y.distance + y.focus
@@ -155,7 +155,7 @@ def fitted(y: Y, depth: float) -> tuple[float, float, float]:
 
 @compiled
 def front_of(y: Y) -> Front:
-    """What only depends on the lens."""
+    """Compute the properties that depend only on the lens."""
     if y.lens != WHOLE_OVAL:
         return Front(y.depth if y.lens == PIECES else 0.0, 0.0, 0.0, 0.0, 0.0)
     depth, slope = oval_depth(y, y.half_width)
@@ -196,7 +196,7 @@ def put_stem(t: Tables, p: int, side: float, x: float, z: float, c: float, begin
     half = 0.5 * (begin + end)
     t.middle[p, 0], t.middle[p, 1] = x + side * c * half * half, z + half
     a, b = x + side * c * begin * begin, x + side * c * end * end
-    m, n = x + side * c * begin * half, x + side * c * half * end  # where tangents meet
+    m, n = x + side * c * begin * half, x + side * c * half * end  # intersection of tangents
     put_box(t, p, min(min(a, b), min(m, n)), max(max(a, b), max(m, n)), z + begin, z + end)
 
 
@@ -230,7 +230,7 @@ def put_oval(t: Tables, p: int, y: Y, front: Front, turn: Turn) -> None:
 
 @compiled
 def put_cubic(t: Tables, p: int, piece: Floats, turn: Turn) -> None:
-    """Write a cubic piece, a row of a table of the lens's own frame."""
+    """Write a cubic piece from a row of a table in the lens's own frame."""
     row = t.shape[p]
     t.kind[p] = CUBIC
     for i in range(4):
@@ -252,7 +252,7 @@ def put_cubic(t: Tables, p: int, piece: Floats, turn: Turn) -> None:
 
 @compiled
 def dress(t: Tables, p: int, owner: int, receiver: int, left: int, height: float) -> None:
-    """Write what piece ``p`` does to light."""
+    """Write the optical properties of piece ``p``."""
     t.owner[p], t.before[p], t.treatment[p] = owner, -1, -1
     t.behaviour[p], t.receiver[p] = RECEIVER if receiver >= 0 else REFRACTING, receiver
     t.left[p], t.right[p] = left, AIR
@@ -262,9 +262,9 @@ def dress(t: Tables, p: int, owner: int, receiver: int, left: int, height: float
 
 @compiled
 def wall_start(y: Y, depth: float, edge_x: float, edge_z: float, side: float) -> tuple[float, float]:
-    """Height above its base at which a side of the stem begins, and how far the lens's edge is from there.
+    """Height above its base at which a side of the stem begins, and its distance from the lens's edge.
 
-    See `solen.geometry.y`; below 0 where there is no such stem.
+    See `solen.geometry.y`; negative if no such stem exists.
     """
     apart = math.hypot(edge_x - side * y.half_width, edge_z - depth)
     if apart <= GAP_MM:
@@ -282,7 +282,7 @@ def wall_start(y: Y, depth: float, edge_x: float, edge_z: float, side: float) ->
 
 
 class Pose(NamedTuple):
-    """Where an emitter stands: its place without decentre, its axis in radians."""
+    """Pose of an emitter: its position without decentre, and its axis in radians."""
 
     x: float
     z: float
@@ -291,7 +291,7 @@ class Pose(NamedTuple):
 
 @compiled
 def put_lens(t: Tables, pieces: Floats, before: IntArray, y: Y, front: Front, turn: Turn, first: int) -> int:
-    """Write the rows of a lens from row ``first`` on; the row behind them."""
+    """Write the rows of a lens from row ``first``; return the next row."""
     p = first
     if y.lens == FLAT:
         put_segment(t, p, -y.half_width, 0.0, y.half_width, 0.0)
@@ -315,7 +315,7 @@ def put_lens(t: Tables, pieces: Floats, before: IntArray, y: Y, front: Front, tu
 def put_receivers(
     t: Tables, y: Y, turn: Turn, p: int, owner: int, outer_x: float, outer_z: float, inner_x: float, inner_z: float
 ) -> int:
-    """Write receivers behind a gap before the ends of the arms; the row behind them."""
+    """Write receivers behind a gap from the ends of the arms; return the next row."""
     nx, nz = y.gap * math.sin(y.arm_angle), y.gap * math.cos(y.arm_angle)
     for half in range(2):
         side = 1.0 if half == 0 else -1.0
@@ -334,11 +334,11 @@ def put_receivers(
 def y_tables(
     t: Tables, pieces: Floats, before: IntArray, y: Y, front: Front, angle_deg: float, first: int
 ) -> tuple[int, int, Pose]:
-    """Write the rows of a Y at an angle from row ``first`` on; the row behind them, whether it is sound, the emitter.
+    """Write the rows of a Y at an angle from row ``first``; return the next row, whether it is sound, and the emitter.
 
-    ``pieces`` (N, 12) are rows of cubics of all lenses in their own frames, ``before`` (N,) which of a lens's each
-    continues. `UNSURE` is a body whose outline might cross itself or hold its emitter: `solen.geometry` knows;
-    `NO_JOIN` and `TOO_WIDE` are what it refuses.
+    ``pieces`` (N, 12) are rows of cubics of all lenses in their own frames, ``before`` (N,) the piece that each
+    continues. `UNSURE` marks a body whose outline might cross itself or enclose its emitter, to be checked by
+    `solen.geometry`; `NO_JOIN` and `TOO_WIDE` mark bodies that it rejects.
     """
     pivot_x = y.pivot_x if y.pivot == AT_POINT else 0.0
     pivot_z = front.depth if y.pivot == AT_BASE else (-y.distance if y.pivot == AT_EMITTER else y.pivot_z)
@@ -396,13 +396,13 @@ def y_tables(
 
 @compiled
 def still_pose(y: Y) -> Pose:
-    """Emitter that does not turn."""
+    """Return the pose of an emitter that does not rotate."""
     return Pose(0.0, -y.distance, 0.0)
 
 
 @compiled
 def put_side(t: Tables, p: int, side: float, ax: float, az: float, bx: float, bz: float) -> None:
-    """Write a segment of the right half, or its mirror image, which runs the other way."""
+    """Write a segment of the right half, or its mirror image, which has the opposite direction."""
     if side > 0.0:
         put_segment(t, p, ax, az, bx, bz)
     else:
@@ -414,7 +414,7 @@ def is_sound(
     t: Tables, first: int, y: Y, front: Front, turn: Turn, pose: Pose, crotch: float, edge_z: float, gap: float,
     inner_x: float, inner_z: float,
 ) -> int:  # fmt: skip
-    """Whether an outline is simple for certain and its emitter stands before the lens."""
+    """Whether an outline is certainly simple and its emitter is in front of the lens."""
     lowest = math.inf
     for p in range(first, first + (int(y.pieces) if y.lens == PIECES else 1)):
         lowest = min(lowest, t.box[p, 2])

@@ -15,7 +15,7 @@ from solen.arrays import FloatArray
 from solen.curve import CubicChain, Curve, Segment
 from solen.errors import DesignError
 from solen.plane import Point, cross, dot, minus, unit
-from solen.scene.closed_media import ENDS, SAMPLES, holds, place_text, tolerance_of
+from solen.scene.closed_media import ENDS, SAMPLES, passes_through, place_text, tolerance_of
 
 if TYPE_CHECKING:  # the model calls this module
     from solen.scene.model import Interface
@@ -32,7 +32,7 @@ ON_IT_MM = 1e-9
 """Distance up to which a point is taken to lie on a straight line."""
 
 
-def check_apart(interfaces: Sequence["Interface"]) -> None:
+def check_overlaps(interfaces: Sequence["Interface"]) -> None:
     """Check that no two interfaces overlap or cross.
 
     Raises
@@ -113,7 +113,7 @@ def _common(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
     for one, other in ((a, b), (b, a)):
         for end, inside in ((0.0, INSIDE), (1.0, 1.0 - INSIDE)):
             at = one.point_at(inside)
-            if holds(other, at, tolerance_mm) and holds(other, one.point_at(end), tolerance_mm):
+            if passes_through(other, at, tolerance_mm) and passes_through(other, one.point_at(end), tolerance_mm):
                 return at
     return None
 

@@ -32,7 +32,7 @@ NOTHING = ""
 
 
 @dataclass(frozen=True)
-class Turns:
+class RoundRobin:
     """Rules for following rays in turns; powers are in the unit of the scene's sources.
 
     ``weak`` is the power up to which a split-off part is dropped, ``weakest`` that up to which a ray ends. ``fresh``
@@ -46,9 +46,9 @@ class Turns:
     max_hits: int = 10_000
 
     def __post_init__(self) -> None:
-        check_range("turns weak", self.weak, 0.0)
-        check_range("turns weakest", self.weakest, 0.0)
-        check_count("turns max_hits", self.max_hits, 0)
+        check_range("round-robin weak", self.weak, 0.0)
+        check_range("round-robin weakest", self.weakest, 0.0)
+        check_count("round-robin max_hits", self.max_hits, 0)
 
 
 @dataclass
@@ -61,7 +61,7 @@ class _Place:
     met: int = 0
 
 
-def trace_in_turns(scene: Scene, turns: Turns, *, legs: bool = False) -> Trace:
+def trace_round_robin(scene: Scene, turns: RoundRobin, *, legs: bool = False) -> Trace:
     """Trace every ray of every source in turns, in power mode.
 
     Raises
@@ -71,17 +71,17 @@ def trace_in_turns(scene: Scene, turns: Turns, *, legs: bool = False) -> Trace:
     """
     if turns.fresh and len(turns.fresh) != scene.rays:
         raise DesignError(
-            "turns fresh", value=len(turns.fresh), limit=f"must have one entry for each of {scene.rays} rays"
+            "round-robin fresh", value=len(turns.fresh), limit=f"must have one entry for each of {scene.rays} rays"
         )
-    tracer = _InTurns(scene, turns)
+    tracer = _RoundRobinTracer(scene, turns)
     tracer.run()
     return tracer.result(legs)
 
 
-class _InTurns(Tracer):
+class _RoundRobinTracer(Tracer):
     """The reference tracer, advanced by one step of one ray at a time."""
 
-    def __init__(self, scene: Scene, turns: Turns) -> None:
+    def __init__(self, scene: Scene, turns: RoundRobin) -> None:
         super().__init__(scene, "power", Limits(1e-15, max(turns.max_hits + 1, 1)), 0)
         self.turns = turns
         self.places: list[_Place | None] = []

@@ -1,13 +1,13 @@
-"""Designs as arrays, and what is made of one at every angle and place: tables and rays, one after the other."""
+"""Designs as arrays, and the tables and rays of one design at all angles and positions, one after another."""
 
 from typing import NamedTuple
 
 from solen.arrays import FloatArray, IntArray
 from solen.trace.kernel.batch import Starts
+from solen.trace.kernel.buffers import Rows
 from solen.trace.kernel.compiled import called
 from solen.trace.kernel.extruded import RowsInSpace
 from solen.trace.kernel.lattices import launch, launch_in_space, light_row
-from solen.trace.kernel.room import Rows
 from solen.trace.kernel.y_tables import Pose, front_of, y_row, y_tables
 from solen.trace.tables import Tables
 
@@ -30,7 +30,7 @@ class Sensors(NamedTuple):
 
 
 class Bins(NamedTuple):
-    """Places before the lens (B,), from ``low`` to ``high`` in mm to the right of the axis."""
+    """Bins of positions in front of the lens (B,), from ``low`` to ``high`` in mm to the right of the axis."""
 
     low: FloatArray
     high: FloatArray
@@ -40,7 +40,7 @@ class Bins(NamedTuple):
 def prepare(
     sensors: Sensors, d: int, angle_deg: FloatArray, tables: Tables, starts: Starts, poses: FloatArray, sound: IntArray
 ) -> None:
-    """Write the tables of a design at every angle, and the emitter's poses (A, 3)."""
+    """Write the tables of a design at each angle, and the emitter's poses (A, 3)."""
     y, first = y_row(sensors.body, d), 0
     front = front_of(y)
     for a in range(len(angle_deg)):
@@ -58,7 +58,7 @@ def launch_all(
     sensors: Sensors, d: int, tables: Tables, starts: Starts, poses: FloatArray, bins: Bins, seed: int, rays: Rows,
     each: int,
 ) -> None:  # fmt: skip
-    """Write the rays of every angle and bin."""
+    """Write the rays of each angle and bin."""
     light = light_row(sensors.light, d)
     for a in range(len(poses)):
         pose = Pose(poses[a, 0], poses[a, 1], poses[a, 2])
@@ -74,7 +74,7 @@ def launch_all_in_space(
     sensors: Sensors, d: int, tables: Tables, starts: Starts, poses: FloatArray, bins: Bins, seed: int,
     rays: RowsInSpace, each: int,
 ) -> None:  # fmt: skip
-    """As `launch_all`."""
+    """As `launch_all`, in space."""
     light, half = light_row(sensors.light, d), 0.5 * sensors.thickness[d]
     for a in range(len(poses)):
         pose = Pose(poses[a, 0], poses[a, 1], poses[a, 2])

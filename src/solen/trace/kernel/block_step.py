@@ -1,16 +1,14 @@
-"""A block of rays taken through the bare curves that they meet, side by side.
+"""Vectorised passage of a block of rays through the bare curves that they meet.
 
-A normal, Snell's law and Fresnel's formulas are the same arithmetic for every ray. Inner loops over the rays of a block
-do it, free of branches, curve by curve: what each ray of the block would become there, and then, of those that meet the
-curve, what it does become. What needs more (corners, rays in another region than they should be, treated surfaces,
-curves that few meet) is left to the loop over single rays.
+A normal, Snell's law and Fresnel's equations are the same arithmetic for each ray. Inner loops without branches run
+over the rays of a block, curve by curve: they compute the result of the curve for each ray of the block, and apply it
+to those that meet it. All other cases (corners, rays in a wrong region, treated surfaces, curves that few rays meet)
+are left to the loop over single rays.
 """
 
 import math
 
-from solen.trace.kernel.compiled import compiled, summed
-from solen.trace.kernel.hits import arc_normal, conic_normal, oval_normal
-from solen.trace.kernel.room import (
+from solen.trace.kernel.buffers import (
     AT,
     COLOUR,
     DX,
@@ -21,14 +19,16 @@ from solen.trace.kernel.room import (
     NUMBER,
     OPTICAL,
     REGION,
+    Buffers,
     Carried,
     P,
     Rays,
     S,
-    Space,
     X,
     Z,
 )
+from solen.trace.kernel.compiled import compiled, summed
+from solen.trace.kernel.hits import arc_normal, conic_normal, oval_normal
 from solen.trace.kernel.rows import (
     ABSORBING,
     ARC,
@@ -52,30 +52,30 @@ from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON, TRUNCATED
 from solen.trace.tables import Tables
 
 ASIDE, LEFT = -1, -2
-"""Of a ray not yet looked at here, and of one that is left to the loop over single rays; that loop takes both."""
+"""Marks of a ray not yet treated here, and of one left to the loop over single rays, which treats both."""
 MOST_CURVES = 12
-"""Curves that a block is taken through in this way: neighbouring rays meet few."""
+"""Largest number of curves of a block that are treated in this way: neighbouring rays meet few."""
 FEWEST_RAYS = 4
-"""Rays that make a curve worth the while."""
+"""Least number of rays for which a curve is treated in this way."""
 MOST_HITS = 2**30
 NX, NZ, ON_X, ON_Z, BACK_X, BACK_Z, SHARE_S, SHARE_P, N_LEFT, N_RIGHT, WAY, FROM_RIGHT, KEPT = range(13)
 FIRST_BACK, OTHER_S, OTHER_P, TOO_WEAK = SHARE_S, SHARE_P, N_LEFT, N_RIGHT
-"""Rows of the room to work in; the last ones take the places of what is done with."""
+"""Rows of working memory; the last ones reuse those that are no longer needed."""
 
 
 @compiled
 def pass_block(
-    k: Precision, tables: Tables, rules: Rules, sums: Sums, n: int, rays: Rays, carried: Carried, space: Space,
+    k: Precision, tables: Tables, rules: Rules, sums: Sums, n: int, rays: Rays, carried: Carried, buffers: Buffers,
     clear: bool, waiting: int,
 ) -> tuple[int, int]:  # fmt: skip
-    """Take rays 0 to n through what they meet, and add up those that end.
+    """Take rays 0 to n through the curves that they meet, and add the powers of those that end.
 
-    ``space.found.pick`` (BLOCK,) becomes what became of each, `ASIDE` or `LEFT`; rays that go on are where they do.
-    Where media are ``clear`` nothing is absorbed on the way. Returns how many branches wait then, and how many rays are
-    left to the loop over single rays.
+    ``buffers.found.pick`` (BLOCK,) becomes the fate of each, `ASIDE` or `LEFT`; continuing rays are updated in place.
+    If media are ``clear``, nothing is absorbed on the way. Returns the number of waiting branches, and the number of
+    rays left to the loop over single rays.
     """
-    which, fate = space.found.curve, space.found.pick
-    miss(k, tables, rules, n, carried, space, clear)
+    which, fate = buffers.found.curve, buffers.found.pick
+    miss(k, tables, rules, n, carried, buffers, clear)
     first = 0
     for _ in range(MOST_CURVES):
         while first < n and fate[first] != ASIDE:
@@ -85,12 +85,12 @@ def pass_block(
         c = which[first]
         first += 1
         behaviour = tables.behaviour[c]
-        if not enough(c, n, space) or behaviour >= SPLITTER or not normals(k, tables, c, n, rays, space):
-            put_off(c, n, space)
+        if not enough(c, n, buffers) or behaviour >= SPLITTER or not normals(k, tables, c, n, rays, buffers):
+            put_off(c, n, buffers)
         elif behaviour in (RECEIVER, ABSORBING):
-            end(k, tables, sums, c, n, rays, carried, space, clear)
+            end(k, tables, sums, c, n, rays, carried, buffers, clear)
         else:
-            waiting = cross(k, tables, rules, sums, c, n, rays, carried, space, clear, waiting)
+            waiting = cross(k, tables, rules, sums, c, n, rays, carried, buffers, clear, waiting)
     left, hits, nothing = 0, 0, as_in(which[0], -1)
     for i in range(n):
         left += fate[i] < 0
@@ -102,9 +102,9 @@ def pass_block(
 
 
 @compiled
-def miss(k: Precision, tables: Tables, rules: Rules, n: int, carried: Carried, space: Space, clear: bool) -> None:
-    """Fates of the rays that meet nothing; the others are put aside."""
-    which, fate = space.found.curve, space.found.pick
+def miss(k: Precision, tables: Tables, rules: Rules, n: int, carried: Carried, buffers: Buffers, clear: bool) -> None:
+    """Write the fates of rays that meet nothing; mark the others."""
+    which, fate = buffers.found.curve, buffers.found.pick
     nothing, aside, escaped = as_in(which[0], -1), as_in(which[0], ASIDE), as_in(which[0], ESCAPED)
     for i in range(n):
         fate[i] = escaped if which[i] == nothing else aside
@@ -115,22 +115,22 @@ def miss(k: Precision, tables: Tables, rules: Rules, n: int, carried: Carried, s
 
 
 @compiled
-def enough(c: int, n: int, space: Space) -> bool:
-    """Whether so many rays of a block meet a curve that all may be taken along."""
-    many, which, mine = 0, space.found.curve, as_in(space.found.curve[0], c)
+def enough(c: int, n: int, buffers: Buffers) -> bool:
+    """Whether enough rays of a block meet a curve to treat all of them here."""
+    many, which, mine = 0, buffers.found.curve, as_in(buffers.found.curve[0], c)
     for i in range(n):
         many += which[i] == mine
     return many >= FEWEST_RAYS
 
 
 @compiled
-def put_off(c: int, n: int, space: Space) -> None:
+def put_off(c: int, n: int, buffers: Buffers) -> None:
     """Leave the rays that meet a curve to the loop over single rays."""
     which, fate, mine, left = (
-        space.found.curve,
-        space.found.pick,
-        as_in(space.found.curve[0], c),
-        as_in(space.found.curve[0], LEFT),
+        buffers.found.curve,
+        buffers.found.pick,
+        as_in(buffers.found.curve[0], c),
+        as_in(buffers.found.curve[0], LEFT),
     )
     for i in range(n):
         before = fate[i]
@@ -139,7 +139,7 @@ def put_off(c: int, n: int, space: Space) -> None:
 
 @compiled
 def absorbs(absorption: Floats) -> bool:
-    """Whether a medium absorbs at some wavelength."""
+    """Whether a medium absorbs at any wavelength."""
     for colour in range(absorption.shape[0]):
         for region in range(absorption.shape[1]):
             if absorption[colour, region] > 0.0:
@@ -149,7 +149,7 @@ def absorbs(absorption: Floats) -> bool:
 
 @summed
 def power_of(ended: int, n: int, carried: Carried, fate: Tags) -> float:
-    """Power of the rays of a block that ended in one way."""
+    """Power of the rays of a block with one fate."""
     total, s, p = 0.0, carried.s, carried.p
     for i in range(n):
         own = s[i] + p[i]
@@ -158,10 +158,10 @@ def power_of(ended: int, n: int, carried: Carried, fate: Tags) -> float:
 
 
 @compiled
-def normals(k: Precision, tables: Tables, c: int, n: int, rays: Rays, space: Space) -> bool:
-    """Write the normals of curve ``c`` where the rays of a block meet it; False for a curve that has no loop here."""
+def normals(k: Precision, tables: Tables, c: int, n: int, rays: Rays, buffers: Buffers) -> bool:
+    """Write the normals of curve ``c`` where the rays of a block meet it; False if its kind has no loop here."""
     x, z, dx, dz, _, _ = rays
-    t, nx, nz = space.found.distance, space.found.work[NX], space.found.work[NZ]
+    t, nx, nz = buffers.found.distance, buffers.found.work[NX], buffers.found.work[NZ]
     kind, shape = tables.kind[c], tables.shape
     if kind == SEGMENT:
         across, along = -shape[c, 3], shape[c, 2]
@@ -184,12 +184,12 @@ def normals(k: Precision, tables: Tables, c: int, n: int, rays: Rays, space: Spa
 
 @compiled
 def approach(
-    k: Precision, tables: Tables, c: int, n: int, rays: Rays, carried: Carried, space: Space, most: int,
+    k: Precision, tables: Tables, c: int, n: int, rays: Rays, carried: Carried, buffers: Buffers, most: int,
     on_left: int, on_right: int,
 ) -> None:  # fmt: skip
-    """Fates of the rays that come to curve ``c`` from its left and its right; or they are left to the other loop."""
+    """Write the fates of rays that meet curve ``c`` from its left and its right, or leave them to the other loop."""
     dx, dz, last = rays.dx, rays.dz, rays.last
-    found, work, region, hits = space.found, space.found.work, carried.region, carried.hits
+    found, work, region, hits = buffers.found, buffers.found.work, carried.region, carried.hits
     t, which, fate, nx, nz, from_right = found.distance, found.curve, found.pick, work[NX], work[NZ], work[FROM_RIGHT]
     one = which[0]
     mine, left, right, most = as_in(one, c), as_in(one, tables.left[c]), as_in(one, tables.right[c]), as_in(one, most)
@@ -205,9 +205,9 @@ def approach(
 
 
 @compiled
-def indices(tables: Tables, c: int, n: int, carried: Carried, space: Space) -> None:
-    """Write the refractive indices on both sides of curve ``c`` at each ray's wavelength, and the optical way to it."""
-    index, colour, work, t = tables.refractive_index, carried.colour, space.found.work, space.found.distance
+def indices(tables: Tables, c: int, n: int, carried: Carried, buffers: Buffers) -> None:
+    """Write the refractive indices on both sides of curve ``c`` at each ray's wavelength, and the optical path."""
+    index, colour, work, t = tables.refractive_index, carried.colour, buffers.found.work, buffers.found.distance
     n_left, n_right, way, left, right = work[N_LEFT], work[N_RIGHT], work[WAY], tables.left[c], tables.right[c]
     if len(index) == 1:
         on_left, on_right = index[0, left], index[0, right]
@@ -223,9 +223,9 @@ def indices(tables: Tables, c: int, n: int, carried: Carried, space: Space) -> N
 
 
 @compiled
-def weaken(tables: Tables, c: int, n: int, carried: Carried, space: Space) -> None:
-    """Write how much media leave of the power on the way to curve ``c``."""
-    work, t, which = space.found.work, space.found.distance, space.found.curve
+def weaken(tables: Tables, c: int, n: int, carried: Carried, buffers: Buffers) -> None:
+    """Write the fraction of the power that media leave on the way to curve ``c``."""
+    work, t, which = buffers.found.work, buffers.found.distance, buffers.found.curve
     from_right, kept, absorption = work[FROM_RIGHT], work[KEPT], tables.absorption
     for i in range(n):
         if which[i] == c:
@@ -234,9 +234,9 @@ def weaken(tables: Tables, c: int, n: int, carried: Carried, space: Space) -> No
 
 
 @summed
-def absorb(mine: int, n: int, carried: Carried, space: Space, one: int, other: int) -> float:
-    """Take off what media absorb of the rays that curve ``mine`` gave one of two fates; how much that is."""
-    s, p, kept, which, fate = carried.s, carried.p, space.found.work[KEPT], space.found.curve, space.found.pick
+def absorb(mine: int, n: int, carried: Carried, buffers: Buffers, one: int, other: int) -> float:
+    """Subtract the absorbed power from rays that curve ``mine`` gave one of two fates; return the total."""
+    s, p, kept, which, fate = carried.s, carried.p, buffers.found.work[KEPT], buffers.found.curve, buffers.found.pick
     lost, whole = 0.0, as_in(s[0], 1.0)
     for i in range(n):
         old_s, old_p, share = s[i], p[i], kept[i]
@@ -249,17 +249,25 @@ def absorb(mine: int, n: int, carried: Carried, space: Space, one: int, other: i
 
 @compiled
 def end(
-    k: Precision, tables: Tables, sums: Sums, c: int, n: int, rays: Rays, carried: Carried, space: Space, clear: bool
+    k: Precision,
+    tables: Tables,
+    sums: Sums,
+    c: int,
+    n: int,
+    rays: Rays,
+    carried: Carried,
+    buffers: Buffers,
+    clear: bool,
 ) -> None:
     """End the rays of a block that meet curve ``c``, a receiver or a black wall."""
-    which, fate, way = space.found.curve, space.found.pick, space.found.work[WAY]
+    which, fate, way = buffers.found.curve, buffers.found.pick, buffers.found.work[WAY]
     receives, one = tables.behaviour[c] == RECEIVER, which[0]
     mine, detected = as_in(one, c), as_in(one, DETECTED)
-    approach(k, tables, c, n, rays, carried, space, MOST_HITS, DETECTED if receives else ABSORBED, ABSORBED)
-    indices(tables, c, n, carried, space)
+    approach(k, tables, c, n, rays, carried, buffers, MOST_HITS, DETECTED if receives else ABSORBED, ABSORBED)
+    indices(tables, c, n, carried, buffers)
     if not clear:
-        weaken(tables, c, n, carried, space)
-        sums.fate[ABSORBED] += absorb(mine, n, carried, space, detected, as_in(one, ABSORBED))
+        weaken(tables, c, n, carried, buffers)
+        sums.fate[ABSORBED] += absorb(mine, n, carried, buffers, detected, as_in(one, ABSORBED))
     if not receives:
         return
     receiver = tables.receiver[c]
@@ -274,11 +282,14 @@ def end(
 def arrivals(
     mine: int, detected: int, n: int, carried: Carried, way: Floats, which: Tags, fate: Tags
 ) -> tuple[float, float, int]:
-    """Power of the rays that a receiver detects, the same times their optical paths, and how many they are."""
+    """Power of the rays that a receiver detects, the sum of power times optical path, and their number."""
     power, optical, many, s, p, before = 0.0, 0.0, 0, carried.s, carried.p, carried.optical
     for i in range(n):
         arrives, both, path = (which[i] == mine) & (fate[i] == detected), s[i] + p[i], before[i] + way[i]
-        own, far = (both if arrives else 0.0), (path if arrives else 0.0)  # what meets nothing has gone infinitely far
+        own, far = (
+            (both if arrives else 0.0),
+            (path if arrives else 0.0),
+        )  # the distance of a ray without a hit is infinite
         power += own
         optical += own * far
         many += arrives
@@ -288,40 +299,40 @@ def arrivals(
 @compiled
 def cross(
     k: Precision, tables: Tables, rules: Rules, sums: Sums, c: int, n: int, rays: Rays, carried: Carried,
-    space: Space, clear: bool, waiting: int,
+    buffers: Buffers, clear: bool, waiting: int,
 ) -> int:  # fmt: skip
-    """Refract and reflect the rays of a block that meet curve ``c``; how many branches wait then."""
-    one, splits = space.found.curve[0], rules.splitting == BRANCHES
+    """Refract and reflect the rays of a block that meet curve ``c``; return the number of waiting branches."""
+    one, splits = buffers.found.curve[0], rules.splitting == BRANCHES
     mine, goes_on = as_in(one, c), as_in(one, GOES_ON)
-    approach(k, tables, c, n, rays, carried, space, min(rules.max_hits - 1, MOST_HITS), GOES_ON, GOES_ON)
-    indices(tables, c, n, carried, space)
+    approach(k, tables, c, n, rays, carried, buffers, min(rules.max_hits - 1, MOST_HITS), GOES_ON, GOES_ON)
+    indices(tables, c, n, carried, buffers)
     if not clear:
-        weaken(tables, c, n, carried, space)
-        spare_the_weak(mine, n, carried, space)
-        sums.fate[ABSORBED] += absorb(mine, n, carried, space, goes_on, goes_on)
+        weaken(tables, c, n, carried, buffers)
+        spare_the_weak(mine, n, carried, buffers)
+        sums.fate[ABSORBED] += absorb(mine, n, carried, buffers, goes_on, goes_on)
     if splits:
-        both_ways(k, tables.behaviour[c], n, rays, space)
-        divide(k, mine, n, carried, space)
+        both_ways(k, tables.behaviour[c], n, rays, buffers)
+        divide(k, mine, n, carried, buffers)
     else:
-        one_way(k, tables.behaviour[c], n, rays, space)
-    advance(tables, c, n, rays, carried, space)
-    return part_with(tables, sums, c, n, rays, space, waiting) if splits else waiting
+        one_way(k, tables.behaviour[c], n, rays, buffers)
+    advance(tables, c, n, rays, carried, buffers)
+    return part_with(tables, sums, c, n, rays, buffers, waiting) if splits else waiting
 
 
 @compiled
-def spare_the_weak(mine: int, n: int, carried: Carried, space: Space) -> None:
-    """Leave rays that are worn out when they get to curve ``mine`` to the other loop."""
-    s, p, least, kept = carried.s, carried.p, carried.least, space.found.work[KEPT]
-    which, fate, put_off = space.found.curve, space.found.pick, as_in(mine, LEFT)
+def spare_the_weak(mine: int, n: int, carried: Carried, buffers: Buffers) -> None:
+    """Leave rays that are too weak when they reach curve ``mine`` to the other loop."""
+    s, p, least, kept = carried.s, carried.p, carried.least, buffers.found.work[KEPT]
+    which, fate, put_off = buffers.found.curve, buffers.found.pick, as_in(mine, LEFT)
     for i in range(n):
         weak, before = kept[i] * (s[i] + p[i]) < least[i], fate[i]
         fate[i] = put_off if (which[i] == mine) & weak else before
 
 
 @compiled
-def one_way(k: Precision, behaviour: int, n: int, rays: Rays, space: Space) -> None:
-    """Where each ray goes when it is counted: on, or back where it is reflected totally."""
-    dx, dz, work = rays.dx, rays.dz, space.found.work
+def one_way(k: Precision, behaviour: int, n: int, rays: Rays, buffers: Buffers) -> None:
+    """Write the direction of each ray when counting: refracted, or reflected for total reflection."""
+    dx, dz, work = rays.dx, rays.dz, buffers.found.work
     nx, nz, on_x, on_z, n_left, n_right = work[NX], work[NZ], work[ON_X], work[ON_Z], work[N_LEFT], work[N_RIGHT]
     from_right, back = work[FROM_RIGHT], work[FIRST_BACK]
     for i in range(n):
@@ -335,9 +346,9 @@ def one_way(k: Precision, behaviour: int, n: int, rays: Rays, space: Space) -> N
 
 
 @compiled
-def both_ways(k: Precision, behaviour: int, n: int, rays: Rays, space: Space) -> None:
-    """Both ways of each ray at a curve, and the shares of s and p that go back."""
-    dx, dz, work = rays.dx, rays.dz, space.found.work
+def both_ways(k: Precision, behaviour: int, n: int, rays: Rays, buffers: Buffers) -> None:
+    """Write both directions of each ray at a curve, and the reflected fractions of s and p."""
+    dx, dz, work = rays.dx, rays.dz, buffers.found.work
     nx, nz, on_x, on_z, n_left, n_right = work[NX], work[NZ], work[ON_X], work[ON_Z], work[N_LEFT], work[N_RIGHT]
     from_right, back_x, back_z = work[FROM_RIGHT], work[BACK_X], work[BACK_Z]
     share_s, share_p = work[SHARE_S], work[SHARE_P]
@@ -351,15 +362,15 @@ def both_ways(k: Precision, behaviour: int, n: int, rays: Rays, space: Space) ->
 
 
 @compiled
-def divide(k: Precision, mine: int, n: int, carried: Carried, space: Space) -> None:
-    """Which part of each ray is followed first, of two the weaker one, and what the other one and weak ones carry.
+def divide(k: Precision, mine: int, n: int, carried: Carried, buffers: Buffers) -> None:
+    """Choose the part of each ray that is followed first, the weaker of two, and compute the powers of the other parts.
 
-    The way of the first part then stands where that on stood, the other one's where that back stood.
+    The direction of the first part then replaces the refracted one, that of the other part the reflected one.
     """
-    s, p, least, work = carried.s, carried.p, carried.least, space.found.work
+    s, p, least, work = carried.s, carried.p, carried.least, buffers.found.work
     share_s, share_p, weak = work[SHARE_S], work[SHARE_P], work[TOO_WEAK]
     first_back, other_s, other_p = work[FIRST_BACK], work[OTHER_S], work[OTHER_P]
-    which, fate, goes_on = space.found.curve, space.found.pick, as_in(mine, GOES_ON)
+    which, fate, goes_on = buffers.found.curve, buffers.found.pick, as_in(mine, GOES_ON)
     ended = as_in(mine, TRUNCATED)
     for i in range(n):
         old_s, old_p, before = s[i], p[i], fate[i]
@@ -384,10 +395,16 @@ def divide(k: Precision, mine: int, n: int, carried: Carried, space: Space) -> N
 
 
 @compiled
-def advance(tables: Tables, c: int, n: int, rays: Rays, carried: Carried, space: Space) -> None:
-    """Put the rays that go on from curve ``c`` there, on the way of the part that is followed first."""
+def advance(tables: Tables, c: int, n: int, rays: Rays, carried: Carried, buffers: Buffers) -> None:
+    """Move the rays that continue from curve ``c`` there, in the direction of the part that is followed first."""
     x, z, dx, dz, last, _ = rays
-    found, work, optical, region, hits = space.found, space.found.work, carried.optical, carried.region, carried.hits
+    found, work, optical, region, hits = (
+        buffers.found,
+        buffers.found.work,
+        carried.optical,
+        carried.region,
+        carried.hits,
+    )
     t, which, fate, way = found.distance, found.curve, found.pick, work[WAY]
     on_x, on_z, from_right, first_back = work[ON_X], work[ON_Z], work[FROM_RIGHT], work[FIRST_BACK]
     one = which[0]
@@ -411,15 +428,15 @@ def advance(tables: Tables, c: int, n: int, rays: Rays, carried: Carried, space:
 
 
 @compiled
-def part_with(tables: Tables, sums: Sums, c: int, n: int, rays: Rays, space: Space, waiting: int) -> int:
-    """Let the other parts of rays wait, and give up those that are too weak; how many wait then."""
-    state, tags, work = space.state, space.tags, space.found.work
+def part_with(tables: Tables, sums: Sums, c: int, n: int, rays: Rays, buffers: Buffers, waiting: int) -> int:
+    """Let the other parts of rays wait, or truncate those too weak; return the number of waiting branches."""
+    state, tags, work = buffers.state, buffers.tags, buffers.found.work
     for i in range(n):
         if work[TOO_WEAK, i] > 0.0:
             sums.fate[TRUNCATED] += work[TOO_WEAK, i]
             note_place(sums, CUT, rays.x[i], rays.z[i])
         if work[OTHER_S, i] >= 0.0:
-            row, tag, back = space.waiting_state[waiting], space.waiting_tags[waiting], work[FIRST_BACK, i] == 0.0
+            row, tag, back = buffers.waiting_state[waiting], buffers.waiting_tags[waiting], work[FIRST_BACK, i] == 0.0
             row[X], row[Z], row[S], row[P] = state[X, i], state[Z, i], work[OTHER_S, i], work[OTHER_P, i]
             row[DX], row[DZ] = work[BACK_X, i], work[BACK_Z, i]
             row[LEAST], row[AT], row[OPTICAL] = state[LEAST, i], state[AT, i], state[OPTICAL, i]

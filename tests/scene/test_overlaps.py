@@ -8,7 +8,7 @@ from solen.curve import Arc, Bezier, Curve, Segment
 from solen.errors import DesignError
 from solen.plane import Point, Rigid
 from solen.scene import Fan, Interface, Region, Scene
-from solen.scene.apart import check_apart
+from solen.scene.overlaps import check_overlaps
 
 
 def box(name: str, low: Point, high: Point, inside: str = "glass", outside: str = "air") -> list[Interface]:
@@ -22,7 +22,7 @@ FIRST = box("a", (-1.0, 1.0), (1.0, 3.0))
 
 def refused(interfaces: list[Interface]) -> str:
     with pytest.raises(DesignError) as refusal:
-        check_apart(interfaces)
+        check_overlaps(interfaces)
     return str(refusal.value)
 
 
@@ -43,7 +43,7 @@ def test_bodies_with_a_common_face_are_refused_with_the_place(low_x: float, high
 def test_a_gap_between_two_bodies_is_enough(gap_mm: float, turn_deg: float) -> None:
     turn = Rigid.about((0.3, 0.7), turn_deg)
     both = [*FIRST, *box("b", (-1.0, 3.0 + gap_mm), (1.0, 5.0))]
-    check_apart([Interface(i.name, i.curve.moved(turn), i.left, i.right) for i in both])
+    check_overlaps([Interface(i.name, i.curve.moved(turn), i.left, i.right) for i in both])
 
 
 def test_bodies_that_overlap_are_refused_where_their_sides_cross() -> None:
@@ -94,13 +94,13 @@ def test_curves_that_coincide_or_cross(first: Curve, second: Curve, found: str) 
 )
 def test_curves_that_touch_or_follow_one_another_pass(first: Curve, second: Curve) -> None:
     pair = [Interface("one", first, "glass", "air"), Interface("two", second, "glass", "air")]
-    check_apart(pair)
-    check_apart(pair[::-1])
+    check_overlaps(pair)
+    check_overlaps(pair[::-1])
 
 
 def test_walls_within_one_medium_may_cross_but_not_coincide() -> None:
     wall = Interface("wall", Segment((-1.0, 0.0), (1.0, 0.0)), "air", "air", "absorbing")
-    check_apart([wall, Interface("mirror", Segment((0.0, -1.0), (0.0, 1.0)), "air", "air", "mirror")])
+    check_overlaps([wall, Interface("mirror", Segment((0.0, -1.0), (0.0, 1.0)), "air", "air", "mirror")])
     line = refused([wall, Interface("mirror", Segment((0.5, 0.0), (4.0, 0.0)), "air", "air", "mirror")])
     assert "x = 0.75, z = 0 mm" in line
     across = Interface("mirror", Segment((0.0, -1.0), (0.0, math.pi)), "air", "air", "mirror")

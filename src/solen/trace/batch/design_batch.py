@@ -1,8 +1,8 @@
 """One design at all its angles and bins of emitter positions, in one call of compiled code.
 
-A `Lot` has the arrays for it: tables, rays and sums of all angles and bins, one after another. `Lot.traced` fills them
-with compiled code and returns the power at both receivers for each angle and bin. Without Python between the poses, a
-design takes some milliseconds.
+A `DesignBatch` has the arrays for it: tables, rays and sums of all angles and bins, one after another.
+`DesignBatch.traced` fills them with compiled code and returns the power at both receivers for each angle and bin.
+Without Python between the poses, a design takes some milliseconds.
 """
 
 import math
@@ -12,16 +12,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from solen.arrays import FloatArray, IntArray
-from solen.trace.kernel import tally
 from solen.trace.kernel.batch import Starts, Tasks, trace_tasks, trace_tasks_in_space
-from solen.trace.kernel.extruded import RowsInSpace, Slab, room_in_space
-from solen.trace.kernel.lots import Bins, Sensors, launch_all, launch_all_in_space, prepare
-from solen.trace.kernel.room import BLOCK, Rows, room
+from solen.trace.kernel.buffers import BLOCK, Rows, new_buffers
+from solen.trace.kernel.designs import Bins, Sensors, launch_all, launch_all_in_space, prepare
+from solen.trace.kernel.extruded import RowsInSpace, Slab, buffers_in_space
 from solen.trace.kernel.rows import Precision, Treatment
 from solen.trace.kernel.step import Rules
 from solen.trace.kernel.surface import SPLITTING
 from solen.trace.kernel.y_tables import WALLS
-from solen.trace.result import KEPT_PLACES, TRUNCATED, Limits, Mode
+from solen.trace.result import TRUNCATED, Limits, Mode
+from solen.trace.sums import of_tasks
 from solen.trace.tables import LISTED, WIDTH, Tables
 
 DOUBLE = Precision.of(np.float64)
@@ -40,7 +40,7 @@ class Found(NamedTuple):
 
 
 @dataclass
-class Lot:
+class DesignBatch:
     """Arrays for a design at A angles and B bins, with ``each`` rays for each of them."""
 
     angle_deg: FloatArray
@@ -75,7 +75,7 @@ class Lot:
             monitor=np.zeros(tasks + 1, np.int64),
             bin=np.zeros(tasks + 1, np.int64),
         )
-        self.sums = empty_sums(tasks)
+        self.sums = of_tasks(tasks, RECEIVERS * tasks)
         self.poses, self.sound = np.zeros((angles, 3)), np.zeros(angles, np.int64)
         columns = [np.zeros(tasks * self.each) for _ in range(11 if self.in_space else 6)]
         kind: Any = RowsInSpace if self.in_space else Rows
@@ -84,14 +84,14 @@ class Lot:
             SPLITTING[self.mode], np.float64(self.limits.min_weight), self.limits.max_hits, 0, 0, 1, False
         )
         self.waiting = 64 * BLOCK
-        self._make_room()
+        self._allocate()
 
     def traced(self, sensors: Sensors, d: int, bins: Bins, seed: int) -> Found:
         """Trace design number ``d`` and return its powers; those of an unsound body are 0."""
         self.prepare(sensors, d, bins, seed)
         while not self._trace(sensors, d):
             self.waiting *= 2
-            self._make_room()
+            self._allocate()
         power = self.sums.detected.reshape(len(self.angle_deg), self.bins, RECEIVERS).copy()
         truncated = self.sums.fate[:, TRUNCATED].reshape(len(self.angle_deg), self.bins).copy()
         return Found(power, truncated, self.sound.copy())
@@ -110,15 +110,17 @@ class Lot:
         if self.in_space:
             slab = Slab(0.5 * float(sensors.thickness[d]), 1.0, 1.0)
             return trace_tasks_in_space(
-                DOUBLE, self.tables, self.starts, self.tasks, self.sums, self.rays, self.rules, slab, self.room
+                DOUBLE, self.tables, self.starts, self.tasks, self.sums, self.rays, self.rules, slab, self.buffers
             )
         return trace_tasks(
-            DOUBLE, self.tables, self.starts, self.tasks, self.sums, self.rays, self.rules, self.room, None, 0,
+            DOUBLE, self.tables, self.starts, self.tasks, self.sums, self.rays, self.rules, self.buffers, None, 0,
             len(self.tasks.scene),
         )  # fmt: skip
 
-    def _make_room(self) -> None:
-        self.room: Any = room_in_space(self.waiting) if self.in_space else room(self.each, np.float64, self.waiting)
+    def _allocate(self) -> None:
+        self.buffers: Any = (
+            buffers_in_space(self.waiting) if self.in_space else new_buffers(self.each, np.float64, self.waiting)
+        )
 
 
 def _empty_tables(scenes: int, pieces: int) -> Tables:
@@ -138,21 +140,3 @@ def _empty_tables(scenes: int, pieces: int) -> Tables:
         grid_low=np.zeros(2 * scenes), grid_cell=np.ones(2 * scenes), grid_many=np.ones(2 * scenes, np.int64),
         grid_first=whole(2 * scenes), grid_item=whole(0),
     )  # fmt: skip
-
-
-def empty_sums(tasks: int) -> tally.Sums:
-    """Allocate empty sums for this number of tasks."""
-    return tally.Sums(
-        fate=np.zeros((tasks, tally.LEAKED + 2)),
-        detected=np.zeros(RECEIVERS * tasks),
-        arrived=np.zeros(RECEIVERS * tasks, np.int64),
-        optical=np.zeros(RECEIVERS * tasks),
-        position=np.zeros((0, 0)),
-        angle=np.zeros((0, 0)),
-        crossed=np.zeros(0),
-        crossings=np.zeros(0, np.int64),
-        maps=np.zeros(0),
-        counts=np.zeros((tasks, 4), np.int64),
-        place=np.full((tasks, 2, KEPT_PLACES, 2), math.nan),
-        legs=np.empty((0, tally.LEG_WIDTH)),
-    )
