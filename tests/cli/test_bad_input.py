@@ -381,7 +381,7 @@ def test_a_missing_extra_is_reported_with_its_remedy(
 
 @pytest.mark.parametrize("table", ["", ".", "/", "l.xyz"])
 def test_a_table_without_its_ending(refused: Refusal, table: str) -> None:
-    assert "ends in .csv" in refused("lens", "sensor.toml", "--csv", table)
+    assert "end in .csv" in refused("lens", "sensor.toml", "--csv", table)
 
 
 def test_a_table_that_exists_is_kept(refused: Refusal, tmp_path: Path) -> None:
