@@ -278,7 +278,7 @@ def test_what_is_no_resin_is_reported_in_one_line(shell: Shell, arguments: Calla
 
 
 def test_names_that_cannot_be_are_reported(shell: Shell) -> None:
-    assert "ends in .toml" in shell.refused("resin", "build", "r.json", *WHO, *ALL)
+    assert "end in .toml" in shell.refused("resin", "build", "r.json", *WHO, *ALL)
     assert shell.refused("resin", "build", "r.toml", "--name", " ", *ALL).startswith("name = ' '; must be one line")
     assert "--name" in shell.refused("resin", "build", "r.toml", *ALL)
     assert "no/r.toml; cannot be written" in shell.refused("resin", "build", "no/r.toml", *WHO, *ALL).replace("\\", "/")

@@ -208,7 +208,7 @@ def test_a_slope_is_the_difference_of_integrals() -> None:
 
 
 @pytest.mark.parametrize(
-    ("state", "told"), [({"leans": 1.0}, r"names no motion; there are lean"), ({"lean": 11.0}, r"= 11\.0; .*-10 to 10")]
+    ("state", "told"), [({"leans": 1.0}, r"is not the name of a motion; known names: lean"), ({"lean": 11.0}, r"= 11\.0; .*-10 to 10")]
 )
 def test_a_state_that_is_none_is_refused(state: dict[str, float], told: str) -> None:
     with pytest.raises(SpecError, match=told):
