@@ -230,7 +230,7 @@ def holding(text: bytes, option: str = "index") -> Callable[[], list[str]]:
         (holding(b"{}"), "bad.json: kind; ... solen resin index --out"),
         (holding(b"[1, 2]", "cure"), "bad.json: kind; ... solen resin cure --out"),
         (holding(b'{"kind": "index", '), "bad.json: JSON; not JSON: Expecting property name"),
-        (holding(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; not JSON: NaN is not a number"),
+        (holding(b'{"kind": "index", "n": [NaN]}'), "bad.json: JSON; not JSON: NaN is not a valid JSON number"),
         (holding(b"[" * 100_000), "bad.json: JSON; not JSON: "),
         (holding(b"\xff\xfe{}"), "bad.json; not UTF-8 text"),
         (

@@ -120,8 +120,8 @@ def test_a_spline_bends_evenly_and_keeps_its_length() -> None:
     [
         ({"part": "main", "pivot": (0.0, 60.0), "at_deg": 3.0}, r"would tear lens main from x = .*z = .*mm"),
         ({"part": "arm-left", "pivot": (0.0, -60.0), "at_deg": 3.0}, r"would tear arm-left from x = .*mm"),
-        ({"part": "stem", "join": "bridge"}, r"motion\[0\]\.join = 'bridge'; is of a lens"),
-        ({"part": "stem", "pivot": "emitter"}, r"motion\[0\]\.pivot = 'emitter'; is of a lens or an emitter"),
+        ({"part": "stem", "join": "bridge"}, r"motion\[0\]\.join = 'bridge'; applies only to a lens"),
+        ({"part": "stem", "pivot": "emitter"}, r"motion\[0\]\.pivot = 'emitter'; applies only to a lens or an emitter"),
         ({"part": "stem", "kind": "bend", "pivot": (0.0, 1.0)}, r"pivot = .*does not apply to a bend"),
     ],
 )
@@ -279,7 +279,7 @@ BAD = {
     "fillet": ({"network.nodes[1].fillet_mm": 30.0}, r"fillet_mm = 30\.0; .*x = .*room for"),
     "two names": (
         {"network.guides[2].name": "stem"},
-        r"^network\.guides\[2\]\.name = 'stem'; is the name of guides\[0\]",
+        r"^network\.guides\[2\]\.name = 'stem'; is also the name of guides\[0\]",
     ),
     "unconnected": (
         {
@@ -288,7 +288,10 @@ BAD = {
         },
         r"^network\.nodes\[4\] = 'x'; is not connected.*x = 9, z = 1",
     ),
-    "unknown": ({"network.receivers[0].node": "tip"}, r"^network\.receivers\[0\]\.node = 'tip'; names no node"),
+    "unknown": (
+        {"network.receivers[0].node": "tip"},
+        r"^network\.receivers\[0\]\.node = 'tip'; is not the name of a node",
+    ),
     "occupied": (
         {"network.receivers[1].node": "tip-right"},
         r"^network\.nodes\[2\] = 'tip-right'; right and left are both.*x = ",
@@ -299,7 +302,7 @@ BAD = {
     ),
     "moved twice": (
         {"network.motion": [{"name": n, "kind": "bend", "part": "stem"} for n in "ab"]},
-        r"^network\.motion\[1\]\.part = 'stem'; is moved by a already",
+        r"^network\.motion\[1\]\.part = 'stem'; is already moved by a",
     ),
     "dark": (
         {"network.nodes[2].end": "mirror"},

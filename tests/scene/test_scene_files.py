@@ -231,7 +231,7 @@ def test_values_of_the_wrong_kind_are_refused(part: str, key: str, value: object
 
 def test_an_unknown_key_at_the_top_is_refused() -> None:
     line = refused(json.dumps(data() | {"interface": []}))
-    assert "scene.json: interface; unknown key; there are extrusion, interfaces, monitors, name" in line
+    assert "scene.json: interface; unknown key; the known keys are extrusion, interfaces, monitors, name" in line
 
 
 @pytest.mark.parametrize("part", ["regions", "interfaces", "sources", "monitors"])

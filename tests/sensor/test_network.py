@@ -208,7 +208,8 @@ def test_a_slope_is_the_difference_of_integrals() -> None:
 
 
 @pytest.mark.parametrize(
-    ("state", "told"), [({"leans": 1.0}, r"is not the name of a motion; known names: lean"), ({"lean": 11.0}, r"= 11\.0; .*-10 to 10")]
+    ("state", "told"),
+    [({"leans": 1.0}, r"is not the name of a motion; known names: lean"), ({"lean": 11.0}, r"= 11\.0; .*-10 to 10")],
 )
 def test_a_state_that_is_none_is_refused(state: dict[str, float], told: str) -> None:
     with pytest.raises(SpecError, match=told):
@@ -287,7 +288,7 @@ def test_a_study_and_slopes_have_readings() -> None:
     [
         ("a.end + c.end", "c.end"),
         ("a.ends", "did you mean a.end"),
-        ("end / 2", "of a, b and end, side"),
+        ("end / 2", "with emitters a, b and receivers end, side"),
         ("__import__('os')", "functions"),
         ("a.end.real", "a.end.real"),
         ("a.end > 0.1", "condition"),
