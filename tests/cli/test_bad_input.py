@@ -231,15 +231,15 @@ ADAPTIVE = ["--sampling", "adaptive"]
 SAMPLINGS = [
     (["--sampling", "bogus"], "bogus"),
     (["--sampling", ""], "--sampling"),
-    (["--seed", "1"], "seed = 1; mode count with a fan draws"),
-    (["--seed", "1", "--mode", "power"], "mode power with a fan draws"),
+    (["--seed", "1"], "seed = 1; mode count with a fan uses"),
+    (["--seed", "1", "--mode", "power"], "mode power with a fan uses"),
     *((["--sampling", "sobol", "--seed", seed], "--seed") for seed in
       ("-1", "1.5", "x", "", "²", "9223372036854775808", "9" * 40)),
     (["--tolerance", "1e-6"], "--tolerance = 1e-06; needs sampling adaptive"),
     (["--sampling", "sobol", "--tolerance", "1e-6"], "needs sampling adaptive"),
     *(([*ADAPTIVE, "--tolerance", text], "tolerance = ") for text in ("nan", "0", "-1", "1", "inf", "1e-13")),
     ([*ADAPTIVE, "--tolerance", "fine"], "--tolerance"),
-    ([*ADAPTIVE, "--mode", "roulette"], "mode = 'roulette'; adaptive integration needs count or power"),
+    ([*ADAPTIVE, "--mode", "roulette"], "mode = 'roulette'; adaptive integration requires mode count or power"),
     *(([*ADAPTIVE, *more], "adaptive") for more in
       (["--seed", "1"], ["--precision", "single"], ["--histogram", "4"], ["--rays", "50"], ["--paths", "--json"])),
     (["--precision", "half"], "half"),

@@ -301,7 +301,7 @@ def test_ambient_light_in_space_is_refused(design: Path) -> None:
 
 
 def test_ways_of_rays_in_space_are_refused_by_the_name_of_the_option(design: Path) -> None:
-    with pytest.raises(SpecError, match=r"^paths; are of the plane"):
+    with pytest.raises(SpecError, match=r"^paths; paths are supported only in the plane"):
         trace(design, ["trace.dimension=extruded", "emitter.pattern=lambertian"], paths=True)
 
 
