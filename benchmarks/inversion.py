@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 import solen
-from solen.material.index import Length, fifty_digits, forward, invert, invert_many, measured, reading, slopes
+from solen.material.index import Length, high_precision, forward, invert, invert_many, measured, reading, slopes
 
 POINTS, ROWS, REFERENCE_POINTS, SPECTRA, REPEATS = 100_000, 20, 500, 1000, 3
 THICKNESS_UM = 50.0
@@ -43,7 +43,7 @@ def main() -> None:
 
     def printed() -> None:
         for one_r, one_t, one_nm in few:
-            fifty_digits.index(one_r, one_t, THICKNESS_UM, one_nm)
+            high_precision.index(one_r, one_t, THICKNESS_UM, one_nm)
 
     plain = len(few) / best_s(printed)
     rows = [

@@ -17,7 +17,7 @@ from solen.material.cure.layers import (
     stack_print_through_um,
 )
 from solen.material.cure.penetration import attenuation, penetration_depth_um
-from solen.material.cure.stated import PAPER, binding, largest_Ec
+from solen.material.cure.published_bounds import PAPER, binding, largest_Ec
 from solen.material.index.illuminant import led, lines, measured_light
 
 

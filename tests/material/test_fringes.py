@@ -13,7 +13,7 @@ from solen.cli.resin import index as _command  # noqa: F401  registers the lines
 from solen.errors import DataError, SpecError
 from solen.material.cure.exposures import ExposureOptions, exposure_trends
 from solen.material.index.coherence import Blur, layer, stacked
-from solen.material.index.course import Course
+from solen.material.index.dispersion_form import DispersionForm
 from solen.material.index.interference import fringes_of
 from solen.material.index.layer import LayerIndex, index_of_layer
 from solen.material.index.options import IndexOptions
@@ -269,7 +269,7 @@ def test_a_form_that_has_no_effect_or_no_fringes_is_refused() -> None:
 
 def test_one_pole_has_the_middle_and_the_rise_of_its_three_terms() -> None:
     u = np.linspace(-1.0, 1.0, 201)
-    n, slope = Course.of("sellmeier", u, np.ones_like(u)).index(1.5, 0.02, 0.0, np.zeros(0))
+    n, slope = DispersionForm.of("sellmeier", u, np.ones_like(u)).index(1.5, 0.02, 0.0, np.zeros(0))
     middle = u.size // 2
     assert n[middle] == pytest.approx(1.5, abs=1e-12)
     assert slope == pytest.approx(np.gradient(n, u), abs=2e-5)
@@ -279,7 +279,7 @@ def test_one_pole_has_the_middle_and_the_rise_of_its_three_terms() -> None:
 
 def test_curves_of_a_free_index_are_none_of_the_three_terms() -> None:
     u = np.linspace(-1.0, 1.0, 301) ** 3
-    free = Course.of("free", u, np.ones_like(u), 9)
+    free = DispersionForm.of("free", u, np.ones_like(u), 9)
     assert free.curves == 6
     terms = np.stack([np.ones_like(u), u, u**2], axis=1)
     assert np.abs(terms.T @ free.waves).max() < 1e-9

@@ -8,11 +8,11 @@ from scipy import stats
 
 from solen.material.regression import (
     LEAST_DF,
-    bad_points,
     chance,
     f_tail,
     fitted,
     ranks,
+    rosner_outliers,
     shared,
     t_quantile,
     t_tail,
@@ -73,7 +73,7 @@ def test_exact_data_leave_no_residual_to_judge_points_by() -> None:
     fit = fitted(LINE, 3.0 + 2.0 * X)
     assert fit.sigma == 0.0
     assert not fit.deletion_t.any()
-    assert bad_points(lambda keep: fitted(LINE[keep], (3.0 + 2.0 * X)[keep]), 6, 2) == {}
+    assert rosner_outliers(lambda keep: fitted(LINE[keep], (3.0 + 2.0 * X)[keep]), 6, 2) == {}
 
 
 def test_a_balanced_random_effect_is_the_analysis_of_variance() -> None:
@@ -161,7 +161,7 @@ def test_bad_points_are_found_together_and_seldom_where_there_are_none() -> None
     design = np.column_stack([np.ones(20), x])
 
     def named(y: np.ndarray) -> set[int]:
-        return set(bad_points(lambda keep: fitted(design[keep], y[keep]), 20, 4))
+        return set(rosner_outliers(lambda keep: fitted(design[keep], y[keep]), 20, 4))
 
     noise = rng.normal(0.0, 0.1, 20)
     hidden = x + noise + 3.0 * (np.arange(20) == 9) + 3.2 * (np.arange(20) == 10)  # one hides the other

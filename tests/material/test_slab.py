@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from solen.material.index import fifty_digits, inversion
+from solen.material.index import high_precision, inversion
 from solen.material.index.fringes import fringe_spacing_nm
 from solen.material.index.inversion import Inverted, invert, invert_many, slopes
 from solen.material.index.stack import forward, interface_reflectance
@@ -27,7 +27,7 @@ LAYERS = [
 
 @pytest.mark.parametrize(("n", "k", "h", "wavelength"), LAYERS)
 def test_the_forward_model_is_the_reference_to_rounding(n: float, k: float, h: float, wavelength: float) -> None:
-    expected = fifty_digits.layer(n, k, h, wavelength)
+    expected = high_precision.layer(n, k, h, wavelength)
     # e^(−x) is known to x times the rounding of x
     depth = 4 * math.pi * k * h * 1e3 / wavelength
     for found, exact in zip(forward(n, k, h, wavelength), expected, strict=True):
@@ -36,7 +36,7 @@ def test_the_forward_model_is_the_reference_to_rounding(n: float, k: float, h: f
 
 @pytest.mark.parametrize(("n", "k", "h", "wavelength"), [layer for layer in LAYERS if layer[1] < 0.1])
 def test_the_reference_inverts_itself(n: float, k: float, h: float, wavelength: float) -> None:
-    found_n, found_k = fifty_digits.index(*fifty_digits.layer(n, k, h, wavelength), h, wavelength)
+    found_n, found_k = high_precision.index(*high_precision.layer(n, k, h, wavelength), h, wavelength)
     assert abs(found_n - Decimal(n)) < Decimal("1e-30")
     assert abs(found_k - Decimal(k)) < Decimal("1e-30")
 
@@ -55,7 +55,7 @@ def test_any_reflectance_and_transmittance_invert_as_at_fifty_digits(
 ) -> None:
     found = invert(r, t, h, wavelength)
     try:
-        n, k = fifty_digits.index(r, t, h, wavelength)
+        n, k = high_precision.index(r, t, h, wavelength)
     except ArithmeticError:  # no n, as k is too large for this R
         assert np.isnan(found.n)
         return
@@ -99,13 +99,13 @@ def test_sensitivities_near_a_polymer_are_the_known_ones() -> None:
 def test_slopes_agree_with_differences_at_fifty_digits(
     n: float, k: float, h: float, wavelength: float, which: int
 ) -> None:
-    values = [*fifty_digits.layer(n, k, h, wavelength), Decimal(h)]
+    values = [*high_precision.layer(n, k, h, wavelength), Decimal(h)]
     assume(values[1] > Decimal("1e-6"))  # R − R_F, as printed, loses twice the digits that T lacks
     step = values[which] * Decimal("1e-20")
     low, high = list(values), list(values)
     low[which] -= step
     high[which] += step
-    down, up = (fifty_digits.index(at[0], at[1], at[2], wavelength) for at in (low, high))
+    down, up = (high_precision.index(at[0], at[1], at[2], wavelength) for at in (low, high))
     r, t, _ = (float(value) for value in values)
     what = ("R", "T", "thickness_um")[which]
     pair = [by[what] for by in slopes(r, t, h, wavelength)]

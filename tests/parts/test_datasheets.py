@@ -60,9 +60,9 @@ def test_the_emitter_has_side_light() -> None:
     assert float(pattern.intensity(np.radians([60.0]))[0]) == pytest.approx(0.5, abs=1e-12)
     assert part.power_mw is not None
     assert part.intensity_mw_per_sr is not None
-    asked = part.power_mw.usual / part.intensity_mw_per_sr.usual
+    asked = part.power_mw.nominal / part.intensity_mw_per_sr.nominal
     assert pattern.solid_angle_sr(math.pi) == pytest.approx(asked, abs=0.01)
-    assert (part.peak_nm.usual, part.pattern.basis) == (850.0, "estimate")
+    assert (part.peak_nm.nominal, part.pattern.basis) == (850.0, "estimate")
 
 
 def test_the_receiver_spreads_by_three() -> None:
@@ -71,7 +71,7 @@ def test_the_receiver_spreads_by_three() -> None:
     current = part.current_ua_per_mw_cm2
     assert current.least is not None
     assert current.most is not None
-    assert (current.most / current.least, current.usual) == pytest.approx((3.0, 450.0))
+    assert (current.most / current.least, current.nominal) == pytest.approx((3.0, 450.0))
 
 
 @pytest.mark.parametrize(
@@ -245,5 +245,5 @@ def test_every_emitter_states_its_chip_and_what_that_rests_on(
     assert isinstance(part, EmitterPart)
     for side in (part.width_mm, part.height_mm):
         assert side is not None
-        assert (side.usual, side.basis) == (chip_mm, basis)
-    assert part.peak_nm.usual == peak_nm
+        assert (side.nominal, side.basis) == (chip_mm, basis)
+    assert part.peak_nm.nominal == peak_nm

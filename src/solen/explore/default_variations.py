@@ -130,7 +130,7 @@ def _of_part(sensor: Sensor, key: str) -> Variation | None:
     limits = getattr(part, name) if isinstance(part, EmitterPart) else None
     if limits is None or limits.least is None or limits.most is None:
         return None
-    return Variation(key, "uniform", limits.least - limits.usual, limits.most - limits.usual, f"part {part.name}")
+    return Variation(key, "uniform", limits.least - limits.nominal, limits.most - limits.nominal, f"part {part.name}")
 
 
 def _of_tolerance(sensor: Sensor, key: str) -> Variation:

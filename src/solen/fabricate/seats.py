@@ -133,7 +133,7 @@ def _package(design: Design) -> tuple[float, float, float]:
             ", or state fabricate.pocket_depth_mm" if missing == "package_depth_mm" else ""
         )
         raise DataError(f"receiver {part.name}", limit=f"states no {missing}", remedy=remedy)
-    width_mm, height_mm, *depth = (size.usual for size in sizes.values())
+    width_mm, height_mm, *depth = (size.nominal for size in sizes.values())
     return width_mm, height_mm, depth[0] if depth else float(design.fabricate.pocket_depth_mm or 0.0)
 
 

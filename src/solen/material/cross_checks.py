@@ -4,8 +4,8 @@ A layer's k and a cut-back measure the same loss; R and T of a layer and a refra
 absorbance and a working curve give the same penetration depth. If two results differ by more than their uncertainties
 explain, one of them is wrong, and the resin made from them carries a warning.
 
-The interface is `loss_apart`, `index_apart` and `penetration_apart`. Each returns warnings, or an empty list if the two
-results agree or cannot be compared.
+The interface is `loss_disagreement`, `index_disagreement` and `penetration_disagreement`. Each returns warnings, or an
+empty list if the two results agree or cannot be compared.
 """
 
 import math
@@ -22,7 +22,7 @@ SURE = 3.0
 """Number of standard uncertainties above which two results are reported as different."""
 NEAR_NM = 20.0
 """Largest distance between a wavelength and a measured k that is used for it."""
-WORTH = 0.2
+DEFINITIONS = 0.2
 """Relative difference that is tolerated between two penetration depths because their definitions differ."""
 NM_PER_MM = 1e6
 _DB_PER_CM = 100.0 / math.log(10.0)  # loss in dB/cm at an absorption of 1 per mm
@@ -31,7 +31,7 @@ Row = tuple[float, float | None, float | None, float | None]
 """Wavelength in nm, k, its standard uncertainty and its upper 95 % bound; None if one is not known."""
 
 
-def loss_apart(rows: Sequence[Row], loss: Loss) -> list[Caution]:
+def loss_disagreement(rows: Sequence[Row], loss: Loss) -> list[Caution]:
     """Compare the loss that a layer's k implies with the loss measured in guides."""
     if not rows or loss.u_absorption_per_mm is None:
         return []
@@ -69,7 +69,7 @@ def _levels(row: Row) -> tuple[float, float]:
     return per_k * (row[1] or 0.0), per_k * (row[2] or 0.0)
 
 
-def index_apart(index: Dispersion, other: Dispersion, at_nm: Sequence[float]) -> list[Caution]:
+def index_disagreement(index: Dispersion, other: Dispersion, at_nm: Sequence[float]) -> list[Caution]:
     """Compare two indices at the wavelengths that both cover; a warning names the worst disagreement."""
     low, high = (end(one.range_nm[i] for one in (index, other)) for i, end in ((0, max), (1, min)))
     inside = [nm for nm in at_nm if low <= nm <= high]
@@ -92,11 +92,11 @@ def _pm(value: FloatArray, u: FloatArray) -> str:
     return f"{float(value):.4f} ± {float(u):.1g}"
 
 
-def penetration_apart(cure: Cure, Dp_um: float, u_Dp_um: float | None) -> list[Caution]:
+def penetration_disagreement(cure: Cure, Dp_um: float, u_Dp_um: float | None) -> list[Caution]:
     """Compare the penetration depths of a working curve and of an absorbance."""
     u_curve = math.sqrt(cure.covariance[0][0]) if cure.covariance else 0.0
     u = math.hypot(u_curve, u_Dp_um or 0.0)
-    if abs(cure.Dp_um - Dp_um) <= max(SURE * u, WORTH * cure.Dp_um):
+    if abs(cure.Dp_um - Dp_um) <= max(SURE * u, DEFINITIONS * cure.Dp_um):
         return []
     return [
         look_at(

@@ -8,8 +8,8 @@ likelihood; or, if the weights are a guess, with a covariance from the residuals
 appropriate degrees of freedom, which are n − p in the plain case. Bad points are found by Rosner's sequential test on
 deletion residuals at a stated rate of false alarms; the calling code reports them.
 
-The interface is `fitted`, which returns a `LinearFit`; `bad_points`, which returns the points that a fit should omit;
-and the quantiles and tails `t_quantile`, `t_tail` and `f_tail`.
+The interface is `fitted`, which returns a `LinearFit`; `rosner_outliers`, which returns the points that a fit should
+omit; and the quantiles and tails `t_quantile`, `t_tail` and `f_tail`.
 """
 
 import math
@@ -27,7 +27,7 @@ from solen.arrays import BoolArray, FloatArray, IndexArray
 L = TypeVar("L", bound=Hashable)
 
 FALSE_ALARMS = 0.01
-"""Fraction of data sets without a bad point in which `bad_points` reports one."""
+"""Fraction of data sets without a bad point in which `rosner_outliers` reports one."""
 LEAST_DF = 0.25
 """Lower limit of the degrees of freedom of a covariance from residuals, as a fraction of n − p (decision 0028)."""
 _SCORINGS, _NOTHING, _TINY = 100, 1e-8, 1e-300
@@ -171,9 +171,9 @@ def fitted(
         across = np.eye(len(y)) - x @ np.linalg.pinv(x)
         seen = [across @ part @ across for part in (own, *effects)]
         for shown in [subset for count in (1, 2) for subset in combinations(range(len(effects)), count)]:
-            if not _told_apart([seen[0], *(seen[k + 1] for k in shown)], [own, *(effects[k] for k in shown)]):
+            if not _distinguishable([seen[0], *(seen[k + 1] for k in shown)], [own, *(effects[k] for k in shown)]):
                 continue
-            variances = _likeliest(x, y, [own, *(effects[number] for number in shown)])
+            variances = _variances(x, y, [own, *(effects[number] for number in shown)])
             if variances.min() < _NOTHING * variances.sum():
                 continue
             fit = _at(x, y, own, effects, dict(zip(shown, (variances[1:] / variances[0]).tolist(), strict=True)))
@@ -194,7 +194,7 @@ def shared(groups: Sequence[Hashable], of: ArrayLike | None = None) -> FloatArra
     return same if of is None else np.asarray(same * np.multiply.outer(np.asarray(of, float), np.asarray(of, float)))
 
 
-def bad_points(fit: Callable[[BoolArray], LinearFit], points: int, most: int) -> dict[int, float]:
+def rosner_outliers(fit: Callable[[BoolArray], LinearFit], points: int, most: int) -> dict[int, float]:
     """Return points that do not fit the others, each with its deletion residual t, the worst first.
 
     The worst point is removed up to ``most`` times; the last one whose t exceeds its Bonferroni quantile determines how
@@ -256,7 +256,7 @@ def ranks(labels: Sequence[Hashable]) -> IndexArray:
     return np.array([seen.setdefault(label, len(seen)) for label in labels], np.intp)
 
 
-def _told_apart(seen: Sequence[FloatArray], parts: Sequence[FloatArray]) -> bool:
+def _distinguishable(seen: Sequence[FloatArray], parts: Sequence[FloatArray]) -> bool:
     """Whether each covariance has a part that X does not represent, and no two of these parts are the same."""
     if any(np.abs(left).max() <= _EXACT * np.abs(part).max() for left, part in zip(seen, parts, strict=True)):
         return False
@@ -264,7 +264,7 @@ def _told_apart(seen: Sequence[FloatArray], parts: Sequence[FloatArray]) -> bool
     return bool(np.linalg.eigvalsh([[np.sum(a * b) for b in units] for a in units]).min() > _ALIKE)
 
 
-def _likeliest(x: FloatArray, y: FloatArray, parts: Sequence[FloatArray]) -> FloatArray:
+def _variances(x: FloatArray, y: FloatArray, parts: Sequence[FloatArray]) -> FloatArray:
     """Return the restricted maximum-likelihood variances of the parts (Fisher scoring: Patterson and Thompson, 1971).
 
     The variance of a part that the data do not show ends at a negligible fraction of the others.

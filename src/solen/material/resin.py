@@ -40,7 +40,7 @@ from solen.spec.strict import (
 
 RESIN_SCHEMA = 1
 RESIN_MIGRATIONS: Migrations = {}  # old version -> function that converts its tables to the next version
-LOSS_APART_NM = 20.0
+FAR_FROM_LOSS_NM = 20.0
 """Largest difference from the wavelength of a loss without a warning."""
 MEASURED = ("index", "loss", "cure", "stiffness")
 """Tables from measurements, which may have warnings."""
@@ -315,7 +315,7 @@ def optical(design: Design) -> Optical:
         None if stated else resin.loss.u_absorption_per_mm,
         (
             *resin.cautions("index", "loss"),
-            *(_overruled(material, resin) if stated else loss_apart(resin.loss, wavelength_nm)),
+            *(_overruled(material, resin) if stated else distant_wavelength(resin.loss, wavelength_nm)),
         ),
     )
 
@@ -337,9 +337,9 @@ def resin_of(name: str, path: Path | None) -> Resin:
     return library_resin(name) if path is None else load_resin(path)
 
 
-def loss_apart(loss: Loss, wavelength_nm: float) -> list[Caution]:
-    """Return a warning if a loss was measured more than `LOSS_APART_NM` from a wavelength."""
-    if loss.wavelength_nm is None or abs(loss.wavelength_nm - wavelength_nm) <= LOSS_APART_NM:
+def distant_wavelength(loss: Loss, wavelength_nm: float) -> list[Caution]:
+    """Return a warning if a loss was measured more than `FAR_FROM_LOSS_NM` from a wavelength."""
+    if loss.wavelength_nm is None or abs(loss.wavelength_nm - wavelength_nm) <= FAR_FROM_LOSS_NM:
         return []
     apart_nm = abs(loss.wavelength_nm - wavelength_nm)
     return [

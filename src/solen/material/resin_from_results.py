@@ -10,7 +10,7 @@ from typing import Any
 
 from solen.errors import DataError, SpecError
 from solen.files import read_text
-from solen.material.cross_checks import index_apart, loss_apart, penetration_apart
+from solen.material.cross_checks import index_disagreement, loss_disagreement, penetration_disagreement
 from solen.material.cure.curve import WorkingCurve
 from solen.material.cure.discs import MeasuredCurve
 from solen.material.cure.spectral import InLamp, in_lamp
@@ -114,10 +114,10 @@ def _differences(readers: Mapping[str, Reader], tables: Mapping[str, Any]) -> di
     notes: dict[str, list[Caution]] = {}
     layer, other, liquid = (readers.get(option) for option in ("index", "refractometer", "penetration"))
     if isinstance(layer, IndexResult) and "loss" in tables:
-        notes["loss"] = loss_apart(layer.extinction, tables["loss"])
+        notes["loss"] = loss_disagreement(layer.extinction, tables["loss"])
     if isinstance(layer, IndexResult) and isinstance(other, IndexResult):
-        notes["index"] = index_apart(tables["index"], other.as_table(), layer.wavelength_nm)
+        notes["index"] = index_disagreement(tables["index"], other.as_table(), layer.wavelength_nm)
     depth = (liquid.between_Dp_um or liquid.Dp_um) if isinstance(liquid, PenetrationResult) else None
     if isinstance(liquid, PenetrationResult) and depth is not None:
-        notes["cure"] = penetration_apart(tables["cure"], depth, liquid.u_Dp_um)
+        notes["cure"] = penetration_disagreement(tables["cure"], depth, liquid.u_Dp_um)
     return notes

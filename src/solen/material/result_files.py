@@ -14,11 +14,11 @@ from typing import Any, ClassVar, Self
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from solen.errors import DataError, SolenError
-from solen.material.beginnings import BY_ORIENTATION, NOT_KEPT
 from solen.material.cross_checks import Row
 from solen.material.dispersion import KINDS, Dispersion, Tabulated
 from solen.material.index_table import gaps, thinned, without_u
 from solen.material.resin import Cure, Interval, Loss, LossOf, Source, Stiffness
+from solen.material.warning_prefixes import BY_ORIENTATION, NOT_STORED
 from solen.ranks import Caution, look_at, unranked
 from solen.spec.objects import parsed
 from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Text, Wavelength, refused
@@ -63,7 +63,7 @@ class _Result(Strict):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Warnings about the values that a resin stores."""
-        return tuple(text for text in self.warnings if not unranked(text).startswith(NOT_KEPT))
+        return tuple(text for text in self.warnings if not unranked(text).startswith(NOT_STORED))
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Any:
         """Return the table of the resin."""

@@ -7,9 +7,9 @@ are only named in a warning.
 
 Replicates in parallel columns (``disc 1``, ``disc 2``) are converted to one column.
 
-The interface is `RowOptions` for the options of a command, `chosen_rows` for the selected rows, `below_each_other` for
-replicates in parallel columns, `refuse_unused` for the remaining columns, and `stated_once` for a column with the same
-value in all rows.
+The interface is `RowOptions` for the options of a command, `chosen_rows` for the selected rows, `stacked_replicates`
+for replicates in parallel columns, `refuse_unused` for the remaining columns, and `constant_number` for a column with
+the same value in all rows.
 """
 
 import re
@@ -115,7 +115,7 @@ def _as(channel: Channel, name: str, unit: str, *, optical: bool) -> Channel:
     return replace(channel, name=name, quantity=quantity, unit=channel.unit or unit)
 
 
-def below_each_other(recording: Recording, names: Sequence[str], labels: Sequence[str]) -> Recording:
+def stacked_replicates(recording: Recording, names: Sequence[str], labels: Sequence[str]) -> Recording:
     """Return a recording with replicate columns stacked as rows of one column, and a text column that numbers them.
 
     Parameters
@@ -195,7 +195,7 @@ def refuse_unused(
     return [note(f"not used: column{'s' * (len(remarks) > 1)} {', '.join(remarks)}")] if remarks else []
 
 
-def stated_once(recording: Recording, names: Sequence[str], unit: str) -> float | None:
+def constant_number(recording: Recording, names: Sequence[str], unit: str) -> float | None:
     """Return the number that a column states for all rows, in a unit; None if there is none, or it varies."""
     channel = recording.find(*names)
     if channel is None:

@@ -98,7 +98,7 @@ def size_of(coupon: str, kind: str) -> float:
 def wavelength_nm(printer: str) -> float | None:
     """Return the wavelength of a printer's light, or None if its file does not state it."""
     light = library_printer(printer).wavelength_nm
-    return None if light is None else light.usual
+    return None if light is None else light.nominal
 
 
 def coupon_sizes() -> dict[str, float]:
@@ -165,7 +165,7 @@ def peak_nm(part: str) -> tuple[float, float]:
     """Return peak wavelength and standard uncertainty of a part; those of a spectrum are from its highest points."""
     sheet = library_part(part)
     if isinstance(sheet, EmitterPart):
-        return sheet.peak_nm.usual, 0.0
+        return sheet.peak_nm.nominal, 0.0
     if isinstance(sheet, ReceiverPart) and sheet.spectrum is not None:
         nm, place = sheet.spectrum.wavelength_nm, int(np.argmax(sheet.spectrum.relative))
         near = nm[max(place - 1, 0) : place + 2]

@@ -63,7 +63,7 @@ class Quantity(Sourced):
         return self
 
     @property
-    def usual(self) -> float:
+    def nominal(self) -> float:
         """Typical value or, if only limits are stated, their mean."""
         stated = [value for value in (self.least, self.most) if value is not None]
         return self.typical if self.typical is not None else sum(stated) / len(stated)

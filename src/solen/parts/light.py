@@ -76,7 +76,7 @@ def light_of(design: Design) -> Light:
     pattern: Kind = "table" if table else emitter.pattern
     wavelength_nm = emitter.wavelength_nm
     if not emitter.states("wavelength_nm"):
-        wavelength_nm = _middle(emitter) or (part.peak_nm.usual if part else wavelength_nm)
+        wavelength_nm = _middle(emitter) or (part.peak_nm.nominal if part else wavelength_nm)
     return Light(
         wavelength_nm=wavelength_nm,
         spectrum=_spectrum(emitter, part, wavelength_nm),
@@ -88,16 +88,16 @@ def light_of(design: Design) -> Light:
         height_mm=_size("height_mm", emitter, part),
         ray_file=design.file_of(emitter.ray_file),
         source=f"{part.name}: {part.document}" if part else "the design's [emitter]",
-        warnings=_doubts(part, wavelength_nm),
+        warnings=_contradiction(part, wavelength_nm),
     )
 
 
-def _doubts(part: EmitterPart | None, wavelength_nm: float) -> tuple[str, ...]:
+def _contradiction(part: EmitterPart | None, wavelength_nm: float) -> tuple[str, ...]:
     """Return a warning if the part does not emit this light."""
-    if part is None or abs(part.peak_nm.usual - wavelength_nm) <= FAR_NM:
+    if part is None or abs(part.peak_nm.nominal - wavelength_nm) <= FAR_NM:
         return ()
     return (
-        f"emitter.part {part.name} emits at {part.peak_nm.usual:g} nm, but the light is traced at the stated "
+        f"emitter.part {part.name} emits at {part.peak_nm.nominal:g} nm, but the light is traced at the stated "
         f"{wavelength_nm:g} nm: omit emitter.wavelength_nm (and spectrum), or name a part that emits there",
     )
 
@@ -133,7 +133,7 @@ def _spectrum(emitter: Emitter, part: EmitterPart | None, peak_nm: float) -> tup
         return tuple(sorted(emitter.spectrum))
     fwhm_nm = emitter.fwhm_nm
     if fwhm_nm is None and part is not None and part.fwhm_nm is not None:
-        fwhm_nm = part.fwhm_nm.usual
+        fwhm_nm = part.fwhm_nm.nominal
     return gaussian_lines(peak_nm, fwhm_nm) if fwhm_nm else ()
 
 
@@ -153,7 +153,7 @@ def _table(design: Design, part: EmitterPart | None) -> tuple[tuple[float, float
 def _size(name: Literal["width_mm", "height_mm"], emitter: Emitter, part: EmitterPart | None) -> float:
     stated: float = getattr(emitter, name)
     quantity = getattr(part, name, None)
-    return quantity.usual if quantity is not None and not emitter.states(name) else stated
+    return quantity.nominal if quantity is not None and not emitter.states(name) else stated
 
 
 def read_pattern(path: Path) -> tuple[tuple[float, float], ...]:

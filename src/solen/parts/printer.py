@@ -92,8 +92,8 @@ class Printer(Sheet):
     @property
     def pitches_mm(self) -> tuple[float, float]:
         """Sides of a pixel on the plate in mm, along X and Y."""
-        across = self.pitch_um.usual / 1000.0
-        return across, across if self.pitch_y_um is None else self.pitch_y_um.usual / 1000.0
+        across = self.pitch_um.nominal / 1000.0
+        return across, across if self.pitch_y_um is None else self.pitch_y_um.nominal / 1000.0
 
     @property
     def pixel_mm2(self) -> float:
@@ -114,7 +114,7 @@ class Printer(Sheet):
     def size_mm(self) -> tuple[float, float, float]:
         """Build volume in mm along X, Y and Z."""
         (rows, columns), (x, y) = self.shape, self.pitches_mm
-        return columns * x, rows * y, self.build_height_mm.usual
+        return columns * x, rows * y, self.build_height_mm.nominal
 
     @property
     def layers_um(self) -> tuple[float, float]:
@@ -122,7 +122,7 @@ class Printer(Sheet):
         stated = self.layer_um
         if stated is None:
             return 0.0, math.inf
-        least, most = stated.least or stated.usual, stated.most or stated.usual
+        least, most = stated.least or stated.nominal, stated.most or stated.nominal
         return least, most
 
     @property
@@ -202,7 +202,7 @@ class PrinterSummary(Result):
             columns=columns,
             rows=rows,
             size_mm=(x, y, z),
-            wavelength_nm=None if printer.wavelength_nm is None else printer.wavelength_nm.usual,
+            wavelength_nm=None if printer.wavelength_nm is None else printer.wavelength_nm.nominal,
             least_layer_um=least,
             most_layer_um=most,
             unconfirmed=printer.unconfirmed,

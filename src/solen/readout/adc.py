@@ -43,7 +43,7 @@ class Adc:
     def of(cls, part: AdcPart, supply_V: float, range_V: tuple[float, float] | None = None) -> "Adc":
         """Converter in a requested range, or in its smallest range from 0 that includes the supply."""
         chosen = _stated(part, range_V) if range_V is not None else _smallest(part, supply_V)
-        bandwidth = math.inf if part.bandwidth_khz is None else part.bandwidth_khz.usual
+        bandwidth = math.inf if part.bandwidth_khz is None else part.bandwidth_khz.nominal
         return cls(part.name, part.bits, chosen.low_v, chosen.high_v, 1e-6 * chosen.noise_uv, bandwidth)
 
     @reported

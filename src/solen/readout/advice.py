@@ -94,7 +94,7 @@ def _emitter_mA(
     Light is assumed proportional to the current.
     """
     cases, (fractions, *around) = spread(circuit), light
-    whole = trimmer.resistance_ohm.least or trimmer.resistance_ohm.usual
+    whole = trimmer.resistance_ohm.least or trimmer.resistance_ohm.nominal
     asked, rest = {}, {}
     for case, one in cases.items():
         dark = one.current_mA(np.zeros_like(fractions), *around)
@@ -112,7 +112,7 @@ def _emitter_mA(
 def end_ohm(trimmer: TrimmerPart) -> float:
     """Largest residual resistance of a trimmer."""
     end = trimmer.end_ohm
-    return 0.0 if end is None else end.most or end.usual
+    return 0.0 if end is None else end.most or end.nominal
 
 
 def _setting(
@@ -126,7 +126,7 @@ def _setting(
     volts = circuit.load_line(current).volts
     low, high = float(volts.min()), float(volts.max())
     largest = 1e3 * _load_kohm(circuit, float(current.max()), target_V)
-    whole = trimmer.resistance_ohm.usual
+    whole = trimmer.resistance_ohm.nominal
     chosen = min(max(largest, end_ohm(trimmer)), whole)
     then = circuit.with_load(chosen).load_line(current).volts
     return Setting(

@@ -58,11 +58,11 @@ class Drive:
         typical = _reference_mW(part)
         low, high = _spread(part)
         exponent = part.power_exponent
-        ends = (1.0,) if exponent is None else (exponent.usual, exponent.least or exponent.usual)
-        ratio = current_mA / part.current_ma.usual
+        ends = (1.0,) if exponent is None else (exponent.nominal, exponent.least or exponent.nominal)
+        ratio = current_mA / part.current_ma.nominal
         scales = [ratio**end for end in ends]
-        fall = 0.0 if part.fall_percent_per_k is None else 0.01 * part.fall_percent_per_k.usual
-        most = math.inf if part.most_current_ma is None else part.most_current_ma.usual
+        fall = 0.0 if part.fall_percent_per_k is None else 0.01 * part.fall_percent_per_k.nominal
+        most = math.inf if part.most_current_ma is None else part.most_current_ma.nominal
         return cls(
             name=part.name,
             current_mA=current_mA,
@@ -70,7 +70,7 @@ class Drive:
             least_mW=typical * low * min(scales),
             most_mW=typical * high * max(scales),
             fall_per_K=fall,
-            peak_nm=part.peak_nm.usual,
+            peak_nm=part.peak_nm.nominal,
             most_current_mA=most,
         )
 
@@ -91,16 +91,16 @@ def solid_angle_sr(pattern: PatternPart) -> float:
 def _reference_mW(part: EmitterPart) -> float:
     """Power at the datasheet's current: as stated, or axial intensity times the pattern's solid angle."""
     if part.power_mw is not None:
-        return part.power_mw.usual
+        return part.power_mw.nominal
     if part.intensity_mw_per_sr is None or not part.pattern.relative[0] > 0.0:
         limit = "states neither power_mw nor intensity_mw_per_sr"
         raise DataError(f"part {part.name}", limit=limit, remedy="add one of them with its current_ma")
-    return part.intensity_mw_per_sr.usual * solid_angle_sr(part.pattern)
+    return part.intensity_mw_per_sr.nominal * solid_angle_sr(part.pattern)
 
 
 def _spread(part: EmitterPart) -> tuple[float, float]:
     """Weakest and strongest part relative to a typical one, from the limits of the power, else of the intensity."""
     for one in (part.power_mw, part.intensity_mw_per_sr):
         if one is not None and (one.least is not None or one.most is not None):
-            return (one.least or one.usual) / one.usual, (one.most or one.usual) / one.usual
+            return (one.least or one.nominal) / one.nominal, (one.most or one.nominal) / one.nominal
     return 1.0, 1.0

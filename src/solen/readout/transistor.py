@@ -95,13 +95,13 @@ class Phototransistor:
         }
         return cls(
             name=part.name,
-            typical_uA=current.usual,
-            least_uA=current.least or current.usual,
-            most_uA=current.most or current.usual,
+            typical_uA=current.nominal,
+            least_uA=current.least or current.nominal,
+            most_uA=current.most or current.nominal,
             response=spectral_response(part, light.spectrum or ((light.wavelength_nm, 1.0),)),
             exponent=exponent_of(part),
-            rise_per_K=0.0 if part.rise_percent_per_k is None else 0.01 * part.rise_percent_per_k.usual,
-            **{name: value.usual for name, value in values.items() if value is not None},
+            rise_per_K=0.0 if part.rise_percent_per_k is None else 0.01 * part.rise_percent_per_k.nominal,
+            **{name: value.nominal for name, value in values.items() if value is not None},
         )
 
     def dark_mA(self, temperature_C: float | FloatArray) -> FloatArray:
@@ -184,16 +184,16 @@ def spectral_response(part: ReceiverPart, lines: Sequence[tuple[float, float]]) 
     nm, relative = np.array(part.spectrum.wavelength_nm), np.array(part.spectrum.relative)
     places, weights = np.array([line[0] for line in lines]), np.array([line[1] for line in lines])
     seen = float(np.interp(places, nm, relative) @ weights / weights.sum())
-    stated = nm[int(np.argmax(relative))] if part.sensitivity_nm is None else part.sensitivity_nm.usual
+    stated = nm[int(np.argmax(relative))] if part.sensitivity_nm is None else part.sensitivity_nm.nominal
     return seen / float(np.interp(stated, nm, relative))
 
 
 def exponent_of(part: ReceiverPart) -> float:
     """Exponent m of the response cos^m θ to a beam, from the angle of half sensitivity; default: 1, a flat window."""
     half = part.half_angle_deg
-    if half is None or not 0.0 < half.usual < 90.0:
+    if half is None or not 0.0 < half.nominal < 90.0:
         return 1.0
-    return math.log(0.5) / math.log(math.cos(math.radians(half.usual)))
+    return math.log(0.5) / math.log(math.cos(math.radians(half.nominal)))
 
 
 def angular_factor(exponent: float, angle_deg: FloatArray, power: FloatArray) -> FloatArray:

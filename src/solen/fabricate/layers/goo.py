@@ -96,7 +96,7 @@ def encoded(image: NDArray[np.uint8]) -> bytes:
 def _write_layer(file: BinaryIO, layer: Layer, job: Job, lift: Lift, runs: bytes) -> None:
     bottom = layer.index < job.burn_in_layers
     height, speed, before, after = lift.moves(bottom=bottom)
-    pause, pause_mm, light_off = 0, job.printer.build_height_mm.usual, 0.0
+    pause, pause_mm, light_off = 0, job.printer.build_height_mm.nominal, 0.0
     rests = (light_off, after, 0.0, before)
     moves = (height, speed, 0.0, 0.0, height, lift.retract_mm_per_min, 0.0, 0.0)
     file.write(struct.pack(">H15fH", pause, pause_mm, layer.to_mm, layer.exposure_s, *rests, *moves, FULL_LIGHT))

@@ -132,7 +132,7 @@ class Job:
     def pause_s(self) -> float | None:
         """Mean time from one exposure to the next; None if the printer's file states neither the time nor the lift."""
         if self.printer.pause_s is not None:
-            return self.printer.pause_s.usual
+            return self.printer.pause_s.nominal
         if (lift := self.printer.lift) is None:
             return None
         bottom = self.burn_in_layers / self.count
@@ -147,7 +147,7 @@ class Job:
     def irradiance_mW_per_cm2(self) -> float:
         """Irradiance at the window: the requested one, otherwise the printer's, otherwise the paper's."""
         printer = self.printer.irradiance_mw_per_cm2
-        usual = PAPER_MW_PER_CM2 if printer is None else printer.usual
+        usual = PAPER_MW_PER_CM2 if printer is None else printer.nominal
         return self.slicing.irradiance_mW_per_cm2 or usual
 
     @property

@@ -207,8 +207,8 @@ def _of_cure(settings: PrintSettings, resin: Resin | None, printer: Printer) -> 
     light, cure = printer.wavelength_nm, None if resin is None else resin.cure
     if cure is None or light is None or cure.wavelength_nm is None:
         return warnings
-    if abs(light.usual - cure.wavelength_nm) > APART_NM:
-        apart = f"{cure.wavelength_nm:g} nm, the printer has {light.usual:g} nm"
+    if abs(light.nominal - cure.wavelength_nm) > APART_NM:
+        apart = f"{cure.wavelength_nm:g} nm, the printer has {light.nominal:g} nm"
         warnings.append(do_not_use(f"the working curve was measured at {apart}: its cure depths are not valid here"))
     return warnings
 

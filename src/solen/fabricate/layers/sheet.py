@@ -130,7 +130,7 @@ def print_settings(job: Job, part: Printable, stl: str) -> PrintSettings:
         stl_unit="mm",
         material=part.material,
         printer=printer.name,
-        wavelength_nm=None if printer.wavelength_nm is None else printer.wavelength_nm.usual,
+        wavelength_nm=None if printer.wavelength_nm is None else printer.wavelength_nm.nominal,
         pixel_um=1000.0 * printer.pitches_mm[0],
         pixel_y_um=1000.0 * printer.pitches_mm[1],
         orientation=described(slicing.orientation, slicing.rotate_deg),

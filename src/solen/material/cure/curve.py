@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.material.regression import LinearFit, bad_points, f_tail, fitted, group_means, ranks, t_quantile
+from solen.material.regression import LinearFit, f_tail, fitted, group_means, ranks, rosner_outliers, t_quantile
 from solen.results import HIDDEN, Result, reported
 
 Scatter = Literal["auto", "proportional", "constant"]
@@ -359,7 +359,7 @@ def _weights(x: FloatArray, y: FloatArray, exponent: float) -> FloatArray:
     return weights
 
 
-def _likeliest(x: FloatArray, y: FloatArray, scatter: Scatter) -> tuple[LinearFit, float]:
+def _most_likely(x: FloatArray, y: FloatArray, scatter: Scatter) -> tuple[LinearFit, float]:
     """Return the maximum-likelihood fit and its exponent of scatter."""
     design = np.column_stack([np.ones(len(x)), x])
     tried = {e: fitted(design, y, weights=_weights(x, y, e)) for e in EXPONENTS[scatter]}
@@ -370,7 +370,7 @@ def _likeliest(x: FloatArray, y: FloatArray, scatter: Scatter) -> tuple[LinearFi
 def _fit(discs: tuple[Disc, ...], scatter: Scatter) -> tuple[LinearFit, float]:
     """Return the maximum-likelihood fit, with residual-based intervals if scatter is a guess, and its exponent."""
     x, y = _columns(discs)
-    fit, exponent = _likeliest(x, y, scatter)
+    fit, exponent = _most_likely(x, y, scatter)
     if scatter != "auto" or fit.sigma == 0.0:
         return fit, exponent
     design = np.column_stack([np.ones(len(x)), x])
@@ -383,7 +383,7 @@ def _outliers(used: tuple[Disc, ...], scatter: Scatter) -> list[LeftOut]:
     if most < 1:
         return []
     x, y = _columns(used)
-    outliers = bad_points(lambda keep: _likeliest(x[keep], y[keep], scatter)[0], len(used), most)
+    outliers = rosner_outliers(lambda keep: _most_likely(x[keep], y[keep], scatter)[0], len(used), most)
     doses = [disc.dose_mJ_per_cm2 for disc in used]
     off = [doses[number] for number in outliers]
     alone = {dose for dose in off if 2 * off.count(dose) <= doses.count(dose) or doses.count(dose) == 1}

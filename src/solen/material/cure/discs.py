@@ -18,7 +18,7 @@ from solen.material.cure.curve import Scatter, WorkingCurve, working_curve
 from solen.material.cure.disc_table import DISCS, REPLICATES, THICKNESSES, discs
 from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_print_through_um
 from solen.material.cure.spectral import InLamp
-from solen.material.rows import REPEATS, RowOptions, below_each_other, chosen_rows, refuse_unused, stated_once
+from solen.material.rows import REPEATS, RowOptions, chosen_rows, constant_number, refuse_unused, stacked_replicates
 from solen.ranks import Caution, do_not_use, look_at, of
 from solen.recording import Measured, Recording
 from solen.results import reported
@@ -27,7 +27,7 @@ from solen.spec.strict import Finite, Wavelength, refused
 MOST_LAYERS = 100_000
 """Largest number of layers: more than any printer prints, 1 m in layers of 10 µm."""
 _APART = 0.2  # relative difference of penetration depths from discs and from absorbance above which to warn
-USUAL_DP_UM = (1.0, 1e4)
+PLAUSIBLE_DP_UM = (1.0, 1e4)
 """Range far wider than the penetration depths of printable resins; outside it, a unit is wrong."""
 
 
@@ -208,7 +208,7 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
     DataError
         If the table has no such columns, or they determine no curve.
     """
-    recording = below_each_other(chosen_rows(recording, options), THICKNESSES, (*DISCS, *REPLICATES))
+    recording = stacked_replicates(chosen_rows(recording, options), THICKNESSES, (*DISCS, *REPLICATES))
     table = discs(recording, options.irradiance_mW_per_cm2)
     beside = refuse_unused(recording, options, (*table.columns, *REPEATS))
     curve = working_curve(
@@ -223,7 +223,7 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
     return MeasuredCurve(
         **vars(curve),
         irradiance_mW_per_cm2=options.irradiance_mW_per_cm2,
-        wavelength_nm=options.wavelength_nm or stated_once(recording, ("wavelength",), "nm"),
+        wavelength_nm=options.wavelength_nm or constant_number(recording, ("wavelength",), "nm"),
         layer=_need(curve, options),
         exposure=exposure,
         stack=None if exposure is None else _stack(curve.Dp_um, options),
@@ -331,7 +331,7 @@ def _stack(Dp_um: float, options: CureOptions) -> StackDose | None:
 
 def _unusual(curve: WorkingCurve) -> list[Caution]:
     """Warn of a unit that is probably wrong."""
-    low, high = USUAL_DP_UM
+    low, high = PLAUSIBLE_DP_UM
     if low <= curve.Dp_um <= high:
         return []
     for factor_, what in ((1e3, "mm under a header that states µm"), (1e-3, "µm under a header that states mm")):

@@ -20,7 +20,7 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.material.index.coherence import Blur
-from solen.material.index.course import LEAST_FRINGES, Kind, free_knots
+from solen.material.index.dispersion_form import LEAST_FRINGES, Kind, free_knots
 from solen.material.index.film_model import STEP, FilmModel, Measured
 from solen.material.index.fringes import Phase
 from solen.units import NM_PER_UM
@@ -59,7 +59,7 @@ class Film:
         Root mean square of the fitted fringes, for each reading.
     fitted
         Fitted spectra, for each reading.
-    course
+    form
         Form of n in the fit.
     """
 
@@ -77,7 +77,7 @@ class Film:
     residual: dict[str, float]
     amplitude: dict[str, float]
     fitted: dict[str, FloatArray]
-    course: Kind
+    form: Kind
 
 
 def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Kind | None = None) -> Film:
@@ -106,7 +106,7 @@ def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Ki
     if kind in {None, "free"}:
         others = [(one, begin) for one, begin, _ in begun if one is not model]
         model, p = _freed(model, p, others, asked=kind == "free")
-    solutions = [model.solve(p), *(model.solve(model.ordered(p, by), 12) for by in (-1.0, -0.5, 0.5, 1.0))]
+    solutions = [model.solve(p), *(model.solve(model.shifted_order(p, by), 12) for by in (-1.0, -0.5, 0.5, 1.0))]
     p, cost = min(solutions, key=lambda one: one[1])
     place = model.names["ln_optical"]
     order = 0.5 / np.sqrt(model.middle) / model.optical_um
@@ -132,34 +132,36 @@ def _freed(
         remedy = "use cauchy or sellmeier, or measure a thicker layer or a wider range, which has more fringes"
         limit = f"has {model.fringes:.0f} fringes; a free index needs {LEAST_FRINGES}"
         raise DataError("film", limit=limit, remedy=remedy)
-    if not asked and not model.misses(p):
+    if not asked and not model.misfits(p):
         return model, p
     free, moved = min((_free_best(*one) for one in ((model, p), *others)), key=lambda one: one[0].cost(one[1]))
     moved = _weighed(free, _best_order(free, moved))
-    clean = not free.misses(moved, _CLEAN) and free.widening(moved) < _CLEAN
+    clean = not free.misfits(moved, _CLEAN) and free.widening(moved) < _CLEAN
     if asked and not clean:
         limit = "leaves residuals beyond noise even with a free index"
         raise DataError("film", limit=limit, remedy="omit the option: n is then from the levels, and less certain")
     gain = (free.likelihood(moved) - model.likelihood(p)) / free.widening(moved)
     points = model.um.size * len(model.blocks)
-    better = gain - 0.5 * free.course.curves * float(np.log(points)) > _EVIDENCE  # Schwarz's criterion
+    better = gain - 0.5 * free.form.curves * float(np.log(points)) > _EVIDENCE  # Schwarz's criterion
     return (free, moved) if asked or (better and clean) else (model, p)
 
 
 def _free_best(model: FilmModel, p: FloatArray) -> tuple[FilmModel, FloatArray]:
     """Return a free index from a solution of three terms, trying neighbouring orders and following the phases."""
     free, moved = model.freed(p)
-    tried = [free.solve(_phased(free, free.ordered(_phased(free, moved), by)), 15) for by in _FREE_ORDERS]
+    tried = [
+        free.solve(_phase_matched(free, free.shifted_order(_phase_matched(free, moved), by)), 15) for by in _FREE_ORDERS
+    ]
     best = []
     for q, cost in sorted(tried, key=lambda one: one[1])[:_MOST_TRIED]:
-        again, less = free.solve(_phased(free, q), 10)
+        again, less = free.solve(_phase_matched(free, q), 10)
         best.append(free.solve(again if less < cost else q))
     return free, min(best, key=lambda one: one[1])[0]
 
 
-def _phased(model: FilmModel, p: FloatArray) -> FloatArray:
+def _phase_matched(model: FilmModel, p: FloatArray) -> FloatArray:
     for _ in range(3):
-        p = model.phased(p)
+        p = model.phase_matched(p)
     return p
 
 
@@ -178,7 +180,7 @@ def _best_order(model: FilmModel, p: FloatArray) -> FloatArray:
     """Return the solution that no neighbouring order improves; adjacent orders differ very little in dispersion."""
     p, cost = model.solve(p, 6)
     for _ in range(_MOST_ORDERS):
-        beside = [model.solve(model.ordered(p, by), 4) for by in _ORDERS]
+        beside = [model.solve(model.shifted_order(p, by), 4) for by in _ORDERS]
         better, less = min(beside, key=lambda one: one[1])
         if less > 0.999 * cost:
             break
@@ -202,7 +204,9 @@ def _film(model: FilmModel, p: FloatArray, cost: float, rivals: Sequence[tuple[F
 
     n, place = model.index(p)[0], model.names["ln_optical"]
     total = 1.0 + sum(np.exp((cost - misfit) / 2.0) for _, misfit in rivals)
-    doubt = [np.sqrt(np.exp((cost - misfit) / 2.0) / total) * (model.index(other)[0] - n) for other, misfit in rivals]
+    alternatives = [
+        np.sqrt(np.exp((cost - misfit) / 2.0) / total) * (model.index(other)[0] - n) for other, misfit in rivals
+    ]
     apart = sum(np.exp((cost - misfit) / 2.0) / total * float(other[place] - p[place]) ** 2 for other, misfit in rivals)
     thickness, optical = changes(model.thickness), changes(lambda q: np.exp(q[model.names["ln_optical"]]))
     spectra = model.spectra(p)
@@ -214,8 +218,8 @@ def _film(model: FilmModel, p: FloatArray, cost: float, rivals: Sequence[tuple[F
     return Film(
         n=n,
         k=k_of(p),
-        parts_n=np.vstack([changes(lambda q: model.index(q)[0]), *doubt])
-        if doubt
+        parts_n=np.vstack([changes(lambda q: model.index(q)[0]), *alternatives])
+        if alternatives
         else changes(lambda q: model.index(q)[0]),
         parts_k=changes_of_k(),
         thickness_um=float(model.thickness(p)),
@@ -231,7 +235,7 @@ def _film(model: FilmModel, p: FloatArray, cost: float, rivals: Sequence[tuple[F
         },
         amplitude={kind: float(np.std(spectra[kind] - clear[kind])) for kind in spectra},
         fitted=spectra,
-        course=model.course.kind,
+        form=model.form.kind,
     )
 
 

@@ -3,7 +3,7 @@
 Parameters that are known before the fit have a prior: the thickness from a micrometer, the slit width from the
 instrument, and an error of a 100 % reading from the stated accuracy. The variation of the thickness within the beam has
 only a wide one. k is piecewise linear between knots, each at least 0. n is Cauchy's formula with three terms, one pole
-of Sellmeier's formula, or free (`solen.material.index.course`).
+of Sellmeier's formula, or free (`solen.material.index.dispersion_form`).
 
 The interface is `Measured`, which contains the readings and prior knowledge, and `FilmModel`, which predicts readings.
 """
@@ -16,7 +16,7 @@ from scipy.ndimage import uniform_filter1d
 
 from solen.arrays import FloatArray
 from solen.material.index.coherence import Blur, layer, stacked
-from solen.material.index.course import Course, Kind, free_knots
+from solen.material.index.dispersion_form import DispersionForm, Kind, free_knots
 from solen.material.index.fringes import Phase
 from solen.material.index.reading import Length, Reading
 from solen.material.index.stack import Setup, incoherent
@@ -82,15 +82,15 @@ class FilmModel:
         self.u = (x - self.middle) / self.half
         u_per_nm = -2.0 * self.um**-3 / self.half / NM_PER_UM
         self.fringes = 2.0 * optical_um * (1.0 / self.um[0] - 1.0 / self.um[-1])
-        self.course = Course.of(kind, self.u, u_per_nm, free_knots(self.fringes))
+        self.form = DispersionForm.of(kind, self.u, u_per_nm, free_knots(self.fringes))
         self.hats = _hats(nm, min(_KNOTS, max(2, nm.size // 8)))
         self.k_unit = 1e-4
         names = ["n", "rise", "bend", "ln_optical", "slit", "rough", "wedge", "other"]
         if measured.setup is not None:
             names += ["sheet", "sheet_rise", "sheet_bend"] if measured.bare else ["sheet"]
         names += [f"off_{kind}" for kind in measured.readings]
-        self.added = slice(len(names), len(names) + self.course.curves)
-        names += [f"added_{number}" for number in range(self.course.curves)]
+        self.added = slice(len(names), len(names) + self.form.curves)
+        names += [f"added_{number}" for number in range(self.form.curves)]
         self.names = {name: place for place, name in enumerate(names)}
         self.first_k = len(names)
         self.last_k = len(names) + self.hats.shape[1]
@@ -147,7 +147,7 @@ class FilmModel:
     def index(self, p: Any) -> tuple[Any, Any]:
         """Return the index and its derivative with respect to wavelength."""
         n, rise, bend = (p[self.names[name]] for name in ("n", "rise", "bend"))
-        return self.course.index(n, rise, bend, p[self.added])
+        return self.form.index(n, rise, bend, p[self.added])
 
     def thickness(self, p: Any) -> Any:
         """Return the thickness in µm."""
@@ -196,7 +196,7 @@ class FilmModel:
     def prior(self, p: Any) -> Any:
         """Return the residuals of the priors, in standard uncertainties."""
         at = {name: p[place] for name, place in self.names.items()}
-        bend = 1e-6 if self.course.kind == "sellmeier" else _BEND
+        bend = 1e-6 if self.form.kind == "sellmeier" else _BEND
         rows = [at["bend"] / bend, *(p[self.added] / _ADDED), at["rough"] / _MOST_SPREAD, at["wedge"] / _MOST_SPREAD]
         rows.append(at["other"] / _OTHER)
         if (thickness := self.measured.thickness) is not None:
@@ -263,7 +263,7 @@ class FilmModel:
                 break
         return p, cost
 
-    def ordered(self, p: FloatArray, by: float) -> FloatArray:
+    def shifted_order(self, p: FloatArray, by: float) -> FloatArray:
         """Return parameters for fringes whose orders are higher by ``by``, with phases as similar as possible."""
         names, basis = self.names, np.stack([np.ones_like(self.u), self.u, self.u**2], axis=1)
         shift = np.linalg.lstsq(basis, by * self.um / 2.0, rcond=None)[0]
@@ -278,10 +278,10 @@ class FilmModel:
     def freed(self, p: FloatArray) -> "tuple[FilmModel, FloatArray]":
         """Return the same model with a free index, and its initial parameters."""
         model = FilmModel(self.measured, self.level, self.optical_um, "free", coherent=self.coherent)
-        moved = np.insert(p, self.added.start, np.zeros(model.course.curves))
+        moved = np.insert(p, self.added.start, np.zeros(model.form.curves))
         return model, moved
 
-    def phased(self, p: FloatArray) -> FloatArray:
+    def phase_matched(self, p: FloatArray) -> FloatArray:
         """Return parameters whose phases match the measured fringes, followed from their strongest part."""
         n, h = self.index(p)[0], self.thickness(p)
         width = max(5, round(2.0 * self.um.size / self.fringes))
@@ -298,7 +298,7 @@ class FilmModel:
         weight = np.abs(read)[:, None]
         turn -= 2.0 * np.pi * np.round(turn[np.argmax(weight)] / (2.0 * np.pi))
         u = self.u
-        terms = np.column_stack([np.ones_like(u), u, u**2, self.course.waves])
+        terms = np.column_stack([np.ones_like(u), u, u**2, self.form.waves])
         found = np.linalg.lstsq(weight * terms, weight[:, 0] * turn * self.um / (4.0 * np.pi * h), rcond=None)[0]
         moved = p.copy()
         moved[self.names["ln_optical"]] += found[0] / p[self.names["n"]]
@@ -306,7 +306,7 @@ class FilmModel:
         moved[self.added] += found[3:]
         return moved
 
-    def misses(self, p: FloatArray, widened: float = 1.0) -> bool:
+    def misfits(self, p: FloatArray, widened: float = 1.0) -> bool:
         """Whether the residuals exceed the scatter of repeats or, without repeats, whether neighbours correlate.
 
         ``widened`` is the largest `widening` still attributed to noise without repeats.

@@ -28,7 +28,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.dispersion import Cauchy, Sellmeier
 from solen.material.index.formulas import CauchyForm, Form, OnePole, TwoPoles, UnfitError, covariance_rows, resonance_nm
-from solen.material.index.squares import Points, Solved, points_of, solved
+from solen.material.index.least_squares import Points, Solved, points_of, solved
 from solen.ranks import Caution, do_not_use, look_at
 from solen.results import HIDDEN, Result, reported
 from solen.units import NM_PER_UM
@@ -199,7 +199,9 @@ def _delivered(
     best, model = roots[terms], models[terms]
     _check_delivered(kind, best, model, points)
     if isinstance(model, Cauchy):
-        model = _with_doubt(model, {count: one for count, one in models.items() if isinstance(one, Cauchy)}, scores)
+        model = _with_model_uncertainty(
+            model, {count: one for count, one in models.items() if isinstance(one, Cauchy)}, scores
+        )
     residuals = np.full(points.given, np.nan)
     residuals[points.order] = best.residuals
     known = points.u is not None
@@ -219,7 +221,7 @@ def _delivered(
     )
 
 
-def _with_doubt(chosen: Cauchy, models: Mapping[int, Cauchy], scores: Mapping[int, float]) -> Cauchy:
+def _with_model_uncertainty(chosen: Cauchy, models: Mapping[int, Cauchy], scores: Mapping[int, float]) -> Cauchy:
     """Return the chosen formula with a covariance that includes the fits with other numbers of terms, by their weights.
 
     A third term that is omitted because the points do not require it may still exist; without this step, the stated 95

@@ -166,12 +166,12 @@ class TwoPoles(Form):
         b, c = 1 / level, max(fall / level, _FAR_UM[0] ** 2)
         floor, ceiling = (2 * math.log(end) for end in _FAR_UM)
         below, above = 2 * math.log(_EDGE * um.min()), 2 * math.log(um.max() / _EDGE)
-        ways = (  # start, and bounds of the logarithm of the second C
+        starts = (  # start, and bounds of the logarithm of the second C
             ((b / 2, b / 2, c / 2, c * 1.5), floor, below),
             ((b, b / 50, c, (3 * um.max()) ** 2), above, ceiling),
         )
         best = None
-        for begin, least, most in ways:
+        for begin, least, most in starts:
             low, high = np.array([-12.0, -12.0, floor, least]), np.array([3.0, 8.0, below, most])
             fit = least_squares(
                 off,
@@ -186,7 +186,7 @@ class TwoPoles(Form):
             )
             if best is None or fit.cost < best.cost:
                 best = fit
-        assert best is not None  # noqa: S101  there are two ways
+        assert best is not None  # noqa: S101  there are two starts
         if best.active_mask.any():
             raise UnfitError("drives its second term to the limit of its range: one term suffices")
         return np.asarray(best.x)

@@ -26,7 +26,7 @@ _SMOOTH = 5  # degree of the smooth curve under the fringes
 _LEAST_FRINGES = 3.0  # smallest number of fringes in the range
 _RISES = tuple(np.linspace(0.0, 0.03, 7))
 _CHANCE = -4.0  # logarithm of the false-alarm probability
-_SAME_UM, _MOST_WAYS, _ORDERS = 0.15, 3, 6.0
+_SAME_UM, _MOST_PHASES, _ORDERS = 0.15, 3, 6.0
 _MOST_RISE = 0.1
 _WINDOWS, _LEAST_WINDOWS = 12, 3  # parts of a spectrum, and number of them that must have fringes
 _LEAST_AMPLITUDE = 2e-5  # of T: below, rounding and the shape of the smooth curve look like fringes
@@ -95,17 +95,19 @@ def find_fringes(
         if all(abs(one[1] - other[1]) > _SAME_UM for other in seen):
             seen.append(one)
     off = _level(values)
-    ways = [_refined(um, u, off, optical, rise) for _, optical, rise in seen[:_MOST_WAYS]]
-    ways += [_hopped(um, u, off, ways[0], by) for by in np.arange(-_ORDERS, _ORDERS + 0.1, 0.5) if by]
+    candidates = [_refined(um, u, off, optical, rise) for _, optical, rise in seen[:_MOST_PHASES]]
+    candidates += [
+        _shifted_order(um, u, off, candidates[0], by) for by in np.arange(-_ORDERS, _ORDERS + 0.1, 0.5) if by
+    ]
     found: list[Phase] = []
-    for way in sorted(ways, key=lambda one: -one.share):
-        inside = optical_um[0] <= way.optical_um <= optical_um[1] and abs(way.rise) < _MOST_RISE
-        apart = all(abs(way.optical_um - other.optical_um) > 0.1 for other in found)
-        if inside and apart and way.amplitude > _LEAST_AMPLITUDE:
-            found.append(way)
+    for candidate in sorted(candidates, key=lambda one: -one.share):
+        inside = optical_um[0] <= candidate.optical_um <= optical_um[1] and abs(candidate.rise) < _MOST_RISE
+        apart = all(abs(candidate.optical_um - other.optical_um) > 0.1 for other in found)
+        if inside and apart and candidate.amplitude > _LEAST_AMPLITUDE:
+            found.append(candidate)
     if not found or not _are_fringes(um, u, off, None if beside is None else _level(beside), found[0]):
         return []
-    return [one for one in found if one.share > 0.5 * found[0].share][:_MOST_WAYS]
+    return [one for one in found if one.share > 0.5 * found[0].share][:_MOST_PHASES]
 
 
 def _are_fringes(um: FloatArray, u: FloatArray, off: FloatArray, beside: FloatArray | None, phase: Phase) -> bool:
@@ -170,7 +172,7 @@ def _refined(um: FloatArray, u: FloatArray, off: FloatArray, optical: float, ris
     return _polished(um, u, off, np.array([best, best * slope, 0.0]))
 
 
-def _hopped(um: FloatArray, u: FloatArray, off: FloatArray, phase: Phase, by: float) -> Phase:
+def _shifted_order(um: FloatArray, u: FloatArray, off: FloatArray, phase: Phase, by: float) -> Phase:
     """Return fringes whose orders are shifted by a number, with phases as similar to the old ones as possible."""
     shape = np.stack([np.ones_like(u), u, u**2])
     shift = np.linalg.lstsq(shape.T, by * um / 2.0, rcond=None)[0]

@@ -132,7 +132,7 @@ def named_light(name: str) -> Illuminant:
 def _light_of_part(part: object) -> Illuminant:
     if not isinstance(part, EmitterPart):
         raise DataError("--led", value=getattr(part, "name", None), limit="is not an emitter")
-    peak_nm, fwhm_nm = part.peak_nm.usual, part.fwhm_nm.usual if part.fwhm_nm else None
+    peak_nm, fwhm_nm = part.peak_nm.nominal, part.fwhm_nm.nominal if part.fwhm_nm else None
     width = f", {fwhm_nm:g} nm wide" if fwhm_nm else ", its width not known"
     return led(peak_nm, fwhm_nm, f"{part.name}, peak at {peak_nm:g} nm{width}")
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.material.index.course import Kind
+from solen.material.index.dispersion_form import Kind
 from solen.material.index.film import Film, fit_film, fit_levels
 from solen.material.index.film_model import Measured
 from solen.material.index.fringes import Phase, find_fringes
@@ -34,7 +34,7 @@ JOINT = "joint"
 """Name of the route for a layer and its bare sheet without visible fringes."""
 _INDICES = (1.25, 1.9)  # range of indices in the search for fringes
 _THICK_UM = (8.0, 150.0)  # n times thickness if the thickness is not stated
-_USUAL = 1.5
+_TYPICAL_INDEX = 1.5
 
 
 class Interference(Result):
@@ -114,7 +114,7 @@ def fringed(
         limit = "must have a number at every wavelength where fringes are fitted"
         raise DataError("T and R", limit=limit, remedy="remove the rows without a number")
     measured = Measured(wavelength_nm, dict(readings), thickness, slit_nm, setup, dict(bare or {}))
-    level = _level(readings) if setup is None else _USUAL
+    level = _level(readings) if setup is None else _TYPICAL_INDEX
     if not phases:
         return _spectrum(measured, fit_levels(measured, level), by_levels=False, mode=JOINT), None
     film = fit_film(measured, level, phases, kind)
@@ -128,14 +128,14 @@ def fringed(
 
 def _refuse_form(measured: Measured, film: Film, other: Film | None) -> None:
     """Raise `DataError` if a requested form of n leaves fringes and another one leaves none."""
-    if other is None or other.course == film.course:
+    if other is None or other.form == film.form:
         return
     left = {kind: one.value - other.fitted[kind] for kind, one in measured.readings.items()}
     if fringes_of(measured.wavelength_nm, left, measured.thickness):
         return
     rms = [" and ".join(f"{value:.2g} in {kind}" for kind, value in one.residual.items()) for one in (film, other)]
-    limit = f"does not describe n here: it leaves fringes ({rms[0]} rms), and {other.course} does not ({rms[1]})"
-    raise DataError("--dispersion", value=film.course, limit=limit, remedy=f"omit it, or use {other.course}")
+    limit = f"does not describe n here: it leaves fringes ({rms[0]} rms), and {other.form} does not ({rms[1]})"
+    raise DataError("--dispersion", value=film.form, limit=limit, remedy=f"omit it, or use {other.form}")
 
 
 def _level(readings: Mapping[str, Reading]) -> float:
@@ -145,7 +145,7 @@ def _level(readings: Mapping[str, Reading]) -> float:
         n = float(invert(middle["R"], middle["T"], 25.0, 600.0).n)
     else:
         n = float(lossless_index(middle["T"] if "T" in middle else 1.0 - middle["R"]))
-    return n if _INDICES[0] < n < _INDICES[1] else _USUAL
+    return n if _INDICES[0] < n < _INDICES[1] else _TYPICAL_INDEX
 
 
 def _facts(film: Film, *, by_levels: bool) -> Interference:
@@ -159,7 +159,7 @@ def _facts(film: Film, *, by_levels: bool) -> Interference:
         visibility=film.visibility,
         by_levels=by_levels,
         residual=film.residual,
-        dispersion=film.course,
+        dispersion=film.form,
         fitted=film.fitted,
     )
 
@@ -187,7 +187,7 @@ def _spectrum(
         transmittance=values.get("T", nothing_known),
         thickness=Length(film.thickness_um, film.u_thickness_um),
         warnings=(
-            *_remarks(measured, mode, "" if kind == "free" else film.course, by_levels=by_levels),
+            *_remarks(measured, mode, "" if kind == "free" else film.form, by_levels=by_levels),
             *counted("k", no_k),
         ),
     )

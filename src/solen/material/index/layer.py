@@ -14,7 +14,6 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError, SpecError
-from solen.material.beginnings import THICKNESS_NOT_IN_K
 from solen.material.index import routes
 from solen.material.index.fit import Fit
 from solen.material.index.formula import formula_through, smoothed_scatter
@@ -24,13 +23,14 @@ from solen.material.index.interference import JOINT, MODE, Interference, fringed
 from solen.material.index.inversion import invert
 from solen.material.index.literature import Band, band, check_dispersion, check_index
 from solen.material.index.lossless_index import lossless_index
-from solen.material.index.mixups import refuse_mixups
 from solen.material.index.options import IndexOptions
+from solen.material.index.plausibility import check_plausibility
 from solen.material.index.reading import Reading, reading
 from solen.material.index.routes import BASES, is_absorbance
 from solen.material.index.spectrum import IndexSpectrum
 from solen.material.index.stack import Setup, Substrate
 from solen.material.rows import chosen_rows, refuse_unused
+from solen.material.warning_prefixes import THICKNESS_NOT_IN_K
 from solen.ranks import Caution, look_at, note
 from solen.recording import Recording
 from solen.recording.model import Measured
@@ -146,7 +146,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
     recording = chosen_rows(recording, options)
     beside = refuse_unused(recording, options, (), labels_only=True)
     spectra = optical_spectra(recording, chosen)
-    refuse_mixups(spectra.rows, spectra.names)
+    check_plausibility(spectra.rows, spectra.names)
     bandwidth_nm = options.bandwidth_nm or _stated_bandwidth_nm(recording)
     spectrum, interference = _interfering(recording, spectra, options, bandwidth_nm)
     if spectrum is None:

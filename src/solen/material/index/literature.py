@@ -50,7 +50,7 @@ TIMES = 2.0
 _SINGLE_NM = (400.0, 1000.0)  # range of extrapolation by an Abbe number or a formula
 _ENOUGH = 4  # points for a parabola
 _LEAST_SPAN_NM = 50.0  # smallest range of a dispersion to be tested
-_USUAL_ABBE = 50.0  # for an entry that states none; an error of 10 changes n at 860 nm by 0.002
+_TYPICAL_ABBE = 50.0  # for an entry that states none; an error of 10 changes n at 860 nm by 0.002
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _coefficients(material: Material) -> tuple[float, float, float]:
         coefficients = np.linalg.lstsq(np.vander(x, 3, increasing=True), np.array(material.n), rcond=None)[0]
         return float(coefficients[0]), float(coefficients[1]), float(coefficients[2])
     f, c = ((line / NM_PER_UM) ** -2 for line in (LINE_F, LINE_C))
-    abbe = sum(material.abbe) / len(material.abbe) if material.abbe else _USUAL_ABBE
+    abbe = sum(material.abbe) / len(material.abbe) if material.abbe else _TYPICAL_ABBE
     slope = (material.n[0] - 1) / abbe / (f - c)
     return material.n[0] - slope * float(x[0]), slope, 0.0
 

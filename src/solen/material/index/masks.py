@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from scipy.special import pdtrik
 
 from solen.arrays import BoolArray, FloatArray
-from solen.material.beginnings import K_MASKED
 from solen.material.index.inversion import Inverted
 from solen.material.index.reading import Combined, student
+from solen.material.warning_prefixes import K_MASKED
 from solen.ranks import Caution, look_at
 
 Codes = NDArray[np.int8]

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solen.arrays import BoolArray, FloatArray
-from solen.material.beginnings import BY_ORIENTATION
 from solen.material.loss.levels import MM_PER_CM, absorption_per_mm, smallest_loss_dB_per_cm
 from solen.material.loss.pieces import Piece, Table, pieces_of
-from solen.material.regression import LinearFit, bad_points, chance, f_tail, t_quantile, t_tail
+from solen.material.regression import LinearFit, chance, f_tail, rosner_outliers, t_quantile, t_tail
+from solen.material.warning_prefixes import BY_ORIENTATION
 from solen.ranks import Caution, do_not_use, look_at, note
 from solen.recording import Measured
 from solen.results import HIDDEN, Result, reported
@@ -226,15 +226,15 @@ def cut_back(
         If no slope with an uncertainty follows: a single length, or no more pieces than parameters.
     """
     length, level = np.asarray(length_mm, float), np.asarray(level_dB, float)
-    ways = [""] * len(length) if orientation is None else list(orientation)
+    orientations = [""] * len(length) if orientation is None else list(orientation)
     names = [f"{mm:g} mm" for mm in length] if guide is None else list(guide)
-    points, within = pieces_of(length, level, names, ways)
+    points, within = pieces_of(length, level, names, orientations)
     table = Table(points)
     table.refuse_too_few()
     every = np.ones(len(points), bool)
     bad = {} if keep_all else _bad(table)
     keep = np.array([number not in bad for number in range(len(points))])
-    fit = table.fit(table.common(keep), keep)
+    fit = table.fit(table.common_slope(keep), keep)
     lines, p_orientation = _orientations(table, keep, launched_dB)
     p_curved, bend = _curved(table, keep)
     loss = GuideLoss(
@@ -245,7 +245,9 @@ def cut_back(
         curvature_dB_per_cm2=bend,
         points=points,
         outliers=_outliers(table, fit, keep, bad),
-        with_outliers=_common_line(table, table.fit(table.common(every), every), every, launched_dB) if bad else None,
+        with_outliers=_common_line(table, table.fit(table.common_slope(every), every), every, launched_dB)
+        if bad
+        else None,
         sd_piece_dB=fit.sigma,
         sd_guide_dB=fit.effect_sigmas[0] if fit.effect_sigmas else 0.0,
         sd_reading_dB=within,
@@ -256,34 +258,36 @@ def cut_back(
 def _bad(table: Table) -> dict[int, float]:
     """Return outliers, each with its t; the lines against which they are tested have a slope for each orientation."""
     count = len(table.pieces)
-    spare = count - table.apart(np.ones(count, bool)).shape[1]
+    spare = count - table.separate_slopes(np.ones(count, bool)).shape[1]
     most = min(max(1, int(MOST_OUTLIERS * count)), spare - 2, LARGEST_NUMBER)
     if most < 1:
         return {}
-    found = bad_points(lambda keep: table.fit(table.apart(keep), keep), count, most)
+    found = rosner_outliers(lambda keep: table.fit(table.separate_slopes(keep), keep), count, most)
     left = np.array([number not in found for number in range(count)])
-    return found if table.ways(left) == table.ways(np.ones(count, bool)) and table.sloped(left) else {}
+    return found if table.orientations(left) == table.orientations(np.ones(count, bool)) and table.sloped(left) else {}
 
 
 def _outliers(table: Table, fit: LinearFit, keep: BoolArray, bad: dict[int, float]) -> tuple[Outlier, ...]:
-    ways, outliers = table.ways(keep), []
+    orientations, outliers = table.orientations(keep), []
     for number, t in bad.items():
         piece = table.pieces[number]
-        start, slope = fit.parameters[ways.index(piece.orientation)], fit.parameters[-1]
+        start, slope = fit.parameters[orientations.index(piece.orientation)], fit.parameters[-1]
         outliers.append(Outlier(piece, float(piece.level_dB - start + slope * piece.length_mm / MM_PER_CM), t))
     return tuple(outliers)
 
 
 def _common_line(table: Table, fit: LinearFit, keep: BoolArray, launched_dB: float | None) -> Line:
-    count = len(table.ways(keep))
+    count = len(table.orientations(keep))
     start, slope = np.append(np.full(count, 1.0 / count), 0.0), np.append(np.zeros(count), 1.0)
     return replace(_line(table, fit, keep, start, slope), launched_dB=launched_dB)
 
 
-def _line(table: Table, fit: LinearFit, keep: BoolArray, start: FloatArray, slope: FloatArray, way: str = "") -> Line:
+def _line(
+    table: Table, fit: LinearFit, keep: BoolArray, start: FloatArray, slope: FloatArray, orientation: str = ""
+) -> Line:
     """Return the line whose start and slope are these combinations of a fit's parameters."""
     return Line(
-        orientation=way,
+        orientation=orientation,
         loss_dB_per_cm=float(slope @ fit.parameters),
         u_loss_dB_per_cm=fit.u(slope),
         interval95_loss_dB_per_cm=fit.interval(slope),
@@ -301,14 +305,21 @@ def _line(table: Table, fit: LinearFit, keep: BoolArray, start: FloatArray, slop
 
 def _orientations(table: Table, keep: BoolArray, launched_dB: float | None) -> tuple[tuple[Line, ...], float | None]:
     """Return the line of each orientation, and the probability of slopes this different by chance."""
-    ways, sloped, design = table.ways(keep), table.sloped(keep), table.apart(keep)
-    if ways == [""] or not sloped or int(keep.sum()) <= design.shape[1]:
+    orientations, sloped, design = table.orientations(keep), table.sloped(keep), table.separate_slopes(keep)
+    if orientations == [""] or not sloped or int(keep.sum()) <= design.shape[1]:
         return (), None
     fit, unit = table.fit(design, keep), np.eye(design.shape[1])
-    slopes = unit[len(ways) :]
+    slopes = unit[len(orientations) :]
     lines = [
-        _line(table, fit, keep & (table.way == way), unit[ways.index(way)], slopes[number], way)
-        for number, way in enumerate(sloped)
+        _line(
+            table,
+            fit,
+            keep & (table.orientation == orientation),
+            unit[orientations.index(orientation)],
+            slopes[number],
+            orientation,
+        )
+        for number, orientation in enumerate(sloped)
     ]
     return tuple(replace(line, launched_dB=launched_dB) for line in lines), _chance(
         fit, slopes[:1] - slopes[1:]
@@ -327,7 +338,7 @@ def _chance(fit: LinearFit, contrasts: FloatArray) -> float:
 
 def _curved(table: Table, keep: BoolArray) -> tuple[float | None, float | None]:
     """Return the probability of such a curvature by chance, and the second derivative of the level; None if unknown."""
-    design, cm = table.apart(keep), table.cm[keep]
+    design, cm = table.separate_slopes(keep), table.cm[keep]
     bent = np.column_stack([design, (cm - cm.mean()) ** 2])
     if len(cm) <= bent.shape[1] or np.linalg.matrix_rank(bent) < bent.shape[1]:
         return None, None
@@ -413,7 +424,9 @@ def _of_shape(loss: GuideLoss) -> list[Caution]:
 def _of_orientation(loss: GuideLoss) -> list[Caution]:
     warnings = []
     named = dict.fromkeys(piece.orientation for piece in loss.points if piece.orientation)
-    if flat := [way for way in named if way not in {line.orientation for line in loss.by_orientation}]:
+    if flat := [
+        orientation for orientation in named if orientation not in {line.orientation for line in loss.by_orientation}
+    ]:
         warnings.append(look_at(f"too few lengths or pieces for a separate loss: {', '.join(flat)}"))
     if loss.p_orientation is None:
         return warnings

@@ -1,8 +1,8 @@
 """Pieces of guide, the units that an interval counts, and the straight lines through them.
 
-A guide at a length is one piece, regardless of the number of readings. Lines differ in their slopes: `Table.common` has
-one slope for all pieces and a start for each orientation, `Table.apart` one slope for each orientation. A guide that
-was cut to several lengths contributes its own start and slope, as random effects.
+A guide at a length is one piece, regardless of the number of readings. Lines differ in their slopes:
+`Table.common_slope` has one slope for all pieces and a start for each orientation, `Table.separate_slopes` one slope
+for each orientation. A guide that was cut to several lengths contributes its own start and slope, as random effects.
 """
 
 import math
@@ -98,13 +98,13 @@ class Table:
         return [(piece.orientation, piece.guide) for piece in self.pieces]
 
     @cached_property
-    def way(self) -> NDArray[np.str_]:
+    def orientation(self) -> NDArray[np.str_]:
         """Orientation of each piece."""
         return np.array([piece.orientation for piece in self.pieces])
 
-    def ways(self, keep: BoolArray) -> list[str]:
+    def orientations(self, keep: BoolArray) -> list[str]:
         """Return the orientations of these pieces."""
-        return list(dict.fromkeys(self.way[keep].tolist()))
+        return list(dict.fromkeys(self.orientation[keep].tolist()))
 
     def lengths(self, keep: BoolArray) -> list[float]:
         """Return the different lengths of these pieces in cm, ascending."""
@@ -112,20 +112,24 @@ class Table:
 
     def sloped(self, keep: BoolArray) -> list[str]:
         """Return the orientations with at least two lengths among these pieces."""
-        return [way for way in self.ways(keep) if len(self.lengths(keep & (self.way == way))) > 1]
+        return [
+            orientation
+            for orientation in self.orientations(keep)
+            if len(self.lengths(keep & (self.orientation == orientation))) > 1
+        ]
 
     def cut(self, keep: BoolArray) -> int:
         """Return the number of guides among these pieces that were cut to several lengths."""
         guides = [guide for guide, kept in zip(self.guide, keep.tolist(), strict=True) if kept]
         return sum(guides.count(guide) > 1 for guide in set(guides))
 
-    def common(self, keep: BoolArray) -> FloatArray:
-        """Return the design matrix for a common slope: a start for each of `ways`, then the slope."""
+    def common_slope(self, keep: BoolArray) -> FloatArray:
+        """Return the design matrix of a common slope: a start per orientation, then the slope."""
         return np.column_stack([self._starts(keep), -self.cm[keep]])
 
-    def apart(self, keep: BoolArray) -> FloatArray:
-        """Return the design matrix of several slopes: a start for each of `ways`, then a slope for each `sloped`."""
-        slopes = [-self.cm[keep] * (self.way[keep] == way) for way in self.sloped(keep)]
+    def separate_slopes(self, keep: BoolArray) -> FloatArray:
+        """Return the design matrix of separate slopes: a start per orientation, then a slope for each of `sloped`."""
+        slopes = [-self.cm[keep] * (self.orientation[keep] == orientation) for orientation in self.sloped(keep)]
         return np.column_stack([self._starts(keep), *slopes])
 
     def fit(self, design: FloatArray, keep: BoolArray) -> LinearFit:
@@ -143,9 +147,11 @@ class Table:
         if not self.sloped(keep):
             one = f"{lengths[0] * MM_PER_CM:g} mm" if len(lengths) == 1 else "one in each orientation"
             raise DataError("cut-back: length", value=one, limit="one length determines no slope", remedy=remedy)
-        if len(self.pieces) <= (numbers := len(self.ways(keep)) + 1):
+        if len(self.pieces) <= (numbers := len(self.orientations(keep)) + 1):
             limit = f"{numbers} parameters are fitted, so no uncertainty follows; readings of one guide count once"
             raise DataError("cut-back: pieces", value=len(self.pieces), limit=limit, remedy=remedy)
 
     def _starts(self, keep: BoolArray) -> FloatArray:
-        return np.column_stack([(self.way[keep] == way).astype(float) for way in self.ways(keep)])
+        return np.column_stack(
+            [(self.orientation[keep] == orientation).astype(float) for orientation in self.orientations(keep)]
+        )

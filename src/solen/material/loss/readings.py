@@ -12,10 +12,10 @@ import numpy as np
 
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
-from solen.material.beginnings import LAUNCHED
 from solen.material.loss.cutback import GuideLoss, cut_back
 from solen.material.loss.levels import full_level_dB, levels_dB, pulls_down
-from solen.material.rows import REPEATS, RowOptions, below_each_other, chosen_rows, refuse_unused, stated_once
+from solen.material.rows import REPEATS, RowOptions, chosen_rows, constant_number, refuse_unused, stacked_replicates
+from solen.material.warning_prefixes import LAUNCHED
 from solen.ranks import Caution, do_not_use, look_at, note
 from solen.recording import Channel, Recording
 from solen.spec.strict import Finite, Wavelength
@@ -35,7 +35,7 @@ ORIENTATIONS = (
     "orientierung",
     "bauorientierung",
 )
-USUAL_DB_PER_CM = 50.0
+PLAUSIBLE_DB_PER_CM = 50.0
 """Loss above which a guide is implausible: one centimetre transmits 1e-5."""
 UM_PER_MM = 1e3
 _LINEAR = ("W", "V", "A")
@@ -94,7 +94,7 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
     DataError
         If there is no column of lengths or powers, or no loss with an uncertainty follows.
     """
-    recording = below_each_other(chosen_rows(recording, options), POWERS, REPEATS)
+    recording = stacked_replicates(chosen_rows(recording, options), POWERS, REPEATS)
     rows = readings(recording, options.unit, options.dark)
     beside = refuse_unused(recording, options, (*rows.columns, *REPEATS))
     launched_dB = full_level_dB(rows.unit, options.launched, rows.values)
@@ -104,7 +104,7 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
     _refuse_rising(loss, rows, options.dark)
     return replace(
         loss,
-        wavelength_nm=options.wavelength_nm or stated_once(recording, WAVELENGTHS, "nm"),
+        wavelength_nm=options.wavelength_nm or constant_number(recording, WAVELENGTHS, "nm"),
         power_unit=rows.unit or None,
         dark=options.dark,
         falls_with_light=pulls_down(rows.values, rows.unit, options.dark),
@@ -203,11 +203,11 @@ def _refuse_rising(loss: GuideLoss, rows: Readings, dark: float | None) -> None:
 
 def _unusual(loss: GuideLoss, length_unit: str) -> list[Caution]:
     """Return a warning if the result suggests swapped columns or a wrong unit of length."""
-    if loss.loss_dB_per_cm <= USUAL_DB_PER_CM:
+    if loss.loss_dB_per_cm <= PLAUSIBLE_DB_PER_CM:
         return []
     _, longest = loss.lengths_mm
     in_mm = loss.loss_dB_per_cm / UM_PER_MM
-    if factor(length_unit, "um") == 1.0 and in_mm <= USUAL_DB_PER_CM:
+    if factor(length_unit, "um") == 1.0 and in_mm <= PLAUSIBLE_DB_PER_CM:
         return [
             do_not_use(
                 f"the lengths, up to {longest * UM_PER_MM:.3g} µm, look like mm under a header in µm: the loss would "

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from solen.material.cure import CureOptions
-from solen.material.cure.stated import largest_Ec
+from solen.material.cure.published_bounds import largest_Ec
 from solen.material.index.options import IndexOptions
 from solen.material.stiffness import Dimensions, StiffnessOptions
 from solen.paper import samples

@@ -4,7 +4,7 @@ If R and T have each other's names, or fractions are under a header in %, the in
 becomes plausible when they are exchanged, or read as fractions, an error reports the mix-up instead of the impossible
 number.
 
-The interface is `refuse_mixups` of spectra.
+The interface is `check_plausibility` of spectra.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ _IMPOSSIBLE = 5.0  # an index above that of silicon
 _FRACTION = 0.0105  # largest T under a header in % that may be a fraction: 1 with noise
 
 
-def refuse_mixups(rows: Mapping[str, FloatArray], names: Mapping[str, tuple[str, ...]]) -> None:
+def check_plausibility(rows: Mapping[str, FloatArray], names: Mapping[str, tuple[str, ...]]) -> None:
     """Raise an error if T and R make sense only when exchanged, or only as fractions instead of percentages.
 
     Parameters

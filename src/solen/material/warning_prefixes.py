@@ -3,7 +3,7 @@
 K_MASKED = "k is masked"
 THICKNESS_NOT_IN_K = "the uncertainty of the thickness is not stated"
 LAUNCHED = "the launched power is not known"
-NOT_KEPT = (K_MASKED, THICKNESS_NOT_IN_K, LAUNCHED)
+NOT_STORED = (K_MASKED, THICKNESS_NOT_IN_K, LAUNCHED)
 """First words of warnings about quantities that a resin does not store: the extinction coefficient and the coupling
 loss.
 """

@@ -6,8 +6,8 @@ rise/(n₀² − 1). A free n is Cauchy's formula plus a smooth curve whose knot
 part representable by the three terms is removed. One wavelength of a fringe does not determine n, so this is the
 largest freedom that the data allow.
 
-The interface is `Course`, which returns n and its slope, and `free_knots`, which returns the number of knots that a
-number of fringes allows.
+The interface is `DispersionForm`, which returns n and its slope, and `free_knots`, which returns the number of knots
+that a number of fringes allows.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ def free_knots(fringes: float) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class DispersionForm:
     """A form of the index.
 
     Attributes
@@ -50,7 +50,7 @@ class Course:
     slopes: FloatArray
 
     @classmethod
-    def of(cls, kind: Kind, u: FloatArray, u_per_nm: FloatArray, knots: int = 0) -> "Course":
+    def of(cls, kind: Kind, u: FloatArray, u_per_nm: FloatArray, knots: int = 0) -> "DispersionForm":
         """Return a form along some wavelengths; a free one has the given number of knots."""
         if kind != "free":
             return cls(kind, u, u_per_nm, np.zeros((u.size, 0)), np.zeros((u.size, 0)))
