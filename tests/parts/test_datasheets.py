@@ -90,7 +90,7 @@ def test_the_receiver_spreads_by_three() -> None:
         ("[0, 45, 90]", "[0, 45]", "pattern.relative = 3; must be 2"),
         ("[0, 45, 90]", "[5, 45, 90]", "its angles must ascend from 0"),
         ("[0, 45, 90]", "[0, 90, 45]", "its angles must ascend from 0"),
-        ("[1, 0.6, 0]", "[0, 0, 0]", "not 0 everywhere"),
+        ("[1, 0.6, 0]", "[0, 0, 0]", "cannot all be 0"),
         ("[1, 0.6, 0]", "[1, -0.6, 0]", "must be at least 0"),
         ("schema = 1", "schema = 2", "written by a newer solen"),
     ],

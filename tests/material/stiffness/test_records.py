@@ -161,12 +161,12 @@ GAP = np.where(np.arange(81) == 40, np.nan, STRAIN)
         (
             {"force": ("kg", STRAIN), "strain": ("1", STRAIN)},
             Dimensions(area_mm2=1),
-            "unit of force = 'kg'; cannot be taken",
+            "unit of force = 'kg'; cannot be converted to N",
         ),
         (
             {"force": ("", STRAIN), "strain": ("1", STRAIN)},
             Dimensions(area_mm2=1),
-            "unit of force = 'none'; cannot be taken",
+            "unit of force = 'none'; cannot be converted to N",
         ),
         ({"strain": ("1", STRAIN)}, Dimensions(), "has no column of force or stress; its columns are strain"),
         ({"stress": ("MPa", STRAIN)}, Dimensions(), "has no column of displacement, strain or stretch"),
