@@ -42,7 +42,7 @@ def test_every_trace_with_its_kind_and_reach(export: Path, capsys: pytest.Captur
     assert found["format"] == "agilent-cary-csv"
     assert found["sources"][0]["instrument"] == "Cary 5000"
     assert len(found["warnings"]) == 1
-    assert "film 2: the scan holds 900 to 720 nm" in found["warnings"][0]
+    assert "film 2: the scan contains 900 to 720 nm" in found["warnings"][0]
     lines = told(capsys, export)
     assert all(one["name"] in lines for one in found["traces"])
     assert found["warnings"][0] in lines
