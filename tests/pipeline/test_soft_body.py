@@ -81,7 +81,7 @@ def test_run_writes_the_response_under_load(capfd: pytest.CaptureFixture[str], d
 def check_report(page: Page, found: dict[str, Any]) -> None:
     """The report shows the numbers of the result, what holds the body, and loads nothing."""
     assert page.texts["h1"] == ["clamped"]
-    assert page.texts["h2"] == ["What to expect", "Response", "Shape", "Rays", "What is assumed"]
+    assert page.texts["h2"] == ["What to expect", "Response", "Shape", "Rays", "Assumptions"]
     assert page.tags["svg"] == page.tags["figcaption"] == 3
     assert max(page.ids.values()) == 1
     assert all(target.startswith(("#", "data:")) for tag, target in page.loads if tag != "a")

@@ -64,7 +64,7 @@ def test_all_figures_are_inside_with_a_caption_each(text: str) -> None:
         "What matters",
         "What to do",
         "Response",
-        "Behind the numbers",
+        "Background",
         "Rays",
         "Lens and body",
     ]

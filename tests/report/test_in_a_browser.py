@@ -72,7 +72,7 @@ def test_the_report_renders_with_all_figures_and_headings(
     texts = drawn("paper")
     found = laid_out(html(studied("paper"), texts, SOLID), tmp_path, width)
     assert found["headings"] == [
-        *("Paper 860 nm", "What to expect", "What matters", "What to do", "Response", "Behind the numbers", "Rays"),
+        *("Paper 860 nm", "What to expect", "What matters", "What to do", "Response", "Background", "Rays"),
         "Lens and body",
     ]
     assert len(found["figures"]) == len(found["captions"]) == len(texts) == 7
