@@ -51,7 +51,7 @@ def test_a_compilation_is_noticed_and_said_on_stderr() -> None:
     """A function that numba has never seen, in a command of this program."""
     program = (
         "import sys, time, solen.cli.waiting as w\n"
-        "with w.spoken('solen x'):\n"
+        "with w.progress_messages('solen x'):\n"
         "    import numba\n"
         "    time.sleep(0.5)\n"
         "    numba.njit(lambda x: x + 1)(1.0)\n"

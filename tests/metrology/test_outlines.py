@@ -12,7 +12,7 @@ import pytest
 from solen.curve import CartesianOval
 from solen.errors import DataError, SpecError
 from solen.metrology import as_image, measure_lens
-from solen.metrology.comparison import compare, doubts
+from solen.metrology.comparison import compare, comparison_warnings
 from solen.metrology.nominal import NominalFront, SeenFrom, nominal_front
 from solen.metrology.outline import measure_outline
 from solen.metrology.pose import Pose
@@ -213,7 +213,7 @@ def test_designs_that_are_alike_are_not_distinguished() -> None:
     found = measure_outline(plain(printed(bump(0.5, 20.0, 0.3))), NOMINAL).chosen
     designs = compare(found, alike)
     assert designs[0].probability < 0.95
-    assert "cannot be distinguished" in doubts(designs, 2.0)[0]
+    assert "cannot be distinguished" in comparison_warnings(designs, 2.0)[0]
 
 
 def test_too_few_points_beside_the_lens_are_refused() -> None:

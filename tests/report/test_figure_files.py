@@ -6,9 +6,9 @@ import pytest
 
 from solen.lens import OvalLens
 from solen.report.canvas import encoded, svg
-from solen.report.design.answer import matters
 from solen.report.design.figures import rays_figure, sensor_view, study_figure
 from solen.report.design.lens import profile_figure
+from solen.report.design.summary import matters
 from tests.report.conftest import Drawn, Studies
 
 

@@ -7,8 +7,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from solen.report.design.answer import advice, expected, matters
 from solen.report.design.html import html, shown
+from solen.report.design.summary import advice, expected, matters
 from tests.report.conftest import Drawn, Studies
 
 LOADS = {"src", "href", "xlink:href", "srcset", "data", "poster", "action", "background", "formaction"}

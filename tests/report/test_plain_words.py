@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from solen.lens import OvalLens
-from solen.report.design.answer import advice, expected, lens_table, lens_words, matters, measured
-from solen.report.design.words import findings, warnings
+from solen.report.design.background import findings, warnings
+from solen.report.design.summary import advice, expected, lens_table, lens_words, matters, measured
 from solen.sensor import DesignStudy, LensChoice, LensFigures, Practice
 from tests.report.conftest import DESIGNS, PRACTICAL, Studies
 

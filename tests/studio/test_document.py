@@ -12,7 +12,7 @@ from solen.errors import OutputError, SpecError
 from solen.pipeline.design.designs import open_design
 from solen.sensor import dragged, picture
 from solen.spec import json_schema, load, template, template_names
-from solen.studio.answers import View, alight, better, drawn, effective, shown
+from solen.studio.answers import View, effective, lit_sensor, picture_frame, refined_frames, shown_sensor
 from solen.studio.commands import same_as
 from solen.studio.document import Document
 from solen.studio.frames import VERSION, decoded, encoded
@@ -131,7 +131,7 @@ def test_frames_say_their_version() -> None:
 def test_every_shipped_design_is_drawn(tmp_path: Path, name: str) -> None:
     (tmp_path / "a.toml").write_text(template(name), encoding="utf-8")
     document = Document(tmp_path / "a.toml")
-    head, arrays = decoded(drawn(document, document.state, View(), 1, whole=True, curve=name == "hand-860"))
+    head, arrays = decoded(picture_frame(document, document.state, View(), 1, whole=True, curve=name == "hand-860"))
     assert len(arrays["rays"]) > 100
     assert arrays["outline"].shape[1] == 2
     assert set(head["values"]) == set(json_schema()["properties"]) - {"schema"}
@@ -145,8 +145,8 @@ def test_a_network_shows_the_powers_of_all_emitters_and_lights_the_chosen_one(tm
     (tmp_path / "a.toml").write_text(template("hand-860"), encoding="utf-8")
     document = Document(tmp_path / "a.toml")
     document.change({"network.motion[0].at_deg": 3.0})
-    head, _ = decoded(next(better(document.state, 1, View(), lambda: False)))
-    index = alight(document.state, View(lit="index"))
+    head, _ = decoded(next(refined_frames(document.state, 1, View(), lambda: False)))
+    index = lit_sensor(document.state, View(lit="index"))
     found = index.trace(mode="power", rays=20_000).detectors
     for k, receiver in enumerate(head["receivers"]):
         power, u = head["power"][0][1][k], head["u_power"][0][1][k]
@@ -155,7 +155,7 @@ def test_a_network_shows_the_powers_of_all_emitters_and_lights_the_chosen_one(tm
     changed = document.change(dragged(index, "emitter-index", (x, z + 0.5))[1]).design.network.emitters
     assert changed[1].distance_mm is not None, "of the chosen one"
     assert changed[0].distance_mm is None
-    assert alight(document.state, View(lit="none")) is document.state.sensor
+    assert lit_sensor(document.state, View(lit="none")) is document.state.sensor
 
 
 def test_two_designs_are_shown_side_by_side(document: Document) -> None:
@@ -163,13 +163,15 @@ def test_two_designs_are_shown_side_by_side(document: Document) -> None:
     before = document.state.sensor
     document.pin()
     state = document.change({"emitter.offset_mm": 0.2})
-    head, arrays = decoded(drawn(document, state, View(angle_deg=2.0, light="plane"), 1, whole=True, curve=False))
+    head, arrays = decoded(
+        picture_frame(document, state, View(angle_deg=2.0, light="plane"), 1, whole=True, curve=False)
+    )
     assert head["is_beside"]
     assert arrays["beside_outline"] == pytest.approx(picture(before, 2.0).outline, abs=1e-5)
     assert arrays["emitter"].mean(axis=0) - arrays["beside_emitter"].mean(axis=0) == pytest.approx(
         [0.2 * np.cos(np.radians(2.0)), 0.2 * np.sin(np.radians(2.0))], abs=1e-5
     )
-    frames = better(state, 1, View(light="plane"), lambda: False, document.beside)
+    frames = refined_frames(state, 1, View(light="plane"), lambda: False, document.beside)
     curves = {head["curve"]["name"]: head["curve"] for head, _ in map(decoded, frames) if head["kind"] == "curve"}
     exact = before.power([before.design.motion.from_deg]).contrast[0]
     assert curves["pinned"]["ends"][0] == pytest.approx(exact, abs=4 * curves["pinned"]["u_ends"][0] + 1e-3)
@@ -204,7 +206,7 @@ def test_a_printed_lens_is_shown_as_it_was_designed_too(document: Document) -> N
     rows = np.column_stack([profile, np.full(41, 1e-3)])
     np.savetxt(document.path.with_name("lens.csv"), rows, delimiter=",", header=header, comments="")
     state = document.change({"lens.shape": "measured", "lens.profile": "lens.csv"})
-    own, designed, flat = (shown(state, View(lens=lens)) for lens in ("own", "designed", "flat"))
+    own, designed, flat = (shown_sensor(state, View(lens=lens)) for lens in ("own", "designed", "flat"))
     assert own.is_measured
     assert designed.design.lens.shape == "cartesian-oval"
     assert not flat.has_lens

@@ -16,9 +16,9 @@ from solen.samples import FOLDER
 from solen.spec import template
 from solen.studio import tabs
 from solen.studio.calls import Call, perform
-from solen.studio.desk import Desk
 from solen.studio.document import Document
-from solen.studio.live import MOST_POINTS, Angles, Course
+from solen.studio.live import MOST_POINTS, Angles, LiveCurve
+from solen.studio.workspace import Workspace
 
 PROTOCOL = """schema = 1
 name = "short"
@@ -33,28 +33,28 @@ velocity_deg_per_s = 15.0
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     """Desk of a saved design, onto which a micrograph and a recording were dropped."""
     folder = tmp_path_factory.mktemp("desk")
-    made = Desk(Document(Path(write_text(folder / "sensor.toml", template("solen-860")))))
+    made = Workspace(Document(Path(write_text(folder / "sensor.toml", template("solen-860")))))
     made.storage.folder.mkdir()
     for name in ("lens-simulated.ome.tif", "rotation-simulated.csv"):
         (made.storage.folder / name).write_bytes((FOLDER / name).read_bytes())
     return made
 
 
-def called(desk: Desk, command: str, asked: dict[str, Any]) -> tuple[Call, Path]:
+def called(workspace: Workspace, command: str, asked: dict[str, Any]) -> tuple[Call, Path]:
     offer = tabs.offer(command)
-    folder = desk.storage.new_folder(offer.short)
-    return offer.call(asked, desk.storage.path, folder, desk.document.path), folder
+    folder = workspace.storage.new_folder(offer.short)
+    return offer.call(asked, workspace.storage.path, folder, workspace.document.path), folder
 
 
 @pytest.fixture
-def answered(desk: Desk, capsys: pytest.CaptureFixture[str]) -> Any:
+def answered(workspace: Workspace, capsys: pytest.CaptureFixture[str]) -> Any:
     """What a tab shows, which must be what its command line answers, and what was reported meanwhile."""
 
     def run(command: str, asked: dict[str, Any], *forced: str) -> tuple[dict[str, Any], list[dict[str, Any]], Path]:
-        call, folder = called(desk, command, asked)
+        call, folder = called(workspace, command, asked)
         reported: list[dict[str, Any]] = []
         found = perform(lambda **news: reported.append(news), call, printed)
         json.dumps([found["result"], reported])
@@ -65,17 +65,17 @@ def answered(desk: Desk, capsys: pytest.CaptureFixture[str]) -> Any:
     return run
 
 
-def test_a_lens_is_inspected_between_two_marks_and_used(desk: Desk, answered: Any) -> None:
+def test_a_lens_is_inspected_between_two_marks_and_used(workspace: Workspace, answered: Any) -> None:
     """The picture has 6 µm per pixel: marks 500 pixels apart are 3 mm, and a pixel of a click is 0.3 % of that."""
     bar = [100.0, 330.0, 600.0, 330.0, 3000.0]
     result, _, folder = answered("print inspect", {"picture": "lens-simulated.ome.tif", "bar": bar})
     assert result["scale"]["um_per_px"] == pytest.approx(6.0)
     assert result["scale"]["u_um_per_px"] == pytest.approx(6.0 * 2**0.5 / 500.0)
-    state = desk.document.change(
-        {"lens.shape": "measured", "lens.profile": f"{desk.storage.folder.name}/{folder.name}/lens.json"}
+    state = workspace.document.change(
+        {"lens.shape": "measured", "lens.profile": f"{workspace.storage.folder.name}/{folder.name}/lens.json"}
     )
     assert state.sensor.is_measured
-    desk.document.step(-1)
+    workspace.document.step(-1)
 
 
 @pytest.mark.parametrize(
@@ -93,30 +93,30 @@ def test_a_bar_that_states_no_scale_is_refused(given: dict[str, Any], named: str
         ScaleOptions(**given)
 
 
-def test_a_simulated_rig_is_run_and_seen_live(desk: Desk) -> None:
-    call, rig = called(desk, "bench new", {})
+def test_a_simulated_rig_is_run_and_seen_live(workspace: Workspace) -> None:
+    call, rig = called(workspace, "bench new", {})
     perform(lambda **_: None, call, printed)
-    assert f"{rig.name}/rig.toml" in desk.storage.names()
-    design = desk.storage.folder / rig.name / "sensor.toml"
+    assert f"{rig.name}/rig.toml" in workspace.storage.names()
+    design = workspace.storage.folder / rig.name / "sensor.toml"
     write_text(design, design.read_text(encoding="utf-8").replace("width_mm = 0.2", "width_mm = 0.0"))  # soon traced
-    (desk.storage.folder / "short.toml").write_text(PROTOCOL, encoding="utf-8")
-    assert desk.suits("bench", "short.toml")["suits"] == ("bench run",)
-    call, folder = called(desk, "bench run", {"protocol": "short.toml", "rig": f"{rig.name}/rig.toml", "seed": 3})
+    (workspace.storage.folder / "short.toml").write_text(PROTOCOL, encoding="utf-8")
+    assert workspace.commands_for("bench", "short.toml")["suits"] == ("bench run",)
+    call, folder = called(workspace, "bench run", {"protocol": "short.toml", "rig": f"{rig.name}/rig.toml", "seed": 3})
     reported: list[dict[str, Any]] = []
     found = perform(lambda **news: reported.append(news), call, printed)
     assert call.shell.split()[:3] == ["solen", "bench", "run"]
     assert found["result"]["outcome"] == "done"
-    assert f"{folder.name}/short.nc" in desk.storage.names(), "for what follows"
+    assert f"{folder.name}/short.nc" in workspace.storage.names(), "for what follows"
     course = reported[-1]["live"]
     assert len(course["columns"]) == 1 + len(course["names"]) == 9, "time, and an input each"
     assert all(0.0 <= one <= 1.0 for column in course["columns"][1:] for one in column)
 
 
-def test_a_recording_is_analysed_calibrated_and_decoded(desk: Desk, answered: Any) -> None:
+def test_a_recording_is_analysed_calibrated_and_decoded(workspace: Workspace, answered: Any) -> None:
     files = ["rotation-simulated.csv"]
     result, _, _ = answered("bench analyse", {"files": files})
     assert result["simulated"]
-    call, calibrated = called(desk, "bench calibrate", {"recordings": files, "sensor": "S1"})
+    call, calibrated = called(workspace, "bench calibrate", {"recordings": files, "sensor": "S1"})
     perform(lambda **_: None, call, printed)
     asked = {"source": files[0], "calibration": f"{calibrated.name}/calibration.json"}
     decoded, reported, _ = answered("bench decode", asked, "--force")
@@ -131,7 +131,7 @@ def test_a_recording_is_analysed_calibrated_and_decoded(desk: Desk, answered: An
 
 def test_a_long_course_is_thinned_out_evenly() -> None:
     reported: list[Any] = []
-    course = Course(lambda **news: reported.append(news))
+    course = LiveCurve(lambda **news: reported.append(news))
     for n in range(10 * MOST_POINTS):
         course.add((float(n), 2.0 * n), ("twice",), "twice")
     course.report(("twice",), "twice")

@@ -13,7 +13,7 @@ from solen.explore.store import Store
 from solen.spec import load
 from solen.studio.document import Document
 from solen.studio.jobs import Job
-from solen.studio.search import Sought, adopted, begin, work
+from solen.studio.search import SearchRequest, adopt, begin, work
 
 DESIGN = """schema = 1
 name = "a"
@@ -24,7 +24,7 @@ step_deg = 3.0
 [emitter]
 width_mm = 0.2
 """
-SOUGHT = Sought(
+SOUGHT = SearchRequest(
     minimise=("abs(null_deg)",),
     maximise=("light",),
     free=("emitter.offset_mm=-0.03:0.03", "lens.focus_mm=15:25"),
@@ -65,7 +65,7 @@ def test_a_cancelled_search_goes_on_to_the_front_of_the_command(document: Docume
 
     number = first.job.head()["rows"][0]["number"]
     document.change({"material.index": 1.5})
-    taken = adopted(document, number)
+    taken = adopt(document, number)
     assert taken.changes == {**began.changes, **first.chosen(number)}
     assert taken.design.material.index == 1.44, "the design that was found, whatever was changed since"
     assert document.step(-1).design.material.index == 1.5
@@ -78,7 +78,7 @@ def test_a_cancelled_search_goes_on_to_the_front_of_the_command(document: Docume
     assert done["traced"] <= len(Store(first.folder).points) - traced
     assert [row["goals"] for row in done["rows"]] == [one.goals for one in exact.designs]
     first.job.news |= {"rows": done["rows"]}
-    assert adopted(document, 1).design == exact.designs[0].design
+    assert adopt(document, 1).design == exact.designs[0].design
     document.save()
     assert load(document.path) == exact.designs[0].design
 
@@ -91,7 +91,7 @@ def test_what_cannot_be_sought_is_refused_at_once(document: Document, asked: dic
         begin(document, SOUGHT.model_copy(update=asked))
     assert document.search is None
     with pytest.raises(SpecError, match="front"):
-        adopted(document, 1)
+        adopt(document, 1)
 
 
 def test_what_fails_in_a_search_is_said(document: Document) -> None:
@@ -103,8 +103,8 @@ def test_what_fails_in_a_search_is_said(document: Document) -> None:
 def test_a_search_may_be_robust_and_as_printed(document: Document) -> None:
     asked = {"minimise": ("linearity_percent",), "free": ("lens.focus_mm=15:25",), "evaluations": 20}
     with pytest.raises(SolenError, match=r"none\.toml"):
-        begin(document, Sought(**asked, as_printed=True, process="none.toml"))
-    begin(document, Sought(**asked, robust=("emitter.offset_mm=0.02",)))
+        begin(document, SearchRequest(**asked, as_printed=True, process="none.toml"))
+    begin(document, SearchRequest(**asked, robust=("emitter.offset_mm=0.02",)))
     assert document.search is not None
     document.search.job.cancel()
     assert "--robust emitter.offset_mm=0.02" in document.search.job.head()["shell"]

@@ -267,7 +267,7 @@ def test_what_fails_in_a_session_ends_it_alone(
         raise ZeroDivisionError("a defect")
 
     with monkeypatch.context() as patch, served.join() as other:
-        patch.setattr("solen.studio.session.drawn", fail)
+        patch.setattr("solen.studio.session.picture_frame", fail)
         other.send(json.dumps({"id": 1, "view": {"angle_deg": 0.5}}))
         with pytest.raises(ConnectionClosed):
             until(other, lambda _: False)
@@ -287,7 +287,7 @@ def test_saving_keeps_comments_and_reads_back(served: Served, talk: ClientConnec
 def test_what_is_not_saved_is_kept_while_it_is_changed(
     served: Served, talk: ClientConnection, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("solen.studio.server.KEPT_S", 0.05)
+    monkeypatch.setattr("solen.studio.server.UNSAVED_CHECK_S", 0.05)
     ask(talk, 1, values={"lens.half_width_mm": 1.9})
     beside = served.file.with_name("sensor-unsaved.toml")
     for _ in range(400):

@@ -15,16 +15,16 @@ from solen.errors import OutputError, SolenError, SpecError
 from solen.samples import FOLDER
 from solen.studio import storage, tabs
 from solen.studio.calls import Call, perform
-from solen.studio.desk import Desk, Order
 from solen.studio.document import Document
 from solen.studio.jobs import Job
 from solen.studio.storage import JOB, Storage, safe_name
+from solen.studio.workspace import Order, Workspace
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Workspace:
     """Desk of a design, onto which files were dropped."""
-    made = Desk(Document(tmp_path_factory.mktemp("desk") / "sensor.toml"))
+    made = Workspace(Document(tmp_path_factory.mktemp("desk") / "sensor.toml"))
     made.document.save()
     kept = made.storage.folder
     kept.mkdir()
@@ -48,10 +48,10 @@ ASKED: dict[str, dict[str, Any]] = {
 }
 
 
-def called(desk: Desk, command: str, asked: Mapping[str, Any], folder: Path) -> Call:
+def called(workspace: Workspace, command: str, asked: Mapping[str, Any], folder: Path) -> Call:
     """The call of what a page asks."""
     folder.mkdir(exist_ok=True)
-    return tabs.offer(command).call(asked, desk.storage.path, folder, desk.document.path)
+    return tabs.offer(command).call(asked, workspace.storage.path, folder, workspace.document.path)
 
 
 def without_files(result: Mapping[str, Any]) -> dict[str, Any]:
@@ -60,9 +60,9 @@ def without_files(result: Mapping[str, Any]) -> dict[str, Any]:
 
 @pytest.mark.parametrize("command", ASKED)
 def test_a_tab_shows_what_the_command_answers(
-    command: str, desk: Desk, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    command: str, workspace: Workspace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    call = called(desk, command, ASKED[command], tmp_path / "a")
+    call = called(workspace, command, ASKED[command], tmp_path / "a")
     told: list[Any] = []
     found = perform(lambda **news: told.append(news), call, printed)
     json.dumps(found["result"], allow_nan=False)
@@ -75,9 +75,9 @@ def test_a_tab_shows_what_the_command_answers(
 
 
 def test_lines_are_those_of_the_command_and_the_same_in_python_runs(
-    desk: Desk, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    workspace: Workspace, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    call = called(desk, "resin cure", ASKED["resin cure"], tmp_path / "a")
+    call = called(workspace, "resin cure", ASKED["resin cure"], tmp_path / "a")
     lines = perform(lambda **_: None, call, printed)["lines"]
     assert run_command(shlex.split(call.shell)[1:]) == 0
     assert capsys.readouterr().out.splitlines()[: len(lines)] == lines
@@ -87,38 +87,40 @@ def test_lines_are_those_of_the_command_and_the_same_in_python_runs(
     assert "\n".join(printed("resin cure", names["found"].result)) == "\n".join(lines)
 
 
-def test_the_log_of_tuned_prints_is_beside_the_design_and_all_else_apart(desk: Desk) -> None:
-    folder = desk.storage.folder / "tune-1"
-    call = called(desk, "print tune", {"picture": "lens.ome.tif", "response": False, "sheet_only": True}, folder)
-    assert call.values["log"] == desk.document.path.with_name("sensor-tuning.json")
-    assert (call.values["design"], call.values["out"]) == (desk.document.path, folder)
+def test_the_log_of_tuned_prints_is_beside_the_design_and_all_else_apart(workspace: Workspace) -> None:
+    folder = workspace.storage.folder / "tune-1"
+    call = called(workspace, "print tune", {"picture": "lens.ome.tif", "response": False, "sheet_only": True}, folder)
+    assert call.values["log"] == workspace.document.path.with_name("sensor-tuning.json")
+    assert (call.values["design"], call.values["out"]) == (workspace.document.path, folder)
     assert call.shell.endswith(
         f"--sheet-only --log {call.values['log']} --no-response --figure {folder / 'figure.svg'}"
     )
-    assert tabs.suitable("print", desk.storage.path("lens.ome.tif")) == ("print tune",)
+    assert tabs.commands_for("print", workspace.storage.path("lens.ome.tif")) == ("print tune",)
 
 
-def test_layers_are_shown_from_the_archive_and_nothing_else_is(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = desk.storage.folder / "layers-1"
-    found = perform(lambda **_: None, called(desk, "print layers", ASKED["print layers"], folder), None)
-    job = Job(1, "print layers", {}, desk.document.jobs)
+def test_layers_are_shown_from_the_archive_and_nothing_else_is(
+    workspace: Workspace, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = workspace.storage.folder / "layers-1"
+    found = perform(lambda **_: None, called(workspace, "print layers", ASKED["print layers"], folder), None)
+    job = Job(1, "print layers", {}, workspace.document.jobs)
     job.news |= found
-    monkeypatch.setattr(desk.document.jobs, "all", [job])
-    rows = json.loads(desk.inside(1, "layers", "job.json"))["layers"]
+    monkeypatch.setattr(workspace.document.jobs, "all", [job])
+    rows = json.loads(workspace.inside(1, "layers", "job.json"))["layers"]
     assert len(rows) == found["result"]["layers"]
-    assert desk.inside(1, "layers", rows[0]["file"]).startswith(b"\x89PNG")
+    assert workspace.inside(1, "layers", rows[0]["file"]).startswith(b"\x89PNG")
     for name, part in (("layers", "../job.json"), ("placed", "1.png"), ("out", "1.png")):
         with pytest.raises(SpecError):
-            desk.inside(1, name, part)
+            workspace.inside(1, name, part)
 
 
 def test_what_a_job_wrote_is_there_again_after_the_studio_ended(tmp_path: Path) -> None:
-    desk = Desk(Document(tmp_path / "sensor.toml"))
-    folder = desk.storage.new_folder("show")
+    workspace = Workspace(Document(tmp_path / "sensor.toml"))
+    folder = workspace.storage.new_folder("show")
     about = {"label": "Show a resin", "folder": folder.name, "shell": "", "python": ""}
-    call = called(desk, "resin show", {"name": "pmma"}, folder)
+    call = called(workspace, "resin show", {"name": "pmma"}, folder)
     found = perform(lambda **_: None, call, printed, about, folder / JOB)
-    again = Desk(Document(tmp_path / "sensor.toml"))
+    again = Workspace(Document(tmp_path / "sensor.toml"))
     (job,) = again.document.jobs.all
     assert job.head()["label"] == "Show a resin"
     assert (job.state, job.result) == ("done", found["result"])
@@ -126,26 +128,26 @@ def test_what_a_job_wrote_is_there_again_after_the_studio_ended(tmp_path: Path) 
     assert again.storage.names() == []
     for text in ("{", '{"name": "a", "about": {}, "news": {"files": {"a": "/etc/passwd"}}}'):
         (folder / JOB).write_text(text)
-        assert Desk(Document(tmp_path / "sensor.toml")).document.jobs.all == []
+        assert Workspace(Document(tmp_path / "sensor.toml")).document.jobs.all == []
 
 
 def test_a_design_that_is_not_saved_is_no_design_of_a_command(tmp_path: Path) -> None:
-    desk = Desk(Document(tmp_path / "sensor.toml"))
+    workspace = Workspace(Document(tmp_path / "sensor.toml"))
     with pytest.raises(SpecError, match="save the design"):
-        desk.begin(Order(command="export"))
+        workspace.begin(Order(command="export"))
 
 
-def test_a_resin_of_results_is_saved_beside_the_design(desk: Desk) -> None:
-    kept = desk.storage.folder
-    perform(lambda **_: None, called(desk, "resin cutback", ASKED["resin cutback"], kept / "cutback-1"), None)
-    assert "cutback-1/cutback.json" in desk.storage.names()
+def test_a_resin_of_results_is_saved_beside_the_design(workspace: Workspace) -> None:
+    kept = workspace.storage.folder
+    perform(lambda **_: None, called(workspace, "resin cutback", ASKED["resin cutback"], kept / "cutback-1"), None)
+    assert "cutback-1/cutback.json" in workspace.storage.names()
     asked = {"name": "my resin", "cutback": "cutback-1/cutback.json"}
-    call = called(desk, "resin build", asked, kept / "build-1")
+    call = called(workspace, "resin build", asked, kept / "build-1")
     perform(lambda **_: None, call, printed)
-    file = desk.document.path.with_name("my resin.toml")
+    file = workspace.document.path.with_name("my resin.toml")
     assert f"--cutback {kept / 'cutback-1' / 'cutback.json'}" in call.shell
-    desk.document.change({"material.index": 1.5})
-    desk.document.change({"material.resin": "pmma", "material.index": None})
+    workspace.document.change({"material.index": 1.5})
+    workspace.document.change({"material.resin": "pmma", "material.index": None})
     with pytest.raises(OutputError, match="exists"):
         perform(lambda **_: None, call, None)
     assert file.exists()
@@ -158,12 +160,12 @@ def test_a_resin_of_results_is_saved_beside_the_design(desk: Desk) -> None:
         *(("absorbance", "penetration"), ("cube", "stiffness"), ("exposures", "exposures")),
     ],
 )
-def test_the_kind_of_a_file_is_detected(desk: Desk, name: str, first: str) -> None:
-    assert desk.suits("resin", f"{name}.csv")["suits"][0] == f"resin {first}"
+def test_the_kind_of_a_file_is_detected(workspace: Workspace, name: str, first: str) -> None:
+    assert workspace.commands_for("resin", f"{name}.csv")["suits"][0] == f"resin {first}"
 
 
-def test_what_is_of_no_kind_is_refused_by_its_columns(desk: Desk) -> None:
-    told = desk.suits("resin", "notes.csv")
+def test_what_is_of_no_kind_is_refused_by_its_columns(workspace: Workspace) -> None:
+    told = workspace.commands_for("resin", "notes.csv")
     assert told["suits"] == ()
     assert "apples, pears" in told["why"]
 
@@ -180,13 +182,15 @@ def test_what_is_of_no_kind_is_refused_by_its_columns(desk: Desk) -> None:
         ({"files": ["discs.csv"], "penetration": "/etc/passwd"}, "passwd"),
     ],
 )
-def test_what_a_command_cannot_take_is_refused_before_it_begins(desk: Desk, asked: dict[str, Any], named: str) -> None:
-    before = desk.storage.names()
+def test_what_a_command_cannot_take_is_refused_before_it_begins(
+    workspace: Workspace, asked: dict[str, Any], named: str
+) -> None:
+    before = workspace.storage.names()
     with pytest.raises(SpecError, match=named):
-        desk.begin(Order(command="resin cure", asked=asked))
-    assert desk.storage.names() == before
-    assert not list(desk.storage.folder.glob("cure-*"))
-    assert desk.document.jobs.all == []
+        workspace.begin(Order(command="resin cure", asked=asked))
+    assert workspace.storage.names() == before
+    assert not list(workspace.storage.folder.glob("cure-*"))
+    assert workspace.document.jobs.all == []
 
 
 def test_no_other_command_is_offered() -> None:

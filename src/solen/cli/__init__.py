@@ -19,16 +19,16 @@ import cyclopts
 
 from solen.cli.app import SHOWN, app, progress_bar, show_outcome
 from solen.cli.commands import GROUPS
-from solen.cli.waiting import is_silent, spoken
+from solen.cli.waiting import is_silent, progress_messages
 from solen.errors import SolenError
 from solen.results import Outcome
 
 BAD_INPUT, INTERRUPTED = 2, 130
-ALIKE = 0.75
+LEAST_SIMILARITY = 0.75
 """Similarity above which a known option is suggested for an unknown one."""
 LEAST_BEGINNING = 3
 """Least number of letters of an option with which a longer, unknown one must begin for it to be suggested."""
-RARELY = 20_000, 50, 50
+GC_THRESHOLDS = 20_000, 50, 50
 """Thresholds of Python's cyclic garbage collector. Its default of 700 new objects is exceeded all the time while
 modules load, which took a tenth of a run; the higher thresholds cost a few megabytes.
 """
@@ -36,15 +36,15 @@ modules load, which took a tenth of a run; the higher thresholds cost a few mega
 
 def main() -> None:
     """Run a command as the entry point; report errors that a user can correct in one line."""
-    gc.set_threshold(*RARELY)
+    gc.set_threshold(*GC_THRESHOLDS)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a terminal that lacks a letter is no reason to fail
+            stream.reconfigure(errors="backslashreplace")  # for terminals that lack a character
     arguments = sys.argv[1:]
     named = " ".join(arguments[: 2 if arguments[:1] and arguments[0] in GROUPS else 1])
-    with nullcontext() if is_silent(arguments) else spoken(f"solen {named}"):
+    with nullcontext() if is_silent(arguments) else progress_messages(f"solen {named}"):
         code = run_command(arguments)
-    gc.freeze()  # else Python searches everything once more on its way out, a tenth of a run
+    gc.freeze()  # otherwise Python collects once more at exit, a tenth of a run
     sys.exit(code)
 
 
@@ -61,9 +61,9 @@ def run_command(arguments: Sequence[str]) -> int:
         return _refuse(str(bad), BAD_INPUT)
     except cyclopts.CycloptsError as bad:
         return _refuse(_one_line(bad, rest), BAD_INPUT)
-    except KeyboardInterrupt as bad:  # a run on the bench says what it keeps
+    except KeyboardInterrupt as bad:  # a run on the bench reports the files it keeps
         return _refuse(str(bad) or "interrupted; no file is half-written", getattr(bad, "exit_code", INTERRUPTED))
-    except (BrokenPipeError, SystemExit):  # the reader of a pipe had enough; rich leaves so while it prints help
+    except (BrokenPipeError, SystemExit):  # the reader closed the pipe; rich exits like this in help
         _drop_output()
         return 0
     except OSError as bad:
@@ -85,7 +85,7 @@ def _one_line(bad: cyclopts.CycloptsError, arguments: Sequence[str]) -> str:
     """Return an error of a command line in one line; a value outside an option's limits is named by its option."""
     if isinstance(bad, cyclopts.MissingArgumentError):
         for option, value in pairwise(arguments):
-            if option == bad.keyword and re.match(r"-[\d.]", value):  # read as an option, since it is not a number
+            if option == bad.keyword and re.match(r"-[\d.]", value):  # not a number, so parsed as an option
                 return f"{option} = {value}; is not a number; write it without a unit"
     if isinstance(bad, cyclopts.UnknownOptionError):
         return _unknown_option(bad)
@@ -104,13 +104,15 @@ def _unknown_option(bad: cyclopts.UnknownOptionError) -> str:
     """Return a line on an unknown option, with a similar one or one with the same beginning as a suggestion."""
     option = (bad.token.keyword or bad.token.value).split("=", 1)[0]
     known = [name for one in bad.argument_collection for name in one.names if name.startswith("--")]
-    names: dict[str, str] = {}  # each option by its first words and by itself: angle and angle-deg are --angle-deg
+    names: dict[str, str] = {}  # each option by its name and leading words: angle and angle-deg are --angle-deg
     for name in known:
         names |= dict.fromkeys(accumulate(name[2:].lower().split("-"), "{}-{}".format), name)
     names |= {name[2:].lower(): name for name in known}
     word = option.lstrip("-").lower()
     begun = [short for short in names if word.startswith(short) and len(short) >= LEAST_BEGINNING]
-    near = max(begun, key=len, default="") or next(iter(difflib.get_close_matches(word, names, 1, ALIKE)), "")
+    near = max(begun, key=len, default="") or next(
+        iter(difflib.get_close_matches(word, names, 1, LEAST_SIMILARITY)), ""
+    )
     return f"Unknown option: {option}; " + (f"did you mean {names[near]}?" if near else "see the command's --help")
 
 

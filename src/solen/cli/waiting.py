@@ -17,7 +17,7 @@ time.
 COMPILING_S = 2.0
 """Interval between lines while the tracer is compiled."""
 COMPILING = "compiling the tracer for this computer, once; it takes a minute or less, and later runs start at once"
-TALK = {"studio", "watch", "jog", "completion"}
+INTERACTIVE = {"studio", "watch", "jog", "completion"}
 """Commands that wait for the user or for readings, and print as they go."""
 LIVE = ("-", ".journal")
 """Sources, or their suffixes, for which `solen bench decode` prints as readings arrive; a recording is decoded at
@@ -74,7 +74,7 @@ NOW = Waiting()
 
 
 @contextmanager
-def spoken(command: str) -> Iterator[None]:
+def progress_messages(command: str) -> Iterator[None]:
     """Report long waits on stderr, from a thread that ends with the command."""
     stop, begun = threading.Event(), time.monotonic()
 
@@ -102,7 +102,7 @@ def is_silent(arguments: list[str]) -> bool:
     """Return whether no progress is reported for a command line: it is quiet, or prints as it goes."""
     shows = "run" in arguments[1:2] and arguments[0] == "bench" and sys.stderr.isatty()  # has a line of its own
     live = "decode" in arguments[1:2] and any(word.endswith(LIVE) for word in arguments)
-    return not arguments or "--quiet" in arguments or shows or live or bool(TALK & set(arguments[:2]))
+    return not arguments or "--quiet" in arguments or shows or live or bool(INTERACTIVE & set(arguments[:2]))
 
 
 def _listen() -> bool:
@@ -112,7 +112,7 @@ def _listen() -> bool:
         return False
     depth = 0
 
-    class Heard(events.Listener):  # type: ignore[misc]
+    class CompileListener(events.Listener):  # type: ignore[misc]
         def on_start(self, event: Any) -> None:
             nonlocal depth
             depth += 1
@@ -124,5 +124,5 @@ def _listen() -> bool:
             depth -= 1
             NOW.function = NOW.function if depth else ""
 
-    events.register("numba:compile", Heard())
+    events.register("numba:compile", CompileListener())
     return True

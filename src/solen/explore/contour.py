@@ -15,7 +15,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.metrology import LensInspection
 from solen.metrology.nominal import END_MM, NominalFront, arc_lengths, interpolated, outward
-from solen.metrology.print_fit import EDGE_BIAS_PX, laid
+from solen.metrology.print_fit import EDGE_BIAS_PX, registered
 
 FRONT_PIECES, WALL_PIECES = 100, 8
 SHARED_LINES = 2.0
@@ -88,7 +88,7 @@ class Rows:
     def of(cls, inspection: LensInspection) -> "Rows":
         """Return the deviations of the chosen edge and the walls behind it."""
         chosen, nominal = inspection.outline.chosen, inspection.nominal
-        front, walls = laid(chosen.traced, nominal, chosen.size)
+        front, walls = registered(chosen.traced, nominal, chosen.size)
         u_um = chosen.edge.measured[1] * inspection.image.um_per_px
         near = nominal.nearest(front)
         inner = (near.arc_mm > END_MM) & (near.arc_mm < near_end(nominal)) & ~near.beyond & chosen.size.on_front

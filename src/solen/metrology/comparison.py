@@ -6,7 +6,7 @@ priors, the posterior probabilities are the marginal likelihoods divided by thei
 alone. Whether any of them explains the outline is a separate question, which `p_form` answers: if the residual form
 error is larger than that of prints of the right design, none of the designs fits.
 
-The interface: `designs_to_compare` and `compare`; `doubts` states what the comparison does not show.
+The interface: `designs_to_compare` and `compare`; `comparison_warnings` states what the comparison does not show.
 """
 
 from collections.abc import Sequence
@@ -133,7 +133,7 @@ def compare(
     return sorted(designs, key=lambda design: -design.size.log_evidence)
 
 
-def doubts(designs: Sequence[ComparedDesign], form_um: float) -> list[Caution]:
+def comparison_warnings(designs: Sequence[ComparedDesign], form_um: float) -> list[Caution]:
     """Return the limits of the comparison as warnings."""
     first = designs[0]
     if not any(design.possible for design in designs):

@@ -18,13 +18,13 @@ import numpy as np
 from scipy import ndimage
 
 from solen.arrays import BoolArray, FloatArray
-from solen.metrology.step_fit import MOST_BLUR_PX, Steps, Usual, fit_steps
+from solen.metrology.step_fit import MOST_BLUR_PX, StepPriors, Steps, fit_steps
 
 LINES = 5
 """Neighbouring lines, one pixel apart, whose grey values are averaged."""
 BLURS = 5.0
 """Half the length of a fitted line, in blurs."""
-USUAL_BLUR_PX = 2.0
+FIRST_BLUR_PX = 2.0
 """First guess of the blur, from which the picture's own blur is determined."""
 LEAST_HALF_PX = 5.0
 SOME, WIDER = 120, 1.25
@@ -156,7 +156,7 @@ def _patch(
 ) -> tuple[FloatArray, tuple[int, int]]:
     """Return the spline coefficients of the required part of the picture, and its first column and row."""
     rows, columns = grey.shape
-    margin = reach + 12.0  # the spline's memory is a few pixels
+    margin = reach + 12.0  # spline coefficients depend on a few pixels beyond
     x0, y0 = (int(max(0.0, np.floor(float(points[:, i].min()) - margin))) for i in (0, 1))
     x1, y1 = (int(np.ceil(float(points[:, i].max()) + margin)) + 1 for i in (0, 1))
     x0, y0 = min(x0, columns - 1), min(y0, rows - 1)
@@ -196,8 +196,8 @@ def fit_edge(
     """
     at = np.zeros((len(contour_px), 1))
     view = _View(grey, contour_px, normals, half_px, ceiling, lines, closed)
-    steps, inside, saturated = view.fitted(at, view.blur(at, USUAL_BLUR_PX))
-    return view.judged(steps, 0, rising, inside, saturated)
+    steps, inside, saturated = view.fitted(at, view.blur(at, FIRST_BLUR_PX))
+    return view.checked(steps, 0, rising, inside, saturated)
 
 
 def fit_two_edges(
@@ -206,7 +206,7 @@ def fit_two_edges(
     normals: FloatArray,
     at_px: FloatArray,
     *,
-    blur_px: float = USUAL_BLUR_PX,
+    blur_px: float = FIRST_BLUR_PX,
     ceiling: float = float("inf"),
 ) -> tuple[Edge, Edge]:
     """Fit two edges with overlapping blurs jointly.
@@ -215,7 +215,7 @@ def fit_two_edges(
     """
     view = _View(grey, contour_px, normals, float("inf"), ceiling, LINES, False)
     steps, inside, saturated = view.fitted(at_px, view.two_blurs(at_px, blur_px))
-    return (view.judged(steps, 0, None, inside, saturated), view.judged(steps, 1, None, inside, saturated))
+    return (view.checked(steps, 0, None, inside, saturated), view.checked(steps, 1, None, inside, saturated))
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,7 +273,7 @@ class _View:
         saturated = self._saturated(t, use)
         seen = (inside | ~use).all(axis=1)
         alone = fit_steps(t, values, at, blur_px, use)
-        usual = _usual(alone, seen & ~saturated)
+        usual = _typical(alone, seen & ~saturated)
         return (alone if usual is None else fit_steps(t, values, at, blur_px, use, usual)), seen, saturated
 
     def _saturated(self, t: FloatArray, use: BoolArray) -> BoolArray:
@@ -284,7 +284,7 @@ class _View:
         share, _ = profiles(limit.astype(np.float64), self.contour_px, self.normals, t, self.lines, order=1)
         return np.asarray(((share > SATURATED) & use).any(axis=1))
 
-    def judged(self, steps: Steps, which: int, rising: bool | None, inside: BoolArray, saturated: BoolArray) -> Edge:
+    def checked(self, steps: Steps, which: int, rising: bool | None, inside: BoolArray, saturated: BoolArray) -> Edge:
         """Return one of the fitted edges, with the outliers rejected."""
         at, u, rise, blur = (values[:, which] for values in (steps.at_px, steps.u_at_px, steps.rise, steps.blur_px))
         points = self.contour_px + self.normals * at[:, None]
@@ -300,19 +300,19 @@ class _View:
             "low contrast": weak,
             "no fit": ~steps.settled | ~(u < MOST_U_PX),
             "odd blur": (blur > ODD_BLUR * usual_blur) | (blur < usual_blur / ODD_BLUR),
-            "odd shape": _beside(steps.noise > np.maximum(ODD_SHAPE * noise, ODD_SHARE * abs(usual))),
+            "odd shape": _near_outliers(steps.noise > np.maximum(ODD_SHAPE * noise, ODD_SHARE * abs(usual))),
         }
         kept, rejected = _counted(bad, len(at))
-        out = kept & _off(points, self.contour_px, self.normals, kept, self.closed)
+        out = kept & _off_neighbours(points, self.contour_px, self.normals, kept, self.closed)
         kept, rejected["off its neighbours"] = kept & ~out, int(out.sum())
-        out = kept & _alone(kept, inside)
+        out = kept & _isolated(kept, inside)
         kept, rejected["alone"] = kept & ~out, int(out.sum())
-        u = u * _steadied(steps.noise)
+        u = u * _noise_factors(steps.noise)
         u = u * scatter_over_u(points, self.normals, u, kept, self.lines)
         return Edge(points, self.normals, u, blur, rise, inside, kept, rejected)
 
 
-def _steadied(noise: FloatArray) -> FloatArray:
+def _noise_factors(noise: FloatArray) -> FloatArray:
     """Return factors (N,) on the uncertainties if the noise is also estimated from neighbours.
 
     A line has about ten values and five parameters, so its residuals determine its noise to 30 % at best.
@@ -346,7 +346,7 @@ def scatter_over_u(
     return float(max(1.0, 1.4826 * float(np.median(np.abs(rest)))))
 
 
-def _usual(steps: Steps, fit: BoolArray) -> Usual | None:
+def _typical(steps: Steps, fit: BoolArray) -> StepPriors | None:
     """Return typical parameters of the good fits, or None if there are too few."""
     noise = _median(steps.noise, fit)
     good = fit & steps.settled & (np.abs(steps.rise).min(axis=1) > LEAST_SNR * noise)
@@ -354,7 +354,7 @@ def _usual(steps: Steps, fit: BoolArray) -> Usual | None:
     if good.sum() < FEWEST:
         return None
     rise = float(np.median(np.abs(steps.rise[good]).max(axis=1)))
-    return Usual(
+    return StepPriors(
         log_blur=np.log(np.median(steps.blur_px[good], axis=0)),
         u_log_blur=U_LOG_BLUR,
         slope_per_px=float(np.median(steps.slope_per_px[good])),
@@ -372,14 +372,14 @@ def _counted(bad: dict[str, BoolArray], count: int) -> tuple[BoolArray, dict[str
     return kept, rejected
 
 
-def _alone(kept: BoolArray, inside: BoolArray) -> BoolArray:
+def _isolated(kept: BoolArray, inside: BoolArray) -> BoolArray:
     """Return points whose neighbours in the picture are mostly not edges, and which are therefore not trusted."""
     shares = (ndimage.uniform_filter1d(flags.astype(float), ALONE_PLACES, mode="nearest") for flags in (kept, inside))
     own, all_of_them = shares
     return np.asarray(own < ALONE_SHARE * all_of_them)
 
 
-def _beside(odd: BoolArray) -> BoolArray:
+def _near_outliers(odd: BoolArray) -> BoolArray:
     """Return outliers with `BESIDE` neighbours to either side, because an object on an edge fades out gradually."""
     return np.asarray(ndimage.binary_dilation(odd, iterations=BESIDE)) if odd.any() else odd
 
@@ -388,7 +388,9 @@ def _median(values: FloatArray, where: BoolArray) -> float:
     return float(np.median(values[where])) if where.any() else 0.0
 
 
-def _off(points: FloatArray, contour: FloatArray, normals: FloatArray, kept: BoolArray, closed: bool) -> BoolArray:
+def _off_neighbours(
+    points: FloatArray, contour: FloatArray, normals: FloatArray, kept: BoolArray, closed: bool
+) -> BoolArray:
     """Return points whose distance from the running median of their neighbours exceeds the scatter and half a pixel."""
     if int(kept.sum()) < NEIGHBOURS:
         return np.zeros(len(kept), dtype=bool)

@@ -158,7 +158,7 @@ def best_path(gain: FloatArray) -> IndexArray:
     rows, columns = gain.shape
     cost = JUMP_COST * np.abs(np.arange(-JUMP, JUMP + 1))
     came = np.zeros((rows, columns), dtype=np.intp)
-    padded = np.full(columns + 2 * JUMP, -np.inf)  # the best sums so far; nothing comes from beyond the band
+    padded = np.full(columns + 2 * JUMP, -np.inf)  # the best sums so far; no path enters from outside the band
     total, near = padded[JUMP:-JUMP], np.lib.stride_tricks.sliding_window_view(padded, 2 * JUMP + 1)
     total[:] = gain[0]
     every = np.arange(columns)

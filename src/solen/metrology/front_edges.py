@@ -15,7 +15,7 @@ from solen.metrology.pose import Pose
 
 MOST_PLACES = 2500
 SPACING_PX = 3.0
-USUAL_BLUR_PX = (0.5, 2.0, 8.0)
+FIRST_BLUR_PX = (0.5, 2.0, 8.0)
 OVERLAP = 12.0
 """Distance between edges, in blurs, below which they are fitted together."""
 SHARPER = 1.25
@@ -48,7 +48,9 @@ def edges_along(image: Image, pose: Pose, nominal: NominalFront, band: Band, tra
 
     if len(ordered) == 2:
         blur = single(strongest).blur
-        blur = blur if USUAL_BLUR_PX[0] < blur < USUAL_BLUR_PX[2] else USUAL_BLUR_PX[1]  # a lone fit fails on overlaps
+        blur = (
+            blur if FIRST_BLUR_PX[0] < blur < FIRST_BLUR_PX[2] else FIRST_BLUR_PX[1]
+        )  # single fits fail on overlapping edges
         if spaces[0] < OVERLAP * blur:
             middle = offset.mean(axis=0)
             contour = pose.to_px(points + normals * middle[:, None])

@@ -156,6 +156,6 @@ def _ceiling(grey: FloatArray) -> float:
     if highest <= lowest or not CLIPPED_SHARE < float(at_it.mean()) < 1.0:
         return float("inf")
     below = grey[~at_it]
-    step = highest - float(below.max())  # the last levels of a spread that is not cut off hold few pixels each
+    step = highest - float(below.max())  # without saturation, each of the highest levels has few pixels
     neighbours = float(np.mean((grey >= highest - 3.0 * step) & ~at_it))
     return highest if float(at_it.mean()) > 3.0 * neighbours and float(below.max()) > lowest else float("inf")

@@ -12,7 +12,7 @@ from scipy.special import ndtri
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.lens.profile import MeasuredProfile
-from solen.metrology.comparison import ComparedDesign, compare, designs_to_compare, doubts
+from solen.metrology.comparison import ComparedDesign, compare, comparison_warnings, designs_to_compare
 from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront, SeenFrom, nominal_front
 from solen.metrology.outline import EdgeChoice, NamedEdge, Outline, measure_outline
@@ -308,7 +308,7 @@ def measure_lens(
     chosen = outline.chosen
     fit, bias_um = chosen.registration, EDGE_BIAS_PX * image.um_per_px
     designs = compare(chosen, designs_to_compare(design, nominal, against, seen_from), priors)
-    # an edge's bias, of one sign on the left and of the other on the right, turns the part
+    # an edge bias with opposite signs on the left and on the right rotates the part
     turned_deg = np.degrees(2e-3 * bias_um / max(np.ptp(fit.points_mm[:, 0]), 1e-9))
     return LensInspection(
         design=design.name,
@@ -334,7 +334,7 @@ def measure_lens(
         sources=(image.provenance,),
         warnings=(
             *(*image.warnings, *of_pixels(image, nominal), *outline.warnings),
-            *(*_size_warnings(image.scale, chosen), *doubts(designs, priors.form_um)),
+            *(*_size_warnings(image.scale, chosen), *comparison_warnings(designs, priors.form_um)),
         ),
         image=image,
         outline=outline,

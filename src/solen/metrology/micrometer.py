@@ -35,7 +35,7 @@ REACH = 0.35
 """Half width, as a fraction of the period, of the window about a line in which its centroid is computed."""
 UNEVEN = 0.015
 """Largest rms unevenness of the lines, as a fraction of the period, besides a steady change across the picture."""
-OFF = 0.15
+MOST_OFFSET = 0.15
 """Largest displacement of a line, as a share of the period."""
 PROMINENT = 0.4
 """Least contrast of a line, as a fraction of that of the strongest line."""
@@ -129,9 +129,9 @@ def measured_scale(grey: FloatArray, source: Provenance, options: MicrometerOpti
     across = _direction(grey)
     for _ in range(TURNS):
         ruler = _ruler(grey, across, source.file)
-        number, line_at, tilt = _straight(ruler)
+        number, line_at, tilt = _fit_lines(ruler)
         across = np.asarray((across - tilt * np.array([-across[1], across[0]])) / math.hypot(1.0, tilt))
-    period_px, u_fit, quadratic, u_quadratic, left, uneven_px = _even(number, line_at)
+    period_px, u_fit, quadratic, u_quadratic, left, uneven_px = _fit_spacing(number, line_at)
     if uneven_px > UNEVEN * period_px:
         raise _no_lines(source.file, f"lines with a spacing uneven by {100.0 * uneven_px / period_px:.2g} %")
     square = math.hypot(1.0, tilt)
@@ -173,7 +173,7 @@ def _ruler(grey: FloatArray, across: FloatArray, file: str) -> _Ruler:
     for _ in range(2):
         slope, start = np.polyfit(number, peaks, 1)
         number = np.rint((peaks - start) / slope).astype(np.int64)
-    on = np.abs(peaks - start - slope * number) < OFF * slope
+    on = np.abs(peaks - start - slope * number) < MOST_OFFSET * slope
     on &= np.append(True, np.diff(number) > 0)
     if on.sum() < FEWEST_LINES:
         raise _no_lines(file, f"{int(on.sum())} even lines")
@@ -262,7 +262,7 @@ def _centroid(line: FloatArray, peak: float, period: float, least: float) -> flo
         places = np.linspace(low, high, max(9, 2 * math.ceil(2.0 * reach) + 1))
         values = np.interp(places, np.arange(len(line)), line)
         over = np.maximum(values - np.linspace(values[0], values[-1], len(values)), 0.0)
-        if not over.sum() > 0.0:  # nor where the strip runs out
+        if not over.sum() > 0.0:  # also NaN where the strip is outside the picture
             return math.nan
         at = float(over @ places / over.sum())
         if abs(at - peak) > REACH * period:
@@ -270,7 +270,7 @@ def _centroid(line: FloatArray, peak: float, period: float, least: float) -> flo
     return at if float(over.max()) > least else math.nan
 
 
-def _straight(ruler: _Ruler) -> tuple[IntArray, FloatArray, float]:
+def _fit_lines(ruler: _Ruler) -> tuple[IntArray, FloatArray, float]:
     """Return line numbers, positions (n,) at the centre of the strips, and the common slope along the strips."""
     t = ruler.strip_at - ruler.strip_at.mean()
     seen = np.isfinite(ruler.places)
@@ -289,7 +289,7 @@ def _straight(ruler: _Ruler) -> tuple[IntArray, FloatArray, float]:
     return ruler.number[kept], places, slope
 
 
-def _even(number: IntArray, places: FloatArray) -> tuple[float, float, float, float, FloatArray, float]:
+def _fit_spacing(number: IntArray, places: FloatArray) -> tuple[float, float, float, float, FloatArray, float]:
     """Return the spacing of the lines and the quadratic term, their uncertainties, and the residuals of the positions.
 
     The last value is the rms residual after the quadratic term.
@@ -301,28 +301,28 @@ def _even(number: IntArray, places: FloatArray) -> tuple[float, float, float, fl
     left = places - wanted @ solution
     covariance = np.linalg.inv(wanted.T @ wanted) * float(left @ left) / free
     line = np.polyfit(x, places, 1)
-    beside = places - np.polyval(line, x)
-    few = float(stats.t.ppf(0.975, len(x) - 2)) / NORMAL  # of few lines the scatter is not well known
-    even = math.sqrt(float(beside @ beside) / (len(x) - 2) / float(x @ x))
-    u = few * max(even, _u_of_uneven(x, beside))
+    residuals = places - np.polyval(line, x)
+    few = float(stats.t.ppf(0.975, len(x) - 2)) / NORMAL  # the scatter of few lines is uncertain
+    even = math.sqrt(float(residuals @ residuals) / (len(x) - 2) / float(x @ x))
+    u = few * max(even, _u_of_uneven(x, residuals))
     return (
         float(line[0]),
         u,
         float(solution[2]),
         math.sqrt(float(covariance[2, 2])),
-        beside,
+        residuals,
         float(np.sqrt(np.mean(left**2))),
     )
 
 
-def _u_of_uneven(x: FloatArray, beside: FloatArray) -> float:
+def _u_of_uneven(x: FloatArray, residuals: FloatArray) -> float:
     """Return the standard uncertainty of a slope for points (n,) that scatter unequally.
 
     It uses residuals over 1 − leverage: the lines at the picture's corners are short, so their positions scatter
     more, and they influence the slope most (HC3: J. G. MacKinnon and H. White, J. Econometrics 29, 305, 1985).
     """
     leverage = 1.0 / len(x) + x**2 / float(x @ x)
-    return float(np.sqrt(np.sum((x * beside / (1.0 - leverage)) ** 2))) / float(x @ x)
+    return float(np.sqrt(np.sum((x * residuals / (1.0 - leverage)) ** 2))) / float(x @ x)
 
 
 def _warnings(options: MicrometerOptions, number: IntArray, stretch_percent: float | None) -> list[Caution]:

@@ -234,7 +234,7 @@ class _Prior:
 def _named(edges: list[Edge], walls: Sequence[list[Edge]], image: Image, prior: _Prior) -> list[NamedEdge]:
     """Return named edges of which enough can be measured."""
     kept = [edge for edge in edges if edge.share_kept >= LEAST_KEPT]
-    beside = [_beside(walls, edges.index(edge), len(edges)) for edge in kept]
+    beside = [_walls_of(walls, edges.index(edge), len(edges)) for edge in kept]
     names: Iterable[str] = ("outer", *(f"middle {i}" for i in range(1, len(kept) - 1)), "inner")
     if len(kept) == 2 and (crossed := by_focus(*kept)) is not None:
         kept, names, beside = list(crossed), ("sharper", "softer"), [(), ()]
@@ -255,7 +255,7 @@ def _named(edges: list[Edge], walls: Sequence[list[Edge]], image: Image, prior: 
     ]
 
 
-def _beside(walls: Sequence[list[Edge]], place: int, count: int) -> tuple[Edge | None, ...]:
+def _walls_of(walls: Sequence[list[Edge]], place: int, count: int) -> tuple[Edge | None, ...]:
     """Return the edge of each wall that continues an edge of the front, or None if their numbers differ."""
     return tuple(wall[place] if len(wall) == count else None for wall in walls)
 

@@ -287,7 +287,7 @@ def _print_fit(problem: _Problem, fit: _Placed, posterior: _Posterior, count: fl
     priors, traced = problem.priors, problem.traced
     size, u_size = float(posterior.mean[3]), math.sqrt(float(posterior.covariance[3, 3]))
     parts = np.array([traced.u_factor, 1e-2 * priors.u_shrinkage_percent])
-    gain = parts**2 / np.sum(parts**2)  # of a factor that is their sum
+    gain = parts**2 / np.sum(parts**2)  # of the size factor, their sum
     off = size - problem.before[3]
     u_parts = np.sqrt(parts**2 * (1.0 - gain) + (gain * u_size) ** 2)
     form = math.sqrt(fit.mean_square)
@@ -312,7 +312,9 @@ def _print_fit(problem: _Problem, fit: _Placed, posterior: _Posterior, count: fl
     )
 
 
-def laid(traced: Traced, nominal: NominalFront, size: PrintFit) -> tuple[FloatArray, tuple[FloatArray | None, ...]]:
+def registered(
+    traced: Traced, nominal: NominalFront, size: PrintFit
+) -> tuple[FloatArray, tuple[FloatArray | None, ...]]:
     """Return the points (N, 2) of the front and of its left and right wall, registered to the design by the fit, mm."""
 
     def moved(points_px: FloatArray) -> FloatArray:

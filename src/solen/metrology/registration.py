@@ -240,7 +240,7 @@ def _residual(column: FloatArray, jacobian: FloatArray, weights: FloatArray) -> 
 def _moved(pose: Pose, fit: _Fit) -> Pose:
     """Return the pose of the design after the rigid motion of the points."""
     c, s = math.cos(fit.turn), math.sin(fit.turn)
-    back = np.array([[c, -s], [s, c]])  # rows times this turn back
+    back = np.array([[c, -s], [s, c]])  # rows times this matrix rotate back
     axis = pose.direction_px(np.array([0.0, 1.0]) @ back)
     angle = math.degrees(math.atan2(-axis[0], -axis[1])) % 360.0
     x, y = pose.to_px(-fit.shift @ back).tolist()

@@ -125,7 +125,7 @@ class ScaleOptions(Options):
     @model_validator(mode="after")
     def _states_it_once(self) -> Self:
         if self.scale is not None or self.bar is not None:
-            self.model_fields_set.difference_update(("um_per_px", "u_um_per_px"))  # they are the file's, the bar's
+            self.model_fields_set.difference_update(("um_per_px", "u_um_per_px"))  # set by the file or the bar
         return self
 
     def rescaled(self, rows: int, columns: int) -> list[Caution]:
@@ -203,7 +203,7 @@ class Tag:
     calibrated: bool = False
 
     @property
-    def doubt(self) -> str:
+    def why_rejected(self) -> str:
         """Reason why the tag is not a scale; empty if it is valid."""
         sizes = (self.x_um, self.y_um)
         if not all(math.isfinite(size) and size > 0.0 for size in sizes):
@@ -231,15 +231,15 @@ def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[S
     SpecError
         If the given uncertainty is half the scale or more.
     """
-    usable = sorted((tag for tag in tags if not tag.doubt), key=lambda tag: not tag.calibrated)
+    usable = sorted((tag for tag in tags if not tag.why_rejected), key=lambda tag: not tag.calibrated)
     if given.um_per_px is not None:
         scale, warnings = Scale(given.um_per_px, given.u_um_per_px), _contradictions(given.um_per_px, usable)
     elif usable:
         first, warnings = usable[0], _ambiguities(usable)
         scale = Scale(0.5 * (first.x_um + first.y_um), given.u_um_per_px, first.origin)
     else:
-        doubts = [tag.doubt for tag in tags]
-        raise DataError(file, limit=doubts[0] if doubts else "does not state the size of a pixel", remedy=REMEDY)
+        reasons = [tag.why_rejected for tag in tags]
+        raise DataError(file, limit=reasons[0] if reasons else "does not state the size of a pixel", remedy=REMEDY)
     if scale.u_relative >= 0.5:
         limit = f"must be below half of {scale.um_per_px:g} µm per pixel"
         raise SpecError("--u-um-per-px", value=scale.u_um_per_px, limit=limit)

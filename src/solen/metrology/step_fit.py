@@ -26,7 +26,7 @@ NARROWER = 0.3
 
 
 @dataclass(frozen=True, eq=False)
-class Usual:
+class StepPriors:
     """Priors for the lines across one edge, as normal distributions.
 
     Attributes
@@ -88,7 +88,7 @@ def fit_steps(
     at_px: FloatArray,
     blur_px: float | FloatArray,
     use: BoolArray,
-    usual: Usual | None = None,
+    priors: StepPriors | None = None,
 ) -> Steps:
     """Fit the steps of N lines.
 
@@ -110,7 +110,7 @@ def fit_steps(
     weight = use.astype(np.float64)
     values = np.where(use, values, 0.0)
     parameters = _start(t_px, values, at_px, np.broadcast_to(blur_px, at_px.shape[1]), weight)
-    expected, stiff = (np.zeros(parameters.shape[1]),) * 2 if usual is None else usual.of(parameters.shape[1])
+    expected, stiff = (np.zeros(parameters.shape[1]),) * 2 if priors is None else priors.of(parameters.shape[1])
     damping = np.full(len(values), 1e-3)
     residual, jacobian = _model(t_px, values, parameters, weight)
     cost = np.sum(residual**2, axis=1) + np.sum((stiff * (parameters - expected)) ** 2, axis=1)

@@ -66,7 +66,7 @@ def match_template(grey: FloatArray, um_per_px: float, nominal: NominalFront, *,
     level = Pose(0.0, (0.0, 0.0), coarse_um, mirrored)
     poses = [replace(level, rotation_deg=float(angle)) for angle in np.arange(0.0, 360.0, STEP_DEG)]
     coarse = [match for pose in poses for match in gradients.matches(template, pose)]
-    apart = _apart(sorted(coarse, key=lambda match: -match.score), 0.25 * across / factor)
+    apart = _distinct(sorted(coarse, key=lambda match: -match.score), 0.25 * across / factor)
     fine = [_refined(gradients, match, template) for match in apart]
     return [
         Match(replace(match.pose, origin_px=_full_px(match.pose.origin_px, factor), um_per_px=um_per_px), match.score)
@@ -87,7 +87,7 @@ def _refined(gradients: "_Gradients", match: Match, template: "_Template") -> Ma
     return max(tried, key=lambda one: one.score, default=match)
 
 
-def _apart(matches: list[Match], least_px: float) -> list[Match]:
+def _distinct(matches: list[Match], least_px: float) -> list[Match]:
     """Return the first matches that differ in origin or rotation."""
     kept: list[Match] = []
     for match in matches:

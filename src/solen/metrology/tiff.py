@@ -43,7 +43,7 @@ def opened_tiff(file: str, data: bytes) -> "Iterator[tifffile.TiffFile]":
     check_vision(file)
     import tifffile
 
-    logger = logging.getLogger("tifffile")  # what it logs of a damaged file is raised as well
+    logger = logging.getLogger("tifffile")  # what it logs about a damaged file is also raised
     before, logger.disabled = logger.disabled, True
     try:
         with readable(file), tifffile.TiffFile(io.BytesIO(data)) as opened:

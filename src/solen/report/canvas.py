@@ -36,7 +36,7 @@ SIDES = {"right": (RIGHT, ">"), "left": (LEFT, "<")}
 FONTS = ("Helvetica Neue", "Arial", "Liberation Sans", "DejaVu Sans")
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
-    "pdf.fonttype": 42,  # letters stay letters, as journals ask for
+    "pdf.fonttype": 42,  # text stays text, as journals require
     "ps.fonttype": 42,
     "font.family": "sans-serif",
     "font.sans-serif": list(FONTS),

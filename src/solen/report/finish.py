@@ -41,7 +41,7 @@ LOWEST_IN = 1.3
 PAGE_IN = 9.25
 """Height of a page; stacked panels are shrunk to it as far as they stay legible."""
 _AIR_PX = 1.0
-_APART_PX = 2.5  # beside a note, half of the least distance of two
+_APART_PX = 2.5  # half of the least distance between two notes
 _MANY = 4
 _CODES = range(1, 11)
 """Positions of a legend inside its panel."""
@@ -64,7 +64,7 @@ def finish(figure: Figure, look: FigureOptions) -> Figure:
     if look.height_mm is not None:
         figure.set_figheight(look.height_mm / MM_PER_IN)
     _settle(figure, may_grow=look.height_mm is None)
-    figure.set_layout_engine("none")  # laid out; whoever saves it changes nothing
+    figure.set_layout_engine("none")  # the layout is final; saving must not change it
     return figure
 
 
@@ -149,7 +149,7 @@ def _down(panels: list[list[Axes]], figure: Figure) -> int:
 
 def _size_in(axes: Axes, size_in: Sequence[float]) -> tuple[float, float]:
     place = axes.get_subplotspec()
-    assert place is not None  # noqa: S101  the caller saw to it
+    assert place is not None  # noqa: S101  ensured by the caller
     columns = place.get_gridspec().ncols
     wide = np.asarray(place.get_gridspec().get_width_ratios(), dtype=float)
     high = np.asarray(place.get_gridspec().get_height_ratios(), dtype=float)
@@ -209,7 +209,7 @@ def _letter(panels: list[list[Axes]], first: str) -> None:
 
 def _settle(figure: Figure, *, may_grow: bool) -> None:
     """Lay the figure out until no text is too long for its position and no legend covers data."""
-    family = [*rcParams["font.sans-serif"][:1], "sans-serif"]  # as it is measured, so it is drawn
+    family = [*rcParams["font.sans-serif"][:1], "sans-serif"]  # the same font as for measuring
     for text in figure.findobj(Text):
         text.set_fontsize(max(text.get_fontsize(), LEAST_PT))
         text.set_fontfamily(family)
@@ -218,7 +218,7 @@ def _settle(figure: Figure, *, may_grow: bool) -> None:
     outside: set[Axes] = set()
     for axes in figure.axes:
         if (legend := axes.get_legend()) is not None:
-            legend.set_in_layout(False)  # inside its panel it needs no room beside it
+            legend.set_in_layout(False)  # inside its panel it needs no extra space
     if may_grow:
         figure.set_figheight(figure.get_figheight() + _wrap(figure))
     for _ in range(_ROUNDS):
@@ -229,7 +229,7 @@ def _settle(figure: Figure, *, may_grow: bool) -> None:
             _grow(figure, moved)
         if not wrapped and not moved:
             break
-    _lay_out(figure)  # labels stand where the ticks of the layout before left them
+    _lay_out(figure)  # labels are still at the ticks of the previous layout
     _keep_inside(figure)
     _uncrowded(figure)
 
@@ -291,7 +291,7 @@ def _thinned(axes: Axes, axis: Axis) -> bool:
         return False
     low, high = sorted(axis.get_view_interval())
     along = 0 if axis is axes.xaxis else 1
-    shown = [text for text in axis.get_ticklabels() if text.get_text()]  # of a shared axis some or all are hidden
+    shown = [text for text in axis.get_ticklabels() if text.get_text()]  # some or all are hidden on a shared axis
     boxes = [text.get_window_extent() for text in shown if low <= text.get_position()[along] <= high]
     if not any(box.overlaps(other) for box, other in pairwise(box.padded(_AIR_PX) for box in boxes)):
         return False
@@ -323,7 +323,7 @@ def _clear(axes: Axes, panel: Sequence[Axes], outside: set[Axes]) -> bool:
     legend = axes.get_legend()
     if legend is None or axes in outside or not covers_data(legend, panel, references=True):
         return False
-    for references in (True, False):  # rather off lines of reference, else before them
+    for references in (True, False):  # preferably away from reference lines
         for place in _CODES:
             legend.set_loc(place)
             if not covers_data(legend, panel, references=references):

@@ -21,11 +21,11 @@ from solen.spec.toml import DEFERRED
 from solen.studio.commands import same_as
 from solen.studio.document import Document, State
 from solen.studio.frames import encoded
-from solen.studio.search import Sought
+from solen.studio.search import SearchRequest
 
 ROW = ("key", "tolerance", "largest", "u_largest", "at_deg")
 """Fields of a parameter that a page shows in the list of what matters."""
-BESIDE_RAYS = 2**14
+COMPARISON_RAYS = 2**14
 """Number of rays at an angle for curves that are compared with the design's own."""
 
 
@@ -47,7 +47,7 @@ class View(Strict):
     lit: str | None = Field(None, max_length=200, description="Emitter of a network that is lit; default: network.lit.")
 
 
-class Asked(Strict):
+class PageRequest(Strict):
     """A request of a page: a change of the view or of the design, or an order."""
 
     id: int = Field(0, ge=0, lt=2**53, description="Number of the request, which the answer repeats.")
@@ -59,23 +59,23 @@ class Asked(Strict):
     do: Literal["undo", "redo", "save", "reload", "suggest", "restore", "leave", "pin"] | None = Field(
         None, description="An order."
     )
-    search: Sought | None = Field(None, description="A search to start in the background.")
+    search: SearchRequest | None = Field(None, description="A search to start in the background.")
     take: int | None = Field(
         None, ge=1, description="Design on the front of the search that is to become the open one."
     )
 
 
-def hello(document: Document) -> bytes:
+def hello_frame(document: Document) -> bytes:
     """Return the first frame of a page."""
     motion = document.state.design.motion
     head = {"kind": "hello", "file": document.path.name, "is_new": document.is_new, "schema": json_schema()}
     return encoded(head | {"unit": motion.unit})
 
 
-def suggested(state: State) -> bytes:
+def suggestion_frame(state: State) -> bytes:
     """Return the frame that suggests a search for a more linear response, in the form in which a page requests it."""
     options = straightness_options(state.design)
-    sought = Sought(**{name: getattr(options, name) for name in ("minimise", "maximise", "free", "subject_to")})
+    sought = SearchRequest(**{name: getattr(options, name) for name in ("minimise", "maximise", "free", "subject_to")})
     return encoded({"kind": "suggested", "sought": sought.model_dump()})
 
 
@@ -84,15 +84,15 @@ def in_space(sensor: Sensor) -> bool:
     return sensor.design.trace.dimension == "extruded"
 
 
-def alight(state: State, view: View) -> Sensor:
+def lit_sensor(state: State, view: View) -> Sensor:
     """Return the design's sensor; for a network, with the emitter lit that a page chose, if it still exists."""
     names = [one.name for one in state.design.network.emitters]
     return state.sensor if view.lit not in names else Sensor.of(lit(state.design, view.lit))
 
 
-def shown(state: State, view: View) -> Sensor:
+def shown_sensor(state: State, view: View) -> Sensor:
     """Return the sensor whose response a page shows."""
-    sensor = alight(state, view)
+    sensor = lit_sensor(state, view)
     if view.lens == "designed" and sensor.is_measured:
         sensor = sensor.as_designed
     elif view.lens == "flat" and sensor.has_lens and not sensor.is_drawn:
@@ -102,7 +102,7 @@ def shown(state: State, view: View) -> Sensor:
     return as_built(sensor) if view.light == "space" and sensor.design.trace.dimension == "2d" else sensor
 
 
-def within(state: State, angle_deg: float) -> float:
+def nearest_value(state: State, angle_deg: float) -> float:
     """Return the nearest value within the range of the motion; 0 for a network, whose motions have names."""
     if state.sensor.is_network:
         return 0.0
@@ -110,11 +110,11 @@ def within(state: State, angle_deg: float) -> float:
     return min(max(angle_deg, values[0]), values[-1])
 
 
-def drawn(document: Document, state: State, view: View, asked: int, *, whole: bool, curve: bool) -> bytes:
+def picture_frame(document: Document, state: State, view: View, asked: int, *, whole: bool, curve: bool) -> bytes:
     """Return the frame of the picture, with a rough response if ``curve``, and with all values if ``whole``."""
-    sensor = shown(state, view)
+    sensor = shown_sensor(state, view)
     values = state.design.motion.values()
-    image = picture(sensor, within(state, view.angle_deg), view.rays, split=view.split)
+    image = picture(sensor, nearest_value(state, view.angle_deg), view.rays, split=view.split)
     head: dict[str, Any] = {
         "kind": "drawn",
         "id": asked,
@@ -125,21 +125,21 @@ def drawn(document: Document, state: State, view: View, asked: int, *, whole: bo
         "handles": image.handles,
     }
     if whole:
-        head |= _whole(document, state)
+        head |= _full_state(document, state)
     arrays = {"outline": image.outline, "emitter": image.emitter, "rays": image.rays}
     if document.beside is not None:
-        described, columns = _beside(document.beside, view)
+        described, columns = _comparison_picture(document.beside, view)
         head, arrays = head | described, arrays | columns
     if curve:
-        described, columns = _rough(sensor)
+        described, columns = _rough_response(sensor)
         head, arrays = head | described, arrays | columns
     return encoded(head, arrays)
 
 
-def _beside(state: State, view: View) -> tuple[dict[str, Any], dict[str, Any]]:
+def _comparison_picture(state: State, view: View) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the picture of the design that is compared with the open one; empty if it cannot be built."""
     try:
-        image = picture(shown(state, view), within(state, view.angle_deg), view.rays, split=view.split)
+        image = picture(shown_sensor(state, view), nearest_value(state, view.angle_deg), view.rays, split=view.split)
     except SolenError:
         return {}, {}
     head = {"name": state.design.name, "faces": image.faces, "ends": image.ends, "handles": {}}
@@ -147,7 +147,7 @@ def _beside(state: State, view: View) -> tuple[dict[str, Any], dict[str, Any]]:
     return {"beside": head}, arrays
 
 
-def _rough(sensor: Sensor) -> tuple[dict[str, Any], dict[str, Any]]:
+def _rough_response(sensor: Sensor) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return a rough response, or the reason why there is none yet."""
     try:
         rough = coarse(sensor)
@@ -159,7 +159,7 @@ def _rough(sensor: Sensor) -> tuple[dict[str, Any], dict[str, Any]]:
     return {"curve": described}, columns
 
 
-def _whole(document: Document, state: State) -> dict[str, Any]:
+def _full_state(document: Document, state: State) -> dict[str, Any]:
     return {
         "version": document.version,
         "values": state.design.model_dump(),
@@ -199,11 +199,11 @@ def effective(sensor: Sensor) -> dict[str, Any]:
     return found
 
 
-def better(
+def refined_frames(
     state: State, version: int, view: View, stop: Callable[[], bool], beside: State | None = None
 ) -> Iterator[bytes]:
     """Yield frames of the response as it is refined, and of the curves it is compared with; end early if ``stop``."""
-    sensor = shown(state, view)
+    sensor = shown_sensor(state, view)
     if sensor.is_network:
         yield encoded({"kind": "powers", "in_space": in_space(sensor), **plain(network_response(sensor.design, [{}]))})
         yield encoded({"kind": "rest", "version": version})
@@ -212,22 +212,22 @@ def better(
     for own in refined(sensor, stop):
         yield _frame("own", own)
         if not compared:
-            yield from _compared(sensor, own, stop, None if beside is None else shown(beside, view))
+            yield from _comparison_frames(sensor, own, stop, None if beside is None else shown_sensor(beside, view))
             compared = True
     if not stop():
         yield encoded({"kind": "rest", "version": version})
 
 
-def tolerated(state: State, view: View, stop: Callable[[], bool]) -> Iterator[bytes]:
+def tolerance_frames(state: State, view: View, stop: Callable[[], bool]) -> Iterator[bytes]:
     """Yield frames of the parameters that matter, largest first, and of all tolerances together, one more each time."""
     found: list[ToleranceEffect] = []
-    for one in tolerance_effects(shown(state, view), stop):
+    for one in tolerance_effects(shown_sensor(state, view), stop):
         found = sorted([*found, one], key=lambda each: each.largest, reverse=True)
         rows = [{name: getattr(each, name) for name in ROW} for each in found]
         yield encoded({"kind": "matters", "rows": rows}, {"angle": one.angle_deg, "band": combined_change(found)})
 
 
-def _compared(sensor: Sensor, own: Curve, stop: Callable[[], bool], pinned: Sensor | None) -> Iterator[bytes]:
+def _comparison_frames(sensor: Sensor, own: Curve, stop: Callable[[], bool], pinned: Sensor | None) -> Iterator[bytes]:
     """Yield frames of the comparison curves, and the difference between plane and space that they show."""
     flat = sensor.design.trace.dimension == "2d"
     others: dict[str, Callable[[], Sensor]] = {
@@ -239,9 +239,9 @@ def _compared(sensor: Sensor, own: Curve, stop: Callable[[], bool], pinned: Sens
         others["pinned"] = lambda: pinned
     for name, made in others.items():
         try:
-            beside = None if stop() else coarse(made(), BESIDE_RAYS)
+            beside = None if stop() else coarse(made(), COMPARISON_RAYS)
         except SolenError:
-            continue  # a comparison that cannot be built is none
+            continue  # skip a comparison that cannot be built
         if beside is None:
             continue
         yield _frame(name, beside)

@@ -13,7 +13,7 @@ from typing import Any
 from solen.files import write_text
 from solen.results import Outcome
 from solen.spec.strict import Options
-from solen.studio.jobs import Tell
+from solen.studio.jobs import SendNews
 from solen.studio.signature import Parameter, is_fixed, option_name, parameters_of
 
 Shown = Callable[[str, Any], Sequence[str]]
@@ -33,7 +33,7 @@ class Call:
     values
         The stated values, by parameter, in the order of the function.
     live
-        Parameters that accept an observer of the run, with the class that makes one from a `Tell`, as ``module:name``.
+        Parameters that accept an observer of the run, with the class that makes it from a `SendNews`: ``module:name``.
     """
 
     name: str
@@ -46,14 +46,14 @@ class Call:
         """Parameters of the function by name."""
         return parameters_of(self.function)
 
-    def run(self, tell: Tell) -> Outcome[Any]:
+    def run(self, send_news: SendNews) -> Outcome[Any]:
         """Call the function; report its progress and live values."""
         given = dict(self.values)
         for name, where in self.live.items():
             module, _, factory = where.partition(":")
-            given[name] = getattr(importlib.import_module(module), factory)(tell)
+            given[name] = getattr(importlib.import_module(module), factory)(send_news)
         if "progress" in self.parameters:
-            given["progress"] = lambda share: tell(share=share)
+            given["progress"] = lambda share: send_news(share=share)
         first, keywords = self._split(given)
         return self.function(*first, **keywords)
 
@@ -102,14 +102,18 @@ class Call:
 
 
 def perform(
-    tell: Tell, call: Call, shown: Shown | None, about: Mapping[str, Any] | None = None, kept: Path | None = None
+    send_news: SendNews,
+    call: Call,
+    shown: Shown | None,
+    about: Mapping[str, Any] | None = None,
+    kept: Path | None = None,
 ) -> Mapping[str, Any]:
     """Run a command as the work of a job; return its printed lines, its result as ``--json`` states it, and its files.
 
-    The job, which ``about`` describes, is also written to ``kept``, from where `solen.studio.desk` shows it again
+    The job, which ``about`` describes, is also written to ``kept``, from where `solen.studio.workspace` shows it again
     later.
     """
-    outcome = call.run(tell)
+    outcome = call.run(send_news)
     lines = list(shown(call.name, outcome.result)) if shown is not None else []
     files = {name: str(path) for name, path in outcome.files.items()}
     news = {"lines": lines, "result": outcome.to_dict(), "files": files}

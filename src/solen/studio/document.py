@@ -65,7 +65,7 @@ class Document:
         self.search: Search | None = None
         self.beside: State | None = None
         self._open()
-        self.offered = self._left_behind()
+        self.offered = self._unsaved_earlier()
 
     def _open(self) -> None:
         self.is_new = not self.path.exists()
@@ -105,7 +105,7 @@ class Document:
             sensor.body(at)
             return self._push(State(sensor, {**before.changes, **values}), gesture)
 
-    def become(self, base: State, values: Mapping[str, Any]) -> State:
+    def open_state(self, base: State, values: Mapping[str, Any]) -> State:
         """Open an earlier state of this file with values set; the current state can be restored by undo."""
         with self.lock:
             sensor = Sensor.of(with_values(base.design, values))
@@ -151,7 +151,7 @@ class Document:
             self.beside = self.state if self.beside is None else None
             self.version += 1
 
-    def put_beside(self, path: Path) -> None:
+    def compare_with(self, path: Path) -> None:
         """Compare this design with another one; raises as `Document` does."""
         design = loads(read_text(path, SpecError), what=str(path), folder=path.absolute().parent)
         self.beside = State(Sensor.of(design), {})
@@ -196,7 +196,7 @@ class Document:
             if with_values(self.opened.design, values) != left:
                 limit = f"cannot be applied to {self.path.name}"
                 raise SpecError(str(self.offered), limit=limit, remedy="open it separately")
-            state = self.become(self.opened, values)
+            state = self.open_state(self.opened, values)
             self.kept, self.kept_text, self.offered = self.offered, text, None
             return state
 
@@ -211,13 +211,13 @@ class Document:
         for number in count(1):
             yield self.path.with_name(f"{self.path.stem}-unsaved{'' if number == 1 else f'-{number}'}.toml")
 
-    def _left_behind(self) -> Path | None:
+    def _unsaved_earlier(self) -> Path | None:
         """Return the newest file of changes left unsaved by an earlier session, if it differs from the design."""
         for path in sorted(takewhile(Path.exists, self._beside()), key=lambda one: one.stat().st_mtime, reverse=True):
             try:
                 left = loads(read_text(path, SpecError), what=str(path), folder=self.path.absolute().parent)
             except SolenError:
-                continue  # a design that cannot be opened cannot be offered
+                continue  # a design that cannot be opened is not offered
             return None if left == self.opened.design else path
         return None
 

@@ -24,7 +24,7 @@ ENDED = "ended unexpectedly: see the terminal; files already written are kept"
 State = Literal["running", "done", "cancelled", "failed"]
 
 
-class Tell(Protocol):
+class SendNews(Protocol):
     """Function that reports progress: ``share`` is the completed fraction, other keys are the work's own."""
 
     def __call__(self, **news: Any) -> None:
@@ -32,7 +32,7 @@ class Tell(Protocol):
 
 
 Work = Callable[..., Mapping[str, Any]]
-"""Function of a module that accepts a `Tell` and the given arguments, and returns the final content of its job."""
+"""Function of a module that accepts a `SendNews` and the given arguments, and returns the final content of its job."""
 
 
 class Process:
@@ -41,7 +41,7 @@ class Process:
     def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_alone, args=(theirs,), daemon=True, name="solen-job")
+        self.process = context.Process(target=_serve_jobs, args=(theirs,), daemon=True, name="solen-job")
         self.process.start()
         theirs.close()
 
@@ -51,29 +51,29 @@ class Process:
         self.process.join()
 
 
-def _alone(pipe: Connection) -> None:
+def _serve_jobs(pipe: Connection) -> None:
     """Run jobs in this process until its parent is gone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the studio, which ends this
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C stops the studio, which ends this process
     with suppress(EOFError, OSError):
         while True:
             work, given = pipe.recv()
             if isinstance(work, str):
                 importlib.import_module(work)
             else:
-                pipe.send(worked(pipe, work, given))
+                pipe.send(run_work(pipe, work, given))
 
 
-def worked(pipe: Connection, work: Work, given: Sequence[Any]) -> dict[str, Any]:
+def run_work(pipe: Connection, work: Work, given: Sequence[Any]) -> dict[str, Any]:
     """Run the work; send its reports, and return its final report."""
 
-    def tell(**news: Any) -> None:
+    def send_news(**news: Any) -> None:
         try:
             pipe.send(news)
         except OSError:
             raise SystemExit from None  # nobody listens
 
     try:
-        return {"state": "done", "share": 1.0, **work(tell, *given)}
+        return {"state": "done", "share": 1.0, **work(send_news, *given)}
     except SolenError as bad:
         return {"state": "failed", "why": str(bad)}
     except Exception:
@@ -163,7 +163,7 @@ class Jobs:
         name
             The command.
         given
-            Arguments of the work after its `Tell`; they are pickled.
+            Arguments of the work after its `SendNews`; they are pickled.
         about
             Content that a page shows from the start.
 

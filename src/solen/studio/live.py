@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 
 from solen.bench.run import Tick
-from solen.studio.jobs import Tell
+from solen.studio.jobs import SendNews
 
 MOST_POINTS, LOOK_S = 600, 0.2
 """Largest number of points of a curve that is shown, and time between updates."""
@@ -15,11 +15,11 @@ ENDS = ("from (95 %)", "to (95 %)")
 SHOWN = {"angle_deg": "angle / °", "force_N": "force / N", "depth_mm": "depth / mm"}
 
 
-class Course:
+class LiveCurve:
     """Values over time, thinned out as their number grows."""
 
-    def __init__(self, tell: Tell) -> None:
-        self.tell = tell
+    def __init__(self, send_news: SendNews) -> None:
+        self.send_news = send_news
         self.rows: list[tuple[float, ...]] = []
         self.every, self.seen, self.reported_s = 1, 0, -LOOK_S
 
@@ -37,10 +37,10 @@ class Course:
     def report(self, names: Sequence[str], axis: str, **news: float) -> None:
         """Report the curve so far."""
         columns = [list(column) for column in zip(*self.rows, strict=True)]
-        self.tell(live={"names": list(names), "axis": axis, "columns": columns}, **news)
+        self.send_news(live={"names": list(names), "axis": axis, "columns": columns}, **news)
 
 
-class Levels(Course):
+class Levels(LiveCurve):
     """Light at each input of a rig during a run."""
 
     def __call__(self, tick: Tick) -> None:
@@ -52,7 +52,7 @@ class Levels(Course):
             self.add((tick.t_s, *levels), names, "light, as a fraction of the dark reading", share=share)
 
 
-class Angles(Course):
+class Angles(LiveCurve):
     """Rows of a decoded stream, received as text."""
 
     names: Mapping[str, int]

@@ -56,7 +56,7 @@ class Offer:
     first
         Options that are shown first; all others require a further click.
     live
-        Parameters that accept an observer of the run, with the class that makes one from a `Tell`, as ``module:name``.
+        Parameters that accept an observer of the run, with the class that makes it from a `SendNews`: ``module:name``.
     hidden
         Parameters that a page does not need.
     """

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from solen.errors import SolenError, SpecError
 from solen.results import plain
-from solen.studio.desk import Desk, Order
 from solen.studio.session import request_of
+from solen.studio.workspace import Order, Workspace
 
 if TYPE_CHECKING:
     from fastapi import FastAPI, Response
@@ -18,41 +18,43 @@ LARGEST_ORDER = 2**16
 """Largest size in bytes of a request to a tab."""
 
 
-def add(app: "FastAPI", desk: Desk) -> None:
+def add(app: "FastAPI", workspace: Workspace) -> None:
     """Add the addresses of a desk to an application."""
     from fastapi import Request, Response
     from fastapi.responses import FileResponse
 
     async def forms(tab: str) -> Any:
-        return await asyncio.to_thread(desk.forms, tab)
+        return await asyncio.to_thread(workspace.forms, tab)
 
     async def drop(request: Request, tab: str, name: str) -> Any:
-        return await asyncio.to_thread(desk.suits, tab, await desk.storage.keep(name, request.stream()))
+        return await asyncio.to_thread(
+            workspace.commands_for, tab, await workspace.storage.keep(name, request.stream())
+        )
 
     async def begin(request: Request) -> Any:
         order = Order(**request_of(await _whole(request.stream())))
-        return (await asyncio.to_thread(desk.begin, order)).head()
+        return (await asyncio.to_thread(workspace.begin, order)).head()
 
     async def cancel(number: int) -> Any:
-        await asyncio.to_thread(desk.document.jobs.of(number).cancel)
+        await asyncio.to_thread(workspace.document.jobs.of(number).cancel)
 
     async def result(number: int) -> Any:
-        return desk.document.jobs.of(number).result
+        return workspace.document.jobs.of(number).result
 
     async def file(number: int, name: str) -> Any:
-        path = desk.file_of(number, name)
+        path = workspace.file_of(number, name)
         return FileResponse(path, filename=None if path.suffix == ".svg" else path.name)
 
     async def picture(name: str) -> Any:
         from solen.metrology.image import png_of
 
-        shown = await asyncio.to_thread(png_of, desk.storage.path(name))
+        shown = await asyncio.to_thread(png_of, workspace.storage.path(name))
         return Response(shown, media_type="image/png")
 
     async def inside(number: int, name: str, part: str) -> Any:
         kinds = {"png": "image/png", "json": "application/json"}
         kind = kinds.get(part.rpartition(".")[2], "application/octet-stream")
-        return Response(await asyncio.to_thread(desk.inside, number, name, part), media_type=kind)
+        return Response(await asyncio.to_thread(workspace.inside, number, name, part), media_type=kind)
 
     for method, path, end in (
         ("GET", "/tabs/{tab}", forms),

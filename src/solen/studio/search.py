@@ -19,13 +19,13 @@ from solen.spec import Design, value_at
 from solen.spec.strict import Strict
 from solen.studio.commands import SAVE_FIRST, assigned
 from solen.studio.document import Document, State
-from solen.studio.jobs import Tell
+from solen.studio.jobs import SendNews
 
 TRIED = 140
 """Number of designs tried, unless a page requests another number."""
 
 
-class Sought(Strict):
+class SearchRequest(Strict):
     """Request of a page for a search: options of `solen explore optimise` without files."""
 
     minimise: tuple[str, ...] = Field((), max_length=2, description="Merits to minimise.")
@@ -63,11 +63,11 @@ class Search:
         Its job: ``rows`` of its news are the designs on the front so far, and at the end that front, traced again.
     """
 
-    def __init__(self, document: Document, sought: Sought) -> None:
+    def __init__(self, document: Document, sought: SearchRequest) -> None:
         self.base, self.text = document.state, document.text
         self.folder = document.path.absolute().with_name(f"{document.path.stem}-search")
         goals = [f"{word} {text}" for word in ("minimise", "maximise") for text in getattr(sought, word)]
-        about = {"goals": goals, "folder": self.folder.name, "shell": _same(document, sought, self.folder)}
+        about = {"goals": goals, "folder": self.folder.name, "shell": _command_line(document, sought, self.folder)}
         given = (self.base.design, sought.options(self.folder.parent), self.folder)
         self.job = document.jobs.begin("explore optimise", work, given, {"rows": [], **about})
 
@@ -80,16 +80,16 @@ class Search:
         raise SpecError("design", value=number, limit="is no longer on the front", remedy="choose another")
 
 
-def work(tell: Tell, design: Design, options: OptimiseOptions, folder: Path) -> Mapping[str, Any]:
+def work(send_news: SendNews, design: Design, options: OptimiseOptions, folder: Path) -> Mapping[str, Any]:
     """Search, and report each change."""
     keys = sorted({text.partition("=")[0].partition("[")[0] for text in options.free})
 
     def report_designs(front: Sequence[NondominatedDesign]) -> None:
-        tell(rows=[_row(one.number, one.design, keys, _so_far(one)) for one in front])
+        send_news(rows=[_row(one.number, one.design, keys, _so_far(one)) for one in front])
 
-    found = optimise(design, options, Store(folder), lambda share: tell(share=share), report_designs)
-    rows = [_row(number, one, keys, goals) for number, one, goals in _ends(found)]
-    return {"rows": rows, "before": _again(found.before), "warnings": found.warnings, "traced": found.traced}
+    found = optimise(design, options, Store(folder), lambda share: send_news(share=share), report_designs)
+    rows = [_row(number, one, keys, goals) for number, one, goals in _results(found)]
+    return {"rows": rows, "before": _goals_of(found.before), "warnings": found.warnings, "traced": found.traced}
 
 
 def _row(number: int, design: Design, keys: Sequence[str], goals: dict[str, Any]) -> dict[str, Any]:
@@ -100,22 +100,22 @@ def _so_far(one: NondominatedDesign) -> dict[str, Any]:
     return {"goals": [goal.goal for goal in one.by_goal], "u_goals": [goal.u_goal for goal in one.by_goal]}
 
 
-def _again(one: Any) -> dict[str, Any]:
+def _goals_of(one: Any) -> dict[str, Any]:
     """Return the goals of a design that was traced again."""
     many = isinstance(one, FrontDesign)
     return {"goals": one.goals if many else [one.goal], "u_goals": one.u_goals if many else [one.u_goal]}
 
 
-def _ends(found: Front | Optimum) -> Iterator[tuple[int, Design, dict[str, Any]]]:
+def _results(found: Front | Optimum) -> Iterator[tuple[int, Design, dict[str, Any]]]:
     """Yield number, design and goals of each design of a result."""
     if isinstance(found, Optimum):
-        yield 1, found.design, _again(found.after)
+        yield 1, found.design, _goals_of(found.after)
         return
     for one in found.designs:
-        yield one.number, one.design, _again(one)
+        yield one.number, one.design, _goals_of(one)
 
 
-def _same(document: Document, sought: Sought, folder: Path) -> str:
+def _command_line(document: Document, sought: SearchRequest, folder: Path) -> str:
     """Return the same search as a command line."""
     changes = {} if document.is_saved else document.state.changes
     if None in changes.values():
@@ -133,7 +133,7 @@ def _same(document: Document, sought: Sought, folder: Path) -> str:
     return shlex.join(["solen", "explore", "optimise", str(document.path), *options, *ends, *assigned(changes)])
 
 
-def begin(document: Document, sought: Sought) -> None:
+def begin(document: Document, sought: SearchRequest) -> None:
     """Start a search of the open design.
 
     Raises
@@ -148,10 +148,10 @@ def begin(document: Document, sought: Sought) -> None:
         document.search = Search(document, sought)
 
 
-def adopted(document: Document, number: int) -> State:
+def adopt(document: Document, number: int) -> State:
     """Open a design of the front; `SpecError` if there is none, or the file was opened again since."""
     search = document.search
     if search is None or search.text is not document.text:
         limit = "is not on a front of the open file"
         raise SpecError("design", value=number, limit=limit, remedy="search again")
-    return document.become(search.base, search.chosen(number))
+    return document.open_state(search.base, search.chosen(number))

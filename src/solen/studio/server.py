@@ -13,10 +13,10 @@ from solen.errors import SolenError, SpecError
 from solen.extras import need
 from solen.studio import routes
 from solen.studio.calls import Shown
-from solen.studio.desk import Desk
 from solen.studio.document import Document
 from solen.studio.guard import LOCAL, Guard
 from solen.studio.session import Session
+from solen.studio.workspace import Workspace
 
 if TYPE_CHECKING:
     import uvicorn
@@ -34,16 +34,16 @@ TYPES = {
 LARGEST_MESSAGE = 2**16
 """Largest size in bytes of a message of a page; a longer one closes its connection."""
 MOST_PAGES, MOST_CONNECTIONS = 8, 64
-KEPT_S = 2.0
+UNSAVED_CHECK_S = 2.0
 """Time between checks for unsaved changes."""
 TRY_AGAIN = 1013
 
 
-def application(desk: Desk, token: str, address: str, port: int) -> Guard:
+def application(workspace: Workspace, token: str, address: str, port: int) -> Guard:
     """Return the ASGI application of a desk at an address."""
     from fastapi import FastAPI, HTTPException, Response, WebSocket
 
-    document = desk.document
+    document = workspace.document
     names = {file.name for file in PAGE.iterdir()}
 
     @contextlib.asynccontextmanager
@@ -52,7 +52,7 @@ def application(desk: Desk, token: str, address: str, port: int) -> Guard:
         yield
         keeping.cancel()
         document.jobs.end()
-        document.keep_unsaved()  # here, as a signal that ends the server may end the process after it
+        document.keep_unsaved()  # here, because a signal that stops the server may end the process
 
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None, lifespan=whole)
     sessions: set[Session] = set()
@@ -72,7 +72,7 @@ def application(desk: Desk, token: str, address: str, port: int) -> Guard:
         await _serve(socket, document, sessions)
 
     app.add_api_websocket_route("/{token}/ws", talk)
-    routes.add(app, desk)
+    routes.add(app, workspace)
     app.add_api_route("/{token}/{name:path}", page, response_class=Response, response_model=None)
     return Guard(app, token, address, port)
 
@@ -113,7 +113,7 @@ async def _keep(document: Document) -> None:
                 document.why_not_kept = ""
             except SolenError as bad:
                 document.why_not_kept = f"unsaved changes cannot be written next to the file: {bad}"
-        await asyncio.sleep(KEPT_S)
+        await asyncio.sleep(UNSAVED_CHECK_S)
 
 
 async def _listen(page: "WebSocket", session: Session) -> None:
@@ -165,7 +165,7 @@ def server_at(
     listening = _listening(address, port)
     port, token = listening.getsockname()[1], secrets.token_urlsafe(24)
     config = uvicorn.Config(
-        application(Desk(document, shown), token, address, port),
+        application(Workspace(document, shown), token, address, port),
         http="h11",
         ws="websockets-sansio",
         ws_max_size=LARGEST_MESSAGE,

@@ -9,10 +9,20 @@ from typing import Any
 
 from solen.errors import SolenError, SpecError
 from solen.sensor.picture import dragged
-from solen.studio.answers import Asked, View, alight, better, drawn, hello, suggested, tolerated, within
+from solen.studio.answers import (
+    PageRequest,
+    View,
+    hello_frame,
+    lit_sensor,
+    nearest_value,
+    picture_frame,
+    refined_frames,
+    suggestion_frame,
+    tolerance_frames,
+)
 from solen.studio.document import Document
 from solen.studio.frames import encoded
-from solen.studio.search import adopted, begin
+from solen.studio.search import adopt, begin
 
 MOST_WAITING = 16
 """Largest number of different requests that may wait; those of one drag count as one."""
@@ -34,7 +44,7 @@ def request_of(message: str | bytes) -> dict[str, Any]:
     return data
 
 
-def merged(waiting: list[Asked], new: Asked) -> list[Asked]:
+def merged(waiting: list[PageRequest], new: PageRequest) -> list[PageRequest]:
     """Return the waiting requests with a new one, which replaces the last if both belong to one drag."""
     last = waiting[-1] if waiting else None
     if last is None or _is_order(last) or _is_order(new) or last.gesture != new.gesture or last.handle != new.handle:
@@ -43,7 +53,7 @@ def merged(waiting: list[Asked], new: Asked) -> list[Asked]:
     return [*waiting[:-1], new.model_copy(update=both)]
 
 
-def _is_order(asked: Asked) -> bool:
+def _is_order(asked: PageRequest) -> bool:
     return bool(asked.do or asked.search or asked.take)
 
 
@@ -55,18 +65,18 @@ class Session:
     send: Sender
     others: set["Session"]
     view: View = field(default_factory=View)
-    waiting: list[Asked] = field(default_factory=list)
+    waiting: list[PageRequest] = field(default_factory=list)
     awake: asyncio.Event = field(default_factory=asyncio.Event)
     seen: int = -1
     traced: tuple[int, View] | None = None
     finished: tuple[int, View] | None = None
-    tolerated: tuple[int, View] | None = None
+    tolerance_frames: tuple[int, View] | None = None
     known: dict[int, int] = field(default_factory=dict)
 
     async def take(self, message: str) -> None:
         """Accept a message of the page; a malformed one is rejected, and the session continues."""
         try:
-            waiting = merged(self.waiting, Asked(**request_of(message)))
+            waiting = merged(self.waiting, PageRequest(**request_of(message)))
             if len(waiting) > MOST_WAITING:
                 raise SpecError("requests", limit=f"at most {MOST_WAITING} may wait", remedy="wait for an answer")
         except SolenError as bad:
@@ -77,11 +87,11 @@ class Session:
 
     async def work(self) -> None:
         """Answer requests until cancelled."""
-        await self.send(hello(self.document))
-        self.waiting.append(Asked())
+        await self.send(hello_frame(self.document))
+        self.waiting.append(PageRequest())
         while True:
             self.awake.clear()
-            asked = self.waiting.pop(0) if self.waiting else Asked()
+            asked = self.waiting.pop(0) if self.waiting else PageRequest()
             await self._answer(asked)
             if not self.waiting and await self._at_rest():
                 await self._improve()
@@ -106,7 +116,7 @@ class Session:
         if not self.waiting:
             await self.awake.wait()
 
-    async def _answer(self, asked: Asked) -> None:
+    async def _answer(self, asked: PageRequest) -> None:
         try:
             frames = await asyncio.to_thread(self._frames, asked)
         except SolenError as bad:
@@ -117,20 +127,22 @@ class Session:
             if other.seen != self.document.version:
                 other.awake.set()
 
-    def _frames(self, asked: Asked) -> list[bytes]:
+    def _frames(self, asked: PageRequest) -> list[bytes]:
         """Carry out the requests, and draw."""
         document, view = self.document, asked.view or self.view
         notes = [encoded({"kind": "saved", "file": str(document.path)})] if self._ordered(asked) else []
         if asked.do == "suggest":
-            notes.append(suggested(document.state))
+            notes.append(suggestion_frame(document.state))
         values = asked.values
         if asked.handle is not None and asked.to is not None:
-            angle, values = dragged(alight(document.state, view), asked.handle, asked.to, view.angle_deg)
+            angle, values = dragged(lit_sensor(document.state, view), asked.handle, asked.to, view.angle_deg)
             view = view.model_copy(update={"angle_deg": angle})
         if values:
-            document.change(values, asked.gesture, within(document.state, view.angle_deg))
+            document.change(values, asked.gesture, nearest_value(document.state, view.angle_deg))
         state, version = document.state, document.version
-        frame = drawn(document, state, view, asked.id, whole=version != self.seen, curve=self._key(view) != self.traced)
+        frame = picture_frame(
+            document, state, view, asked.id, whole=version != self.seen, curve=self._key(view) != self.traced
+        )
         self.view, self.seen, self.traced = view, version, self._key(view)
         return [frame, *notes]
 
@@ -140,7 +152,7 @@ class Session:
             update={"angle_deg": 0.0, "rays": 1, "split": False, "tolerances": False}
         )
 
-    def _ordered(self, asked: Asked) -> bool:
+    def _ordered(self, asked: PageRequest) -> bool:
         """Carry out an order; return whether the file was saved."""
         document = self.document
         if asked.do in {"undo", "redo"}:
@@ -152,17 +164,17 @@ class Session:
         if asked.search is not None:
             begin(document, asked.search)
         if asked.take is not None:
-            adopted(document, asked.take)
+            adopt(document, asked.take)
         return asked.do == "save"
 
     async def _improve(self) -> None:
         """Send refined responses, and what matters, until a new request arrives."""
         key = self._key(self.view)
         state, view, stop = self.document.state, self.view, self.awake.is_set
-        if key != self.finished and await self._sent(better(state, key[0], view, stop, self.document.beside)):
+        if key != self.finished and await self._sent(refined_frames(state, key[0], view, stop, self.document.beside)):
             self.finished = key
-        if view.tolerances and key != self.tolerated and await self._sent(tolerated(state, view, stop)):
-            self.tolerated = key
+        if view.tolerances and key != self.tolerance_frames and await self._sent(tolerance_frames(state, view, stop)):
+            self.tolerance_frames = key
 
     async def _sent(self, steps: Iterator[bytes]) -> bool:
         """Send frames as they are made; return whether all were sent before a new request arrived."""
@@ -184,7 +196,7 @@ class Session:
         waiting.cancel()
         if working.done():
             return working.result()
-        working.add_done_callback(asyncio.Future.exception)  # what becomes of it is no longer wanted
+        working.add_done_callback(asyncio.Future.exception)  # its result is no longer needed
         return None
 
 

@@ -19,7 +19,7 @@ from solen.results import Outcome
 if TYPE_CHECKING:
     from rich.table import Table
 
-KEPT = 60
+HISTORY = 60
 """Number of readings in the history of a live plot."""
 
 
@@ -96,7 +96,7 @@ def _shown() -> Iterator[Callable[[Seen], None]]:
         return
     from rich.live import Live
 
-    history: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=KEPT))
+    history: dict[str, deque[float]] = defaultdict(lambda: deque(maxlen=HISTORY))
     with Live(refresh_per_second=10) as live:
         yield lambda seen: live.update(_plot(seen, history))
 
@@ -119,7 +119,7 @@ class _Rows:
 def _plot(seen: Seen, history: dict[str, "deque[float]"]) -> "Table":
     from rich.table import Table
 
-    titles = f"signal / {seen.unit}", f"off / {seen.unit}", f"last {KEPT} looks"
+    titles = f"signal / {seen.unit}", f"off / {seen.unit}", f"last {HISTORY} looks"
     table = Table("receiver", *titles, title=f"{seen.t_s:.1f} s", expand=False)
     for name, signals in seen.signal_V.items():
         for side, signal in signals.items():

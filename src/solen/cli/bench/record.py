@@ -40,7 +40,7 @@ def run(
         try:
             return pipeline.run(protocol, rig, out, options, watch=watch, report=report, confirm=confirm)
         except Ended:
-            pass_over()  # what is kept is still to be said
+            pass_over()  # the stored files are still to be reported
             raise
 
 
@@ -102,10 +102,10 @@ def _live() -> Iterator[tuple[Callable[[Tick], None] | None, Callable[[str], Non
 
 def confirmation() -> Callable[[str], bool] | None:
     """Return a function that asks the operator at the terminal; None without a terminal."""
-    return _asked if sys.stdin.isatty() and sys.stderr.isatty() else None
+    return _confirmed if sys.stdin.isatty() and sys.stderr.isatty() else None
 
 
-def _asked(question: str) -> bool:
+def _confirmed(question: str) -> bool:
     """Return whether the operator answers yes; any other answer is no."""
     sys.stderr.write(f"{question} [y/N] ")
     sys.stderr.flush()

@@ -4,21 +4,21 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from solen.cli.app import lines, short
-from solen.cli.design import deform as deform  # the lines of a soft body's response
+from solen.cli.design import deform as deform  # registers the lines of a soft body's response
 from solen.cli.design.trace import matrix
 from solen.pipeline.design.run import run as run
 from solen.sensor import AsPrinted, DesignStudy
 from solen.sensor.network import NetworkStudy
 
 if TYPE_CHECKING:
-    from solen.report.design.answer import Matter
+    from solen.report.design.summary import Matter
 
 NAME = 16
 
 
 @lines.register
 def _(study: DesignStudy) -> Iterator[str]:
-    from solen.report.design.answer import advice, emitter_words, expected, lens_table, lens_words, matters
+    from solen.report.design.summary import advice, emitter_words, expected, lens_table, lens_words, matters
 
     material, space = study.material, study.design.trace.dimension == "extruded"
     u = "" if material.u_index is None else f" ± {material.u_index:.2g}"

@@ -46,7 +46,7 @@ def result_type(place: str) -> Any:
     """Return the result type of the command at ``module:function``; None if it has no typed result."""
     module, _, function = place.partition(":")
     returned = typing.get_type_hints(getattr(import_module(f"solen.cli.{module}"), function)).get("return")
-    either = (returned, *typing.get_args(returned))  # a command that may print something else returns None then
+    either = (returned, *typing.get_args(returned))  # None: the command may print something else
     kinds = tuple(typing.get_args(kind)[0] for kind in either if typing.get_origin(kind) is Outcome)
     return typing.Union[kinds] if kinds else None  # noqa: UP007  of as many as there are
 

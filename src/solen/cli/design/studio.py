@@ -72,7 +72,7 @@ def _serve(file: Path, changes: dict[str, Any], listen: str, beside: Path | None
     if changes:
         document.change(changes)
     if beside is not None:
-        document.put_beside(beside)
+        document.compare_with(beside)
     if listen != LOCAL:
         line = (
             f"warning: anyone who reaches {listen} and knows the address below can read and change {file}, unencrypted"

@@ -8,7 +8,7 @@ from solen.explore.merits import shown
 from solen.explore.optimise import Front, FrontDesign, GoalResult, Optimum
 from solen.explore.tolerance import Tolerances
 from solen.pipeline.explore.optimise import optimise as optimise
-from solen.report.design.answer import measured
+from solen.report.design.summary import measured
 
 
 @lines.register

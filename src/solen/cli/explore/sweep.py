@@ -6,7 +6,7 @@ from solen.cli.app import lines
 from solen.explore.merits import shown
 from solen.explore.swept import Sweep
 from solen.pipeline.explore.sweep import sweep as sweep
-from solen.report.design.answer import measured
+from solen.report.design.summary import measured
 
 MOST_ROWS = 40
 

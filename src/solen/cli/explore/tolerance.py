@@ -7,7 +7,7 @@ from solen.explore.prints import VariedNumber, Yield
 from solen.explore.tolerance import Tolerances
 from solen.explore.variations import STATED
 from solen.pipeline.explore.tolerance import tolerance as tolerance
-from solen.report.design.answer import measured
+from solen.report.design.summary import measured
 
 SHOWN, MOST_UNKNOWN = 3, 0.5
 """Parameters named for each merit, and the unexplained fraction of its variance above which its causes are hidden."""

@@ -107,7 +107,7 @@ def _share(distance: FloatArray, radius: float, blur: float) -> tuple[FloatArray
     wider = (_exact(at, radius + NUDGE, blur) - _exact(at, radius - NUDGE, blur)) / (2.0 * NUDGE)
     nudged = blur * math.exp(NUDGE), blur * math.exp(-NUDGE)
     blurred = (_exact(at, radius, nudged[0]) - _exact(at, radius, nudged[1])) / (2.0 * NUDGE)
-    outwards = -(radius * wider + blurred) / np.maximum(at, 1e-9)  # the share depends on ratios of the three alone
+    outwards = -(radius * wider + blurred) / np.maximum(at, 1e-9)  # the profile depends only on ratios of the three
     one, two, three, four = (np.interp(distance, at, values) for values in (table, outwards, wider, blurred))
     return one, two, three, four
 
@@ -174,7 +174,7 @@ def fit_disc(
         if disc is None:
             return None
         start, guess = float(disc.values[2]), float(math.exp(disc.values[3]))
-    return None if disc is None else _judged(pixels, disc, place_px, bright=bright, ceiling=ceiling)
+    return None if disc is None else _checked(pixels, disc, place_px, bright=bright, ceiling=ceiling)
 
 
 def _around(grey: FloatArray, place: tuple[float, float], reach: float) -> _Pixels | None:
@@ -245,7 +245,7 @@ def _model(pixels: _Pixels, p: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.asarray(p[4] + rise * inside + p[6] * pixels.x + p[7] * pixels.y), np.column_stack(slopes)
 
 
-def _judged(pixels: _Pixels, fit: Fit, place: tuple[float, float], *, bright: bool, ceiling: float) -> Disc | None:
+def _checked(pixels: _Pixels, fit: Fit, place: tuple[float, float], *, bright: bool, ceiling: float) -> Disc | None:
     """Return the disc after the check of its sectors, or None if its contrast has the opposite sign."""
     p = fit.values
     radius, blur, rise = float(p[2]), math.exp(float(p[3])), float(p[5])

@@ -60,7 +60,7 @@ def fit_gap(grey: FloatArray, left: Disc, right: Disc) -> GapFit | None:
     values = _strip(grey, left, right, along, aside)
     if values is None or len(along) < 8:
         return None
-    wider = 2.0 * (radius - np.sqrt(radius**2 - aside**2)) + blur**2 / radius  # a convex edge's blur moves it inwards
+    wider = 2.0 * (radius - np.sqrt(radius**2 - aside**2)) + blur**2 / radius  # blur moves a convex edge inwards
     rise = 0.5 * (left.rise + right.rise)
     gap_fit = _fit(along, values, wider, rise, blur, expected, own_depth=False)
     if gap_fit.width_px > OWN_DEPTH * blur:

@@ -145,7 +145,7 @@ def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
         lowest = min((column.height_mm for column in columns), default=math.inf)
         location = locate(image.filled_mm, coupon, px_per_mm, what, most_rise=LOW * lowest)
     fits = _DiscFits(image, coupon, location)
-    discs, reasons, blur = ({}, {}, None) if blocks else fits.judged()
+    discs, reasons, blur = ({}, {}, None) if blocks else fits.checked()
     gaps = {gap.name: fit for gap in coupon.gaps if (fit := _fitted_gap(image, gap, discs)) is not None}
     heights = {column.name: height_of(z_mm, coupon, column, location.pose) for column in columns if z_mm is not None}
     measured = [_round(one, discs, reasons, image.scale) for one in coupon.features if one.round]
@@ -196,7 +196,7 @@ class _DiscFits:
     def pose(self) -> Pose:
         return self.location.pose
 
-    def judged(self) -> tuple[dict[str, Disc], dict[str, str], float]:
+    def checked(self) -> tuple[dict[str, Disc], dict[str, str], float]:
         """Return the round features that exist, the reasons for the others, and the blur in px."""
         fits, reasons, blur = self._fitted()
         features = {name: self.coupon.feature(name) for name in fits}
@@ -204,10 +204,10 @@ class _DiscFits:
             name: feature.height_mm if isinstance(self.image, ZMap) else 1.0 for name, feature in features.items()
         }
         clear = [(name, fit) for name, fit in list(fits.items())[: max(3, len(fits) // 2)] if fit and fit.snr > SNR]
-        usual = float(np.median([abs(fit.rise) / heights[name] for name, fit in clear])) if clear else 0.0
+        typical = float(np.median([abs(fit.rise) / heights[name] for name, fit in clear])) if clear else 0.0
         discs = {}
         for name, fit in fits.items():
-            reason = self._missing(features[name], fit, usual * heights[name])
+            reason = self._missing(features[name], fit, typical * heights[name])
             if fit is not None and not reason:
                 discs[name] = fit
             else:
@@ -266,11 +266,11 @@ class _DiscFits:
             reach = min(reach, max(to_edge * scale - EDGE * blur, need))
         return reach, blocked
 
-    def _missing(self, feature: Feature, fit: Disc | None, usual: float) -> str:
+    def _missing(self, feature: Feature, fit: Disc | None, typical: float) -> str:
         """Return the reason why a round feature counts as missing; empty if it exists."""
         if 0.5 * feature.diameter_mm * self.pose.px_per_mm < LEAST_RADIUS_PX:
             return TOO_SMALL
-        if fit is None or fit.snr < SNR or abs(fit.rise) < RISE * usual:
+        if fit is None or fit.snr < SNR or abs(fit.rise) < RISE * typical:
             return "no edge"
         if fit.coverage < COVERAGE:
             return f"only {100 * fit.coverage:.0f} % of its edge is visible"
@@ -358,7 +358,7 @@ def _warnings(
     outside = sum(one.reason == OUTSIDE for one in measured)
     small = ", ".join(one.name for one in measured if one.reason == TOO_SMALL)
     changed = 100.0 * ((ratio or 1.0) - 1.0)
-    doubts = {
+    texts = {
         "no uncertainty of the scale is stated (--u-um-per-px), so those of the sizes exclude it": scale.u_um_per_px
         is None,
         f"distances between features are {changed:+.1f} % off: the print has shrunk or grown, or the scale is wrong": (
@@ -380,4 +380,4 @@ def _warnings(
             (blur or 0.0) > BLURRED_PX
         ),
     }
-    return [look_at(doubt) for doubt, holds in doubts.items() if holds]
+    return [look_at(text) for text, holds in texts.items() if holds]

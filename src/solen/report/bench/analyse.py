@@ -16,7 +16,7 @@ from solen.recording.column_roles import side_of
 from solen.report.canvas import LOST, SERIES, receiver
 
 _ACROSS = 4
-_SHOWN = 60  # ways that are drawn one by one
+_SHOWN = 60  # half-cycles that are drawn individually
 
 
 def study_figure(study: Study) -> Figure:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from solen.report.design.answer import measured
+from solen.report.design.summary import measured
 from solen.sensor import AsPrinted, Comparison
 
 RESOLVED = 2.0

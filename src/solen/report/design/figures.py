@@ -20,7 +20,7 @@ from solen.geometry import Body
 from solen.geometry.body import area, polyline
 from solen.plane import along
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE, receiver
-from solen.report.design.answer import matters
+from solen.report.design.summary import matters
 from solen.scene import Scene
 from solen.sensor import SATURATED, Case, DesignStudy, Practice, Response, Sensor
 from solen.sensor.traced import DesignTrace
@@ -190,7 +190,7 @@ def scene_figure(trace: SceneTrace) -> Figure:
     paths = [path for path in paths if path.ray in shown]
     low, high = _extent(scene, paths)
     margin = 0.05 * max(high[0] - low[0], high[1] - low[1])
-    beyond = 40.0 * margin  # the axes cut it off
+    beyond = 40.0 * margin  # clipped by the axes
     brightest = max((path.power for path in paths), default=1.0)
     colours = [(*mpl.colors.to_rgb(RIGHT), 0.1 + 0.75 * path.power / brightest) for path in paths]
     axes.add_collection(LineCollection([_drawn(path, beyond) for path in paths], colors=colours, linewidths=0.5))

@@ -15,8 +15,8 @@ import solen
 from solen.fabricate import SolidFiles
 from solen.lens import DesignedLens, OvalLens
 from solen.report import canvas
-from solen.report.design.answer import advice, emitter_words, expected, lens_table, lens_words, matters
 from solen.report.design.as_printed import printed_sentences
+from solen.report.design.background import AnyStudy, budget_rows, findings, warnings
 from solen.report.design.figures import (
     SHOWN_RAYS,
     matters_figure,
@@ -25,11 +25,11 @@ from solen.report.design.figures import (
     study_figure,
 )
 from solen.report.design.lens import focus_figure, profile_figure
-from solen.report.design.words import budget_rows, findings, warnings
+from solen.report.design.summary import advice, emitter_words, expected, lens_table, lens_words, matters
 from solen.report.print.predict_figure import printed_figure
 from solen.results import scalars
 from solen.sensor import Case, DesignStudy
-from solen.spec import Design, dumps
+from solen.spec import dumps
 
 FIGURES = {
     "lens-profile": "profile of the lens, x against z in mm",
@@ -82,13 +82,11 @@ def html(study: DesignStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID
     case = study.case
     return page(
         "report.html",
-        study.design,
+        study,
         drawn,
         solid,
         lead="simulated with the emitter as stated" if in_plane else emitter_words(study),
-        warnings=warnings(study),
         expected=expected(study),
-        study=study,
         matters=matters(study.practice),
         lenses=lens_table(study.practice),
         lens_words=lens_words(study.practice),
@@ -106,27 +104,24 @@ def html(study: DesignStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID
 
 def page(
     template: str,
-    design: Design,
+    study: AnyStudy,
     drawn: dict[str, str],
     solid: SolidFiles,
     *,
     lead: str,
-    warnings: list[str],
     expected: list[tuple[str, str]],
     **content: Any,
 ) -> str:
     """Return the HTML text of a report: the common content of ``page.html``, and that of its own template."""
     return rendered(
         template,
-        name=design.name,
-        design=dumps(design),
+        study=study,
+        design=dumps(study.design),
         figures={name: inline(text, name, _alt(name, expected)) for name, text in drawn.items()},
         lead=lead,
-        warnings=warnings,
+        warnings=warnings(study),
         expected=expected,
         solid=solid,
-        thickness_mm=design.body.thickness_mm,
-        one_lens=design.body.kind == "y",
         **content,
     )
 

@@ -3,10 +3,9 @@
 from solen.fabricate import SolidFiles
 from solen.geometry.displaced import GROUND
 from solen.mechanics.design import LoadedState, material_of
-from solen.report.design.answer import measured
 from solen.report.design.html import NO_SOLID, page
 from solen.report.design.loaded import columns, ends_of, forces
-from solen.report.design.words import warnings
+from solen.report.design.summary import measured
 from solen.sensor.loaded import LoadedStudy
 from solen.spec import Design
 from solen.spec.soft import Press
@@ -28,11 +27,10 @@ def html(study: LoadedStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID
     first, last = ends_of(study)
     return page(
         "loaded.html",
-        study.design,
+        study,
         drawn,
         solid,
         lead=f"a soft body under load, from {study.drives} = {first} to {last}",
-        warnings=warnings(study),
         expected=expected(study),
         has_forces=forces(study) is not None,
         last=f"{study.drives} = {last}",

@@ -4,7 +4,6 @@ import numpy as np
 
 from solen.fabricate import SolidFiles
 from solen.report.design.html import NO_SOLID, page
-from solen.report.design.words import warnings
 from solen.sensor.network import NetworkResponse, NetworkStudy
 
 
@@ -15,11 +14,10 @@ def html(study: NetworkStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLI
     rows = zip(rest.emitters, rest.power[0].tolist(), strict=True)
     return page(
         "network.html",
-        study.design,
+        study,
         drawn,
         solid,
         lead=f"{study.check.kind}, {len(rest.emitters)} emitters in turn and {len(rest.receivers)} receivers",
-        warnings=warnings(study),
         expected=expected(study),
         matrix=[heads, *((name, *powers) for name, powers in rows)],
         readings=list(zip(rest.readings, study.check.readings.values(), *_with_u(rest), strict=True)),

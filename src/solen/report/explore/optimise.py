@@ -124,7 +124,7 @@ def front_figure(result: Front) -> Figure:
     axes = figure.add_subplot()
     _designs(axes, result.designs, fmt="o-", color=RIGHT, ms=5, lw=1.2, label="front")
     _designs(axes, [result.before], fmt="s", color=LEFT, ms=7, label="before")
-    side = -1 if result.designs[-1].goals[1] > result.designs[0].goals[1] else 1  # where the front leaves room
+    side = -1 if result.designs[-1].goals[1] > result.designs[0].goals[1] else 1  # the side away from the front
     look: dict[str, Any] = {"textcoords": "offset points", "ha": "right" if side < 0 else "left", "color": RIGHT}
     for one in result.designs:
         axes.annotate(str(one.number), (one.goals[0], one.goals[1]), xytext=(6 * side, 5), **look)

@@ -85,7 +85,7 @@ def _map(figure: Figure, axes: Axes, sweep: Sweep, name: str, _: str) -> None:
     merit = sweep.merits[name].reshape(sweep.shape)
     merit = merit.reshape(*merit.shape[:2], -1)[:, :, 0].T
     (x, x_labels), (y, y_labels) = _label(columns), _label(rows)
-    axes.set_facecolor(SOFT)  # of points without a response
+    axes.set_facecolor(SOFT)  # colour of points without a response
     drawn = axes.pcolormesh(x, y, np.ma.masked_invalid(np.round(merit, EXACT)), cmap=MAP, shading="nearest")
     figure.colorbar(drawn, ax=axes, label=name)
     if x_labels is not None:

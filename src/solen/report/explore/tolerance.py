@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from solen.explore.prints import MeritSpread
 from solen.explore.tolerance import Tolerances
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SOFT
-from solen.report.design.answer import measured
+from solen.report.design.summary import measured
 from solen.report.explore.sweep import plain_numbers
 
 COLUMNS, LEAST_BINS, MOST_UNKNOWN = 3, 8, 0.5

@@ -9,8 +9,8 @@ from markupsafe import Markup
 from solen.paper.records import Drawing
 from solen.paper.reproduction import ReproducedFigure
 from solen.paper.statements import NEGLIGIBLE_PERCENT, SURE, Comparison
-from solen.report.design.answer import measured
 from solen.report.design.html import inline, rendered
+from solen.report.design.summary import measured
 
 
 def page(sections: Sequence[ReproducedFigure], missing: Sequence[str], folder: Path) -> str:

@@ -36,7 +36,7 @@ def inspect_figure(inspection: LensInspection) -> Figure:
     above, below = figure.subplots(2, 1, height_ratios=[tall, BELOW])
     _picture(above, inspection)
     edge = _coloured(above, inspection, norm)
-    bar = above.inset_axes((1.02, 0.0, 0.03, 1.0))  # as high as the picture, and of its panel
+    bar = above.inset_axes((1.02, 0.0, 0.03, 1.0))  # as high as the picture, in the same panel
     figure.colorbar(edge, cax=bar, label="deviation, + outwards (µm)")
     bar.grid(visible=False)
     _deviations(below, inspection, norm)

@@ -14,7 +14,7 @@ from solen.material.cure.layers import StackDose
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SPACE, series
 
 _BAND, _DISCS = 0.18, 0.09
-_MARGIN = 1.15  # of the dose axis beyond what is shown
+_MARGIN = 1.15  # of the dose axis beyond the data
 
 
 def cure_figure(curve: MeasuredCurve) -> Figure:

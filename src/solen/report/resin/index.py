@@ -19,7 +19,7 @@ TITLES = {
 }
 """Titles of the modes."""
 
-_NEAR = 0.2  # how far from n a band is still drawn
+_NEAR = 0.2  # distance from n up to which a band is drawn
 
 
 def index_figure(index: LayerIndex) -> Figure:

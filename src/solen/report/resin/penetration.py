@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from solen.material.cure.penetration import Attenuation, Penetration
 from solen.report.canvas import INK, LEFT, LOST, RIGHT
 
-_BESIDE_NM = 60.0  # shown on both sides of the lamp
+_BESIDE_NM = 60.0  # shown on both sides of the lamp's band
 _DEPTHS = 3.0  # penetration depths that are shown
 _HIGHEST_UM = 2000.0
 

@@ -39,7 +39,7 @@ def _labels(listing: Listing) -> list[str]:
     """Return names of the traces, with their files if there are several, without repeat numbers."""
     several = len(listing.sources) > 1
     names = [_NUMBER.sub("", trace.name) if listing.repeats else trace.name for trace in listing.traces]
-    alone = len(set(names)) == 1  # one name in all files says nothing
+    alone = len(set(names)) == 1  # a name common to all files is not informative
     stems = [Path(trace.file).stem for trace in listing.traces]
     if not several:
         return names

@@ -1,7 +1,7 @@
 """Tabs of the page next to the design: one module each, which lists the commands that it offers.
 
-A module states ``OFFERS``, and a function `suits` that returns the names of those that accept a dropped file, the most
-probable first.
+A module states ``OFFERS``, and a function `commands_for` that returns the names of those that accept a dropped file,
+the most probable first.
 """
 
 import importlib
@@ -37,7 +37,7 @@ def offer(name: str) -> Offer:
     raise SpecError("command", value=name, limit="is not offered by any tab")
 
 
-def suitable(name: str, path: Path) -> tuple[str, ...]:
+def commands_for(name: str, path: Path) -> tuple[str, ...]:
     """Return the names of a tab's commands that accept a file, the most probable first."""
-    found: tuple[str, ...] = tab(name).suits(path)
+    found: tuple[str, ...] = tab(name).commands_for(path)
     return found

@@ -59,7 +59,7 @@ OFFERS = (
 )
 
 
-def suits(path: Path) -> tuple[str, ...]:
+def commands_for(path: Path) -> tuple[str, ...]:
     """Return the commands that accept a file: TOML is a protocol or a rig, a journal is an unfinished run."""
     if path.suffix == ".toml":
         return ("bench run",)

@@ -26,6 +26,6 @@ OFFERS = (
 )
 
 
-def suits(path: Path) -> tuple[str, ...]:  # noqa: ARG001  any file may be a picture, which the command tells
+def commands_for(path: Path) -> tuple[str, ...]:  # noqa: ARG001  any file may be a picture; the command checks it
     """Return the commands of the microscope that accept a picture."""
     return ("print inspect", "print scale")

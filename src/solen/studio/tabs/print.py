@@ -45,7 +45,7 @@ OFFERS = (
 )
 
 
-def suits(path: Path) -> tuple[str, ...]:
+def commands_for(path: Path) -> tuple[str, ...]:
     """Return the commands of the print that accept a file."""
     if path.suffix.lower() in PICTURES:
         return ("print tune",)

@@ -84,6 +84,6 @@ OFFERS = (
 )
 
 
-def suits(path: Path) -> tuple[str, ...]:
+def commands_for(path: Path) -> tuple[str, ...]:
     """Return the evaluations of the resin that accept a file."""
     return tuple(f"resin {name}" for name in evaluations(read(path)))

@@ -26,7 +26,7 @@ class Order(Strict):
 
 
 @dataclass(eq=False)
-class Desk:
+class Workspace:
     """Files and jobs of a document; ``shown`` gives the lines that a command prints."""
 
     document: Document
@@ -45,10 +45,10 @@ class Desk:
         self.document.jobs.warm(["solen.report.canvas", *dict.fromkeys(one.module for one in offers)])
         return {"tab": name, "offers": [one.form() for one in offers], "files": self.storage.names()}
 
-    def suits(self, tab: str, name: str) -> dict[str, Any]:
+    def commands_for(self, tab: str, name: str) -> dict[str, Any]:
         """Return which commands of a tab accept a file, or why none does."""
         try:
-            return {"name": name, "suits": tabs.suitable(tab, self.storage.path(name)), "why": ""}
+            return {"name": name, "suits": tabs.commands_for(tab, self.storage.path(name)), "why": ""}
         except SolenError as bad:
             return {"name": name, "suits": (), "why": str(bad)}
 

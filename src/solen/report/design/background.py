@@ -5,14 +5,15 @@ Every sentence is computed from the study; none is printed when the study does n
 
 from solen.lens import DesignedLens, OvalLens
 from solen.material import Optical
-from solen.report.design.answer import measured
 from solen.report.design.as_printed import printed_sentences
+from solen.report.design.summary import measured
 from solen.sensor import DesignStudy, tolerance_of
 from solen.sensor.effects import index_steps
 from solen.sensor.loaded import LoadedStudy
 from solen.sensor.network import NetworkStudy
 from solen.sensor.practice import CHIP_MM
 
+AnyStudy = DesignStudy | LoadedStudy | NetworkStudy
 SHOWN_SHARE = 5e-4
 """Smallest fraction of the light that is mentioned."""
 PARTS = {
@@ -41,7 +42,7 @@ def findings(study: DesignStudy) -> list[tuple[str, str]]:
     return [(heading, text) for heading, text in rows if text]
 
 
-def warnings(study: DesignStudy | LoadedStudy | NetworkStudy) -> list[str]:
+def warnings(study: AnyStudy) -> list[str]:
     """Return the most important warnings, as sentences."""
     return [f"{text[0].upper()}{text[1:].rstrip('.')}." for text in study.warnings]
 
