@@ -49,12 +49,12 @@ def designs(base: Sensor) -> list[Sensor]:
 def without_compiled_code(sensors: list[Sensor], rays: int) -> None:
     """Respond with powers that are not traced, to measure the time of the Python code."""
 
-    def nothing(lot: batch.Lot, *_: object) -> batch.Found:
-        angles = len(lot.angle_deg)
-        power, dark = np.ones((angles, lot.bins, 2)), np.zeros((angles, lot.bins))
+    def nothing(one_design: batch.DesignBatch, *_: object) -> batch.Found:
+        angles = len(one_design.angle_deg)
+        power, dark = np.ones((angles, one_design.bins, 2)), np.zeros((angles, one_design.bins))
         return batch.Found(power, dark, np.full(angles, batch.SOUND))
 
-    with patch.object(batch.Lot, "traced", nothing):
+    with patch.object(batch.DesignBatch, "traced", nothing):
         respond(sensors, ANGLES, WIDTHS, OFFSETS, rays=rays, threads=1)
 
 
