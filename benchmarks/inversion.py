@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 import solen
-from solen.material.index import Length, high_precision, forward, invert, invert_many, measured, reading, slopes
+from solen.material.index import Length, forward, high_precision, invert, invert_many, measured, reading, slopes
 
 POINTS, ROWS, REFERENCE_POINTS, SPECTRA, REPEATS = 100_000, 20, 500, 1000, 3
 THICKNESS_UM = 50.0
