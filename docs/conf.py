@@ -49,7 +49,7 @@ OTHERS += " ast datetime decimal functools importlib re tifffile types xarray xr
 nitpick_ignore_regex = [
     (r"py:.*", rf"({OTHERS.replace(' ', '|')})\..*"),
     (r"py:.*", r"(ArrayLike|Path|PathLike)"),
-    (r"py:.*", r"(solen\..*\.)?[LPRT]"),  # type variables
+    (r"py:.*", r"(solen\..*\.)?[KLPRT]"),  # type variables
     (r"py:class", r"solen\.ranks\.Caution|Sampler"),  # names of types, which are documented as data
     (r"py:class", r"solen\.recording\.words\.Heading"),  # of a package whose inner modules have no page
     (r"py:.*", r"solen\..*\._\w+"),
