@@ -47,7 +47,7 @@ def test_a_requirement_is_met_where_it_holds_and_its_merits_exist(text: str, met
         ("span < light * base", "base_span"),
         ("span <", "expression"),
         ("span == 1", "span == 1"),
-        ("abs(" * 40 + "span" + ")" * 40 + " < 1", "brackets"),
+        ("abs(" * 40 + "span" + ")" * 40 + " < 1", "parentheses"),
         ("span < " + "1+" * 300 + "1", "500"),
         ("", "expression"),
         ("(not null_deg) < 0.3", "condition"),

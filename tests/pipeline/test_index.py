@@ -198,7 +198,7 @@ def test_repeats_make_an_uncertainty_and_tell_their_drift(tmp_path: Path) -> Non
 
 def test_several_traces_must_be_chosen_from(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "one (%T)": 100 * T, "two (%T)": 100 * T, "R": R})
-    with pytest.raises(DataError, match=r"holds 2 traces of T: one, two; choose by --transmittance NAME"):
+    with pytest.raises(DataError, match=r"2 traces of T: one, two; choose with --transmittance NAME"):
         index(file, options())
     found = index(file, options(transmittance=["two"], reflectance=["R"]))
     assert (found["mode"], found["traces"]) == ("measured", {"T": ["two"], "R": ["R"]})
@@ -228,7 +228,7 @@ def test_traces_that_cannot_be_taken_are_reported(tmp_path: Path, chosen: dict[s
     [
         ({"wavelength_nm": NM, "T": 100 * T}, "T = 91.3"),
         ({"wavelength_nm": np.full(NM.shape, 500.0), "T": T}, "trace T; has 500 nm twice"),
-        ({"wavelength_nm": NM, "height": T}, "layer.csv; holds no transmittance"),
+        ({"wavelength_nm": NM, "height": T}, "layer.csv; contains no transmittance"),
     ],
 )
 def test_files_without_usable_spectra_are_reported(tmp_path: Path, columns: dict[str, FloatArray], line: str) -> None:

@@ -36,7 +36,7 @@ def test_a_file_beyond_the_limit_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "long.csv"
     with path.open("wb") as file:
         file.truncate(LARGEST_MB * 1_000_000 + 1)
-    with pytest.raises(DataError, match=f"at most {LARGEST_MB} MB"):
+    with pytest.raises(DataError, match=f"limit is {LARGEST_MB} MB"):
         read(path)
 
 

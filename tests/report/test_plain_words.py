@@ -209,7 +209,7 @@ def test_an_uncertain_index_is_reported_with_its_uncertainty_and_warned_of(studi
     index = next(one for one in study.to_dict()["practice"]["effects"] if one["key"] == "material.index")
     told = warnings(study)
     assert told[0] == "Index: taken from T alone."
-    assert told[1].startswith("Loss: measured at 940 nm, 80 nm from the emitter's 860 nm;")
+    assert told[1].startswith("The loss was measured at 940 nm, 80 nm from the emitter's 860 nm")
     assert (len(told) == 3) == (index["largest"] >= 0.05)
 
 

@@ -176,7 +176,7 @@ def test_an_emitter_that_looks_past_its_lens_or_the_body_is_refused(hand: Design
         ({"emitters": [{"name": "Low"}, {"name": "middle"}]}, "emitters[1].name middle emitter-high"),
         ({"emitters": [{"name": "Low"}]}, "emitter-high emitters"),
         ({"emitters": [{"name": "Low", "distance_mm": 2.0}, {"name": "high"}]}, "emitters[0].distance_mm body.file"),
-        ({"lenses": [{"name": "end"}]}, "lenses[0].name end lights"),
+        ({"lenses": [{"name": "end"}]}, "lenses[0].name end illuminates"),
         ({"receivers": [{"name": "Side", "node": "tip"}], "nodes": [{"name": "tip"}]}, "network.nodes body.file"),
         ({"motion": [TURN | {"part": "Side"}]}, "motion[0].part Side"),
     ],
