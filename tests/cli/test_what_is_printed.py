@@ -250,8 +250,8 @@ def test_sensitivity_says_the_same_in_lines_and_in_json(told: Told, design: str)
         else:
             assert row["contrast"] == {"value": None, "u_value": None}
             assert row["why"].split() == shown[1:]
-    assert [line for line in lines if line.startswith("left out: ")] == [
-        f"left out: {key}: {why}" for key, why in found["skipped"].items()
+    assert [line for line in lines if line.startswith("omitted: ")] == [
+        f"omitted: {key}: {why}" for key, why in found["skipped"].items()
     ]
     two = told.json(*how, "body.arm_width_mm", "lens.focus_mm", "--json")
     by_key = {row["key"]: row for row in found["sensitivities"]}

@@ -53,13 +53,13 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
     PRINT: (
         ("layers", "print.layers:layers", "Slice a design or a mesh into layers for a printer."),
         ("coupons", "print.coupons:coupons", "Write the coupons that test a printer and a resin."),
-        ("fidelity", "print.fidelity:fidelity", "Measure a printed coupon in a picture or a height map."),
+        ("fidelity", "print.fidelity:fidelity", "Measure a printed coupon in an image or a height map."),
         ("calibrate", "print.calibrate:calibrate", "Fit a printer's blur, growth and shrinkage to coupons."),
         ("grey", "print.grey:grey", "Measure the transmission of grey pixels, from cured discs."),
         ("predict", "print.predict:predict", "Predict the printed lens of a design, and the response lost."),
-        ("scale", "print.scale:scale", "Measure an objective's scale in a picture of a stage micrometer."),
+        ("scale", "print.scale:scale", "Measure an objective's scale in an image of a stage micrometer."),
         ("inspect", "print.inspect:inspect", "Measure a printed lens in a micrograph against its design."),
-        ("tune", "print.tune:tune", "Correct the drawing of a lens from a picture of its print, print by print."),
+        ("tune", "print.tune:tune", "Correct the drawing of a lens from an image of its print, print by print."),
         ("printers", "print.layers:printers", "List the printers that solen knows."),
     ),
     BENCH: (
@@ -92,6 +92,10 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("examples", "project.examples:examples", "Copy sample data for every command, all simulated, into a folder."),
         ("pack", "project.archive:pack", "Pack a sensor's files into one described and checked archive."),
         ("unpack", "project.archive:unpack", "Check and unpack an archive of a sensor from elsewhere."),
-        ("reproduce", "project.reproduce:reproduce", "Make the paper's figures, and compare its values with solen's."),
+        (
+            "reproduce",
+            "project.reproduce:reproduce",
+            "Reproduce the paper's figures, and compare its values with solen's.",
+        ),
     ),
 }

@@ -10,7 +10,7 @@ from solen.sensor.traced import where
 
 MOST_ROWS = 12
 ROUND_OFF = 1e-9
-"""Fraction of the largest number of its kind, or mm, below which a number is a rounding error."""
+"""Threshold, relative to the largest value of the same quantity or in mm, below which a value is a rounding error."""
 
 
 @lines.register

@@ -47,7 +47,7 @@ def _(study: NetworkStudy) -> Iterator[str]:
 
 
 def _matters(angles: list[float], rows: Sequence["Matter"]) -> Iterator[str]:
-    """Return the effect of each parameter's tolerance on the response."""
+    """Yield the effect of each parameter's tolerance on the response."""
     if not rows:
         return
     heads = ("what matters", "off by", *(f"contrast at {angle:+.3g}°" for angle in angles), "null", "light")

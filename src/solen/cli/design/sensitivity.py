@@ -39,7 +39,7 @@ def _(sensitivities: Sensitivities) -> Iterator[str]:
         effect = f"{row.contrast.value * row.tolerance:+9.2g}"
         yield f"{start}{slopes}  {short(row.contrast.u_value):>9}  {row.tolerance:9.3g}  {effect}"
     for key, why in sensitivities.skipped.items():
-        yield f"left out: {key}: {why}"
+        yield f"omitted: {key}: {why}"
 
 
 @lines.register
@@ -55,7 +55,7 @@ def _(result: NetworkSensitivities) -> Iterator[str]:
         rows = zip(result.readings, result.reading_slope[number], result.u_reading_slope[number], strict=True)
         yield from (f"    {name}: {signed(slope, u)}" for name, slope, u in rows)
     for key, why in result.skipped.items():
-        yield f"left out: {key}: {why}"
+        yield f"omitted: {key}: {why}"
     if result.by_voltages is not None:
         yield "  one reading of every receiver, emitters in turn, with the noise of the readout, determines"
         yield from _determines(result.by_voltages)

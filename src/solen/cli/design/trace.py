@@ -67,9 +67,7 @@ def trace(
         raise SpecError("--paths", limit="can only be written as JSON or netCDF", remedy="add --json or --netcdf")
     rays = options.rays
     if options.sampling == "adaptive" and rays is not None:
-        raise SpecError(
-            "--rays", value=rays, limit="does not apply with sampling adaptive", remedy="leave one of them out"
-        )
+        raise SpecError("--rays", value=rays, limit="does not apply with sampling adaptive", remedy="omit one of them")
     of_designs = {"--angle-deg": angle_deg, "--at": at, "--emitter": emitter, "--no-lens": no_lens, "--rays": rays}
     if is_scene(file, of_designs | {"--set": set_ and set_[0]}):
         return pipeline.trace_file(file, options, paths=paths, figure=figure, netcdf=netcdf)
@@ -105,7 +103,7 @@ def _(result: NetworkTrace) -> Iterator[str]:
 
 
 def matrix(response: NetworkResponse, state: int) -> Iterator[str]:
-    """Yield the powers of one state, a line for each emitter and a column for each receiver."""
+    """Yield the powers of one state: one line per emitter, one column per receiver."""
     wide = max(10, *(len(name) + 2 for name in response.receivers))
     yield f"  {'':12}" + "".join(f"{name:>{wide}}" for name in response.receivers)
     for emitter, powers in zip(response.emitters, response.power[state], strict=True):
@@ -138,7 +136,7 @@ def _how(result: Trace) -> str:
 
 
 def _power(power: float, u: float | None, digits: str = ".6f") -> str:
-    """Format a power with its uncertainty, if the rays determine one."""
+    """Format a power with its uncertainty, if it has one."""
     return f"{power:{digits}} ± {short(u)}"
 
 

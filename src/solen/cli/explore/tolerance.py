@@ -10,7 +10,9 @@ from solen.pipeline.explore.tolerance import tolerance as tolerance
 from solen.report.design.summary import measured
 
 SHOWN, MOST_UNKNOWN = 3, 0.5
-"""Parameters named for each merit, and the unexplained fraction of its variance above which its causes are hidden."""
+"""Number of parameters named per merit, and the unexplained fraction of its variance above which no causes are
+named.
+"""
 
 
 @lines.register
@@ -22,7 +24,7 @@ def _(result: Tolerances) -> Iterator[str]:
     yield from varied(result, costs=True)
     factor = result.varied[0].factor_together
     if factor is not None and factor < 1.0:
-        yield f"  95 % yield needs all deviations {factor:.2g} times as large"
+        yield f"  95 % yield requires scaling all deviations by {factor:.2g}"
     yield "merits over the prints, and what their variance is due to:"
     width = max(len(one.merit) for one in result.spreads)
     for merit in result.spreads:
@@ -56,7 +58,7 @@ def _yield(one: Yield) -> str:
 
 
 def _sources(result: Tolerances) -> str:
-    """Return a remark on varied parameters that are not stated."""
+    """Return a remark on the number of varied parameters whose deviation is assumed."""
     assumed = sum(row.source != STATED for row in result.varied)
     return f" ({assumed} not stated: see the source of each)" if assumed else " (nothing else varies)"
 
@@ -76,7 +78,7 @@ def _cost(row: VariedNumber) -> str:
     if row.share_if_exact is None:
         return ""
     if row.factor_alone is None:
-        alone = "tightening it alone does not give 95 %"
+        alone = "reducing it alone does not give 95 %"
     else:
-        alone = f"95 % needs it {row.factor_alone:.2g} times as large" if row.factor_alone < 1.0 else "95 % as it is"
+        alone = f"95 % if scaled by {row.factor_alone:.2g}" if row.factor_alone < 1.0 else "95 % as it is"
     return f"; yield {100 * row.share_if_exact:.0f} % if exact; {alone}"

@@ -10,8 +10,8 @@ MINIMA = {
     "positive_diameter": "smallest pillar that stands",
     "gap": "smallest gap that is open",
     "hole": "smallest hole that is open",
-    "hole_variation": "smallest variation of holes",
-    "z_step": "smallest step of height",
+    "hole_variation": "smallest difference between holes",
+    "z_step": "smallest height step",
 }
 
 
@@ -32,11 +32,11 @@ def _seen(measured: CouponMeasurement) -> str:
     """Return the face from which the coupon is seen, if its marks show it."""
     if not measured.location.oriented:
         return ""
-    return ", seen mirrored: from below, or the picture is flipped" if measured.location.pose.mirrored else ""
+    return ", seen mirrored: from below, or in a flipped image" if measured.location.pose.mirrored else ""
 
 
 def _minimum(limit: Limit) -> str:
-    """Return a limit with the supporting measurements."""
+    """Return the smallest resolved size with the supporting measurements."""
     if limit.nominal_mm is None:
         return f"{MINIMA[limit.kind]}: none; not resolved even at {limit.next_mm:g} mm"
     line = f"{MINIMA[limit.kind]}: {'at most ' if limit.bound else ''}{limit.nominal_mm:g} mm"

@@ -1,4 +1,4 @@
-"""The command that compares a picture of a printed lens with its design."""
+"""The command that compares an image of a printed lens with its design."""
 
 from collections.abc import Iterator
 

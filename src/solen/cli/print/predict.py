@@ -65,7 +65,7 @@ def _(prediction: PrintedLayers) -> Iterator[str]:
         values = "  ".join(f"{value:.3f} ± {u:.1g}" for value, u in zip(one.contrast, one.u_contrast, strict=True))
         yield f"  {one.name:<24}  {values}  {one.light:.3f} ± {one.u_light:.1g}"
     if prediction.remaining:
-        yield "contrast over that of the printed cylinder"
+        yield "contrast relative to that of the printed cylinder"
     for name, shares in prediction.remaining.items():
         pairs = zip(shares, prediction.u_remaining[name], strict=True)
         yield f"  {name:<24}  {'  '.join(f'{share:.3f} ± {u:.1g}' for share, u in pairs)}"

@@ -18,4 +18,4 @@ def _(measured: MeasuredScale) -> Iterator[str]:
         f"{measured.rms_um:.2g} µm rms"
     )
     if measured.stretch_percent is not None:
-        yield f"the scale changes by {measured.stretch_percent:+.2g} % across the picture"
+        yield f"the scale changes by {measured.stretch_percent:+.2g} % across the image"

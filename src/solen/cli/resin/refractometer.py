@@ -12,7 +12,7 @@ _SHOWN_NM = (450.0, 500.0, 650.0, 750.0, 860.0, 950.0)
 
 @lines.register
 def _(index: RefractometerIndex) -> Iterator[str]:
-    yield f"index from {index.measured_n.size} measured and the dispersion of polymers"
+    yield f"index from {index.measured_n.size} measured values and the dispersion of polymers"
     yield f"  n_D (589.3 nm)  {index.n_D:.5f} ± {short(index.u_n_D)}"
     yield f"  Abbe number     {index.abbe:.1f} ± {index.u_abbe:.1f}"
     for nm, n, u_n in zip(_SHOWN_NM, *index.fit.along(_SHOWN_NM), strict=True):

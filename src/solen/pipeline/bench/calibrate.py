@@ -39,7 +39,7 @@ def calibrate(
     made = result.calibrations
     if out is not None and len(made) > 1:
         names = ", ".join(one.sensor for one in made)
-        remedy = "choose one sensor with --sensor, combine all with --pool, or leave --out out"
+        remedy = "choose one sensor with --sensor, combine all with --pool, or omit --out"
         raise OutputError(
             str(out), limit=f"is one file, but there are {len(made)} calibrations: {names}", remedy=remedy
         )

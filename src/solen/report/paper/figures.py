@@ -68,7 +68,7 @@ def coupon_figure(measured: CouponMeasurement, key: str, letter: str) -> Figure:
     elif key == "gap":
         axes.axvline(1e-3 * um, **look, label=words)
     else:
-        of = "smallest pillar, as measured" if key == "pillar" else "smallest variation of holes"
+        of = "smallest pillar, as measured" if key == "pillar" else "smallest difference between holes"
         axes.plot([], [], " ", label=f"{words}, {of}")
     axes.legend()
     return figure

@@ -23,7 +23,7 @@ NAMES = {
     "positive_diameter": "smallest pillar",
     "gap": "smallest gap",
     "hole": "smallest hole",
-    "hole_variation": "variation of holes",
+    "hole_variation": "difference between holes",
     "z_step": "smallest step",
 }
 WHAT = {"pillar": "diameter of pillars", "hole": "diameter of holes", "gap": "gaps", "step": "steps of height"}
