@@ -1,6 +1,6 @@
 """The installation: solen's version, the system, optional packages and the compiled tracer's cache.
 
-The interface: `examine` returns an `Installation`, whose text can be pasted into a bug report.
+`examine` returns an `Installation`, whose text can be pasted into a bug report.
 """
 
 import os

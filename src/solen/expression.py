@@ -4,8 +4,8 @@ Allowed are names, numbers, + - * / ** and parentheses, abs, min and max, compar
 `Grammar` defines the names. It may also define functions of one name, such as ``worst(light)``, whose value is looked
 up under the name ``worst light``.
 
-The interface: `parsed` parses a text, and `names` lists its names; `value` evaluates it, `slopes` differentiates it
-with respect to its names, and `missed` measures by how much a condition is not met.
+`parsed` parses a text, and `names` lists its names; `value` evaluates it, `slopes` differentiates it with respect to
+its names, and `missed` measures by how much a condition is not met.
 """
 
 import ast

@@ -5,9 +5,8 @@ The idea: a warning is a sentence, often preceded by a name (``cube 1.csv: ...``
 files contain it too. A sentence about several things, such as specimens, is shown once with their count; warnings that
 differ only in numbers become one line that lists the numbers in order.
 
-The interface: `do_not_use`, `look_at` and `note` make a `Caution` from a sentence, and `of` prefixes a name; `ranked`
-sorts and groups warnings for display. A result with a field ``tuple[Caution, ...]`` cannot contain a sentence without a
-rank: the type checker rejects it.
+Public names: `do_not_use`, `look_at`, `note`, `Caution`, `of` and `ranked`. A result with a field ``tuple[Caution,
+...]`` cannot contain a sentence without a rank: the type checker rejects it.
 """
 
 import re

@@ -7,8 +7,7 @@ adds an entry with a module and one line of its ``pyproject.toml``, an entry poi
 
 Another package is imported only when its name is looked up.
 
-The interface: `Registry`, a read-only mapping; the groups, `INSTRUMENTS`, `FORMATS`, `BODY_KINDS`, `PRINTERS` and
-`FINISHES`.
+Public names: `Registry`, `INSTRUMENTS`, `FORMATS`, `BODY_KINDS`, `PRINTERS` and `FINISHES`.
 """
 
 from collections.abc import Iterator, Mapping

@@ -5,8 +5,7 @@ storage. JSON contains its fields and the properties marked `reported`, in their
 dictionary itself. Names follow docs/conventions.md: ``slope_V_per_deg`` is a value with its unit, ``u_slope_V_per_deg``
 its standard uncertainty, ``interval95_slope_V_per_deg`` its 95 % interval.
 
-The interface: classes derived from `Result` are frozen dataclasses; `plain` converts any value to plain data for JSON,
-`schema_of` returns the JSON Schema of a result type.
+Public names: `Result`, `plain` and `schema_of`.
 """
 
 import dataclasses

@@ -4,7 +4,7 @@ Consecutive cycles are grouped. Each group gives a swing, a level and a null, wi
 its cycles, and the noise of a reading (`solen.analysis.noise`). Larger changes from group to group are ageing or drift;
 cycles alone cannot distinguish the two.
 
-The interface: `ageing_of` computes an `Ageing` from a sensor's half-cycles and readings.
+`ageing_of` computes an `Ageing` from a sensor's half-cycles and readings.
 """
 
 from collections.abc import Sequence

@@ -16,7 +16,7 @@ uncertainty; and if the lags of parts of the range differ more than those of the
 A hysteresis that does not depend on speed has the same effect: on ramps of a single speed v, a lag δ makes the
 directions differ by f' v δ. A log on another clock therefore cannot show the hysteresis of a sensor; a warning says so.
 
-The interface: `align` returns an `Alignment`, whose `angle_deg` is the log's angle at the recorder's times.
+`align` returns an `Alignment`, whose `angle_deg` is the log's angle at the recorder's times.
 """
 
 import math

@@ -5,7 +5,7 @@ while the angle continues to change. A hold and a coarse converter also repeat v
 the same extreme value within ramps count, and only if no other value of the recording is repeated as many times. If the
 rails are known, every sample at or beyond a rail counts instead.
 
-The interface: `clipped` marks samples.
+`clipped` marks samples.
 """
 
 import numpy as np

@@ -3,7 +3,7 @@
 A data acquisition program often records no angle, while the program of the stage writes its log to the same folder: a
 small table of times and angles without voltages. The alignment with the voltages shows whether it is of the same test.
 
-The interface: `find_log` next to a recording; `explicit` options, and `command` of options and files.
+Public names: `find_log`, `explicit` and `command`.
 """
 
 import shlex

@@ -4,7 +4,7 @@ Options name the column, otherwise its header does. If several are recorded, the
 the force before the depth, and a warning states the choice. A force is in units of force, or in volts of a load cell
 whose calibration is stated (`solen.analysis.load_cell`); no unit is assumed for a force or depth.
 
-The interface: `driven` of a recording; `reject_undriven` raises the error for a recording that nothing drives.
+Public names: `driven` and `reject_undriven`.
 """
 
 import json

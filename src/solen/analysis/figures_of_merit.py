@@ -6,7 +6,7 @@ replicates of a print. Definitions follow the vocabulary of process instruments 
 is the largest deviation from the straight line that minimises it, and hysteresis is the largest difference between the
 directions. Full scale is the range of the mean curve.
 
-The interface: `receiver_response` of a receiver's passes; `swing`, `line_slopes` and `line_fit` separately.
+Public names: `receiver_response`, `swing`, `line_slopes` and `line_fit`.
 """
 
 import math

@@ -5,8 +5,7 @@ They affect a whole calibration rather than single readings, so the scatter does
 decoded force include both. Errors that are the same in both halves of a comparison are not included, e.g. if forces are
 compared with the readings of the same cell.
 
-The interface: `LoadCell`, the table ``[load_cell]`` of a rig or of a separate file; `load_cell_of` a file;
-`least_certain` of several cells.
+Public names: `LoadCell`, `load_cell_of` and `least_certain`.
 """
 
 import math

@@ -5,7 +5,7 @@ line of the ramp and those on the other at the level of the hold, the corner is 
 node. Otherwise the stage slowed down over several entries, and these are sufficient. In both cases the angle is least
 certain there, and `LoggedAngle.on_corner` marks these times.
 
-The interface: `logged_angle` of a log and its `Motion` returns a `LoggedAngle`.
+Public names: `logged_angle` and `LoggedAngle`.
 """
 
 from collections.abc import Iterator

@@ -6,7 +6,7 @@ and ends when it returns to rest after all sides that the other cycles visit: 0,
 +3, 0, or −3, +3, −3. The noise and the steps of an encoder are estimated first and set the tolerances. The angle is
 averaged over a few samples only to *detect* edges; all results use the samples as recorded.
 
-The interface: `find_motion` returns a `Motion` with its ramps and cycles.
+`find_motion` returns a `Motion` with its ramps and cycles.
 """
 
 import math

@@ -5,7 +5,7 @@ about this line. Variations that are not random, such as residual flicker, are c
 differences of neighbours would overweight an alternation (8/3 of the variance with second differences, 2 with first).
 They are used only if nothing rests, because second differences cancel a smooth motion.
 
-The interface: `noise_of` readings and intervals at rest returns a `Scatter`; `pooled_noise` combines several.
+Public names: `noise_of`, `Scatter` and `pooled_noise`.
 """
 
 import math

@@ -8,7 +8,7 @@ should have had; it was not measured.
 A single signal does not show which side is which. With a left and a right receiver the convention does: at negative
 angles the right receiver is brighter, i.e. its voltage is lower. Otherwise the first excursion is called positive.
 
-The interface: `angle_by_protocol` of signals and a `Protocol` returns a `ProtocolAngle`.
+Public names: `angle_by_protocol`, `Protocol` and `ProtocolAngle`.
 """
 
 from dataclasses import dataclass

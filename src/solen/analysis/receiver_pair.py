@@ -4,7 +4,7 @@ Both receivers measure the same sensor. Brighter means a lower voltage, so V_lef
 receiver is brighter, which by convention is at negative angles. A recording that violates the convention causes a
 warning; signs are never changed.
 
-The interface: `pair_response` of a sensor's passes; `sign_warnings` of its receivers' responses.
+Public names: `pair_response` and `sign_warnings`.
 """
 
 import math

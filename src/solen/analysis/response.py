@@ -5,8 +5,8 @@ angle. A grid point is the mean of this line over its cell, half a step to each 
 is their mean, with few an interpolation. No sample affects distant cells, and nothing is filtered. A cell without
 nearby samples is empty, and one with a clipped sample is marked.
 
-The interface: `grid_deg` makes a grid, `passes` computes the half-cycles on it, and `Passes.joined` joins those of
-several recordings of one sensor; `mean_curve` computes their mean and standard deviation.
+`grid_deg` makes a grid, `passes` computes the half-cycles on it, and `Passes.joined` joins those of several recordings
+of one sensor; `mean_curve` computes their mean and standard deviation.
 """
 
 from collections.abc import Sequence

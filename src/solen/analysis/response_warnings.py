@@ -1,6 +1,6 @@
 """Warnings about the response of a sensor: clipping, rest, range, drift, speeds and unknown errors of a load cell.
 
-The interface: `cautions` of a sensor's receivers, and a function for each of the other warnings.
+Public name: `cautions`.
 """
 
 import math

@@ -1,6 +1,6 @@
 """One recording of a sensor with its motion and the cycles used.
 
-The interface: `Run`.
+Public name: `Run`.
 """
 
 from dataclasses import field

@@ -1,7 +1,6 @@
 """Samples of a recording: times, receivers and stimulus from its columns, in s, V and the stimulus' unit.
 
-The interface: `sampled` of a recording returns `Waveforms`; `sample_times`; `ambient_by_side`. `time_scale`,
-`receivers_unit` and `receiver_scale` determine or assume the units of columns, of files and of lines.
+Public names: `sampled`, `sample_times`, `ambient_by_side`, `time_scale`, `receivers_unit` and `receiver_scale`.
 """
 
 import re

@@ -4,7 +4,7 @@ Each recording gives its cycles. The first cycle is omitted, as in the paper, be
 in it. All recordings of one sensor are on one grid, so their half-cycles can be pooled. Sensors are the replicates:
 their mean and standard deviation are those of their mean curves, and n is the number of prints.
 
-The interface: `sensor_response` of a sensor's `Signals`; `group_of` several sensors returns a `SensorGroup`.
+Public names: `sensor_response`, `group_of` and `SensorGroup`.
 """
 
 import math

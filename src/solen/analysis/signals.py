@@ -4,8 +4,7 @@
 (`solen.recording.column_roles`). Units are converted to s, degrees and volts. An assumption causes a warning, an
 ambiguity an error.
 
-The interface: `solen.analysis.samples` reads a recording as `Waveforms`, as recorded, and `solen.analysis.waveforms`
-converts them to readings; `Signals` are those of one sensor.
+Public names: `Waveforms` and `Signals`.
 """
 
 from collections import Counter

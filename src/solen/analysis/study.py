@@ -3,7 +3,7 @@
 A file contains recordings of one sensor, or of several that are named by its columns or groups. Recordings with the
 same label are pooled; sensors with and without a lens are compared.
 
-The interface: `study` of files and `AnalysisOptions` returns a `Study`.
+Public names: `study` and `Study`.
 """
 
 import re

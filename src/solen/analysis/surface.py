@@ -1,6 +1,6 @@
 """Smooth surfaces through values on a grid of several motions: tensor products of cubic splines.
 
-The interface: `Surface.through` values; its methods `at` and `slopes` evaluate it at any position.
+Public name: `Surface`.
 """
 
 from collections.abc import Sequence

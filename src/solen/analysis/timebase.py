@@ -4,7 +4,7 @@ Samples are used at their own times and never resampled, so an irregular clock n
 and samples out of order cause a warning with their location. If the clock runs backward for more than a few samples, it
 was reset or two recordings were joined; this is an error, because no order could be correct.
 
-The interface: `time_base` of stamps returns a `TimeBase`: the samples used, their order, and warnings.
+Public names: `time_base` and `TimeBase`.
 """
 
 from dataclasses import dataclass

@@ -6,7 +6,7 @@ gives H(θ) at any speed. A single speed cannot separate the two, and the uncert
 the first. Two speeds give two equations for two unknowns: the difference of each cycle, projected on f', is a straight
 line over speed with slope −2τ. A term that increases with speed may also be due to the material; it is called lag here.
 
-The interface: `timing_of` a sensor's half-cycles returns a `Timing`.
+Public names: `timing_of` and `Timing`.
 """
 
 import math

@@ -4,7 +4,7 @@ A recorder that is faster than the switching shows it. Unless the options state 
 the voltages is tried. If it is a switch, and the switched light follows the motion, the ambient light and the flicker
 of lamps are subtracted (`solen.analysis.demodulation`); samples at the limits of the recorder are marked before.
 
-The interface: `waveforms` of a `Recording`.
+Public name: `waveforms`.
 """
 
 import math

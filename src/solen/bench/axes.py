@@ -1,6 +1,6 @@
 """Axes of a run: the stage that makes each motion, its recorded positions, and whether it has arrived.
 
-The interface: `Axis`; `stream_of` returns the name of the stream of a stage's positions in a journal.
+Public names: `Axis` and `stream_of`.
 """
 
 from collections.abc import Mapping

@@ -15,7 +15,7 @@ board's clock in µs, steps (4 bytes each), and whether it moves (1 byte) 25    
 current position, in steps (4 bytes, signed) 2      answer    kind of the command, status (0 done, else an error), text
 ====== ========= ==============================================================
 
-The interface: `SerialBoard`, an `EmitterBoard`; `BoardStage`, the motor of a board, a `Stage`.
+Public names: `SerialBoard` and `BoardStage`.
 """
 
 import math

@@ -3,7 +3,7 @@
 The idea: the files are authoritative; the catalogue only indexes them. A row repeats what the file states. A file that
 was moved away is listed as missing, and a new one is entered at the next scan of the folder.
 
-The interface: `Catalogue`; `CatalogueEntry`.
+Public names: `Catalogue` and `CatalogueEntry`.
 """
 
 import contextlib

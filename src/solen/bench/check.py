@@ -5,7 +5,7 @@ another one than the rig file states, is wired wrongly; one at a limit of its ra
 causes at a receiver shows how to turn its trimmer, because in a bent sensor one receiver gets up to twice the light
 that it gets at rest.
 
-The interface: `check` returns a `RigCheck`; `jog` returns a `Jogged`.
+`check` returns a `RigCheck`; `jog` returns a `Jogged`.
 """
 
 import math

@@ -6,7 +6,7 @@ The idea: no part of the bench asks the system for the time or sleeps by itself;
 A clock that advances in steps hides up to one step: `Clock.resolution_s` states the step, and every recording stores
 it.
 
-The interface: `Clock`; `WallClock`, `SimulatedClock`.
+Public names: `Clock`, `WallClock` and `SimulatedClock`.
 """
 
 import time

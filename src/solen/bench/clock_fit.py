@@ -9,7 +9,7 @@ of the edge depends more on the delays than on the clocks; it is weighted agains
 Received messages alone do not show the least delay. An exchange tells more: the instrument read its clock after it was
 asked and before its answer arrived. The range that all exchanges allow is the bound of the line's error.
 
-The interface: `fit_clock` returns the line of one segment without a break.
+`fit_clock` returns the line of one segment without a break.
 """
 
 from dataclasses import dataclass, replace

@@ -5,8 +5,7 @@ One converter is switched from input to input, and a sample of the second input 
 the first. The source that switches the emitters is stated separately: something external, or the instrument's own
 counters, which follow the clock of the samples. `solen.bench.phases` determines afterwards when an emitter was on.
 
-The interface: `Setup`; `Model`, the capabilities of an instrument, which checks a setup before the hardware is used;
-`Samples` that arrived, `DaqLosses` that did not; `MODELS` are the known instruments.
+Public names: `Setup`, `Model`, `Samples`, `DaqLosses` and `MODELS`.
 """
 
 from collections.abc import Mapping

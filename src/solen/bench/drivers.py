@@ -3,7 +3,7 @@
 The idea: a driver plays one of the roles of `solen.bench.roles`. Opening it needs the rig, which states its connection,
 and the clock of the run. Another package adds a `Driver` with an entry point of ``solen.instruments``.
 
-The interface: `Driver`; `DRIVERS`; `open_instruments` of a rig.
+Public names: `Driver`, `DRIVERS` and `open_instruments`.
 """
 
 from collections.abc import Callable, Iterator

@@ -5,7 +5,7 @@ repeats nothing. A period is demodulated together with the one before it, becaus
 phase of that period. Times are those of the board, counted from the first period of the part, because the run's own
 clock is known only after the end of the run.
 
-The interface: `Following` a journal; `Following.readings` returns the new readings.
+Public name: `Following`.
 """
 
 from collections.abc import Iterator

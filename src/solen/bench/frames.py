@@ -17,8 +17,7 @@ number of receivers R, flags (1 for a late period, 2 for a faulty emitter; a rea
 restart, at which the board's clock begins again at 0), one zero byte, then for each emitter R samples with it on and R
 with it off, 2 bytes each, in counts of the converter.
 
-The interface: `Layout`; `sample_frames` makes frames of many periods at once, `frame` a single one; `FrameReader.feed`
-accepts bytes as they arrive and returns `Periods`; `Losses` counts the frames that were corrupt or missing.
+Public names: `Layout`, `sample_frames`, `frame`, `FrameReader`, `Periods` and `Losses`.
 """
 
 import binascii

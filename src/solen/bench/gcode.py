@@ -1,6 +1,6 @@
 """Common part of boards that execute G-code: an axis named by a letter, and lines that are answered with ``ok``.
 
-The interface: `GcodeStage`, the base of drivers.
+Public name: `GcodeStage`.
 """
 
 from abc import abstractmethod

@@ -5,7 +5,7 @@ answered by one line or several, of which every one but the last ends in a blank
 answered at once, also while the axis moves. Syntax, addresses and error codes: PI, C-863.12 Mercury Controller User
 Manual MS249E, chapter 8.
 
-The interface: `Gcs2Stage`, a `Stage`; `STAGES` are the stages that are known, with their units.
+Public names: `Gcs2Stage` and `STAGES`.
 """
 
 from typing import Literal

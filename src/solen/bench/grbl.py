@@ -6,7 +6,7 @@ after power-up, or a reset caused by opening its port, its position is unknown, 
 defining the current position. Commands, settings and codes: Grbl v1.1 wiki, "Commands", "Jogging", "Configuration" and
 "Interface".
 
-The interface: `GrblStage`, a `Stage` that `solen.bench.roles.Homes`.
+Public name: `GrblStage`.
 """
 
 import re

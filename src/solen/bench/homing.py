@@ -4,7 +4,7 @@ The idea: a search for the reference switch may move the stage to its limits, wi
 the rig file allows it (``home = true``), or if the operator at the terminal, warned of the range, agrees. ``home =
 "here"`` defines the current position as the rig's zero, and nothing moves.
 
-The interface: `make_known`; `knows_zero`.
+Public names: `make_known` and `knows_zero`.
 """
 
 from collections.abc import Callable

@@ -4,8 +4,7 @@ The idea: any request to end must leave the emitters off and the stage at rest. 
 `KeyboardInterrupt`, in the main thread, once; later ones are ignored, because they could interrupt the shutdown. Within
 `uninterrupted` a request waits until the work is done. SIGKILL and a power cut cannot be caught.
 
-The interface: `ended_by_signals` around a run; `uninterrupted` around work that must be completed; `pass_over` further
-requests; `Ended`.
+Public names: `ended_by_signals`, `uninterrupted`, `pass_over` and `Ended`.
 """
 
 import signal

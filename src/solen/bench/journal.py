@@ -7,8 +7,7 @@ read, is repeated from time to time. Records of a stream are rows of a table who
 itself is independent of boards and stages. Streams that the header names as ``bulky`` are not kept in memory but read
 again, record by record.
 
-The interface: `Journal.create` or `Journal.resume`, then `rows`, `event`, `end`; `read_journal` returns the content,
-`read_on` the part that is new.
+Public names: `Journal`, `read_journal` and `read_on`.
 """
 
 import json

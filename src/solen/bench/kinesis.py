@@ -10,7 +10,7 @@ sections 3 and 8.
 A move that goes back to take up backlash would pass its target; this correction is disabled while the stage is driven,
 and the recording shows the backlash.
 
-The interface: `KinesisStage`, a `Stage` that `solen.bench.roles.Homes`.
+Public name: `KinesisStage`.
 """
 
 import struct

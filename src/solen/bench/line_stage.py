@@ -1,6 +1,6 @@
 """Common part of stages at the end of a line: a stop that is waited for, and a line that is closed whatever happens.
 
-The interface: `LineStage`, the base of drivers.
+Public name: `LineStage`.
 """
 
 from abc import ABC, abstractmethod

@@ -3,8 +3,7 @@
 The idea: a driver knows the commands, a link transports them. Drivers are given a link; the same driver therefore
 speaks to a serial port, to a controller that is simulated behind a socket, and to a scripted conversation.
 
-The interface: `Link`; `open_link` opens one by a name such as ``COM3``, ``/dev/ttyUSB0`` or ``socket://127.0.0.1:5000``
-(pyserial's names; extra ``bench``). `Lines` reads complete lines from a link, or messages with another end.
+Public names: `Link`, `open_link` and `Lines`.
 """
 
 from collections.abc import Callable

@@ -3,7 +3,7 @@
 The idea: before a run the wiring may differ from the rig file; all inputs therefore are read with every emitter. Phases
 of a data acquisition are determined as after a run.
 
-The interface: `sampler_of` a rig, started; `LiveReadings`, whose `read` returns `InputReadings`; `stage_of` a rig.
+Public names: `sampler_of`, `LiveReadings`, `InputReadings` and `stage_of`.
 """
 
 from collections.abc import Iterator, Sequence

@@ -3,7 +3,7 @@
 The idea: SQLite locks files on every system, and no system calls are needed: an exclusive transaction on an empty
 database is the lock. A killed process leaves an empty hidden file, which the next one reuses.
 
-The interface: `locked`, which lasts as long as its ``with`` statement.
+Public name: `locked`.
 """
 
 import contextlib

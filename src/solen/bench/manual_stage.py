@@ -4,7 +4,7 @@ The idea: the position is unknown while the stage is turned; readings of that ti
 stop it is at the position of the protocol, or at the one read from its scale, which the operator may type before Enter.
 The operator may take any time between stops; the emitters remain driven and sampled.
 
-The interface: `ManualStage`, a `Stage`.
+Public name: `ManualStage`.
 """
 
 import math

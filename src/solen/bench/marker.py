@@ -8,7 +8,7 @@ A marker that turns in a plane keeps its shape in that plane, even if it is seen
 from the plane to the picture, common to all pictures, and a rotation and a shift for each picture. Both are fitted to
 all corners, and the corners' misfit gives the uncertainty of an angle. The camera must be fixed and free of distortion.
 
-The interface: `Finder` of markers in a picture; `turns` of corners returns `Turns`.
+Public names: `Finder`, `turns` and `Turns`.
 """
 
 from dataclasses import dataclass

@@ -5,7 +5,7 @@ when all motion has ended. In between Marlin reports the target, not the positio
 at rest, as for a stage turned by hand. ``M410`` stops at once and loses the step count. Commands: Marlin's G-code
 reference, G1, G28, G90, G92, M114, M115, M400, M410, M503.
 
-The interface: `MarlinStage`, a `Stage` that `solen.bench.roles.Homes`.
+Public name: `MarlinStage`.
 """
 
 import math

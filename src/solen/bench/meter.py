@@ -4,7 +4,7 @@ The idea: a multimeter or an oscilloscope samples at its own pace. A thread requ
 stamps request and arrival; the measurement took place between these two times, which the recording states. Readings are
 queued until the run fetches them.
 
-The interface: `Reading` of all inputs; `AskingMeter`, a `Meter` for anything that measures on request.
+Public names: `Reading` and `AskingMeter`.
 """
 
 import threading

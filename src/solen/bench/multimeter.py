@@ -3,7 +3,7 @@
 The idea: all meters are queried at once and read one after the other, and thus measure simultaneously. A reading beyond
 the range is 9.9E37 in SCPI, and counts as clipped (SCPI-1999, volume 1, 7.2.1.5).
 
-The interface: `Multimeters`, a `Meter`.
+Public name: `Multimeters`.
 """
 
 import math

@@ -7,7 +7,7 @@ its emitter's on phases, the angles at these times, and the volts of its receive
 after. Nothing is smoothed. A cycle that was interrupted in a resumed run is repeated: it stays in the root and is
 omitted from the groups. The file is written under a temporary name and renamed; the journal stays.
 
-The interface: `write_recording` of a journal returns a `RecordedRun`; extra ``netcdf``.
+Public names: `write_recording` and `RecordedRun`.
 """
 
 import json

@@ -10,7 +10,7 @@ If the program reads too late, samples are overwritten: the loss is counted and 
 other fault ends the run. However it ends, the counters are released and their lines, and the enabling line, set low.
 The instrument has no watchdog: only its driver can switch off the emitters that a killed program leaves on.
 
-The interface: `NiDaq`, a `Daq`. Extra ``bench``; NI-DAQmx itself has to be installed from National Instruments.
+Public name: `NiDaq`. Extra ``bench``; NI-DAQmx itself has to be installed from National Instruments.
 """
 
 import contextlib

@@ -3,7 +3,7 @@
 The idea: a counter generates pulses by itself from the first sample on; if a device supports it, lines follow the clock
 of the samples, sample by sample. Both then run without further commands.
 
-The interface: `pulses` for one emitter, `turns` for all; `clear` releases a task.
+Public names: `pulses`, `turns` and `clear`.
 """
 
 import contextlib

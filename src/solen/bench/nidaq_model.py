@@ -4,7 +4,7 @@ The idea: NI-DAQmx reports for each device its inputs and how they may be wired,
 share a converter, its counters that generate pulses, and its static lines. The driver raises an error for a property
 that a device does not have; a default value replaces the error.
 
-The interface: `nidaqmx_package`; `model_of` a device; `answer_or`, a property or its default; `WIRED`; `no_driver`.
+Public names: `nidaqmx_package`, `model_of`, `answer_or`, `WIRED` and `no_driver`.
 """
 
 import importlib

@@ -8,7 +8,7 @@ distinguishes (`solen.bench.phases`): a record is too short to find the switchin
 The meaning of the preamble's numbers differs by manufacturer: Keysight, InfiniiVision Programmer's Guide,
 ``:WAVeform``; Rigol, DS1000Z Programming Guide, ``:WAVeform``. Others are not supported.
 
-The interface: `Oscilloscope`, a `Meter`.
+Public name: `Oscilloscope`.
 """
 
 from collections.abc import Callable

@@ -4,7 +4,7 @@ The idea: each row of CSV is passed on as soon as it is decoded, and a control l
 receives the angle after a short delay. A missing receiver does not stop the decoding. Rows of a recorded file are
 available at once; they are sent at the pace of their times, as they were recorded.
 
-The interface: `outlet` of a name such as ``udp://127.0.0.1:5005``, ``serial:COM5@115200`` or ``lsl:finger``; `Paced`.
+Public names: `outlet` and `Paced`.
 """
 
 import re

@@ -7,7 +7,7 @@ straight line. Without either, the clock of a single emitter is found in the sig
 (`solen.analysis.demodulation.find_clock`). Inputs are converted one after the other: `states` gives the state of a
 sample at the time of its own conversion.
 
-The interface: `clock_of` a window of samples; `states` of samples that are converted a little later.
+Public names: `clock_of` and `states`.
 """
 
 from collections.abc import Iterable

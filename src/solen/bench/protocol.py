@@ -5,7 +5,7 @@ rotation stage, one in mm for a linear stage; the rig states which stage moves a
 moves a linear stage until a load cell reads this force. Several motions are named, ``to_deg = {neck = 3.0, trunk =
 -5.0}``, and move together; a `Grid` visits every combination of their positions.
 
-The interface: `Protocol` and `Step`; `load_protocol` of a file.
+Public names: `Protocol`, `Step` and `load_protocol`.
 """
 
 import math

@@ -3,7 +3,7 @@
 The idea: whatever happens, the journal stays until its recording was written and read back. An interrupted run is
 resumed after its last complete cycle, or closed as it is; a lock protects a run in progress from both.
 
-The interface: `record` with `RecordOptions`; `recover`; `close_journal`.
+Public names: `record`, `RecordOptions`, `recover` and `close_journal`.
 """
 
 import datetime as dt

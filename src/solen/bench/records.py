@@ -14,8 +14,8 @@ end 5      1     number of the stream, in the header's order; 0 for others 6    
 
 Version 1 (``SOLENJ1\n``) had neither the word nor the number: it is read up to its first damage.
 
-The interface: `record` makes one; `scan` finds the complete ones of a file, each a `Record` with its payload;
-`unfinished` recognises the beginning of one.
+`record` makes one; `scan` finds the complete ones of a file, each a `Record` with its payload; `unfinished` recognises
+the beginning of one.
 """
 
 import struct

@@ -4,8 +4,7 @@ The idea: the protocol states the motion, the rig what is moved. A driver is nam
 does not depend on which. Quantities that only a simulated rig has, the variation of the prints and the ambient light,
 are in separate tables, which are rejected for real instruments.
 
-The interface: `Rig` with its instruments (`solen.bench.rig_instruments`), `SensorOf`, `Spread`, `RoomLight`; `load_rig`
-of a file.
+Public names: `Rig`, `SensorOf`, `Spread`, `RoomLight` and `load_rig`.
 """
 
 from collections import Counter

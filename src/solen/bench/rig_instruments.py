@@ -1,6 +1,6 @@
 """Tables of a rig for its instruments and their connections: stage, and board, data acquisition or meter.
 
-The interface: `StageOf`, `BoardOf`, `DaqOf`, `MeterOf`.
+Public names: `StageOf`, `BoardOf`, `DaqOf` and `MeterOf`.
 """
 
 import math

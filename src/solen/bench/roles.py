@@ -3,8 +3,8 @@
 The idea: a protocol runs on roles. A real and a simulated instrument implement the same interface, and only the rig
 file chooses between them.
 
-The interface: `Stage`, `Homes`, `EmitterBoard`, `KeepsTime`, `Daq`, `Meter`; `Sampler` is any of the last. Every call
-raises `BenchError` if the instrument does not do what is requested.
+Public names: `Stage`, `Homes`, `EmitterBoard`, `KeepsTime`, `Daq`, `Meter` and `Sampler`. Every call raises
+`BenchError` if the instrument does not do what is requested.
 """
 
 from typing import Literal, Protocol, runtime_checkable

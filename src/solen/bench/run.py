@@ -5,8 +5,7 @@ writes both to the journal before anything else. Whatever ends a run, the end of
 emitters are switched off and the stage stops, in that order, and the journal states the reason. Completed cycles are
 recorded, and an interrupted run is resumed after the last of them.
 
-The interface: `Instruments`; `begin` writes a header, `run` the remainder of the journal; `Tick` is passed to a
-watcher.
+Public names: `Instruments`, `begin`, `run` and `Tick`.
 """
 
 import datetime as dt

@@ -5,7 +5,7 @@ data so far, and values to display. A data acquisition's samples are grouped in 
 period of the emitters, each with the number of its first sample, so that a journal locates every
 sample; the remainder waits for the next reading.
 
-The interface: `sampling_of` an instrument; `Taken` is the result of a reading.
+Public names: `sampling_of` and `Taken`.
 """
 
 from dataclasses import asdict, dataclass

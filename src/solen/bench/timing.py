@@ -7,8 +7,7 @@ error shifts the rising branch against the falling one by speed times error, as 
 two cannot be separated. A recording therefore states its timing uncertainty, and an analysis of hysteresis can state
 the possible contribution of timing.
 
-The interface: `Looks` of a journal's rows, with `Looks.at` between them; `came_by` and `exchanges` for
-`solen.bench.clock_fit`; `Timing` of position queries and clocks; `STAGE` and `EXCHANGE` are a journal's columns.
+Public names: `Looks`, `came_by`, `exchanges`, `Timing`, `STAGE` and `EXCHANGE`.
 """
 
 import math

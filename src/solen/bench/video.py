@@ -7,7 +7,7 @@ otherwise the clock offset is stated, or left to analysis, which determines the 
 The camera's own timing errors remain: rolling shutter, and a stamp at any moment of an exposure. Both delay all
 pictures equally, as a lag of the log.
 
-The interface: `motion_of` a video with `VideoOptions` returns a `VideoMotion`, whose `csv` is a motion log.
+Public names: `motion_of`, `VideoOptions` and `VideoMotion`.
 """
 
 import os

@@ -3,7 +3,7 @@
 The idea: PyVISA opens a resource such as ``TCPIP::192.168.0.5::5025::SOCKET``, ``USB0::…::INSTR`` or ``ASRL3::INSTR``
 with a manufacturer's library or with PyVISA-py, which is pure Python. Errors of either become a `BenchError`.
 
-The interface: `Scpi`, an open session. Extra ``visa``.
+Public name: `Scpi`. Extra ``visa``.
 """
 
 import contextlib

@@ -1,6 +1,6 @@
 """Live readings of the receivers, repeated until the user stops them.
 
-The interface: `watch` calls a function with each `Seen`.
+`watch` calls a function with each `Seen`.
 """
 
 import math

@@ -5,7 +5,7 @@ record by record; then the file is read again window by window, and the emitters
 in each. Windows overlap, and each yields the readings after the last one of the window before. Therefore none is lost
 or doubled at a border, even though the two windows differ slightly in the position of an edge.
 
-The interface: `Waveform` requires a file and a journal; `Waveform.readings` yields readings by sensor.
+`Waveform` requires a file and a journal; `Waveform.readings` yields readings by sensor.
 """
 
 from collections.abc import Iterator, Sequence

@@ -4,7 +4,7 @@ The idea: each command is a line that begins with a slash, device and axis. Each
 whether it was accepted, whether the axis is idle, and a warning. Positions are in microsteps, whose size depends on the
 device; velocities are in microsteps per second times 1.6384. Commands, warnings and units: Zaber ASCII Protocol Manual.
 
-The interface: `ZaberStage`, a `Stage` that `solen.bench.roles.Homes`.
+Public name: `ZaberStage`.
 """
 
 import re

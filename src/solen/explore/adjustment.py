@@ -4,7 +4,7 @@ The idea: the person who mounts an emitter moves it until both receivers read al
 the design's null on that number gives the shift that each print needs, up to a limit. Each print is then traced again
 with its shift.
 
-The interface: `Adjustment.parse` a text, ``of`` prints.
+Public name: `Adjustment`.
 """
 
 from collections.abc import Mapping, Sequence

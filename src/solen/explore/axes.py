@@ -1,7 +1,6 @@
 """Axes of a sweep: the numbers of a design that vary, and their values.
 
-The interface: `axis` of a text, ``lens.focus_mm=15:25:11``; `grid` and `sampled` return the points, each a dictionary
-of values by dotted keys.
+Public names: `axis`, `grid` and `sampled`.
 """
 
 import math

@@ -3,7 +3,7 @@
 The compiled batch traces a design for all positions of an emitter, and each chip is a weighted sum of these
 (`solen.sensor.respond`).
 
-The interface: `chips_of` a design and the axes of a grid; `chips_last` orders the points for tracing.
+Public names: `chips_of` and `chips_last`.
 """
 
 import math

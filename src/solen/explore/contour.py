@@ -4,7 +4,7 @@ The idea: wall, front and wall form one contour with the material on its left. L
 left end of the front. The thousand or so points of a picture are averaged over short pieces with known noise. Each
 piece gives the local deviation of the print from the design after registration, with size and overgrowth included.
 
-The interface: `Contour` of a design's front; `Rows` of a measured print.
+Public names: `Contour` and `Rows`.
 """
 
 from dataclasses import dataclass

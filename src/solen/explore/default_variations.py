@@ -1,6 +1,6 @@
 """Default variations between prints: from the process, the emitter's part, the resin and the tolerances.
 
-The interface: `variations_of` texts.
+Public name: `variations_of`.
 """
 
 import math

@@ -4,7 +4,7 @@ The idea: while a number is being changed, a few rays of the compiled batch give
 uncertainty. Once it stops changing, the number of rays increases until the contrast is known to `GOAL`. Sensors that
 the batch does not support are integrated.
 
-The interface: `coarse`, `refined`, and `misleading`, which compares the plane with space.
+Public names: `coarse`, `refined` and `misleading`.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -3,8 +3,7 @@
 Points are sent in chunks, each a task of a second or more, which makes the overhead of a task negligible. If a worker
 dies, only its chunks are lost, and another worker traces them. The compiled tracer is warmed up once on each worker.
 
-The interface: `Here` and `Cluster` accept variants and yield responses by name as they become available; `machine_at`
-creates one of them.
+Public names: `Here`, `Cluster` and `machine_at`.
 """
 
 import hashlib

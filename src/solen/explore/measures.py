@@ -1,6 +1,6 @@
 """Measures for comparing designs: the merits of their points, for a contrast over one motion or for a network.
 
-The interface: `measure_of` a design returns a `Measure`, with which `merits_of_points` computes merits.
+Public names: `measure_of`, `Measure` and `merits_of_points`.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

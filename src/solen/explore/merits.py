@@ -4,8 +4,7 @@ Between the angles of a motion, the contrast is interpolated by a cubic spline. 
 from the spline through every second angle and from kinks of the contrast, and is included in the uncertainty.
 docs/explore.md defines each merit.
 
-The interface: `merits_of` a response returns `Merits`; `MERITS` contains their names; `unresolved_change` reports
-whether the angles are too far apart.
+Public names: `merits_of`, `Merits`, `MERITS` and `unresolved_change`.
 """
 
 import math

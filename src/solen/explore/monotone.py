@@ -4,7 +4,7 @@ Two ranges bound it: the longest over which no fall between any two angles is ce
 is certain. A turn and return that are smaller than the uncertainty and closer together than a tenth of the motion are
 not detected.
 
-The interface: `monotone_deg`.
+Public name: `monotone_deg`.
 """
 
 import math

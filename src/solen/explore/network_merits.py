@@ -5,7 +5,7 @@ others are at rest, and on either side of the rest position of each motion, whic
 reading has a slope, a span and a range for each motion. The name of a merit consists of the merit, its subject and its
 unit, with _ in place of characters that a name cannot contain: ``slope_lean_index_bends_per_deg``.
 
-The interface: `network_point` traces a network; `NetworkMerits` computes its merits.
+`network_point` traces a network; `NetworkMerits` computes its merits.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Effect of a drawing on its print according to the print model, as differences between drawings.
 
-The interface: `PrintModel.of` a design and its slicing; `PrintModel.effect` of a drawing, `PrintModel.against`.
+Public name: `PrintModel`.
 """
 
 import hashlib

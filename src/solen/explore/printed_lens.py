@@ -3,7 +3,7 @@
 The print is that of `solen print predict` at half the thickness: flat, with its vertex on a corner of pixels, without
 compensation, and with the process's most likely numbers. Only the lens is replaced.
 
-The interface: `as_printed` of a sensor; `check_printable`.
+Public names: `as_printed` and `check_printable`.
 """
 
 import hashlib

@@ -3,7 +3,7 @@
 The yield comes from a surrogate of every merit, corrected by the traced prints. The surrogate alone gives the cost of
 each tolerance and its largest acceptable value.
 
-The interface: `Prints`, whose methods return `Yield`, `VariedNumber` and `MeritSpread`.
+Public names: `Prints`, `Yield`, `VariedNumber` and `MeritSpread`.
 """
 
 import math

@@ -1,6 +1,6 @@
 """The design and options of an exploration command, stored beside its results so that no other command overwrites them.
 
-The interface: `Request` of a file, a design and options; `Request.check` it, then write its `Request.content`.
+Public name: `Request`.
 """
 
 import hashlib

@@ -4,8 +4,7 @@ The names in an expression are merits. ``base`` is the value for the design itse
 must then contain only one; ``base_null_deg`` names it in full. If a design is traced with deviations, ``worst(light)``
 is the worst value over them, and other merits in the expression are those of the design without deviations.
 
-The interface: `Requirement.parse` a condition, ``met`` by arrays of merits, and ``violation`` of it; `Goal.parse` a
-value.
+Public names: `Requirement` and `Goal`.
 """
 
 import ast

@@ -1,6 +1,6 @@
 """Responses of many designs: known ones are read from a store, and others are traced and added to it.
 
-The interface: `responses` of variants to an `Accuracy`; `failures_of` and `point_warnings` report what is missing.
+Public names: `responses`, `failures_of` and `point_warnings`.
 """
 
 import re

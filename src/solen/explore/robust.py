@@ -1,6 +1,6 @@
 """Deviations that a design must tolerate: the design without deviations, and with numbers deviating to either side.
 
-The interface: `cases_of` texts, ``emitter.offset_mm=0.03``.
+Public name: `cases_of`.
 """
 
 from collections.abc import Iterator, Sequence

@@ -5,7 +5,7 @@ solen and of packages that extend it. Points are written in blocks; a block is n
 place. A program that is killed at any moment therefore leaves only complete blocks, and the same command continues from
 there to the same table.
 
-The interface: `Store` of a folder; `Variant`, which names a point.
+Public names: `Store` and `Variant`.
 """
 
 import hashlib

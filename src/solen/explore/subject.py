@@ -1,6 +1,6 @@
 """The subject of an exploration: a sensor, its design, or a design file.
 
-The interface: `Subject` and `design_of` it.
+Public names: `Subject` and `design_of`.
 """
 
 from pathlib import Path

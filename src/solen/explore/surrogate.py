@@ -4,7 +4,7 @@ The polynomials are orthonormal under the distributions of their variables (poly
 Legendre for uniform ones), which makes Sobol' indices sums of squared coefficients (Sudret, Reliability Engineering &
 System Safety 93, 964, 2008). The degree is that with the smallest error on held-out samples.
 
-The interface: `fit` of samples, which returns a `Surrogate`.
+Public names: `fit` and `Surrogate`.
 """
 
 from collections.abc import Sequence

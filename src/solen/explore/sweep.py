@@ -1,6 +1,6 @@
 """A sweep: the response and the merits of a design over values of any of its keys.
 
-The interface: `sweep` of a design with `SweepOptions` returns a `solen.explore.swept.Sweep`.
+Public names: `sweep` and `SweepOptions`.
 """
 
 from collections.abc import Mapping, Sequence

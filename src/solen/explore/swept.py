@@ -1,6 +1,6 @@
 """The result of a sweep: responses and merits of a design over values of its keys, and their table.
 
-The interface: `Sweep`.
+Public name: `Sweep`.
 """
 
 from collections.abc import Mapping, Sequence

@@ -9,7 +9,7 @@ over a grid with the marginal likelihood of the pictures as weight. Unresolved q
 that a correction by the mean is damped automatically: strongly if a single picture shows little beyond noise, and
 increasingly less as prints agree.
 
-The interface: `Known` contains the priors; `learnt` from `Print`s returns a `Systematic`.
+Public names: `Known`, `learnt`, `Print` and `Systematic`.
 """
 
 import math

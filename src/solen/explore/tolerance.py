@@ -3,7 +3,7 @@
 Prints are a scrambled Sobol' sequence of the varying numbers, and each print is traced; `solen.explore.prints`
 evaluates them.
 
-The interface: `tolerance` of a design with `ToleranceOptions` returns `Tolerances`.
+Public names: `tolerance`, `ToleranceOptions` and `Tolerances`.
 """
 
 import math

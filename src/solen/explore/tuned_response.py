@@ -1,6 +1,6 @@
 """Response of a sensor with a printed lens, as measured and as predicted for the next print.
 
-The interface: `responses` of a sensor with its designed lens, and with lenses that were measured or predicted.
+Public name: `responses`.
 """
 
 from collections.abc import Sequence

@@ -6,7 +6,7 @@ the drawing that cancels them from the model. Means of uniform overgrowth, size 
 corrected: if pictures resolve little, they stay near their priors. The next print is then predicted with all
 uncertainties: of the printer, the pictures, the model, and of individual prints.
 
-The interface: `tune` returns a `TunedPrint`, whose `log` is the input of the next call.
+`tune` returns a `TunedPrint`, whose `log` is the input of the next call.
 """
 
 import hashlib

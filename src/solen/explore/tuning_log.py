@@ -3,7 +3,7 @@
 The idea: the log contains measurements and drawings but nothing derived from them, so that every call evaluates all
 prints again. A drawing is identified by the hash of its outline, a picture by that of its file.
 
-The interface: `TuningLog`; `read_log` and `log_text`.
+Public names: `TuningLog`, `read_log` and `log_text`.
 """
 
 import json

@@ -1,6 +1,6 @@
 """Warnings about faults that a correction of the drawing cannot remove.
 
-The interface: `of_picture` and `of_prediction`.
+Public names: `of_picture` and `of_prediction`.
 """
 
 from solen.explore.print_model import PrintModel

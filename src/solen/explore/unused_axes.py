@@ -1,6 +1,6 @@
 """Keys of a sweep that change neither the response nor the resolution at any of its points.
 
-The interface: `unused_on_grid` for a grid; `unused_in_samples` for samples, which traces a few more points.
+Public names: `unused_on_grid` and `unused_in_samples`.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,6 +1,6 @@
 """Numbers that vary from print to print: distributions of their deviations from the design, and prints drawn from them.
 
-The interface: `variation` of a text; `drawn` prints; `offs` of one print.
+Public names: `variation`, `drawn` and `offs`.
 """
 
 import math

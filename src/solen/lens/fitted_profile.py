@@ -10,7 +10,7 @@ If the profile ends before the lens does, as in a cropped picture, the design co
 points; if more than `MOST_MISSING` of a half width is missing, the profile is rejected. Points beyond the lens belong
 to the stem and are omitted.
 
-The interface: `FittedProfile` of a design and a profile.
+Public name: `FittedProfile`.
 """
 
 import math

@@ -3,7 +3,7 @@
 Its file is JSON from `layers_text`: heights of the boundaries between layers, and the depth z of each layer at
 equidistant points from the axis to the half width. Profiles are symmetric about the axis.
 
-The interface: `GivenLayers`, `Profiles`, `read_layers`, `layers_text`.
+Public names: `GivenLayers`, `Profiles`, `read_layers` and `layers_text`.
 """
 
 import json

@@ -5,7 +5,7 @@ the designed lens: x lateral, z into the body, the designed vertex at the origin
 that folds back on itself cannot be compared with a designed lens. Its file is JSON from `profile_text`, or any table
 with the columns x and z, and u if the uncertainty is known.
 
-The interface: `read_profile` reads a file, `profile_of` uses columns of numbers, `profile_text` is for writing.
+`read_profile` reads a file, `profile_of` uses columns of numbers, `profile_text` is for writing.
 """
 
 import json

@@ -7,7 +7,7 @@ differences between points as noise. It would interpret correlated errors of nei
 blurred edge, as shape; so the curve is smoothed further until its residuals match the stated uncertainty (V. A.
 Morozov's discrepancy principle), if that is smoother.
 
-The interface: `smoothed` returns a `Smooth`.
+`smoothed` returns a `Smooth`.
 """
 
 from collections.abc import Callable

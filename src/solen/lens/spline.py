@@ -5,7 +5,7 @@ the value and the curvature 0 at the edge. So width, depth and the start of the 
 measured from the vertex of the oval. A face that light cannot use is rejected: one that reaches the emitter, or that
 rays graze. Features that printers may not resolve, narrow bumps and small radii of curvature, cause a warning.
 
-The interface: `SplineLens`; `DesignedLens` is any lens that is printed as one profile.
+Public names: `SplineLens` and `DesignedLens`.
 """
 
 import math

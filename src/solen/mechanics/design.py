@@ -4,7 +4,7 @@ The idea: the design's holds, fingers and pulls become those of the finite eleme
 driven quantity is solved once and stored. The displaced walls become exact curves (`solen.geometry.displaced`). If a
 finger that is not dry touches a wall, the contact has a wall table of its own: light continues into the finger.
 
-The interface: `LoadedBody.of` a design and its lens; `LoadedBody.state` at a value returns a `LoadedState`.
+Public names: `LoadedBody` and `LoadedState`.
 """
 
 import threading

@@ -8,9 +8,8 @@ material that conserves its volume. The energy per thickness is
 with Ψ and the compliance c of `solen.mechanics.material`; plane stress is the same without p. Stresses and tangent are
 expressed in principal stretches (Simo & Taylor 1991), pushed forward to the deformed body.
 
-The interface: `Elements.forces` returns the derivative of the energy with respect to displacements and pressures,
-`Elements.tangent` its second derivative, as a sparse matrix. Displacements are numbered node by node, x before z;
-pressures follow.
+`Elements.forces` returns the derivative of the energy with respect to displacements and pressures, `Elements.tangent`
+its second derivative, as a sparse matrix. Displacements are numbered node by node, x before z; pressures follow.
 """
 
 from dataclasses import dataclass

@@ -3,7 +3,7 @@
 The idea: triangular lattices of halved spacings are each used in the region whose wanted size is nearest to their own.
 Points are moved to the middle of their neighbours a few times. Triangles outside the area are removed.
 
-The interface: `Sizes` state the size of elements by position; `triangulated` fills an area.
+Public names: `Sizes` and `triangulated`.
 """
 
 import math

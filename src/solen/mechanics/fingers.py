@@ -4,7 +4,7 @@ The idea: nodes touched by a finger are on its circle, and the finger can only p
 the displacements: a node is in contact while its force pushes, or as soon as it would be inside the circle (primal-dual
 active set; Hintermüller, Ito & Kunisch 2003).
 
-The interface: `fingers_of` a mesh; `Touch` contains the contact of all of them in one state, and its derivatives.
+Public name: `Touch`.
 """
 
 import math

@@ -5,7 +5,7 @@ positions. A triangular lattice with the same grading fills the inside. Delaunay
 they are within the outline. An edge of the outline that is missing in the triangulation is halved until it is present.
 The elements are quadratic: those along the outline have their middle nodes on the curve.
 
-The interface: `mesh_of` a body, with `MeshOptions`.
+Public names: `mesh_of` and `MeshOptions`.
 """
 
 import math

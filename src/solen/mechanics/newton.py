@@ -4,7 +4,7 @@ The idea: the unknowns are the displacements not fixed by the supports, the pres
 nodes in contact, and the depths of fingers with a given force. Their equations are the balance of forces, the areas,
 the circles of the fingers and their forces; given displacements are on the right-hand side.
 
-The interface: `step`; its `Factors` may be reused in further steps without contact.
+Public names: `step` and `Factors`.
 """
 
 from typing import Any, NamedTuple

@@ -5,7 +5,7 @@ first step is the small-strain solution, and the following steps remove its erro
 every angle (docs/decisions/0090). During contact with a finger, the matrix is recomputed at every step. If a load is
 too far from the previous state, the step to it is halved.
 
-The interface: `SoftBody.states` and `SoftBody.state`.
+Public name: `SoftBody`.
 """
 
 from collections.abc import Iterator, Sequence

@@ -4,7 +4,7 @@ The idea: u = given + T q, with one column of T for every free displacement: bot
 component along the wall of a sliding node, and one for all nodes of a piece that turns about a point. The latter
 columns depend on the angle of the turn.
 
-The interface: `supports_of` a mesh; `Supports.matrix`, `Supports.given` and `Supports.moved`.
+Public names: `supports_of` and `Supports`.
 """
 
 import math

@@ -6,7 +6,7 @@ priors, the posterior probabilities are the marginal likelihoods divided by thei
 alone. Whether any of them explains the outline is a separate question, which `p_form` answers: if the residual form
 error is larger than that of prints of the right design, none of the designs fits.
 
-The interface: `designs_to_compare` and `compare`; `comparison_warnings` states what the comparison does not show.
+Public names: `designs_to_compare`, `compare` and `comparison_warnings`.
 """
 
 from collections.abc import Sequence

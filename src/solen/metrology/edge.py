@@ -6,9 +6,8 @@ lines, and a step blurred by a Gaussian is fitted with its own levels; the edge 
 without such a step (because of dust, a reflection, or an edge that is too weak for the noise) is rejected with a
 reason.
 
-The interface: `fit_edge` of a picture and a contour returns an `Edge`; `normals_of` computes the normals of a contour,
-and `profiles` the grey values along them. Positions are (x, y) = (column, row) in pixels, integer at the centre of a
-pixel, y downwards.
+Public names: `fit_edge`, `Edge`, `normals_of` and `profiles`. Positions are (x, y) = (column, row) in pixels, integer
+at the centre of a pixel, y downwards.
 """
 
 from dataclasses import dataclass, replace

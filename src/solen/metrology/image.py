@@ -4,7 +4,7 @@ Whatever the file is (a TIFF with its microscope's metadata, a PNG, a photograph
 in [0, 1] with the size of a pixel, or it is rejected with the reason: several planes, no scale, too large. The format,
 the size and the number of planes are read from the header, before any pixel is decoded.
 
-The interface: `read_image` returns an `Image`. TIFF needs the extra ``vision``.
+`read_image` returns an `Image`. TIFF needs the extra ``vision``.
 """
 
 import hashlib

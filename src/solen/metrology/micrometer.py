@@ -7,7 +7,7 @@ positions on one line share the same optical errors, so the uncertainty counts l
 changes across the picture is a sign of distortion or a tilted micrometer, and is part of the uncertainty of any length
 measured there.
 
-The interface: `measured_scale` returns a `MeasuredScale`; `scale_text` writes it as the file that ``--scale`` accepts
+`measured_scale` returns a `MeasuredScale`; `scale_text` writes it as the file that ``--scale`` accepts
 (`solen.metrology.scale.ScaleFile`).
 """
 

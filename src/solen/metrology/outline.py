@@ -5,7 +5,7 @@ edge. A thick transparent part shows the rim of its upper face and that of its l
 both are measured: `outer` and `inner` by their position. If one is clearly sharper than the other, it belongs to the
 face on which the microscope was focused, usually the upper one, and is used as the outline.
 
-The interface: `measure_outline` returns an `Outline` with its edges in the order of the front, the chosen one first.
+`measure_outline` returns an `Outline` with its edges in the order of the front, the chosen one first.
 """
 
 from collections.abc import Iterable, Sequence

@@ -12,7 +12,7 @@ best fit, so the integral over these is exact, and that over σ is computed on a
 error. The integral is the marginal likelihood of the design (A. Gelman and others, Bayesian Data Analysis, chapters 7
 and 14). The same prior gives the probability that a print of this design deviates by as much: an absolute test.
 
-The interface: `fit_print` of a `Traced` outline returns a `PrintFit`; `PrintPriors` contains the priors.
+Public names: `fit_print`, `Traced`, `PrintFit` and `PrintPriors`.
 """
 
 import math

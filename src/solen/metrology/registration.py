@@ -7,7 +7,7 @@ Statist. 35, 73, 1964), so an outlier such as a speck has little influence. A pr
 neighbours agree. Uncertainties therefore use the number of independent values that follows from the correlation of the
 deviations, not the number of pixels.
 
-The interface: `register` returns a `Registration`; `effective_number` the number of independent values.
+Public names: `register`, `Registration` and `effective_number`.
 """
 
 import math

@@ -4,8 +4,7 @@ A wrong scale makes every length wrong without any visible sign, so only values 
 trusted. A microscope's program writes its calibration (OME-XML, ImageJ) or a fine resolution tag; office and photo
 programs write 72 or 300 dpi into every file, which is the size to print it at.
 
-The interface: `Scale`; `Tag`, a scale stated by a file; `choose_scale` between the tags and the user's own
-`ScaleOptions`; `ScaleFile`, the scale of an objective that was measured once (`solen.metrology.micrometer`).
+Public names: `Scale`, `Tag`, `choose_scale`, `ScaleOptions` and `ScaleFile`.
 """
 
 import math

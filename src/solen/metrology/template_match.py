@@ -6,7 +6,7 @@ counts no more than a faint edge. For each of many rotations, the squared cosine
 over the design's outline for all positions at once, by Fourier transforms. The highest sum is the lens. A cropped lens
 has a lower sum, and dust does not have the shape of a lens.
 
-The interface: `match_template` returns a list of `Match`, each a pose and its score, best first.
+`match_template` returns a list of `Match`, each a pose and its score, best first.
 """
 
 import math

@@ -4,7 +4,7 @@ There is no common tag for the height of one level, so the user must state it (`
 never guessed. The size of a pixel comes from the file's own tags or from the user, as with a picture. Pixels without a
 height (NaN, an empty cell) are not filled in.
 
-The interface: `read_z_map` returns a `ZMap`.
+`read_z_map` returns a `ZMap`.
 """
 
 import hashlib

@@ -2,9 +2,8 @@
 
 The idea: sizes of a body are measured on its outline and not read from its design, which also checks the geometry.
 
-The interface: `body_sizes` of a sensor's body with `u_major_base_mm`, `source_of` its emitter, `coupon_sizes` of the
-resolution coupons, `settings_of_print` of the default process, `peak_nm` of a part, `wavelength_nm` of a printer; keys
-are those of the statements.
+Public names: `body_sizes`, `u_major_base_mm`, `source_of`, `coupon_sizes`, `settings_of_print`, `peak_nm` and
+`wavelength_nm`.
 """
 
 import math

@@ -1,7 +1,6 @@
 """Error of an index when the absorbance is used as the absorptance, as in the paper's formula.
 
-The interface: `error_of_index` of a simulated layer, `transmittance_for` an index, `fall_of_polymers` of the resins
-that solen ships, `literature_at` a wavelength.
+Public names: `error_of_index`, `transmittance_for`, `fall_of_polymers` and `literature_at`.
 """
 
 import numpy as np

@@ -5,7 +5,7 @@ of its area inside the outline, seen through a blur, under uneven light, with no
 of `solen print predict` with its default process, whose optics are assumed: a picture shows what the evaluation does,
 not what a printer does.
 
-The interface: `lens_picture`, `coupon_picture` and `coupon_heights` return the bytes of a PNG or TIFF.
+`lens_picture`, `coupon_picture` and `coupon_heights` return the bytes of a PNG or TIFF.
 """
 
 import io

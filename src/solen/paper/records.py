@@ -3,7 +3,7 @@
 The idea: a figure depends on solen alone, because its inputs ship with it. So a record contains a checksum of all files
 of solen and one of each written file; if both still match, the figure is finished.
 
-The interface: `chosen` selects figures by name; `Record`, `read_record`, `record_text`, `code_sha256`.
+Public names: `chosen`, `Record`, `read_record`, `record_text` and `code_sha256`.
 """
 
 import hashlib

@@ -3,7 +3,7 @@
 The idea: solen's own model of the measurement makes each table, with noise of a stated seed, and the first line of the
 table states this. Values that the paper does not state are assumed here, once and by name; they are not results.
 
-The interface: `SAMPLES` names each file and its `Sample`: the model in words and its text; `write_samples` writes some.
+`SAMPLES` names each file and its `Sample`: the model in words and its text; `write_samples` writes some.
 """
 
 import tomllib

@@ -6,7 +6,7 @@ them it **differs**; a bound differs if it is missed by more than that; a direct
 much. "Negligible" is read as below 5 % of the effect with which it is compared. A statement based on unpublished data
 **cannot be checked**, whatever solen simulates in their place.
 
-The interface: `STATEMENTS`; `compared` makes a `Comparison` of a statement's key and a number of the run.
+Public names: `compared` and `Comparison`.
 """
 
 import math

@@ -5,10 +5,7 @@ emitter, to an irradiance with the area of the face, to a current with the sensi
 the load, and to a number by the converter. **Brighter is a lower voltage.** Each step is a formula with its source.
 Noise is calculated by formula and then drawn at random.
 
-The interface: `circuit_of` a design with the areas of its receivers' faces (`face_areas_mm2`); `volts` of power
-fractions over time; `noise` by source; `advise` on the load; `readings_of` combines all of these over a motion.
-`solen.readout.transistor` contains the load line, `solen.readout.adc` the converter and `solen.readout.emitter` the
-power of the emitter.
+Public names: `circuit_of`, `face_areas_mm2`, `volts`, `noise`, `advise` and `readings_of`.
 """
 
 from solen.readout.adc import Adc

@@ -1,6 +1,6 @@
 """An analogue-to-digital converter: range, steps and its own noise.
 
-The interface: `Adc.of` a part for a supply; `Adc.read` rounds to steps and clips to the range.
+Public name: `Adc`.
 """
 
 import math

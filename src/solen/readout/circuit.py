@@ -6,7 +6,7 @@ with the weakest and the strongest emitter and receivers, `Circuit.drawn` a rand
 Assumptions: light is uniform over a receiver's face, so a part detects power over area regardless of its position; and
 the part responds through its window as in air.
 
-The interface: `circuit_of`, `spread`, `face_areas_mm2`; `Circuit.current_mA` of power fractions, `Circuit.load_line`.
+Public names: `circuit_of`, `spread`, `face_areas_mm2` and `Circuit`.
 """
 
 from collections.abc import Mapping

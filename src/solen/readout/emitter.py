@@ -3,7 +3,7 @@
 A datasheet states the power at one current. The power follows a power law of the current, with exponent 1 up to about
 100 mA, and falls linearly with temperature. It varies from part to part in the same ratio as the radiant intensity.
 
-The interface: `Drive.of` a part at a current; `Drive.power_mW` at a temperature.
+Public name: `Drive`.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Readings over a motion: voltages for typical and extreme parts, noise, slopes, resolution, advice.
 
-The interface: `readings_of` a circuit and the power fractions of a motion.
+Public name: `readings_of`.
 """
 
 from collections.abc import Iterator, Mapping

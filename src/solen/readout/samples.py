@@ -1,6 +1,6 @@
 """Samples over time: converter readings of changing powers, with seeded noise.
 
-The interface: `volts` of power fractions; `noisy` adds noise and quantises; `settled` applies the receiver's lag.
+Public names: `volts`, `noisy` and `settled`.
 """
 
 import math

@@ -8,9 +8,7 @@ this has a closed form with the Wright omega function ω, ω + ln ω = z:
 
 Far from the knee V = V_supply − R I; in bright light V approaches V_s. V always falls with the light.
 
-The interface: `Phototransistor.of` a part for light of a wavelength; `Phototransistor.current_mA` of an irradiance;
-`load_line` returns voltages and slopes of the load line, `spectral_response` the sensitivity relative to the stated
-one.
+Public names: `Phototransistor`, `load_line` and `spectral_response`.
 """
 
 import math

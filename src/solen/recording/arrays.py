@@ -4,7 +4,7 @@ The idea: these files contain arrays, some of which have a common axis. The leng
 recording; an array with as many rows gives a channel for each of its columns; single numbers and texts are parameters.
 An array of another length is omitted and named, because its relation to the others is unknown.
 
-The interface: `Array`, and `recorded` of a file's arrays.
+Public names: `Array` and `recorded`.
 """
 
 import re

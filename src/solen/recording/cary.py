@@ -5,7 +5,7 @@ The idea: an export has two lines of header, the names of the traces in every se
 the program's log of each trace. Traces have their own wavelengths, and may share a name; none is dropped or merged. A
 scan has uniform wavelength steps; one with a jump, a repetition or a gap therefore was damaged, whatever its values.
 
-The interface: `is_cary` recognises the header, `read` reads a `Grid`.
+`is_cary` recognises the header, `read` reads a `Grid`.
 """
 
 from collections import Counter

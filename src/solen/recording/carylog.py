@@ -5,7 +5,7 @@ The idea: a block begins with the trace's name, on a separate line and repeated 
 Settings shared by all blocks apply to the file, the others to each trace. A log that cannot be interpreted is no reason
 to reject valid numbers.
 
-The interface: `read` returns `Logs`; `ends` compares a trace with the range stated in its log.
+`read` returns `Logs`; `ends` compares a trace with the range stated in its log.
 """
 
 import re

@@ -5,8 +5,7 @@ An option that names a column has priority.
 The idea: a header names a quantity, states a matching unit, or follows the conventions of recorders (``ai0``, ``PD2``).
 These are tried in that order; if several columns remain, the user is asked to name one.
 
-The interface: `column_of` a quantity, `receiver_columns` among the remaining columns, `named_column`; `side_of` and
-`left_right` distinguish receivers by their names, `by_sensor` groups them.
+Public names: `column_of`, `receiver_columns`, `named_column`, `side_of`, `left_right` and `by_sensor`.
 """
 
 import re

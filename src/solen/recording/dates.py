@@ -1,6 +1,6 @@
 """Dates in the spellings of instruments, as ISO 8601 if it is clear which number is the month.
 
-The interface: `iso` of a text, `among` the parameters of a file, `seconds` of a column of clock times.
+Public names: `iso`, `among` and `seconds`.
 """
 
 import re

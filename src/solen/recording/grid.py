@@ -4,7 +4,7 @@ The idea: readers see cells, and name a faulty one by its line and column, or by
 a text is the one with which most cells are numbers. It is chosen once, for the whole file; a line with another
 separator therefore shows as damaged.
 
-The interface: `of_text` makes a `Grid`; `Grid.refused` returns an error with its place; `Grid.column` returns numbers.
+`of_text` makes a `Grid`; `Grid.refused` returns an error with its place; `Grid.column` returns numbers.
 """
 
 import csv

@@ -6,7 +6,7 @@ of a table (the coordinate of its second dimension); attributes are parameters.
 A file with a time in each of several groups contains several recordings; a bench writes one for each sensor. A large
 file is never loaded into memory completely.
 
-The interface: `is_hdf5` of a path, `groups` and `read` of a file; `is_netcdf3` and `read_netcdf3`.
+Public names: `groups`, `read`, `is_netcdf3` and `read_netcdf3`.
 """
 
 import hashlib

@@ -5,7 +5,7 @@ The idea: a file consists of records ``##LABEL=value``, one of which contains th
 pseudo-digits (squeezed), differences, repeats. Redundant statements (number of points, abscissas of lines, first value,
 last value before each line of differences) are checked against the numbers, to detect damage.
 
-The interface: `is_jcamp` and `read`. Format: McDonald and Wilks, "JCAMP-DX: A Standard Form for Exchange of Infrared
+Public names: `is_jcamp` and `read`. Format: McDonald and Wilks, "JCAMP-DX: A Standard Form for Exchange of Infrared
 Spectra in Computer Readable Form", Appl. Spectrosc. 42 (1988) 151, version 4.24.
 """
 

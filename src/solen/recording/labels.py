@@ -1,7 +1,6 @@
 """Labels in the names of files: ``S1_lens_2.csv`` states sensor, lens and number of the recording.
 
-The interface: `labels` of a name by a pattern such as ``{sensor}_{lens}_{run}.csv``; `has_lens` interprets the word for
-the lens.
+Public names: `labels` and `has_lens`.
 """
 
 import re

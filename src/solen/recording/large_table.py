@@ -4,7 +4,7 @@ The idea: the beginning is read like any table, and defines the columns. If all 
 of the file contains only digits, signs, the decimal mark and the separator, numpy's own reader reads it. Anything else
 (a remark, an empty cell, a word, a row of another length) is left to the reader that reports the error and its place.
 
-The interface: `read_large` returns a recording, or None if a file is not a large plain table.
+`read_large` returns a recording, or None if a file is not a large plain table.
 """
 
 import io

@@ -5,7 +5,7 @@ and blocks of parameters, never by numbers alone. All rows below it must belong 
 any other row is damaged; it raises an error when rows are read and is never skipped. Text after an empty line at the
 end is a remark.
 
-The interface: `find` returns the `Layout` of a `Grid`.
+`find` returns the `Layout` of a `Grid`.
 """
 
 from collections.abc import Sequence

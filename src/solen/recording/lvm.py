@@ -6,7 +6,7 @@ each channel, or none, and a comment at the end. Statements are checked against 
 truncated file. Packets of the same channels follow each other in time; if their X restarts, as in files that were
 appended to, it is counted from the date and time stated in each packet.
 
-The interface: `is_lvm` and `read`. Format: "Specification for the LabVIEW Measurement File (.lvm)", National
+Public names: `is_lvm` and `read`. Format: "Specification for the LabVIEW Measurement File (.lvm)", National
 Instruments.
 """
 

@@ -1,6 +1,6 @@
 """MATLAB's .mat files up to version 7: variables, and the fields of structures as ``structure.field``.
 
-The interface: `is_matlab` and `read`. Version 7.3 is HDF5, and `solen.recording.hdf5` reads it.
+Public names: `is_matlab` and `read`. Version 7.3 is HDF5, and `solen.recording.hdf5` reads it.
 """
 
 import io

@@ -5,8 +5,7 @@ along an axis. Numbers stay as the file states them, in its unit and with its ga
 in the unit that it needs. The origin of the numbers is always kept: name, checksum, format, instrument and date of the
 file.
 
-The interface: `Recording.channel` by name, `Recording.find` by any of several names, `Recording.label` for columns of
-words, `Channel.to` a unit.
+Public names: `Recording` and `Channel`.
 """
 
 import difflib

@@ -5,7 +5,7 @@ The idea: a text is a number only if all of it is. Texts that a lenient reader w
 in the same form; numbers written by instruments therefore must follow a stricter form: no leading zeros, no plus,
 digits on both sides of the mark, one digit before the mark if a power of ten follows.
 
-The interface: `is_number`, `is_missing`, `all_numbers`, `parse`, and `digits`.
+Public names: `is_number`, `is_missing`, `all_numbers`, `parse` and `digits`.
 """
 
 import math

@@ -3,7 +3,7 @@
 The idea: a single trace of a kind is used without being named; of several traces of a kind the user must name those to
 use, and then only these are used. The order of the traces has no meaning.
 
-The interface: `optical_spectra` returns `OpticalSpectra`; `kind_of` a channel.
+Public names: `optical_spectra`, `OpticalSpectra` and `kind_of`.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,6 +1,6 @@
 """Read a file that an instrument or a person wrote: its format is detected from the content, never from the name.
 
-The interface: `read`, and `read_parts` for files that contain several recordings.
+Public names: `read` and `read_parts`.
 """
 
 from collections.abc import Callable, Iterator, Sequence

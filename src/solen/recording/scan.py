@@ -3,8 +3,7 @@
 The idea: a monochromator moves in one direction, in equal steps. A step that differs from equal steps before and after
 it is damage; so are wavelengths that differ in one row from those of all other traces.
 
-The interface: `check_wavelengths`, `check_alike`, `check_wild`, `check_digits`; `disorder` and `alone_note` for
-irregularities that do not prove damage.
+Public names: `check_wavelengths`, `check_alike`, `check_wild`, `check_digits`, `disorder` and `alone_note`.
 """
 
 from collections import Counter

@@ -4,7 +4,7 @@ The idea: only valid text is accepted as text. Bytes that no instrument's progra
 place and not in another, or a control character show that the file is of another kind or damaged; each is rejected with
 its line.
 
-The interface: `load` a file, `Source.text` of it, `Source.refused` for an error that names the file and the place.
+Public names: `load` and `Source`.
 """
 
 import hashlib

@@ -5,7 +5,7 @@ the storage of its values and its position in a series. A value is a floating-po
 of two stated in the header. Counts (points, spectra, offsets) must account for the whole file, and thus reveal
 truncation or damage.
 
-The interface: `is_spc` and `read`. Format: "A Brief Guide to SPC File Format and Using GSPCIO", Galactic Industries
+Public names: `is_spc` and `read`. Format: "A Brief Guide to SPC File Format and Using GSPCIO", Galactic Industries
 (1998), and its header file SPC.H. The older layout (version 4Dh) raises an error that names it.
 """
 

@@ -6,7 +6,7 @@ with a specimen's name, below a header that begins empty or with ``Name``, are l
 width, modulus. Each specimen becomes a separate table, with its line of each list as parameters, and is checked like
 every table. No row of numbers may remain.
 
-The interface: `specimens` returns the content of such an export, as `Table`.
+`specimens` returns the content of such an export, as `Table`.
 
 Layouts: Bluehill's raw data below its results tables; MTS Series 793, whose first line names it and whose acquisitions
 follow one another; Shimadzu's Trapezium with names above each specimen's columns, as snpl's load_TrapeziumCSV reads

@@ -5,8 +5,7 @@ The idea: each program writes a characteristic line above its numbers (``>>>>>Be
 last and the extreme values, which are compared with the rows. The header may also state the meaning of the values; if
 it does not, a note reports this.
 
-The interface: `read`, which returns None for files of other programs; `PROGRAMS` are the known programs, each with the
-source that describes its layout.
+Public names: `read` and `PROGRAMS`.
 """
 
 import re

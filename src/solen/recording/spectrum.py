@@ -1,6 +1,6 @@
 """Spectra of a recording: each trace with its wavelengths in nm.
 
-The interface: `spectra` of a recording; `Spectrum.ratio` for values without percent; `listing` of a file.
+Public names: `spectra`, `Spectrum` and `listing`.
 """
 
 from collections.abc import Sequence

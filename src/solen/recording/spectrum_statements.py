@@ -4,7 +4,7 @@ The idea: many programs state the meaning of axis and values, the number of poin
 the extremes. JCAMP-DX has labels for them (``NPOINTS``, ``FIRSTX``, ``MAXY``); equivalent statements of other programs
 are mapped to these labels.
 
-The interface: `check` numbers, `number` of a label, `spectrum` makes a `Recording`.
+Public names: `check`, `number` and `spectrum`.
 """
 
 import math

@@ -4,7 +4,7 @@ The idea: analysis, calibration and decoding are the same for all three. Arrays 
 (``angle_deg``), as those of receivers are named after volts, and contain the stimulus in its own unit; sentences, axes
 and the keys of JSON and files name that unit: ``sensitivity_V_per_N``, ``interval95_force_N``.
 
-The interface: `Stimulus`; `ANGLE`, `FORCE` and `DEPTH`, and all as `STIMULI`.
+Public names: `Stimulus`, `ANGLE`, `FORCE`, `DEPTH` and `STIMULI`.
 """
 
 import re

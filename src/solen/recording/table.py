@@ -4,7 +4,7 @@ The idea: the header names the columns (`solen.recording.words`), `solen.recordi
 here its columns become channels. A column of numbers with one non-numeric cell is damaged, and does not become a column
 of text. A wavelength column is the axis of the others, and so is a time column.
 
-The interface: `read` a `Grid` with its `Layout`; `columns` and `recorded` are its two halves.
+Public names: `read`, `columns` and `recorded`.
 """
 
 import math

@@ -1,6 +1,6 @@
 """LabVIEW's TDMS files, read with npTDMS (extra ``tdms``): channels with their units, and the time of waveforms.
 
-The interface: `is_tdms` and `read`.
+Public names: `is_tdms` and `read`.
 """
 
 import io

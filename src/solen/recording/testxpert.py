@@ -6,7 +6,7 @@ are damage here: a number in another form, an empty line or a remark inside, a d
 line without an end. Results computed by the machine (modulus, greatest force) stay in the recording's metadata, in the
 machine's words.
 
-The interface: `program` recognises the header, `read` reads a `Grid`; `stated` returns a parameter as a number.
+`program` recognises the header, `read` reads a `Grid`; `stated` returns a parameter as a number.
 
 Other programs write a single test in the same form, and are recognised by their own words: MTS TestSuite by the lines
 ``File Path:``, ``Test:``, ``Test Run:`` and ``Date:`` above the names, which published readers of its CSV skip; Lloyd's

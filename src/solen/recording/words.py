@@ -5,7 +5,7 @@ ending is interpreted as a unit only if it is one and fits the word before it: t
 symbol, the ``_s`` of ``R_s`` a polarisation, and neither is a unit. The unit determines the meaning of an ambiguous
 word: ``T (°C)`` is a temperature, ``T (%)`` a transmittance.
 
-The interface: `heading` of a header's text, `quantity_of` a name, `is_label` for columns that label rows.
+Public names: `heading`, `quantity_of` and `is_label`.
 """
 
 import re

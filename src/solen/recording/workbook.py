@@ -4,7 +4,7 @@ The idea: a workbook is the same table as its CSV. Numbers keep all their digits
 stored with it; a file with a formula without a stored result is rejected, because its cell is not empty. An archive
 that would unpack to more than the size of a table is not unpacked.
 
-The interface: `grid` of a sheet.
+Public name: `grid`.
 """
 
 import io

@@ -3,7 +3,7 @@
 The module of a figure does not know the width of the page, the requested panels, free positions for the legend, or
 titles too long for their panel; all of this is handled here.
 
-The interface: `finish` fits a figure to its options; `panels_of`, `covers_data` and `titles_of` inspect a figure.
+Public names: `finish`, `panels_of`, `covers_data` and `titles_of`.
 """
 
 import math

@@ -1,7 +1,6 @@
 """The figure of a result, chosen by its type.
 
-The interface: `plot`; `FIGURES` maps types to the functions that draw them. Neither the types nor matplotlib are loaded
-before a result is drawn.
+Public names: `plot` and `FIGURES`. Neither the types nor matplotlib are loaded before a result is drawn.
 """
 
 from importlib import import_module

@@ -6,7 +6,7 @@ fewer angles and with fewer rays than the lens itself: eight outlines give an un
 is integrated, because its response has steps; for a chip, whose response is smooth, a fan of `DRAWN_RAYS` suffices. For
 a point emitter, a chip is also compared, since the steps hide the response of a real emitter.
 
-The interface: `as_printed` of a sensor with a measured lens returns an `AsPrinted`.
+Public names: `as_printed` and `AsPrinted`.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """Checks of a design before any ray is traced: material, lens and body, and whether it can be built.
 
-The interface: `check` of a sensor; its parts are `foci_of` and `body_sizes`.
+Public names: `check`, `foci_of` and `body_sizes`.
 """
 
 from dataclasses import dataclass, replace

@@ -6,7 +6,7 @@ is integrated near the null, at a third of the motion and at its ends; on one si
 turned lens to the stem is a choice of the model without a tolerance; for it, the other joins are compared. The body's
 rigidity is also such a choice: soft bodies with usual mounts are compared if the extra `mechanics` is installed.
 
-The interface: `effects` of a sensor and its response returns an `Effect` for each number, the largest first.
+Public names: `effects` and `Effect`.
 """
 
 import math

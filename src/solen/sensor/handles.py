@@ -4,7 +4,7 @@ A Y and an outline are turned or bent with a lever. An emitter is moved in front
 the motion has moved both. A network's nodes, and the parts on its sides, move along the numbers that state their
 positions.
 
-The interface: `handles_of`.
+Public name: `handles_of`.
 """
 
 import math

@@ -5,7 +5,7 @@ mid-height of the body, and their response is less linear. Each lens is therefor
 motion and, at one angle, also with the emitter displaced in y. Angles are fractions of the distance from the null to
 the ends of the motion, on one side only for symmetric sensors.
 
-The interface: `lens_choice` of a sensor and its response returns a `LensChoice`.
+Public names: `lens_choice` and `LensChoice`.
 """
 
 import math

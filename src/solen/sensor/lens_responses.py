@@ -2,7 +2,7 @@
 
 All are sampled in the same way, which makes a cylinder and a lens for space comparable.
 
-The interface: `lens_responses` of sensors by name.
+Public name: `lens_responses`.
 """
 
 from collections.abc import Mapping, Sequence

@@ -5,7 +5,7 @@ as at an angle of any other motion. Two responses are computed for comparison. I
 same angle on an undeformed body. The other uses the other plane model: a real part is between plane strain and plane
 stress, and the difference of the two is the uncertainty of the model.
 
-The interface: `loaded_study` of a design, `deform` for one state.
+Public names: `loaded_study` and `deform`.
 """
 
 from collections.abc import Sequence

@@ -3,7 +3,7 @@
 The drawn rays are always rays in the plane: they show the path of the light and are not used for powers. `dragged`
 gives the numbers of the design that change if a handle is dragged.
 
-The interface: `in_plane`, `picture` and `dragged`.
+Public names: `in_plane`, `picture` and `dragged`.
 """
 
 from typing import Any

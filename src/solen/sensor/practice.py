@@ -5,7 +5,7 @@ built: with the design's chip (or one of `CHIP_MM` in place of a point), in spac
 are computed for the sensor as built (`solen.sensor.effects`). Parts that do not apply to a design, or cannot be built,
 are omitted; `Practice.skipped` gives the reasons.
 
-The interface: `practice` of a sensor and its response returns a `Practice`.
+Public names: `practice` and `Practice`.
 """
 
 from collections.abc import Callable, Sequence

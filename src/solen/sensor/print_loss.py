@@ -3,7 +3,7 @@
 Both lenses are traced in power with the same fan of rays, so that only the lens differs. A point emitter shows every
 ripple of a lens, unlike a real emitter: a small chip is therefore also compared.
 
-The interface: `print_loss` of a sensor and a profile returns a `PrintLoss`.
+Public names: `print_loss` and `PrintLoss`.
 """
 
 from dataclasses import dataclass

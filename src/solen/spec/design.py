@@ -4,10 +4,7 @@ The idea: one object stores the user's choices and nothing derived from them. It
 their names include units, and the defaults are the paper's sensor at 860 nm, so a file states only the differences.
 Later stages check whether the design can be built (an oval beyond tangency, a self-intersecting body).
 
-The interface: `Design` and its tables: `Material`, `Lens`, `Body` and `Receivers` from `solen.spec.body`, `Emitter` and
-`Ambient` from `solen.spec.light`, `Motion`, `Wall`, `Tolerance`, `Fabricate` and `Readout` from the modules with the
-same names, and `Trace`. `Motion.angles_deg` lists the angles of a sweep; `Design.files` lists the paths of the files
-that a design names. `solen.spec.combinations` checks keys across tables.
+Public names: `Design` and `Trace`.
 """
 
 from collections.abc import Mapping

@@ -4,9 +4,9 @@ The idea: a file is a tree of tables, and each table is one frozen model. An unk
 known name, a reserved key with "not yet supported"; numbers must be finite and are never converted from text or
 booleans. pydantic finds the problems; this module reports the dotted key, the value, the limit and the remedy.
 
-The interface: derive a table from `Strict` and use the field types `Number`, `Positive`, `NotNegative` and `Text`. A
-validator of several keys raises `refused`; `or_refuse` annotates a single field. `parse_toml`, `migrated` and
-`error_context` serve any TOML file that contains ``schema = <version>``.
+Public names: `Strict`, `Number`, `Positive`, `NotNegative` and `Text`. A validator of several keys raises `refused`;
+`or_refuse` annotates a single field. `parse_toml`, `migrated` and `error_context` serve any TOML file that contains
+``schema = <version>``.
 """
 
 import difflib

@@ -3,8 +3,7 @@
 The idea: a file states ``schema``, ``name`` and differences from the defaults. Reading migrates old schemas, then
 rejects what it does not understand; writing omits defaults, and reading a written file gives the same design.
 
-The interface: `load`, `loads`, `dumps`, `save`; `with_values` and `parse_assignment` for ``--set key=value``;
-`json_schema` for editors.
+Public names: `load`, `loads`, `dumps`, `save`, `with_values`, `parse_assignment` and `json_schema`.
 """
 
 import os

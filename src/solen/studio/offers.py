@@ -5,8 +5,7 @@ help once. An `Offer` names that function and states which of its parameters are
 files to write, and which is the open design; everything else is read from the signature. A page can therefore request
 exactly the parameters of the command, and "the same elsewhere" is the call itself, written out.
 
-The interface: `Offer.form` for the page, and `Offer.call` for a request, which `solen.studio.calls` runs and writes
-out.
+Public name: `Offer`.
 """
 
 import importlib

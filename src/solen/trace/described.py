@@ -1,7 +1,7 @@
 """Traces of scene files, with the names of their faces and in the units of the file.
 
-The interface: `open_scene` reads solen's JSON or that of ray-optics; `trace_scene` traces it; `face_names` and
-`branches` describe any trace with the names of a scene's faces.
+`open_scene` reads solen's JSON or that of ray-optics; `trace_scene` traces it; `face_names` and `branches` describe any
+trace with the names of a scene's faces.
 """
 
 import json

@@ -4,9 +4,9 @@ A calibration consists of the curve that (V_left, V_right) follows while the sen
 falling angles, and the covariance of a reading about it. A reading is decoded from the likelihood of every angle, so
 two equally likely angles are both reported. Cycles or prints left out of the calibration measure its accuracy.
 
-The interface: `calibrated_sensors` of a `Study`. Its steps are `training_of` a `SensorResponse`, `calibrated`,
-`pooled`, `leave_one_cycle_out` and `leave_one_sensor_out`. `CalibrationFile` is the saved file, `Decoder` decodes
-readings with it, and `StreamDecoder` decodes a stream.
+Public name: `calibrated_sensors`. Its steps are `training_of` a `SensorResponse`, `calibrated`, `pooled`,
+`leave_one_cycle_out` and `leave_one_sensor_out`. `CalibrationFile` is the saved file, `Decoder` decodes readings with
+it, and `StreamDecoder` decodes a stream.
 """
 
 from solen.analysis.calibration.calibrate import CalibrationOptions, SensorCalibrations, calibrated_sensors

@@ -1,6 +1,6 @@
 """Calibrations of a study's sensors: one per sensor, or one pooled over several prints, with cross-validation.
 
-The interface: `calibrated_sensors` of a `Study` returns `SensorCalibrations`; `default_path` of a file.
+Public names: `calibrated_sensors`, `SensorCalibrations` and `default_path`.
 """
 
 from collections.abc import Sequence

@@ -2,7 +2,7 @@
 
 Recordings of other programs do not state them; `ConditionOptions` provides them.
 
-The interface: `conditions` of a sensor's recording.
+Public name: `conditions`.
 """
 
 import hashlib

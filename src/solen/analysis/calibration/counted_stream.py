@@ -1,7 +1,6 @@
 """Common part of the decoders of streams: counts of readings and their flags, and warnings about them.
 
-The interface: `CountedStream`, the base class of `solen.analysis.calibration.stream_decoder.StreamDecoder` and
-`solen.analysis.network.stream_decoder.NetworkStream`.
+Public name: `CountedStream`.
 """
 
 import math

@@ -4,8 +4,7 @@ The remaining data are calibrated as if the part left out had never been recorde
 compared with the angle of the stage. The fraction of readings within their bands shows whether the bands can be
 trusted. Errors within a cycle are correlated, so this fraction scatters more than the number of readings suggests.
 
-The interface: `leave_one_cycle_out` and `leave_one_sensor_out` both return a `Check` with a `Part` for each cycle or
-print left out.
+`leave_one_cycle_out` and `leave_one_sensor_out` both return a `Check` with a `Part` for each cycle or print left out.
 """
 
 import math

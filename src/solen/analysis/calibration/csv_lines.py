@@ -1,6 +1,6 @@
 """Lines of CSV as they arrive: the names of the columns, then the numbers of each line.
 
-The interface: `lines_of` a text.
+Public name: `lines_of`.
 """
 
 import math

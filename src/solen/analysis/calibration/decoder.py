@@ -9,8 +9,7 @@ contains 68 or 95 % of it. If two intervals have a notable probability, the read
 
 A clipped reading of a receiver shows only that the true voltage is at or beyond the limit.
 
-The interface: `Decoder` of a `Calibration`; its method `decode` returns `Decoded`.
-`solen.analysis.calibration.posterior` is a short but slow reference implementation.
+Public names: `Decoder` and `Decoded`.
 """
 
 import math

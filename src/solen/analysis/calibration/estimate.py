@@ -7,7 +7,7 @@ cycles, and the error of the mean. It is estimated from a few cycles only, so re
 degrees of freedom combine those of the components (Satterthwaite 1946). For several prints, the covariance of their
 mean curves is added; its degrees of freedom are the number of prints minus one.
 
-The interface: `calibrated` of a `Training` returns a `Calibration`, and `pooled` combines several.
+Public names: `calibrated`, `Calibration` and `pooled`.
 """
 
 from collections.abc import Sequence

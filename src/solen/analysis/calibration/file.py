@@ -1,7 +1,6 @@
 """The file of a calibration: curves and covariances, motion and circuit, sources, checks.
 
-The interface: `CalibrationFile`; `load` reads one from a path, and `text_of` returns its text. `Motion` and `Circuit`
-state what a calibration applies to, and `differences` states how a recording differs from that.
+Public names: `CalibrationFile`, `load`, `text_of`, `Motion`, `Circuit` and `differences`.
 """
 
 import json

@@ -5,7 +5,7 @@ inwards, to where every press has a reading, and would appear as scatter of the 
 samples of a ramp, and the mean of a hold (or a line, if it drifts), remove most of it. Forces with little noise are not
 changed.
 
-The interface: `smoothed` of a `SensorResponse`; `OUT`.
+Public names: `smoothed` and `OUT`.
 """
 
 import math

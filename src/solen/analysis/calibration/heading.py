@@ -5,7 +5,7 @@ contains only the noise of a reading, because errors that are constant over a cy
 probability that the slope is positive follows from a normal distribution; a stream that is not clearly rising or
 falling has no heading.
 
-The interface: `Tracker` accepts angles in batches of any size, and returns `Headings`.
+`Tracker` accepts angles in batches of any size, and returns `Headings`.
 """
 
 from dataclasses import dataclass

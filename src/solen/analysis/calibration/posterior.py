@@ -3,7 +3,7 @@
 `Decoder` must agree with it. It is short enough to be checked by reading, and does not approximate the curves by
 straight lines.
 
-The interface: `posterior` of one reading.
+Public name: `posterior`.
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
 """Decoding of a stream with a saved calibration: rows of angles as readings arrive, and a summary at the end.
 
-The interface: `StreamDecoder` of a `CalibrationFile`; its `rows` are lines of CSV, its `result` is a `Decoding`.
+Public names: `StreamDecoder` and `Decoding`.
 """
 
 import math

@@ -2,7 +2,7 @@
 
 A `Stream` yields one `Batch` of left and right voltages after another, each as large as the available data.
 
-The interface: `recorded_stream` of a file, `line_stream` of lines.
+Public names: `recorded_stream` and `line_stream`.
 """
 
 import math

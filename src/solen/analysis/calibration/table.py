@@ -6,8 +6,7 @@ median of `solen.analysis.calibration.decoder` without its bands. Rising and fal
 curve here, and their difference is added to the covariance. If two angles match a reading, only the more probable one
 is returned.
 
-The interface: `BoardTable.of` a calibration; its `python` and `c` are source texts. `DecodingTable` compares it with
-the full decoder.
+Public names: `BoardTable` and `DecodingTable`.
 """
 
 import re

@@ -1,6 +1,6 @@
 """Input of a calibration: the rising and falling sweeps of each cycle, and their samples.
 
-The interface: `training_of` an analysed sensor returns a `Training`; `Training.only` selects some of its cycles.
+Public names: `training_of` and `Training`.
 """
 
 import math

@@ -6,7 +6,7 @@ reading: its mean minus the ambient light at its time, interpolated linearly bet
 the remaining ambient light at any frequency (`solen.analysis.demodulation.rejection`). No filter is applied unless
 requested: `averaged` computes the mean over whole periods of the mains.
 
-The interface: `demodulated` applies all steps to a recording.
+`demodulated` applies all steps to a recording.
 """
 
 from solen.analysis.demodulation.average import averaged, readings_per_mains

@@ -8,8 +8,7 @@ whether it is on, off or too close to an edge, regardless of its noise.
 If several emitters take turns, each on and off once, the clock is that of the slots. An emitter is then identified by
 its position in the sequence, counted from the first on slot of the recording.
 
-The interface: `find_clock` near a stated rate, `find_switching` at an unknown rate; `Clock.states` returns the state of
-each sample for `slots_of`.
+Public names: `find_clock`, `find_switching` and `Clock`.
 """
 
 from dataclasses import field

@@ -1,6 +1,6 @@
 """A recording demodulated: readings without ambient light, missing data, and the rejection of the subtraction.
 
-The interface: `demodulated` of a `Recording` returns a `Demodulation`; `readings_csv` is the table of its readings.
+Public names: `demodulated`, `Demodulation` and `readings_csv`.
 """
 
 import re

@@ -12,7 +12,7 @@ whole recording is long enough: this multiple keeps its amplitude and phase rela
 known. If the two hardly drift relative to each other, only the shape inside the off slots shows this multiple; the
 first part of each slot, in which a slow receiver may still settle, is then not used.
 
-The interface: `find_flicker` of samples with their states returns a `Flicker`.
+Public names: `find_flicker` and `Flicker`.
 """
 
 from dataclasses import dataclass, field

@@ -5,7 +5,7 @@ samples inside slots show it. Slots of a single sample do not show it; on reques
 whole periods of the mains. Slots are then averaged, and a reading is on minus off. Other recorded columns, e.g. the
 angle of a stage, are averaged over the same samples as the reading.
 
-The interface: `switched` of `Samples` returns `Switched`; `limits_of` samples returns the limits at which they clip.
+Public names: `switched`, `Switched` and `limits_of`.
 """
 
 from dataclasses import dataclass

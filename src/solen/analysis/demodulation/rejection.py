@@ -11,7 +11,7 @@ second), one-sided amplifies it by 3 dB and two-sided leaves it unchanged, apart
 slots does not help, but a mean over whole periods of the mains does. At ωP = 2π, the switching rate, ambient light
 looks like the emitter's light.
 
-The interface: `gain` and `rejection_dB`; `mean_gain` of the mean of readings.
+Public names: `gain`, `rejection_dB` and `mean_gain`.
 """
 
 from typing import Literal, get_args

@@ -1,7 +1,6 @@
 """Samples of several channels with the state of the emitters at each, from the columns of a recording.
 
-The interface: `samples_of` a `Recording` with `DemodulationOptions` returns `Samples`; `other_columns` returns the
-other recorded quantities at each sample.
+Public names: `samples_of`, `DemodulationOptions`, `Samples` and `other_columns`.
 """
 
 import re

@@ -3,7 +3,7 @@
 A slot ends when the state changes or samples are missing. Its first samples may still settle and are dropped; the
 others are averaged, each channel over its own samples.
 
-The interface: `slots_of` samples with their states.
+Public name: `slots_of`.
 """
 
 from dataclasses import dataclass

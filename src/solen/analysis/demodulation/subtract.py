@@ -7,7 +7,7 @@ for every emitter of a sequence. With only one off slot (one-sided), only consta
 The uncertainty of a reading is estimated from the off slots themselves: the deviation of each from the line between its
 neighbours contains the noise of a slot and the ambient light that is too fast to subtract.
 
-The interface: `subtract` of `Slots` returns `Demodulated`, with `Counts` of missing data.
+Public names: `subtract`, `Demodulated` and `Counts`.
 """
 
 from dataclasses import dataclass

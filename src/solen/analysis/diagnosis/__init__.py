@@ -4,8 +4,8 @@ The traced response of a design, for an emitter of any decentre and chip width, 
 recording. The interval of each parameter includes the scatter of the cycles, prior knowledge and the misfit of the
 model. A parameter that the recording does not determine is described in words instead of by a number.
 
-The interface: `diagnosed_sensors` of a `Study`. Its steps are `Response.of` a design's sensor and `diagnosed` of a
-`SensorResponse`, which returns a `Diagnosis`; `words` describes it in sentences.
+Public name: `diagnosed_sensors`. Its steps are `Response.of` a design's sensor and `diagnosed` of a `SensorResponse`,
+which returns a `Diagnosis`; `words` describes it in sentences.
 """
 
 from solen.analysis.diagnosis.curve_model import Bend, Model

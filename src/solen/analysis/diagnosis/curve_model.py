@@ -4,7 +4,7 @@ Light I lowers the voltage of a receiver by gain times I, until the transistor i
 `solen.readout.load_line`, and is modelled only if the circuit is known. Voltages begin at 0 if the voltage without the
 emitter was subtracted, otherwise at the supply voltage; an offset of each receiver accounts for both cases.
 
-The interface: `Model.of` a response and the recorded receivers; `Model.volts` of parameter values; `Model.jacobian`.
+Public name: `Model`.
 """
 
 import math

@@ -9,7 +9,7 @@ The width of a chip enters as its square, the **spread** of the light about the 
 narrow chip is proportional to it, so a chip without width is not a boundary. The fitted spread may be below 0, like any
 estimate of a number near 0.
 
-The interface: `Response.of` a `Sensor`; `Response.shares`. A `Change` is the effect of one parameter.
+Public name: `Response`. A `Change` is the effect of one parameter.
 """
 
 import math

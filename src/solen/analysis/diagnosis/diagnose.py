@@ -3,7 +3,7 @@
 All parameters that the recording determines are fitted. A parameter whose uncertainty exceeds its scale is fixed at the
 design's value; the correlations in the fit of all parameters show which others it cannot be separated from.
 
-The interface: `cycles_of` an analysed sensor; `diagnosed`; `Diagnosis` with an `Estimate` of each parameter.
+Public names: `cycles_of`, `diagnosed` and `Diagnosis`.
 """
 
 import math

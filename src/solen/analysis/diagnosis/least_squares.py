@@ -12,7 +12,7 @@ Two terms are added according to the law of propagation:
 
 The degrees of freedom of the sum are those of Welch and Satterthwaite.
 
-The interface: `Cycles`, `fit`, `Fitted`.
+Public names: `Cycles`, `fit` and `Fitted`.
 """
 
 from collections.abc import Sequence

@@ -6,7 +6,7 @@ curved. In space the light of a point has two more dimensions, and its integrati
 point. The integral is therefore computed from strips, integrated over position and angles with matching ends; strips
 are halved where the curve through them is curved. The height of the chip is that of the design.
 
-The interface: `light_by_place` of a `Sensor` with a chip that covers all positions; `Places`.
+Public names: `light_by_place` and `Places`.
 """
 
 import math

@@ -7,8 +7,7 @@ where the response bends. They are measured from the edge, where the light chang
 but the response relative to it changes slowly, so few angles are sufficient. Directional receivers detect less of each
 point's light, as described in `solen.sensor.readings`.
 
-The interface: `Table.of` a `Sensor` at `angles_deg`; `Table.chip` returns the fractions of the emitted power at both
-receivers.
+Public names: `Table` and `angles_deg`.
 """
 
 import math

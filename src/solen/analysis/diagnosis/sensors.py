@@ -3,7 +3,7 @@
 A recording of a bench contains its designs; for other recordings the options name one. Sensors of the same design share
 its response.
 
-The interface: `diagnosed_sensors` of a `Study` returns `SensorDiagnoses`.
+Public names: `diagnosed_sensors` and `SensorDiagnoses`.
 """
 
 from collections.abc import Iterator, Mapping

@@ -1,6 +1,6 @@
 """Description of a diagnosis in words: each parameter with its interval, undetermined parameters, and advice.
 
-The interface: `words` and `advice`, which return lines.
+Public names: `words` and `advice`.
 """
 
 import math

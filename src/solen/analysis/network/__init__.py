@@ -5,7 +5,7 @@ stops of a recording (`states`). A smooth forward map, i.e. the readings as func
 the stops (`forward`). A reading is decoded by weighted least squares with the covariance of its noise and of the error
 of the map (`decoder`).
 
-The interface: `network_readings` of a file; `analysed_network`; `calibrated_network`; `NetworkDecoder`.
+Public names: `network_readings`, `analysed_network`, `calibrated_network` and `NetworkDecoder`.
 """
 
 from solen.analysis.network.calibrate import NetworkCalibrations, calibrated_network

@@ -4,7 +4,7 @@ All motions are calibrated together, from the stops of recordings that visit the
 time is left out and decoded with a calibration from the others. If the readings cannot separate the motions, according
 to the derivatives and noise of the map, the calibration is rejected with an error that names the motions.
 
-The interface: `calibrated_network` of readings returns `NetworkCalibrations`.
+Public names: `calibrated_network` and `NetworkCalibrations`.
 """
 
 import math

@@ -5,7 +5,7 @@ none states a unit, otherwise to the unit of the first. ``a.left_A`` is in amper
 may be accompanied by marks of clipping, ``a.left_clipped``, and by the ambient light that was subtracted,
 ``a.left_ambient``. Such columns without a power, or of ambient light for only some of the powers, are rejected.
 
-The interface: `power_columns` of channels returns `PowerColumns`.
+Public names: `power_columns` and `PowerColumns`.
 """
 
 import re

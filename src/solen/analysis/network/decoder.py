@@ -6,7 +6,7 @@ The minimum is searched for over the whole table and refined by Gauss–Newton s
 motions that match a reading are also found. The covariance of θ is (Jᵀ S⁻¹ J)⁻¹; its bands are limited to the
 calibrated range. A reading that is too far from every f(θ) is outside the map.
 
-The interface: `NetworkDecoder`, whose method `decode` returns `NetworkDecoded`.
+Public names: `NetworkDecoder` and `NetworkDecoded`.
 """
 
 from collections.abc import Sequence

@@ -1,6 +1,6 @@
 """The file of a network's calibration: the recorded states, the noise of a reading, and parameters of the forward map.
 
-The interface: `NetworkCalibration`; `load_network` of a path, `is_network_file`, `text_of`.
+Public names: `NetworkCalibration`, `load_network`, `is_network_file` and `text_of`.
 """
 
 import json

@@ -6,7 +6,7 @@ scatter of a state about it minimise the error of each state predicted from all 
 eq. 5.12); the same errors determine its scale. The variance of the map is therefore small at recorded states, larger
 between them and largest beyond them, and larger where the readings change sharply.
 
-The interface: `ForwardMap.through` states; its method `at` returns means and variances.
+Public name: `ForwardMap`.
 """
 
 from dataclasses import dataclass

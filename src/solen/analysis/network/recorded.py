@@ -4,7 +4,7 @@ The bench of solen writes a group for each emitter, with its own times and angle
 column for each power, named ``EMITTER.RECEIVER``. Both are converted to rows of one turn each: the reading of the first
 emitter and the next one of every other emitter. An incomplete turn is kept, with NaN for the missing readings.
 
-The interface: `holds_network` of a file; `network_readings` returns `NetworkReadings`.
+Public names: `holds_network`, `network_readings` and `NetworkReadings`.
 """
 
 from collections.abc import Mapping, Sequence

@@ -5,8 +5,7 @@ changes. The noise of a reading is the covariance of the rows of a stop, pooled 
 the supply of a converter affects several readings together. The uncertainty of a stop's mean is that of the means of
 its pieces, if these differ by more than the noise explains.
 
-The interface: `states_of` readings returns `States`; `analysed_network` returns a `NetworkStates`, the response for a
-report.
+Public names: `states_of`, `States`, `analysed_network` and `NetworkStates`.
 """
 
 from dataclasses import dataclass, field

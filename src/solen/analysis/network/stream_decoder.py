@@ -1,7 +1,6 @@
 """Decoding of a stream of a network's readings with a saved calibration: rows of motions as they arrive, and a summary.
 
-The interface: `recorded_turns` of a file and `line_turns` of lines return `Turns`. `NetworkStream` decodes them; its
-`rows` are lines of CSV, its `result` is a `NetworkDecoding`. `unused` raises an error for options that do not apply.
+Public names: `recorded_turns`, `line_turns`, `Turns`, `NetworkStream`, `NetworkDecoding` and `unused`.
 """
 
 import math

@@ -6,7 +6,7 @@ emitter is switched. The checksum is computed half by half, which avoids one lon
 motor follows its ramp by the same clock. Each hardware implements `Hardware`; frames and commands are those of
 `solen.bench.frames` and `solen.bench.board`, but this file imports neither, because it is copied onto boards unchanged.
 
-The interface: `Board` on a `Hardware`.
+Public names: `Board` and `Hardware`.
 """
 
 import struct

@@ -1,6 +1,6 @@
 """The sources that a board needs, ready to be copied onto it or uploaded.
 
-The interface: `BOARDS`; `sources_of` returns the files of one board.
+Public names: `BOARDS` and `sources_of`.
 """
 
 from importlib.resources import files as resources

@@ -3,7 +3,7 @@
 The idea: the cell follows the rig file, except for errors whose size the file states. Its scale has an error drawn from
 the stated uncertainty, and its curve deviates from a straight line by at most the stated nonlinearity.
 
-The interface: `SimulatedCell.drawn`; its `volts` at depths of the finger.
+Public name: `SimulatedCell`.
 """
 
 from dataclasses import dataclass

@@ -6,7 +6,7 @@ and the previous value is that of periodic switching (`settling`). One converter
 slightly later than the one before. The switching runs by the instrument's clock or by its own, and neither is the run's
 clock.
 
-The interface: `SimulatedDaq`, a `Daq`; `settling` of two voltages.
+Public names: `SimulatedDaq` and `settling`.
 """
 
 import math

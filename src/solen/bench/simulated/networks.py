@@ -5,7 +5,7 @@ a grid over the ranges of its motions. The grid is refined, motion by motion, if
 through the others; between the states of the grid the surface is used. The tracing takes a minute or more; the powers
 therefore are stored in a file, and traced again if the design differs.
 
-The interface: `traced_network`; `SimulatedNetwork`, which a simulated board or data acquisition reads.
+Public names: `traced_network` and `SimulatedNetwork`.
 """
 
 import hashlib

@@ -1,6 +1,6 @@
 """Common part of simulated samplers: simulated sensors, read in the time of a run.
 
-The interface: `SimulatedSampler`, the base of the simulated board and of the simulated data acquisition.
+Public name: `SimulatedSampler`.
 """
 
 import math

@@ -4,7 +4,7 @@ The idea: prints of one design differ in index, decentre of the emitter, chip an
 the rig's seed, and its response is **traced**, angle by angle; in between it is interpolated monotonically, with as
 many traced angles as needed.
 
-The interface: `simulated_sensors` of a rig, `simulated_networks` of a rig with networks; `room_light_mw_cm2` at times.
+Public names: `simulated_sensors`, `simulated_networks` and `room_light_mw_cm2`.
 """
 
 import math

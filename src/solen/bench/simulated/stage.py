@@ -3,7 +3,7 @@
 The idea: a move is a trapezoid in velocity (a triangle if the distance is too short for the full velocity). The
 position at any time therefore is a closed formula, without time steps, evaluated for many times at once.
 
-The interface: `SimulatedStage`; `Axis` is the position of an axis, move after move, each a `Move`.
+Public names: `SimulatedStage`, `Axis` and `Move`.
 """
 
 import math

@@ -2,7 +2,7 @@
 
 Goals are scaled by their values for the initial design and are to be minimised.
 
-The interface: `Candidates` is called with points; `Candidates.feasible` contains the candidates that meet every limit,
+`Candidates` is called with points; `Candidates.feasible` contains the candidates that meet every limit,
 `Candidates.nondominated` the best of them; `least` selects one of several.
 """
 

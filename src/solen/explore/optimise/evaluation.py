@@ -1,6 +1,6 @@
 """Evaluation of a design by a task: the worst values of its goals, which limits hold, and its violation of the others.
 
-The interface: `Evaluator.of` a design returns an `Evaluation`.
+Public names: `Evaluator` and `Evaluation`.
 """
 
 import math

@@ -4,7 +4,7 @@ The idea: a design is best for some weights of the two goals. Each goal is first
 of the front and the units in which the goals are weighted. Then the larger of the two weighted goals is minimised, in
 steps from one end to the other. All candidates count for every weight.
 
-The interface: `search_front` searches; `front_of` candidates returns a `Front`.
+`search_front` searches; `front_of` candidates returns a `Front`.
 """
 
 from collections.abc import Callable, Iterator, Sequence

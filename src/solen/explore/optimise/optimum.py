@@ -1,6 +1,6 @@
 """Result of a search for one goal.
 
-The interface: `Optimum`; `optimum_of` candidates.
+Public names: `Optimum` and `optimum_of`.
 """
 
 from collections.abc import Iterator

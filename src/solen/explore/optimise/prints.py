@@ -1,6 +1,6 @@
 """Prints of the initial design of a search and of its result, with the same tolerances.
 
-The interface: `check_prints` before a search; `with_prints` adds prints to its result.
+Public names: `check_prints` and `with_prints`.
 """
 
 from dataclasses import replace

@@ -1,6 +1,6 @@
 """A design of a search traced again: with a smaller tolerance, and by samples, independently of the integration.
 
-The interface: `Retraced.of` a design, `Sampled.of` a sensor.
+Public names: `Retraced` and `Sampled`.
 """
 
 import math

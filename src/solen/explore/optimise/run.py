@@ -1,6 +1,6 @@
 """The search for a design.
 
-The interface: `optimise` a design.
+Public name: `optimise`.
 """
 
 import numpy as np

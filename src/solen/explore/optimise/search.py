@@ -3,7 +3,7 @@
 CMA-ES: N. Hansen & A. Ostermeier, Evolutionary Computation 9, 159 (2001), from the package ``cma``. Unlike gradients,
 it tolerates a minimax and noise. All random numbers are drawn with a seed, which makes a search repeatable.
 
-The interface: `search` a function of points.
+Public name: `search`.
 """
 
 from collections.abc import Callable, Sequence

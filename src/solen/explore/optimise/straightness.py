@@ -1,6 +1,6 @@
 """Options of a search for a user who only wants a straighter response: goals, conditions, and free numbers.
 
-The interface: `straightness_options` of a design returns options for the user to edit.
+Public name: `straightness_options`.
 """
 
 import math

@@ -1,6 +1,6 @@
 """The checked task of a search: goals, limits, free numbers, deviations, and the process that prints its designs.
 
-The interface: `Task.of` a design and options; `Task.at` a point of the box of its free numbers.
+Public name: `Task`.
 """
 
 from collections.abc import Iterator, Sequence

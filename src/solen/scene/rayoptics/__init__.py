@@ -4,8 +4,8 @@ The idea: a file lists objects that may overlap; here each becomes exact curves,
 regions and interfaces (`arrangement`). Sources become exactly the rays that ray-optics launches, detectors become
 monitors, and unsupported content is listed with the reason.
 
-The interface: `load` and `loads` return an `Imported`; `recognised` tells whether parsed JSON is such a file. Formulas
-of curves and modules are read by `solen.scene.rayoptics.formula`, which executes nothing.
+`load` and `loads` return an `Imported`; `recognised` tells whether parsed JSON is such a file. Formulas of curves and
+modules are read by `solen.scene.rayoptics.formula`, which executes nothing.
 """
 
 from solen.scene.rayoptics.facets import Facets

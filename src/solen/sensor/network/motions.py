@@ -6,7 +6,7 @@ deviations. The best estimate of the motions has the covariance (Jᵀ C⁻¹ J)�
 estimate is better: Cramér, Rao). A combination whose singular value is less than `SURE` times its uncertainty is not
 determined, nor is any motion with a share in it.
 
-The interface: `determined` of derivatives and noise returns a `Determination`; `in_words` describes it.
+Public names: `determined`, `Determination` and `in_words`.
 """
 
 import math

@@ -3,7 +3,7 @@
 The idea: with one emitter lit and the motions at given angles, a network is a sensor like any other. Its response
 consists of one sensor per emitter. Powers are fractions of the power emitted by the lit emitter.
 
-The interface: `in_turn` returns these sensors, `network_trace` traces one state, `network_response` several.
+`in_turn` returns these sensors, `network_trace` traces one state, `network_response` several.
 """
 
 import math

@@ -4,7 +4,7 @@ A reading is the voltage with one emitter on, minus the mean of the voltages wit
 Since an off phase follows every emitter's turn, two consecutive emitters share one. Their readings at the same receiver
 are therefore correlated.
 
-The interface: `circuits_of` a network; `network_signals` of its powers.
+Public names: `circuits_of` and `network_signals`.
 """
 
 from collections.abc import Sequence
