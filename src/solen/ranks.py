@@ -1,9 +1,9 @@
 """Ranks of warnings, and the merging of similar ones into one line.
 
-The idea: a warning is a sentence, often preceded by a name (``cube 1.csv: ...``). The most serious begin with
-`DO_NOT_USE`, remarks with `NOTE`; all others mean that a number needs checking. The rank is part of the text, so result
-files contain it too. A sentence about several things, such as specimens, is shown once with their count; warnings that
-differ only in numbers become one line that lists the numbers in order.
+A warning is a sentence, often preceded by a name (``cube 1.csv: ...``). The most serious begin with `DO_NOT_USE`,
+remarks with `NOTE`; all others mean that a number needs checking. The rank is part of the text, so result files contain
+it too. A sentence about several things, such as specimens, is shown once with their count; warnings that differ only in
+numbers become one line that lists the numbers in order.
 
 Public names: `do_not_use`, `look_at`, `note`, `Caution`, `of` and `ranked`. A result with a field ``tuple[Caution,
 ...]`` cannot contain a sentence without a rank: the type checker rejects it.

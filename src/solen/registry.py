@@ -1,9 +1,10 @@
 """Registries: dictionaries that other installed packages can extend.
 
-The idea: solen's own entries are a plain dictionary in the module of the interface that they implement. Another package
-adds an entry with a module and one line of its ``pyproject.toml``, an entry point of the registry's group::
+Solen's own entries are a plain dictionary in the module of the interface that they implement. Another package adds an
+entry with a module and one line of its ``pyproject.toml``, an entry point of the registry's group::
 
-    [project.entry-points."solen.instruments"] my-board = "mylab.board:MyBoard"
+    [project.entry-points."solen.instruments"]
+    my-board = "mylab.board:MyBoard"
 
 Another package is imported only when its name is looked up.
 

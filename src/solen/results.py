@@ -1,9 +1,9 @@
 """Typed results, which every stage returns, and their conversion to JSON, tables, xarray and notebooks.
 
-The idea: a result is a frozen dataclass whose names state units and uncertainties; it is converted only for display or
-storage. JSON contains its fields and the properties marked `reported`, in their order, so no command builds a
-dictionary itself. Names follow docs/conventions.md: ``slope_V_per_deg`` is a value with its unit, ``u_slope_V_per_deg``
-its standard uncertainty, ``interval95_slope_V_per_deg`` its 95 % interval.
+A result is a frozen dataclass whose names state units and uncertainties; it is converted only for display or storage.
+JSON contains its fields and the properties marked `reported`, in their order, so no command builds a dictionary itself.
+Names follow docs/conventions.md: ``slope_V_per_deg`` is a value with its unit, ``u_slope_V_per_deg`` its standard
+uncertainty, ``interval95_slope_V_per_deg`` its 95 % interval.
 
 Public names: `Result`, `plain` and `schema_of`.
 """

@@ -1,9 +1,9 @@
 """The emitter board over a serial line: commands out, frames in.
 
-The idea: the host sets the number of emitters and inputs and the period, and starts and stops the board. Each command
-is a frame (`solen.bench.frames`), answered by a frame with the command's kind, a status and a text. Between answers,
-periods arrive unsolicited. If the line is closed, or the host is silent for a second, the board switches its emitters
-off. A board may also drive a motor (`BoardStage`), timed by the clock that stamps its periods.
+The host sets the number of emitters and inputs and the period, and starts and stops the board. Each command is a frame
+(`solen.bench.frames`), answered by a frame with the command's kind, a status and a text. Between answers, periods
+arrive unsolicited. If the line is closed, or the host is silent for a second, the board switches its emitters off. A
+board may also drive a motor (`BoardStage`), timed by the clock that stamps its periods.
 
 ====== ========= ============================================================== kind   name      payload ======
 ========= ============================================================== 16     identify  none; answered by the board's

@@ -1,7 +1,7 @@
 """The catalogue of a folder of recordings: one row for each completed run, in an SQLite file in the same folder.
 
-The idea: the files are authoritative; the catalogue only indexes them. A row repeats what the file states. A file that
-was moved away is listed as missing, and a new one is entered at the next scan of the folder.
+The files are authoritative; the catalogue only indexes them. A row repeats what the file states. A file that was moved
+away is listed as missing, and a new one is entered at the next scan of the folder.
 
 Public names: `Catalogue` and `CatalogueEntry`.
 """

@@ -1,9 +1,9 @@
 """A check of a rig at rest before a run: wiring, emitters, saturation, noise, ambient light and trimmers.
 
-The idea: every emitter is switched on in turn and every input is read. An input that responds to no emitter, or to
-another one than the rig file states, is wired wrongly; one at a limit of its range is saturated. The drop that light
-causes at a receiver shows how to turn its trimmer, because in a bent sensor one receiver gets up to twice the light
-that it gets at rest.
+Every emitter is switched on in turn and every input is read. An input that responds to no emitter, or to another one
+than the rig file states, is wired wrongly; one at a limit of its range is saturated. The drop that light causes at a
+receiver shows how to turn its trimmer, because in a bent sensor one receiver gets up to twice the light that it gets at
+rest.
 
 `check` returns a `RigCheck`; `jog` returns a `Jogged`.
 """

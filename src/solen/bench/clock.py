@@ -1,7 +1,7 @@
 """The time of a run: real time, or a simulated time that passes only while something waits.
 
-The idea: no part of the bench asks the system for the time or sleeps by itself; each uses a given clock. With a
-`SimulatedClock` a protocol of a minute runs as fast as its numbers can be computed, and always with the same result.
+No part of the bench asks the system for the time or sleeps by itself; each uses a given clock. With a `SimulatedClock`
+a protocol of a minute runs as fast as its numbers can be computed, and always with the same result.
 
 A clock that advances in steps hides up to one step: `Clock.resolution_s` states the step, and every recording stores
 it.

@@ -1,10 +1,10 @@
 """The board's clock on the run's clock: a period has certainly ended when its frame arrives.
 
-The idea: the board stamps its periods with its own clock, which runs a little fast or slow and began at another moment.
-A frame that arrives at a given time was sent earlier, by an unknown delay that is never negative and sometimes nearly
-zero. The line below all points (board's time, time of arrival) that is nearest to them therefore is the board's clock
-on the run's clock, except for the least delay: it is an edge of the points' lower convex hull. In a short run the slope
-of the edge depends more on the delays than on the clocks; it is weighted against the known accuracy of quartzes.
+The board stamps its periods with its own clock, which runs a little fast or slow and began at another moment. A frame
+that arrives at a given time was sent earlier, by an unknown delay that is never negative and sometimes nearly zero. The
+line below all points (board's time, time of arrival) that is nearest to them therefore is the board's clock on the
+run's clock, except for the least delay: it is an edge of the points' lower convex hull. In a short run the slope of the
+edge depends more on the delays than on the clocks; it is weighted against the known accuracy of quartzes.
 
 Received messages alone do not show the least delay. An exchange tells more: the instrument read its clock after it was
 asked and before its answer arrived. The range that all exchanges allow is the bound of the line's error.

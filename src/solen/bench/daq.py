@@ -1,9 +1,9 @@
 """Setup, samples and losses of a data acquisition, independent of the instrument.
 
-The idea: the instrument samples the receivers many times in each phase of the emitters, without regard to the phases.
-One converter is switched from input to input, and a sample of the second input is therefore a little later than that of
-the first. The source that switches the emitters is stated separately: something external, or the instrument's own
-counters, which follow the clock of the samples. `solen.bench.phases` determines afterwards when an emitter was on.
+The instrument samples the receivers many times in each phase of the emitters, without regard to the phases. One
+converter is switched from input to input, and a sample of the second input is therefore a little later than that of the
+first. The source that switches the emitters is stated separately: something external, or the instrument's own counters,
+which follow the clock of the samples. `solen.bench.phases` determines afterwards when an emitter was on.
 
 Public names: `Setup`, `Model`, `Samples`, `DaqLosses` and `MODELS`.
 """

@@ -1,7 +1,7 @@
 """Drivers of real instruments, by the name that a rig file uses.
 
-The idea: a driver plays one of the roles of `solen.bench.roles`. Opening it needs the rig, which states its connection,
-and the clock of the run. Another package adds a `Driver` with an entry point of ``solen.instruments``.
+A driver plays one of the roles of `solen.bench.roles`. Opening it needs the rig, which states its connection, and the
+clock of the run. Another package adds a `Driver` with an entry point of ``solen.instruments``.
 
 Public names: `Driver`, `DRIVERS` and `open_instruments`.
 """

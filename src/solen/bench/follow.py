@@ -1,9 +1,9 @@
 """The journal of a run while it grows: readings of a sensor as soon as their period is written.
 
-The idea: a journal's records are either complete or missing; reading on from the last complete one misses nothing and
-repeats nothing. A period is demodulated together with the one before it, because the first emitter needs the last off
-phase of that period. Times are those of the board, counted from the first period of the part, because the run's own
-clock is known only after the end of the run.
+A journal's records are either complete or missing; reading on from the last complete one misses nothing and repeats
+nothing. A period is demodulated together with the one before it, because the first emitter needs the last off phase of
+that period. Times are those of the board, counted from the first period of the part, because the run's own clock is
+known only after the end of the run.
 
 Public name: `Following`.
 """

@@ -1,9 +1,9 @@
 """The wire format of the emitter board: frames with a checksum and a number, read from an unreliable stream.
 
-The idea: in each period the board switches its emitters on one after the other and samples every receiver with the
-emitter on and with it off again. One frame contains one period; a lost frame is a lost period, and the frame numbers
-show it. A frame counts only if its checksum is right; after an error the reader searches for the next two bytes that
-begin a frame. All numbers are little-endian:
+In each period the board switches its emitters on one after the other and samples every receiver with the emitter on and
+with it off again. One frame contains one period; a lost frame is a lost period, and the frame numbers show it. A frame
+counts only if its checksum is right; after an error the reader searches for the next two bytes that begin a frame. All
+numbers are little-endian:
 
 ====== ===== ========================================================================================== offset bytes
 content ====== ===== ========================================================================================== 0      2

@@ -1,9 +1,9 @@
 """Motorised stages of Physik Instrumente: one axis of a controller that speaks GCS 2.0, such as the C-863 Mercury.
 
-The idea: GCS is lines of text. A command is answered by nothing, so that ``ERR?`` is asked after each; a question is
-answered by one line or several, of which every one but the last ends in a blank. Single characters (#5, #7, #24) are
-answered at once, also while the axis moves. Syntax, addresses and error codes: PI, C-863.12 Mercury Controller User
-Manual MS249E, chapter 8.
+GCS is lines of text. A command is answered by nothing, so that ``ERR?`` is asked after each; a question is answered by
+one line or several, of which every one but the last ends in a blank. Single characters (#5, #7, #24) are answered at
+once, also while the axis moves. Syntax, addresses and error codes: PI, C-863.12 Mercury Controller User Manual MS249E,
+chapter 8.
 
 Public names: `Gcs2Stage` and `STAGES`.
 """

@@ -1,10 +1,9 @@
 """Stepper motors on a board with GRBL 1.1, as in small mills and on bare Arduinos with a CNC shield.
 
-The idea: a move is a jog in machine coordinates, which changes no state of the controller and can be cancelled at any
-time by one byte. ``?`` is answered at once, also while the axis moves. The controller counts steps without feedback:
-after power-up, or a reset caused by opening its port, its position is unknown, and a run begins by homing or by
-defining the current position. Commands, settings and codes: Grbl v1.1 wiki, "Commands", "Jogging", "Configuration" and
-"Interface".
+A move is a jog in machine coordinates, which changes no state of the controller and can be cancelled at any time by one
+byte. ``?`` is answered at once, also while the axis moves. The controller counts steps without feedback: after
+power-up, or a reset caused by opening its port, its position is unknown, and a run begins by homing or by defining the
+current position. Commands, settings and codes: Grbl v1.1 wiki, "Commands", "Jogging", "Configuration" and "Interface".
 
 Public name: `GrblStage`.
 """

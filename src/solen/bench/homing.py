@@ -1,8 +1,8 @@
 """Homing of stages that do not know their zero: never without permission.
 
-The idea: a search for the reference switch may move the stage to its limits, with a sensor mounted on it. It is done if
-the rig file allows it (``home = true``), or if the operator at the terminal, warned of the range, agrees. ``home =
-"here"`` defines the current position as the rig's zero, and nothing moves.
+A search for the reference switch may move the stage to its limits, with a sensor mounted on it. It is done if the rig
+file allows it (``home = true``), or if the operator at the terminal, warned of the range, agrees. ``home = "here"``
+defines the current position as the rig's zero, and nothing moves.
 
 Public names: `make_known` and `knows_zero`.
 """

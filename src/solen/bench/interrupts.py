@@ -1,6 +1,6 @@
 """Ending a run from outside: Ctrl-C, a signal, or a closed terminal, all treated alike.
 
-The idea: any request to end must leave the emitters off and the stage at rest. Each such request raises `Ended`, a
+Any request to end must leave the emitters off and the stage at rest. Each such request raises `Ended`, a
 `KeyboardInterrupt`, in the main thread, once; later ones are ignored, because they could interrupt the shutdown. Within
 `uninterrupted` a request waits until the work is done. SIGKILL and a power cut cannot be caught.
 

@@ -1,9 +1,9 @@
 """The journal of a run: samples are on disk as they arrive, and a kill or disk damage loses only the records it hits.
 
-The idea: a journal is a file that only grows. Its records (`solen.bench.records`) are passed to the operating system
-whole, in one call, before anything else is done with them. A killed process leaves at most one unfinished record at the
-end; damage costs the records it hits, and the reader names the missing ones. The header, without which nothing can be
-read, is repeated from time to time. Records of a stream are rows of a table whose columns the header names; the journal
+A journal is a file that only grows. Its records (`solen.bench.records`) are passed to the operating system whole, in
+one call, before anything else is done with them. A killed process leaves at most one unfinished record at the end;
+damage costs the records it hits, and the reader names the missing ones. The header, without which nothing can be read,
+is repeated from time to time. Records of a stream are rows of a table whose columns the header names; the journal
 itself is independent of boards and stages. Streams that the header names as ``bulky`` are not kept in memory but read
 again, record by record.
 

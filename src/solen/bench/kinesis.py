@@ -1,9 +1,9 @@
 """Motorised stages of Thorlabs with the APT protocol: one axis of a K-Cube, a T-Cube or an integrated controller.
 
-The idea: messages are binary. Six bytes state the message, two parameters or the length of the data that follow, the
-destination and the source. Some messages are questions. Unsolicited messages of the controller, for example that a move
-has ended, are ignored; the status is queried instead. Positions are counts of the stage's encoder or microsteps of its
-motor; velocities are counts per second times a factor that depends on the kind of controller, which reports its model.
+Messages are binary. Six bytes state the message, two parameters or the length of the data that follow, the destination
+and the source. Some messages are questions. Unsolicited messages of the controller, for example that a move has ended,
+are ignored; the status is queried instead. Positions are counts of the stage's encoder or microsteps of its motor;
+velocities are counts per second times a factor that depends on the kind of controller, which reports its model.
 Messages, factors and counts per degree or mm: Thorlabs Motion Controllers, Host-Controller Communications Protocol,
 sections 3 and 8.
 

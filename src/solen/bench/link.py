@@ -1,7 +1,7 @@
 """A line to an instrument: bytes out, bytes in, and a limit on the waiting time.
 
-The idea: a driver knows the commands, a link transports them. Drivers are given a link; the same driver therefore
-speaks to a serial port, to a controller that is simulated behind a socket, and to a scripted conversation.
+A driver knows the commands, a link transports them. Drivers are given a link; the same driver therefore speaks to a
+serial port, to a controller that is simulated behind a socket, and to a scripted conversation.
 
 Public names: `Link`, `open_link` and `Lines`.
 """

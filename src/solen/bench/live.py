@@ -1,7 +1,7 @@
 """Live readings of a rig's receivers without a run: each input with each emitter on and off.
 
-The idea: before a run the wiring may differ from the rig file; all inputs therefore are read with every emitter. Phases
-of a data acquisition are determined as after a run.
+Before a run the wiring may differ from the rig file; all inputs therefore are read with every emitter. Phases of a data
+acquisition are determined as after a run.
 
 Public names: `sampler_of`, `LiveReadings`, `InputReadings` and `stage_of`.
 """

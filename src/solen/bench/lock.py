@@ -1,7 +1,7 @@
 """A lock file held by one process at a time, released whenever that process ends.
 
-The idea: SQLite locks files on every system, and no system calls are needed: an exclusive transaction on an empty
-database is the lock. A killed process leaves an empty hidden file, which the next one reuses.
+SQLite locks files on every system, and no system calls are needed: an exclusive transaction on an empty database is the
+lock. A killed process leaves an empty hidden file, which the next one reuses.
 
 Public name: `locked`.
 """

@@ -1,8 +1,8 @@
 """A stage turned by hand from stop to stop: the program prompts, and the operator turns it and presses Enter.
 
-The idea: the position is unknown while the stage is turned; readings of that time have no angle and are omitted. At a
-stop it is at the position of the protocol, or at the one read from its scale, which the operator may type before Enter.
-The operator may take any time between stops; the emitters remain driven and sampled.
+The position is unknown while the stage is turned; readings of that time have no angle and are omitted. At a stop it is
+at the position of the protocol, or at the one read from its scale, which the operator may type before Enter. The
+operator may take any time between stops; the emitters remain driven and sampled.
 
 Public name: `ManualStage`.
 """

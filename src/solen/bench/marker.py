@@ -1,7 +1,7 @@
 """Sub-pixel position of a square marker in pictures, and its rotation between them.
 
-The idea: OpenCV detects an ArUco or AprilTag marker and its corners to a pixel. Each side of its black square is then
-located again: along its normals, the area under the grey profile gives the position of the step from white to black,
+OpenCV detects an ArUco or AprilTag marker and its corners to a pixel. Each side of its black square is then located
+again: along its normals, the area under the grey profile gives the position of the step from white to black,
 independent of blur; a line is fitted through these points, and two lines intersect in a corner.
 
 A marker that turns in a plane keeps its shape in that plane, even if it is seen obliquely: the model has one projection

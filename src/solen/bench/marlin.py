@@ -1,9 +1,9 @@
 """Stepper motors on a board with Marlin, the firmware of many 3D printers.
 
-The idea: a command is answered with ``ok`` as soon as it is queued, long before the motor arrives; ``M400`` is answered
-when all motion has ended. In between Marlin reports the target, not the position; the position therefore is known only
-at rest, as for a stage turned by hand. ``M410`` stops at once and loses the step count. Commands: Marlin's G-code
-reference, G1, G28, G90, G92, M114, M115, M400, M410, M503.
+A command is answered with ``ok`` as soon as it is queued, long before the motor arrives; ``M400`` is answered when all
+motion has ended. In between Marlin reports the target, not the position; the position therefore is known only at rest,
+as for a stage turned by hand. ``M410`` stops at once and loses the step count. Commands: Marlin's G-code reference, G1,
+G28, G90, G92, M114, M115, M400, M410, M503.
 
 Public name: `MarlinStage`.
 """

@@ -1,8 +1,8 @@
 """Meters as receivers: instruments that return a reading on request, with switched or steady light.
 
-The idea: a multimeter or an oscilloscope samples at its own pace. A thread requests one reading after another and
-stamps request and arrival; the measurement took place between these two times, which the recording states. Readings are
-queued until the run fetches them.
+A multimeter or an oscilloscope samples at its own pace. A thread requests one reading after another and stamps request
+and arrival; the measurement took place between these two times, which the recording states. Readings are queued until
+the run fetches them.
 
 Public names: `Reading` and `AskingMeter`.
 """

@@ -1,7 +1,7 @@
 """Multimeters as receivers: one for each input, by VISA and SCPI, in steady light.
 
-The idea: all meters are queried at once and read one after the other, and thus measure simultaneously. A reading beyond
-the range is 9.9E37 in SCPI, and counts as clipped (SCPI-1999, volume 1, 7.2.1.5).
+All meters are queried at once and read one after the other, and thus measure simultaneously. A reading beyond the range
+is 9.9E37 in SCPI, and counts as clipped (SCPI-1999, volume 1, 7.2.1.5).
 
 Public name: `Multimeters`.
 """

@@ -1,9 +1,9 @@
 """A journal closed into a netCDF file: all samples, and each sensor's readings without ambient light.
 
-The idea: the root of the file stores the received data, count by count, on the clock of the run, and the position of
-the stage. The data are a board's periods, or a data acquisition's samples, from which `solen.bench.waveform` computes
-readings. Each sensor, and each emitter of a network, has its own group with the data that analysis reads: the times of
-its emitter's on phases, the angles at these times, and the volts of its receivers, on minus the mean of off before and
+The root of the file stores the received data, count by count, on the clock of the run, and the position of the stage.
+The data are a board's periods, or a data acquisition's samples, from which `solen.bench.waveform` computes readings.
+Each sensor, and each emitter of a network, has its own group with the data that analysis reads: the times of its
+emitter's on phases, the angles at these times, and the volts of its receivers, on minus the mean of off before and
 after. Nothing is smoothed. A cycle that was interrupted in a resumed run is repeated: it stays in the root and is
 omitted from the groups. The file is written under a temporary name and renamed; the journal stays.
 

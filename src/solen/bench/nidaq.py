@@ -1,10 +1,10 @@
 """Instruments of National Instruments by NI-DAQmx: inputs sampled by their clock, emitters switched by counters.
 
-The idea: the instrument's clock determines when samples are taken, and its driver buffers them until they are read; the
-program only has to read often enough. Samples are read as counts, without the driver's scaling, whose coefficients are
-queried once. The capabilities of the instrument are also queried (`solen.bench.nidaq_model`). Its static digital
-outputs are set by the program, not by a clock; therefore only counters can switch emitters 200 times a second. The
-counters begin with the first sample and run by the same quartz.
+The instrument's clock determines when samples are taken, and its driver buffers them until they are read; the program
+only has to read often enough. Samples are read as counts, without the driver's scaling, whose coefficients are queried
+once. The capabilities of the instrument are also queried (`solen.bench.nidaq_model`). Its static digital outputs are
+set by the program, not by a clock; therefore only counters can switch emitters 200 times a second. The counters begin
+with the first sample and run by the same quartz.
 
 If the program reads too late, samples are overwritten: the loss is counted and reported, and a new segment begins. Any
 other fault ends the run. However it ends, the counters are released and their lines, and the enabling line, set low.

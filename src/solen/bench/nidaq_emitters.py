@@ -1,7 +1,7 @@
 """Tasks of NI-DAQmx that switch emitters in step with the samples: with counters, or with digital lines.
 
-The idea: a counter generates pulses by itself from the first sample on; if a device supports it, lines follow the clock
-of the samples, sample by sample. Both then run without further commands.
+A counter generates pulses by itself from the first sample on; if a device supports it, lines follow the clock of the
+samples, sample by sample. Both then run without further commands.
 
 Public names: `pulses`, `turns` and `clear`.
 """

@@ -1,8 +1,8 @@
 """Capabilities of a device of National Instruments, as its driver reports them.
 
-The idea: NI-DAQmx reports for each device its inputs and how they may be wired, its ranges and rates, whether inputs
-share a converter, its counters that generate pulses, and its static lines. The driver raises an error for a property
-that a device does not have; a default value replaces the error.
+NI-DAQmx reports for each device its inputs and how they may be wired, its ranges and rates, whether inputs share a
+converter, its counters that generate pulses, and its static lines. The driver raises an error for a property that a
+device does not have; a default value replaces the error.
 
 Public names: `nidaqmx_package`, `model_of`, `answer_or`, `WIRED` and `no_driver`.
 """

@@ -1,8 +1,8 @@
 """Oscilloscopes as receivers, by VISA: each acquisition becomes one reading of every input.
 
-The idea: an oscilloscope is set up by hand, or by commands of the rig, to record some periods of the emitters. It is
-triggered, and its channels are read as bytes together with the numbers that convert them to volts. In steady light a
-reading is the mean of the record. With switched emitters it is the means of on and off, which a sync on another channel
+An oscilloscope is set up by hand, or by commands of the rig, to record some periods of the emitters. It is triggered,
+and its channels are read as bytes together with the numbers that convert them to volts. In steady light a reading is
+the mean of the record. With switched emitters it is the means of on and off, which a sync on another channel
 distinguishes (`solen.bench.phases`): a record is too short to find the switching in the signal. Records are not kept.
 
 The meaning of the preamble's numbers differs by manufacturer: Keysight, InfiniiVision Programmer's Guide,

@@ -1,8 +1,8 @@
 """Destinations of decoded angles: datagrams, a serial line, or a stream of the Lab Streaming Layer.
 
-The idea: each row of CSV is passed on as soon as it is decoded, and a control loop, a robot or another recorder
-receives the angle after a short delay. A missing receiver does not stop the decoding. Rows of a recorded file are
-available at once; they are sent at the pace of their times, as they were recorded.
+Each row of CSV is passed on as soon as it is decoded, and a control loop, a robot or another recorder receives the
+angle after a short delay. A missing receiver does not stop the decoding. Rows of a recorded file are available at once;
+they are sent at the pace of their times, as they were recorded.
 
 Public names: `outlet` and `Paced`.
 """

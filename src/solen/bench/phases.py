@@ -1,11 +1,10 @@
 """Emitter that is on in each sample of a data acquisition, from its own counters, a recorded sync, or the signal.
 
-The idea: emitters alternate, each on for the same fraction of its slot, emitter 1 first. Counters of the instrument run
-by the clock of the samples, and the state of a sample follows from its number. A sync that is high while emitter 1 is
-on shows where each period begins; its edges are known to within one sample, and more accurately if they lie on a
-straight line. Without either, the clock of a single emitter is found in the signal
-(`solen.analysis.demodulation.find_clock`). Inputs are converted one after the other: `states` gives the state of a
-sample at the time of its own conversion.
+Emitters alternate, each on for the same fraction of its slot, emitter 1 first. Counters of the instrument run by the
+clock of the samples, and the state of a sample follows from its number. A sync that is high while emitter 1 is on shows
+where each period begins; its edges are known to within one sample, and more accurately if they lie on a straight line.
+Without either, the clock of a single emitter is found in the signal (`solen.analysis.demodulation.find_clock`). Inputs
+are converted one after the other: `states` gives the state of a sample at the time of its own conversion.
 
 Public names: `clock_of` and `states`.
 """

@@ -1,9 +1,9 @@
 """The protocol: the motion of the stage, as data.
 
-The idea: a protocol is a repeated list of steps, each with a target, a velocity and a rest. A step in degrees is for a
-rotation stage, one in mm for a linear stage; the rig states which stage moves and what it moves. A step to a force
-moves a linear stage until a load cell reads this force. Several motions are named, ``to_deg = {neck = 3.0, trunk =
--5.0}``, and move together; a `Grid` visits every combination of their positions.
+A protocol is a repeated list of steps, each with a target, a velocity and a rest. A step in degrees is for a rotation
+stage, one in mm for a linear stage; the rig states which stage moves and what it moves. A step to a force moves a
+linear stage until a load cell reads this force. Several motions are named, ``to_deg = {neck = 3.0, trunk = -5.0}``, and
+move together; a `Grid` visits every combination of their positions.
 
 Public names: `Protocol`, `Step` and `load_protocol`.
 """

@@ -1,7 +1,7 @@
 """A recording from start to end: a protocol run on a rig, its journal closed, the file entered into the catalogue.
 
-The idea: whatever happens, the journal stays until its recording was written and read back. An interrupted run is
-resumed after its last complete cycle, or closed as it is; a lock protects a run in progress from both.
+Whatever happens, the journal stays until its recording was written and read back. An interrupted run is resumed after
+its last complete cycle, or closed as it is; a lock protects a run in progress from both.
 
 Public names: `record`, `RecordOptions`, `recover` and `close_journal`.
 """

@@ -1,9 +1,8 @@
 r"""Records of a journal as bytes, framed in a way that complete ones are found after any damage.
 
-The idea: a record begins with a word that hardly occurs by chance, then states its kind, its number and its length,
-under one checksum. If a record is not complete, the next one is found by its word: a flipped bit costs one record. The
-numbers show how many are missing, and restore the order of records that a disk has mixed up. All numbers are
-little-endian:
+A record begins with a word that hardly occurs by chance, then states its kind, its number and its length, under one
+checksum. If a record is not complete, the next one is found by its word: a flipped bit costs one record. The numbers
+show how many are missing, and restore the order of records that a disk has mixed up. All numbers are little-endian:
 
 ====== ===== ================================================================ offset bytes content ====== =====
 ================================================================ 0      8     ``SOLENJ2\n``, once at the beginning of

@@ -1,8 +1,8 @@
 """The rig: the instruments, and the wiring of each sensor to an emitter and inputs.
 
-The idea: the protocol states the motion, the rig what is moved. A driver is named, real or simulated; the rest of a run
-does not depend on which. Quantities that only a simulated rig has, the variation of the prints and the ambient light,
-are in separate tables, which are rejected for real instruments.
+The protocol states the motion, the rig what is moved. A driver is named, real or simulated; the rest of a run does not
+depend on which. Quantities that only a simulated rig has, the variation of the prints and the ambient light, are in
+separate tables, which are rejected for real instruments.
 
 Public names: `Rig`, `SensorOf`, `Spread`, `RoomLight` and `load_rig`.
 """

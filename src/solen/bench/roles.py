@@ -1,7 +1,7 @@
 """Roles of instruments: one interface for each, real or simulated.
 
-The idea: a protocol runs on roles. A real and a simulated instrument implement the same interface, and only the rig
-file chooses between them.
+A protocol runs on roles. A real and a simulated instrument implement the same interface, and only the rig file chooses
+between them.
 
 Public names: `Stage`, `Homes`, `EmitterBoard`, `KeepsTime`, `Daq`, `Meter` and `Sampler`. Every call raises
 `BenchError` if the instrument does not do what is requested.

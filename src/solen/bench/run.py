@@ -1,9 +1,9 @@
 """A run: the protocol's steps on the rig's instruments, with all data written to the journal as they arrive.
 
-The idea: one loop waits, asks the stage for its position and the board or the data acquisition for its samples, and
-writes both to the journal before anything else. Whatever ends a run, the end of the protocol, Ctrl-C or a fault, the
-emitters are switched off and the stage stops, in that order, and the journal states the reason. Completed cycles are
-recorded, and an interrupted run is resumed after the last of them.
+One loop waits, asks the stage for its position and the board or the data acquisition for its samples, and writes both
+to the journal before anything else. Whatever ends a run, the end of the protocol, Ctrl-C or a fault, the emitters are
+switched off and the stage stops, in that order, and the journal states the reason. Completed cycles are recorded, and
+an interrupted run is resumed after the last of them.
 
 Public names: `Instruments`, `begin`, `run` and `Tick`.
 """

@@ -1,9 +1,8 @@
 """Reading of a run's sampler: of a board by periods, of a data acquisition by frames.
 
-The idea: the loop of a run is independent of the kind of sampler. Each supplies rows for its journal's stream, its
-data so far, and values to display. A data acquisition's samples are grouped in frames of about a
-period of the emitters, each with the number of its first sample, so that a journal locates every
-sample; the remainder waits for the next reading.
+The loop of a run is independent of the kind of sampler. Each supplies rows for its journal's stream, its data so far,
+and values to display. A data acquisition's samples are grouped in frames of about a period of the emitters, each with
+the number of its first sample, so that a journal locates every sample; the remainder waits for the next reading.
 
 Public names: `sampling_of` and `Taken`.
 """

@@ -1,11 +1,11 @@
 """Timing of the stage: uncertainty due to slow lines and coarse clocks, and its contribution to hysteresis.
 
-The idea: a stage answers a position query with a delay, and the time of its measurement within this delay is unknown. A
-query is stamped twice, when it is sent and when it is answered; the middle is assumed, with an error of at most half
-the round trip. The clock's resolution is treated likewise: an event stamped t occurred up to one step later. A time
-error shifts the rising branch against the falling one by speed times error, as hysteresis does; at a single speed the
-two cannot be separated. A recording therefore states its timing uncertainty, and an analysis of hysteresis can state
-the possible contribution of timing.
+A stage answers a position query with a delay, and the time of its measurement within this delay is unknown. A query is
+stamped twice, when it is sent and when it is answered; the middle is assumed, with an error of at most half the round
+trip. The clock's resolution is treated likewise: an event stamped t occurred up to one step later. A time error shifts
+the rising branch against the falling one by speed times error, as hysteresis does; at a single speed the two cannot be
+separated. A recording therefore states its timing uncertainty, and an analysis of hysteresis can state the possible
+contribution of timing.
 
 Public names: `Looks`, `came_by`, `exchanges`, `Timing`, `STAGE` and `EXCHANGE`.
 """

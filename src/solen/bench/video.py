@@ -1,8 +1,8 @@
 """An angle from a video: a marker on the rotating part, recorded with any fixed camera.
 
-The idea: the angle is read picture by picture (`solen.bench.marker`), at the time stamps of the pictures, even if they
-are irregular. If the video shows the emitters switching on as a run begins, that moment is the recording's start;
-otherwise the clock offset is stated, or left to analysis, which determines the lag of a log from the signals.
+The angle is read picture by picture (`solen.bench.marker`), at the time stamps of the pictures, even if they are
+irregular. If the video shows the emitters switching on as a run begins, that moment is the recording's start; otherwise
+the clock offset is stated, or left to analysis, which determines the lag of a log from the signals.
 
 The camera's own timing errors remain: rolling shutter, and a stamp at any moment of an exposure. Both delay all
 pictures equally, as a lag of the log.

@@ -1,7 +1,7 @@
 """Instruments that use SCPI over VISA: a session by its resource name, queries, blocks of bytes, errors.
 
-The idea: PyVISA opens a resource such as ``TCPIP::192.168.0.5::5025::SOCKET``, ``USB0::…::INSTR`` or ``ASRL3::INSTR``
-with a manufacturer's library or with PyVISA-py, which is pure Python. Errors of either become a `BenchError`.
+PyVISA opens a resource such as ``TCPIP::192.168.0.5::5025::SOCKET``, ``USB0::…::INSTR`` or ``ASRL3::INSTR`` with a
+manufacturer's library or with PyVISA-py, which is pure Python. Errors of either become a `BenchError`.
 
 Public name: `Scpi`. Extra ``visa``.
 """

@@ -1,9 +1,9 @@
 """A data acquisition's samples on their way from a journal into a file, and from the file into readings.
 
-The idea: samples may need far more space than the memory has. They are copied from the journal into the file as counts,
-record by record; then the file is read again window by window, and the emitters' phases and the readings are determined
-in each. Windows overlap, and each yields the readings after the last one of the window before. Therefore none is lost
-or doubled at a border, even though the two windows differ slightly in the position of an edge.
+Samples may need far more space than the memory has. They are copied from the journal into the file as counts, record by
+record; then the file is read again window by window, and the emitters' phases and the readings are determined in each.
+Windows overlap, and each yields the readings after the last one of the window before. Therefore none is lost or doubled
+at a border, even though the two windows differ slightly in the position of an edge.
 
 `Waveform` requires a file and a journal; `Waveform.readings` yields readings by sensor.
 """

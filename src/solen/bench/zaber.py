@@ -1,8 +1,8 @@
 """Stages of Zaber: one axis of a controller, or of a device with its own, with the Zaber ASCII protocol.
 
-The idea: each command is a line that begins with a slash, device and axis. Each is answered by one line that states
-whether it was accepted, whether the axis is idle, and a warning. Positions are in microsteps, whose size depends on the
-device; velocities are in microsteps per second times 1.6384. Commands, warnings and units: Zaber ASCII Protocol Manual.
+Each command is a line that begins with a slash, device and axis. Each is answered by one line that states whether it
+was accepted, whether the axis is idle, and a warning. Positions are in microsteps, whose size depends on the device;
+velocities are in microsteps per second times 1.6384. Commands, warnings and units: Zaber ASCII Protocol Manual.
 
 Public name: `ZaberStage`.
 """

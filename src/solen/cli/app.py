@@ -4,7 +4,8 @@ A command returns an `Outcome`: a typed result and the written files. `show_outc
 ``--json``; otherwise as the lines that `lines` makes of the result's type, followed by its warnings and the files. A
 command module registers the lines of its result::
 
-    @lines.register def _(loss: GuideLoss) -> Iterator[str]:
+    @lines.register
+    def _(loss: GuideLoss) -> Iterator[str]:
         yield f"loss {loss.loss_dB_per_cm:.3g} dB/cm"
 """
 

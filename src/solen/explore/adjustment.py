@@ -1,8 +1,8 @@
 """Adjustment of each print on the bench: a number is moved until the contrast at rest equals that of the design.
 
-The idea: the person who mounts an emitter moves it until both receivers read alike. The dependence of the contrast at
-the design's null on that number gives the shift that each print needs, up to a limit. Each print is then traced again
-with its shift.
+The person who mounts an emitter moves it until both receivers read alike. The dependence of the contrast at the
+design's null on that number gives the shift that each print needs, up to a limit. Each print is then traced again with
+its shift.
 
 Public name: `Adjustment`.
 """

@@ -1,8 +1,8 @@
 """The outline of a lens and its walls as one contour, and the deviation of a pictured print along it.
 
-The idea: wall, front and wall form one contour with the material on its left. Lengths along it are measured from the
-left end of the front. The thousand or so points of a picture are averaged over short pieces with known noise. Each
-piece gives the local deviation of the print from the design after registration, with size and overgrowth included.
+Wall, front and wall form one contour with the material on its left. Lengths along it are measured from the left end of
+the front. The thousand or so points of a picture are averaged over short pieces with known noise. Each piece gives the
+local deviation of the print from the design after registration, with size and overgrowth included.
 
 Public names: `Contour` and `Rows`.
 """

@@ -1,8 +1,8 @@
 """The response of a design while a user changes it, first roughly and then with increasing accuracy.
 
-The idea: while a number is being changed, a few rays of the compiled batch give a response with a large but stated
-uncertainty. Once it stops changing, the number of rays increases until the contrast is known to `GOAL`. Sensors that
-the batch does not support are integrated.
+While a number is being changed, a few rays of the compiled batch give a response with a large but stated uncertainty.
+Once it stops changing, the number of rays increases until the contrast is known to `GOAL`. Sensors that the batch does
+not support are integrated.
 
 Public names: `coarse`, `refined` and `misleading`.
 """

@@ -1,9 +1,9 @@
 """Merits of a network: how readings follow motions, the light of each channel, and the resolution of motions.
 
-The idea: a network is traced in the states of `solen.sensor.network.courses`, each motion over its range while the
-others are at rest, and on either side of the rest position of each motion, which determines the resolution of all. A
-reading has a slope, a span and a range for each motion. The name of a merit consists of the merit, its subject and its
-unit, with _ in place of characters that a name cannot contain: ``slope_lean_index_bends_per_deg``.
+A network is traced in the states of `solen.sensor.network.courses`, each motion over its range while the others are at
+rest, and on either side of the rest position of each motion, which determines the resolution of all. A reading has a
+slope, a span and a range for each motion. The name of a merit consists of the merit, its subject and its unit, with _
+in place of characters that a name cannot contain: ``slope_lean_index_bends_per_deg``.
 
 `network_point` traces a network; `NetworkMerits` computes its merits.
 """

@@ -1,13 +1,13 @@
 """Systematic deviations of a printer, separated from those of single prints with Gaussian processes along the outline.
 
-The idea: the deviation of a print is the sum of the effect of its drawing (from the print model), deviations common to
-all prints (uniform overgrowth, size, and a form along the outline), individual deviations, and errors of the picture:
-pose, scale, shift of all edges, noise. All but the first are normal with a stated standard deviation. The common part
-therefore follows from all prints jointly by linear algebra (C. E. Rasmussen and C. K. I. Williams, Gaussian Processes
-for Machine Learning, 2006, chapter 2). The size and correlation length of the forms are unknown; they are marginalised
-over a grid with the marginal likelihood of the pictures as weight. Unresolved quantities stay at their prior, 0, so
-that a correction by the mean is damped automatically: strongly if a single picture shows little beyond noise, and
-increasingly less as prints agree.
+The deviation of a print is the sum of the effect of its drawing (from the print model), deviations common to all prints
+(uniform overgrowth, size, and a form along the outline), individual deviations, and errors of the picture: pose, scale,
+shift of all edges, noise. All but the first are normal with a stated standard deviation. The common part therefore
+follows from all prints jointly by linear algebra (C. E. Rasmussen and C. K. I. Williams, Gaussian Processes for Machine
+Learning, 2006, chapter 2). The size and correlation length of the forms are unknown; they are marginalised over a grid
+with the marginal likelihood of the pictures as weight. Unresolved quantities stay at their prior, 0, so that a
+correction by the mean is damped automatically: strongly if a single picture shows little beyond noise, and increasingly
+less as prints agree.
 
 Public names: `Known`, `learnt`, `Print` and `Systematic`.
 """

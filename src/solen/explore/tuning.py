@@ -1,10 +1,10 @@
 """Tuning of a lens print by print: measurement of a picture, corrected drawing, and prediction of the next print.
 
-The idea: a print model predicts the effect of a change of the drawing well, but the absolute print poorly; a picture
-does the reverse. Common deviations of prints (`solen.explore.systematic`) are therefore taken from the pictures, and
-the drawing that cancels them from the model. Means of uniform overgrowth, size (with a stated scale only) and form are
-corrected: if pictures resolve little, they stay near their priors. The next print is then predicted with all
-uncertainties: of the printer, the pictures, the model, and of individual prints.
+A print model predicts the effect of a change of the drawing well, but the absolute print poorly; a picture does the
+reverse. Common deviations of prints (`solen.explore.systematic`) are therefore taken from the pictures, and the drawing
+that cancels them from the model. Means of uniform overgrowth, size (with a stated scale only) and form are corrected:
+if pictures resolve little, they stay near their priors. The next print is then predicted with all uncertainties: of the
+printer, the pictures, the model, and of individual prints.
 
 `tune` returns a `TunedPrint`, whose `log` is the input of the next call.
 """

@@ -1,7 +1,7 @@
 """The log of a tuning: one entry for each print, with its picture, measurement and next drawing.
 
-The idea: the log contains measurements and drawings but nothing derived from them, so that every call evaluates all
-prints again. A drawing is identified by the hash of its outline, a picture by that of its file.
+The log contains measurements and drawings but nothing derived from them, so that every call evaluates all prints again.
+A drawing is identified by the hash of its outline, a picture by that of its file.
 
 Public names: `TuningLog`, `read_log` and `log_text`.
 """

@@ -1,10 +1,10 @@
 """The deviation of a measured profile from the designed lens, smoothed as its uncertainty requires.
 
-The idea: the deviation from the design is smoothed, not the profile itself. The vertex of an oval is its most curved
-point, and smoothing the whole profile would flatten it first; the deviation from the design is small and varies slowly,
-and it is smoothed no more than the uncertainty of the points requires (`solen.lens.smoothing`). A spline through the
-points of a picture is unsuitable: half a micrometre of noise at points 2 µm apart turns the normals by about 10
-degrees, while a tenth of a degree already moves the focal spot by 10 µm.
+The deviation from the design is smoothed, not the profile itself. The vertex of an oval is its most curved point, and
+smoothing the whole profile would flatten it first; the deviation from the design is small and varies slowly, and it is
+smoothed no more than the uncertainty of the points requires (`solen.lens.smoothing`). A spline through the points of a
+picture is unsuitable: half a micrometre of noise at points 2 µm apart turns the normals by about 10 degrees, while a
+tenth of a degree already moves the focal spot by 10 µm.
 
 If the profile ends before the lens does, as in a cropped picture, the design continues with the deviation of the last
 points; if more than `MOST_MISSING` of a half width is missing, the profile is rejected. Points beyond the lens belong

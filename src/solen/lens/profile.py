@@ -1,9 +1,9 @@
 """The profile of a lens from a picture, a scan or a print model: points with uncertainties.
 
-The idea: measurements and predictions of a printed lens have a common form, a :class:`MeasuredProfile` in the frame of
-the designed lens: x lateral, z into the body, the designed vertex at the origin. It is z as a function of x; a profile
-that folds back on itself cannot be compared with a designed lens. Its file is JSON from `profile_text`, or any table
-with the columns x and z, and u if the uncertainty is known.
+Measurements and predictions of a printed lens have a common form, a :class:`MeasuredProfile` in the frame of the
+designed lens: x lateral, z into the body, the designed vertex at the origin. It is z as a function of x; a profile that
+folds back on itself cannot be compared with a designed lens. Its file is JSON from `profile_text`, or any table with
+the columns x and z, and u if the uncertainty is known.
 
 `read_profile` reads a file, `profile_of` uses columns of numbers, `profile_text` is for writing.
 """

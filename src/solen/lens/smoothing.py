@@ -1,11 +1,11 @@
 """A smooth curve through uncertain points, as smooth as their uncertainty allows.
 
-The idea: P-splines (P. H. C. Eilers & B. D. Marx, Statistical Science 11, 89, 1996): a cubic B-spline with more knots
-than necessary, and a penalty on the third differences of its coefficients. Its strength follows from the points
-themselves by restricted maximum likelihood (S. N. Wood, J. R. Stat. Soc. B 73, 3, 2011), which interprets independent
-differences between points as noise. It would interpret correlated errors of neighbouring points, such as those of a
-blurred edge, as shape; so the curve is smoothed further until its residuals match the stated uncertainty (V. A.
-Morozov's discrepancy principle), if that is smoother.
+P-splines (P. H. C. Eilers & B. D. Marx, Statistical Science 11, 89, 1996): a cubic B-spline with more knots than
+necessary, and a penalty on the third differences of its coefficients. Its strength follows from the points themselves
+by restricted maximum likelihood (S. N. Wood, J. R. Stat. Soc. B 73, 3, 2011), which interprets independent differences
+between points as noise. It would interpret correlated errors of neighbouring points, such as those of a blurred edge,
+as shape; so the curve is smoothed further until its residuals match the stated uncertainty (V. A. Morozov's discrepancy
+principle), if that is smoother.
 
 `smoothed` returns a `Smooth`.
 """

@@ -1,8 +1,8 @@
 """The soft body of a design, from its tables to its states under load, with walls for the ray tracer.
 
-The idea: the design's holds, fingers and pulls become those of the finite elements, by their names. Each state of the
-driven quantity is solved once and stored. The displaced walls become exact curves (`solen.geometry.displaced`). If a
-finger that is not dry touches a wall, the contact has a wall table of its own: light continues into the finger.
+The design's holds, fingers and pulls become those of the finite elements, by their names. Each state of the driven
+quantity is solved once and stored. The displaced walls become exact curves (`solen.geometry.displaced`). If a finger
+that is not dry touches a wall, the contact has a wall table of its own: light continues into the finger.
 
 Public names: `LoadedBody` and `LoadedState`.
 """

@@ -1,7 +1,7 @@
 """Forces and stiffness of the quadratic elements at any displacement: finite strain, exact tangent.
 
-The idea: Taylor-Hood elements, with quadratic displacements and linear, continuous pressure, prevent locking of a
-material that conserves its volume. The energy per thickness is
+Taylor-Hood elements, with quadratic displacements and linear, continuous pressure, prevent locking of a material that
+conserves its volume. The energy per thickness is
 
     ∫ Ψ(F) + p (J − 1) − c p²/2 dA,
 

@@ -1,7 +1,7 @@
 """Triangles between points on outlines: a graded lattice inside them, and a Delaunay triangulation of all points.
 
-The idea: triangular lattices of halved spacings are each used in the region whose wanted size is nearest to their own.
-Points are moved to the middle of their neighbours a few times. Triangles outside the area are removed.
+Triangular lattices of halved spacings are each used in the region whose wanted size is nearest to their own. Points are
+moved to the middle of their neighbours a few times. Triangles outside the area are removed.
 
 Public names: `Sizes` and `triangulated`.
 """

@@ -1,7 +1,7 @@
 """Contact of the outline with rigid, frictionless round fingers.
 
-The idea: nodes touched by a finger are on its circle, and the finger can only push. The contact is solved together with
-the displacements: a node is in contact while its force pushes, or as soon as it would be inside the circle (primal-dual
+Nodes touched by a finger are on its circle, and the finger can only push. The contact is solved together with the
+displacements: a node is in contact while its force pushes, or as soon as it would be inside the circle (primal-dual
 active set; Hintermüller, Ito & Kunisch 2003).
 
 Public name: `Touch`.

@@ -1,9 +1,9 @@
 """Stress of a soft material in a plane: the hyperelastic models that `solen resin stiffness` fits.
 
-The idea: their energies apply to solids that conserve their volume. In plane stress, the third stretch follows, and no
-pressure is needed. In plane strain, the third stretch is 1; the energy depends on the two others scaled to an area of
-1, and a pressure enforces the area (`solen.mechanics.elements`). At small strain this is exactly Hooke's law with the
-same shear modulus and Poisson's ratio.
+Their energies apply to solids that conserve their volume. In plane stress, the third stretch follows, and no pressure
+is needed. In plane strain, the third stretch is 1; the energy depends on the two others scaled to an area of 1, and a
+pressure enforces the area (`solen.mechanics.elements`). At small strain this is exactly Hooke's law with the same shear
+modulus and Poisson's ratio.
 """
 
 from dataclasses import dataclass

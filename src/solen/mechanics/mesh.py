@@ -1,9 +1,9 @@
 """Triangles that fill the exact outline of a body.
 
-The idea: points are placed on the exact curves, more densely at corners, at the ends of holds and at requested
-positions. A triangular lattice with the same grading fills the inside. Delaunay triangles of all points are kept if
-they are within the outline. An edge of the outline that is missing in the triangulation is halved until it is present.
-The elements are quadratic: those along the outline have their middle nodes on the curve.
+Points are placed on the exact curves, more densely at corners, at the ends of holds and at requested positions. A
+triangular lattice with the same grading fills the inside. Delaunay triangles of all points are kept if they are within
+the outline. An edge of the outline that is missing in the triangulation is halved until it is present. The elements are
+quadratic: those along the outline have their middle nodes on the curve.
 
 Public names: `mesh_of` and `MeshOptions`.
 """

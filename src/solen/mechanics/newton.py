@@ -1,8 +1,8 @@
 """One step of Newton's method towards the equilibrium of a held and loaded body.
 
-The idea: the unknowns are the displacements not fixed by the supports, the pressures, the forces of the fingers on the
-nodes in contact, and the depths of fingers with a given force. Their equations are the balance of forces, the areas,
-the circles of the fingers and their forces; given displacements are on the right-hand side.
+The unknowns are the displacements not fixed by the supports, the pressures, the forces of the fingers on the nodes in
+contact, and the depths of fingers with a given force. Their equations are the balance of forces, the areas, the circles
+of the fingers and their forces; given displacements are on the right-hand side.
 
 Public names: `step` and `Factors`.
 """

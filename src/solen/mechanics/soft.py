@@ -1,9 +1,9 @@
 """A soft body through the successive states of its loads.
 
-The idea: Newton's method for finite strains. Its matrix is factorised at rest and reused as long as it converges: the
-first step is the small-strain solution, and the following steps remove its error, so that a clamp's turn is exact at
-every angle (docs/decisions/0090). During contact with a finger, the matrix is recomputed at every step. If a load is
-too far from the previous state, the step to it is halved.
+Newton's method for finite strains. Its matrix is factorised at rest and reused as long as it converges: the first step
+is the small-strain solution, and the following steps remove its error, so that a clamp's turn is exact at every angle
+(docs/decisions/0090). During contact with a finger, the matrix is recomputed at every step. If a load is too far from
+the previous state, the step to it is halved.
 
 Public name: `SoftBody`.
 """

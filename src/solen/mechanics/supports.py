@@ -1,8 +1,8 @@
 """Displacements of a body that its holds and clamps leave free.
 
-The idea: u = given + T q, with one column of T for every free displacement: both components of a free node, the
-component along the wall of a sliding node, and one for all nodes of a piece that turns about a point. The latter
-columns depend on the angle of the turn.
+U = given + T q, with one column of T for every free displacement: both components of a free node, the component along
+the wall of a sliding node, and one for all nodes of a piece that turns about a point. The latter columns depend on the
+angle of the turn.
 
 Public names: `supports_of` and `Supports`.
 """

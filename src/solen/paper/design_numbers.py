@@ -1,6 +1,6 @@
 """Sizes of shipped designs, coupons and parts as solen makes them, for comparison with the paper's.
 
-The idea: sizes of a body are measured on its outline and not read from its design, which also checks the geometry.
+Sizes of a body are measured on its outline and not read from its design, which also checks the geometry.
 
 Public names: `body_sizes`, `u_major_base_mm`, `source_of`, `coupon_sizes`, `settings_of_print`, `peak_nm` and
 `wavelength_nm`.

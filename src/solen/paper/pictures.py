@@ -1,9 +1,9 @@
 """Micrographs and height maps of prints, as solen's own model of the printer predicts them.
 
-The idea: the outline that the model predicts is projected onto the pixels of a camera; each pixel contains the fraction
-of its area inside the outline, seen through a blur, under uneven light, with noise of a stated seed. The model is that
-of `solen print predict` with its default process, whose optics are assumed: a picture shows what the evaluation does,
-not what a printer does.
+The outline that the model predicts is projected onto the pixels of a camera; each pixel contains the fraction of its
+area inside the outline, seen through a blur, under uneven light, with noise of a stated seed. The model is that of
+`solen print predict` with its default process, whose optics are assumed: a picture shows what the evaluation does, not
+what a printer does.
 
 `lens_picture`, `coupon_picture` and `coupon_heights` return the bytes of a PNG or TIFF.
 """

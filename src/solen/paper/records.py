@@ -1,7 +1,7 @@
 """Finished figures: which letters each contains, and the record beside it, which prevents making it again.
 
-The idea: a figure depends on solen alone, because its inputs ship with it. So a record contains a checksum of all files
-of solen and one of each written file; if both still match, the figure is finished.
+A figure depends on solen alone, because its inputs ship with it. So a record contains a checksum of all files of solen
+and one of each written file; if both still match, the figure is finished.
 
 Public names: `chosen`, `Record`, `read_record`, `record_text` and `code_sha256`.
 """

@@ -1,7 +1,7 @@
 """Measurements that the paper shows but does not publish, simulated as tables that the commands read.
 
-The idea: solen's own model of the measurement makes each table, with noise of a stated seed, and the first line of the
-table states this. Values that the paper does not state are assumed here, once and by name; they are not results.
+Solen's own model of the measurement makes each table, with noise of a stated seed, and the first line of the table
+states this. Values that the paper does not state are assumed here, once and by name; they are not results.
 
 `SAMPLES` names each file and its `Sample`: the model in words and its text; `write_samples` writes some.
 """

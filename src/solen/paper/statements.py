@@ -1,9 +1,9 @@
 """Statements of the paper with their places in it, and whether solen's numbers agree.
 
-The idea: one table contains every number of the paper, and one rule decides. The uncertainty of a stated number is that
-of its last digit (a rectangle of that width). A value within two combined standard uncertainties **agrees**, beyond
-them it **differs**; a bound differs if it is missed by more than that; a direction agrees if its sign is certain by as
-much. "Negligible" is read as below 5 % of the effect with which it is compared. A statement based on unpublished data
+One table contains every number of the paper, and one rule decides. The uncertainty of a stated number is that of its
+last digit (a rectangle of that width). A value within two combined standard uncertainties **agrees**, beyond them it
+**differs**; a bound differs if it is missed by more than that; a direction agrees if its sign is certain by as much.
+"Negligible" is read as below 5 % of the effect with which it is compared. A statement based on unpublished data
 **cannot be checked**, whatever solen simulates in their place.
 
 Public names: `compared` and `Comparison`.

@@ -1,8 +1,8 @@
 """Recordings from named arrays, as needed for MATLAB, LabVIEW, HDF5 and netCDF files.
 
-The idea: these files contain arrays, some of which have a common axis. The length that most arrays have is that of the
-recording; an array with as many rows gives a channel for each of its columns; single numbers and texts are parameters.
-An array of another length is omitted and named, because its relation to the others is unknown.
+These files contain arrays, some of which have a common axis. The length that most arrays have is that of the recording;
+an array with as many rows gives a channel for each of its columns; single numbers and texts are parameters. An array of
+another length is omitted and named, because its relation to the others is unknown.
 
 Public names: `Array` and `recorded`.
 """

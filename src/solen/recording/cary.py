@@ -1,9 +1,9 @@
 """Exports of Agilent's Cary spectrophotometers (WinUV), as written by the program or saved again from Excel.
 
-The idea: an export has two lines of header, the names of the traces in every second cell and below each its
-``Wavelength (nm),%T``; then rows in which each trace has a wavelength and a value until it ends; then an empty line and
-the program's log of each trace. Traces have their own wavelengths, and may share a name; none is dropped or merged. A
-scan has uniform wavelength steps; one with a jump, a repetition or a gap therefore was damaged, whatever its values.
+An export has two lines of header, the names of the traces in every second cell and below each its ``Wavelength
+(nm),%T``; then rows in which each trace has a wavelength and a value until it ends; then an empty line and the
+program's log of each trace. Traces have their own wavelengths, and may share a name; none is dropped or merged. A scan
+has uniform wavelength steps; one with a jump, a repetition or a gap therefore was damaged, whatever its values.
 
 `is_cary` recognises the header, `read` reads a `Grid`.
 """

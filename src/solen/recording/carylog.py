@@ -1,9 +1,8 @@
 """The log that Cary's program writes after the numbers: a block for each trace, in their order.
 
-The idea: a block begins with the trace's name, on a separate line and repeated on the next; then lines such as
-``Instrument                        Cary 5000``, ``Collection Time: 2/6/2015 1:45:42 PM`` and ``<SBW (nm)> , 2.00``.
-Settings shared by all blocks apply to the file, the others to each trace. A log that cannot be interpreted is no reason
-to reject valid numbers.
+A block begins with the trace's name, on a separate line and repeated on the next; then lines such as ``Instrument Cary
+5000``, ``Collection Time: 2/6/2015 1:45:42 PM`` and ``<SBW (nm)> , 2.00``. Settings shared by all blocks apply to the
+file, the others to each trace. A log that cannot be interpreted is no reason to reject valid numbers.
 
 `read` returns `Logs`; `ends` compares a trace with the range stated in its log.
 """

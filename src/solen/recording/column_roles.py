@@ -2,8 +2,8 @@
 
 An option that names a column has priority.
 
-The idea: a header names a quantity, states a matching unit, or follows the conventions of recorders (``ai0``, ``PD2``).
-These are tried in that order; if several columns remain, the user is asked to name one.
+A header names a quantity, states a matching unit, or follows the conventions of recorders (``ai0``, ``PD2``). These are
+tried in that order; if several columns remain, the user is asked to name one.
 
 Public names: `column_of`, `receiver_columns`, `named_column`, `side_of`, `left_right` and `by_sensor`.
 """

@@ -1,8 +1,8 @@
 """A file as rows of cells with their addresses, from text or from a sheet of a workbook.
 
-The idea: readers see cells, and name a faulty one by its line and column, or by its cell in the sheet. The separator of
-a text is the one with which most cells are numbers. It is chosen once, for the whole file; a line with another
-separator therefore shows as damaged.
+Readers see cells, and name a faulty one by its line and column, or by its cell in the sheet. The separator of a text is
+the one with which most cells are numbers. It is chosen once, for the whole file; a line with another separator
+therefore shows as damaged.
 
 `of_text` makes a `Grid`; `Grid.refused` returns an error with its place; `Grid.column` returns numbers.
 """

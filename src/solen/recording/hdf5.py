@@ -1,7 +1,7 @@
 """HDF5 files: netCDF-4, MATLAB 7.3 and those of scripts, with h5py (extra ``netcdf``); netCDF-3 with scipy.
 
-The idea: datasets are arrays by their path. netCDF states the unit of each (``units``) and the meaning of the columns
-of a table (the coordinate of its second dimension); attributes are parameters.
+Datasets are arrays by their path. netCDF states the unit of each (``units``) and the meaning of the columns of a table
+(the coordinate of its second dimension); attributes are parameters.
 
 A file with a time in each of several groups contains several recordings; a bench writes one for each sensor. A large
 file is never loaded into memory completely.

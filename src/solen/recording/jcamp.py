@@ -1,9 +1,9 @@
 """JCAMP-DX: spectra as records of text, either point by point or compressed along a uniform axis.
 
-The idea: a file consists of records ``##LABEL=value``, one of which contains the numbers. ``(XY..XY)`` are pairs;
-``(X++(Y..Y))`` are values on a uniform axis, each line preceded by its abscissa, plain or compressed: digits joined by
-pseudo-digits (squeezed), differences, repeats. Redundant statements (number of points, abscissas of lines, first value,
-last value before each line of differences) are checked against the numbers, to detect damage.
+A file consists of records ``##LABEL=value``, one of which contains the numbers. ``(XY..XY)`` are pairs; ``(X++(Y..Y))``
+are values on a uniform axis, each line preceded by its abscissa, plain or compressed: digits joined by pseudo-digits
+(squeezed), differences, repeats. Redundant statements (number of points, abscissas of lines, first value, last value
+before each line of differences) are checked against the numbers, to detect damage.
 
 Public names: `is_jcamp` and `read`. Format: McDonald and Wilks, "JCAMP-DX: A Standard Form for Exchange of Infrared
 Spectra in Computer Readable Form", Appl. Spectrosc. 42 (1988) 151, version 4.24.

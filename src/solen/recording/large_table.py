@@ -1,8 +1,8 @@
 """Large plain tables, such as an hour of samples: read in a second or two, in little more memory than the numbers need.
 
-The idea: the beginning is read like any table, and defines the columns. If all of them are numbers, and the remainder
-of the file contains only digits, signs, the decimal mark and the separator, numpy's own reader reads it. Anything else
-(a remark, an empty cell, a word, a row of another length) is left to the reader that reports the error and its place.
+The beginning is read like any table, and defines the columns. If all of them are numbers, and the remainder of the file
+contains only digits, signs, the decimal mark and the separator, numpy's own reader reads it. Anything else (a remark,
+an empty cell, a word, a row of another length) is left to the reader that reports the error and its place.
 
 `read_large` returns a recording, or None if a file is not a large plain table.
 """

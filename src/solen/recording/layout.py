@@ -1,9 +1,8 @@
 """Layout of a table in a file: preceding lines, header, units, rows.
 
-The idea: a header is a row of words above rows of numbers with the same number of cells. It may be preceded by titles
-and blocks of parameters, never by numbers alone. All rows below it must belong to the table, to the end of the file:
-any other row is damaged; it raises an error when rows are read and is never skipped. Text after an empty line at the
-end is a remark.
+A header is a row of words above rows of numbers with the same number of cells. It may be preceded by titles and blocks
+of parameters, never by numbers alone. All rows below it must belong to the table, to the end of the file: any other row
+is damaged; it raises an error when rows are read and is never skipped. Text after an empty line at the end is a remark.
 
 `find` returns the `Layout` of a `Grid`.
 """

@@ -1,10 +1,10 @@
 """LabVIEW's measurement files (.lvm): packets of channels as text, each with its own header.
 
-The idea: a file is a header and any number of packets with headers. A packet states its channels, the number of samples
-of each, their units in words, and the start and step of its times; the rows below have one column of times, one for
-each channel, or none, and a comment at the end. Statements are checked against the content: a missing row means a
-truncated file. Packets of the same channels follow each other in time; if their X restarts, as in files that were
-appended to, it is counted from the date and time stated in each packet.
+A file is a header and any number of packets with headers. A packet states its channels, the number of samples of each,
+their units in words, and the start and step of its times; the rows below have one column of times, one for each
+channel, or none, and a comment at the end. Statements are checked against the content: a missing row means a truncated
+file. Packets of the same channels follow each other in time; if their X restarts, as in files that were appended to, it
+is counted from the date and time stated in each packet.
 
 Public names: `is_lvm` and `read`. Format: "Specification for the LabVIEW Measurement File (.lvm)", National
 Instruments.

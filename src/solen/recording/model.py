@@ -1,9 +1,8 @@
 """A recording of an instrument, a person or a simulation: channels of numbers with units, and their provenance.
 
-The idea: a spectrum, a compression test, a working curve and a bench's voltages have the same form, columns of numbers
-along an axis. Numbers stay as the file states them, in its unit and with its gaps; code that uses a channel requests it
-in the unit that it needs. The origin of the numbers is always kept: name, checksum, format, instrument and date of the
-file.
+A spectrum, a compression test, a working curve and a bench's voltages have the same form, columns of numbers along an
+axis. Numbers stay as the file states them, in its unit and with its gaps; code that uses a channel requests it in the
+unit that it needs. The origin of the numbers is always kept: name, checksum, format, instrument and date of the file.
 
 Public names: `Recording` and `Channel`.
 """

@@ -1,9 +1,9 @@
 """Numbers as files write them: which texts are numbers, and which decimal mark they use.
 
-The idea: a text is a number only if all of it is. Texts that a lenient reader would accept (``1_000``, ``nan``,
-``0x1F``, Arabic digits) or repair (``12.5x``, ``1.234,5``) are typical of damage. An instrument always writes numbers
-in the same form; numbers written by instruments therefore must follow a stricter form: no leading zeros, no plus,
-digits on both sides of the mark, one digit before the mark if a power of ten follows.
+A text is a number only if all of it is. Texts that a lenient reader would accept (``1_000``, ``nan``, ``0x1F``, Arabic
+digits) or repair (``12.5x``, ``1.234,5``) are typical of damage. An instrument always writes numbers in the same form;
+numbers written by instruments therefore must follow a stricter form: no leading zeros, no plus, digits on both sides of
+the mark, one digit before the mark if a power of ten follows.
 
 Public names: `is_number`, `is_missing`, `all_numbers`, `parse` and `digits`.
 """

@@ -1,7 +1,7 @@
 """Transmittance, reflectance and absorbance of a recording, chosen by quantity or name, on common wavelengths.
 
-The idea: a single trace of a kind is used without being named; of several traces of a kind the user must name those to
-use, and then only these are used. The order of the traces has no meaning.
+A single trace of a kind is used without being named; of several traces of a kind the user must name those to use, and
+then only these are used. The order of the traces has no meaning.
 
 Public names: `optical_spectra`, `OpticalSpectra` and `kind_of`.
 """

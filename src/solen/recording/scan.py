@@ -1,7 +1,7 @@
 """Damage visible in the numbers of a scan: jumps of the wavelength, isolated values, surplus digits.
 
-The idea: a monochromator moves in one direction, in equal steps. A step that differs from equal steps before and after
-it is damage; so are wavelengths that differ in one row from those of all other traces.
+A monochromator moves in one direction, in equal steps. A step that differs from equal steps before and after it is
+damage; so are wavelengths that differ in one row from those of all other traces.
 
 Public names: `check_wavelengths`, `check_alike`, `check_wild`, `check_digits`, `disorder` and `alone_note`.
 """

@@ -1,8 +1,7 @@
 """A file's bytes, checksum and text, with which every reader begins.
 
-The idea: only valid text is accepted as text. Bytes that no instrument's program writes, a text that is UTF-8 in one
-place and not in another, or a control character show that the file is of another kind or damaged; each is rejected with
-its line.
+Only valid text is accepted as text. Bytes that no instrument's program writes, a text that is UTF-8 in one place and
+not in another, or a control character show that the file is of another kind or damaged; each is rejected with its line.
 
 Public names: `load` and `Source`.
 """

@@ -1,9 +1,9 @@
 """Galactic's SPC, the binary format of GRAMS that many spectrometers write: one or several spectra in a file.
 
-The idea: a fixed header, the abscissas unless they are uniform, then each spectrum with its own header, which states
-the storage of its values and its position in a series. A value is a floating-point number, or an integer times a power
-of two stated in the header. Counts (points, spectra, offsets) must account for the whole file, and thus reveal
-truncation or damage.
+A fixed header, the abscissas unless they are uniform, then each spectrum with its own header, which states the storage
+of its values and its position in a series. A value is a floating-point number, or an integer times a power of two
+stated in the header. Counts (points, spectra, offsets) must account for the whole file, and thus reveal truncation or
+damage.
 
 Public names: `is_spc` and `read`. Format: "A Brief Guide to SPC File Format and Using GSPCIO", Galactic Industries
 (1998), and its header file SPC.H. The older layout (version 4Dh) raises an error that names it.

@@ -1,10 +1,10 @@
 """Exports of test machines that contain several tables: results first, then the numbers of each specimen.
 
-The idea: a row that names a force, a travel, a time or a strain, with units below it, is the header of a specimen's
-numbers, which continue to the next row of another kind. Specimens side by side are columns that repeat. Rows that begin
-with a specimen's name, below a header that begins empty or with ``Name``, are lists of properties of the specimens:
-width, modulus. Each specimen becomes a separate table, with its line of each list as parameters, and is checked like
-every table. No row of numbers may remain.
+A row that names a force, a travel, a time or a strain, with units below it, is the header of a specimen's numbers,
+which continue to the next row of another kind. Specimens side by side are columns that repeat. Rows that begin with a
+specimen's name, below a header that begins empty or with ``Name``, are lists of properties of the specimens: width,
+modulus. Each specimen becomes a separate table, with its line of each list as parameters, and is checked like every
+table. No row of numbers may remain.
 
 `specimens` returns the content of such an export, as `Table`.
 

@@ -1,9 +1,9 @@
 """Text files of spectrometer programs: a header, a line that marks the start of the numbers, then one point per line.
 
-The idea: each program writes a characteristic line above its numbers (``>>>>>Begin Spectral Data<<<<<``, ``XYDATA``,
-``#DATA``, ``[Data]``), and some write one below them. The header states the number of points, and often the first, the
-last and the extreme values, which are compared with the rows. The header may also state the meaning of the values; if
-it does not, a note reports this.
+Each program writes a characteristic line above its numbers (``>>>>>Begin Spectral Data<<<<<``, ``XYDATA``, ``#DATA``,
+``[Data]``), and some write one below them. The header states the number of points, and often the first, the last and
+the extreme values, which are compared with the rows. The header may also state the meaning of the values; if it does
+not, a note reports this.
 
 Public names: `read` and `PROGRAMS`.
 """

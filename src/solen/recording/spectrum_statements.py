@@ -1,8 +1,8 @@
 """The statements of a spectrum's file compared with its numbers, and the recording made from both.
 
-The idea: many programs state the meaning of axis and values, the number of points, the first and the last point, and
-the extremes. JCAMP-DX has labels for them (``NPOINTS``, ``FIRSTX``, ``MAXY``); equivalent statements of other programs
-are mapped to these labels.
+Many programs state the meaning of axis and values, the number of points, the first and the last point, and the
+extremes. JCAMP-DX has labels for them (``NPOINTS``, ``FIRSTX``, ``MAXY``); equivalent statements of other programs are
+mapped to these labels.
 
 Public names: `check`, `number` and `spectrum`.
 """

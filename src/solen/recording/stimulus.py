@@ -1,6 +1,6 @@
 """The stimulus of a recorded sensor: an angle, a force or a depth.
 
-The idea: analysis, calibration and decoding are the same for all three. Arrays and fields are named after the angle
+Analysis, calibration and decoding are the same for all three. Arrays and fields are named after the angle
 (``angle_deg``), as those of receivers are named after volts, and contain the stimulus in its own unit; sentences, axes
 and the keys of JSON and files name that unit: ``sensitivity_V_per_N``, ``interval95_force_N``.
 

@@ -1,8 +1,8 @@
 """Plain tables: a header with units and rows of numbers and words, from a spreadsheet, a script or an editor.
 
-The idea: the header names the columns (`solen.recording.words`), `solen.recording.layout` finds the table in the file;
-here its columns become channels. A column of numbers with one non-numeric cell is damaged, and does not become a column
-of text. A wavelength column is the axis of the others, and so is a time column.
+The header names the columns (`solen.recording.words`), `solen.recording.layout` finds the table in the file; here its
+columns become channels. A column of numbers with one non-numeric cell is damaged, and does not become a column of text.
+A wavelength column is the axis of the others, and so is a time column.
 
 Public names: `read`, `columns` and `recorded`.
 """

@@ -1,9 +1,9 @@
 """Exports of test machines: settings and results, then the channels of the test; testXpert's in German or English.
 
-The idea: an export has a block of parameters, each with its value and unit, a row of names, a row of units, and rows of
-numbers. It is read as a table; but because a machine wrote it, irregularities that are allowed in a handwritten table
-are damage here: a number in another form, an empty line or a remark inside, a decreasing time, a repeated line, a last
-line without an end. Results computed by the machine (modulus, greatest force) stay in the recording's metadata, in the
+An export has a block of parameters, each with its value and unit, a row of names, a row of units, and rows of numbers.
+It is read as a table; but because a machine wrote it, irregularities that are allowed in a handwritten table are damage
+here: a number in another form, an empty line or a remark inside, a decreasing time, a repeated line, a last line
+without an end. Results computed by the machine (modulus, greatest force) stay in the recording's metadata, in the
 machine's words.
 
 `program` recognises the header, `read` reads a `Grid`; `stated` returns a parameter as a number.

@@ -1,9 +1,9 @@
 """Column headers: name, unit and quantity, in the spellings of instruments (English and German) and of people.
 
-The idea: ``thickness_um``, ``Thickness (µm)``, ``Dicke [µm]`` and ``thickness / µm`` mean the same. A bracket or an
-ending is interpreted as a unit only if it is one and fits the word before it: the ``(R)`` of ``Reflectance (R)`` is a
-symbol, the ``_s`` of ``R_s`` a polarisation, and neither is a unit. The unit determines the meaning of an ambiguous
-word: ``T (°C)`` is a temperature, ``T (%)`` a transmittance.
+``thickness_um``, ``Thickness (µm)``, ``Dicke [µm]`` and ``thickness / µm`` mean the same. A bracket or an ending is
+interpreted as a unit only if it is one and fits the word before it: the ``(R)`` of ``Reflectance (R)`` is a symbol, the
+``_s`` of ``R_s`` a polarisation, and neither is a unit. The unit determines the meaning of an ambiguous word: ``T
+(°C)`` is a temperature, ``T (%)`` a transmittance.
 
 Public names: `heading`, `quantity_of` and `is_label`.
 """

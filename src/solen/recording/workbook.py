@@ -1,8 +1,8 @@
 """Excel workbooks (.xlsx, and .xls with the extra ``xls``): the cells of one sheet, as a text file's rows.
 
-The idea: a workbook is the same table as its CSV. Numbers keep all their digits. The value of a formula is the result
-stored with it; a file with a formula without a stored result is rejected, because its cell is not empty. An archive
-that would unpack to more than the size of a table is not unpacked.
+A workbook is the same table as its CSV. Numbers keep all their digits. The value of a formula is the result stored with
+it; a file with a formula without a stored result is rejected, because its cell is not empty. An archive that would
+unpack to more than the size of a table is not unpacked.
 
 Public name: `grid`.
 """

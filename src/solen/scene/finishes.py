@@ -4,7 +4,8 @@ Another package adds one with an entry point of the group ``solen.finishes``, fo
 measurements::
 
     VELVET = Finish(
-        "mirror", Surface(table=AngleTable((0.0, 60.0, 90.0), (0.02, 0.05, 0.3)), scatter=Lambertian()),
+        "mirror",
+        Surface(table=AngleTable((0.0, 60.0, 90.0), (0.02, 0.05, 0.3)), scatter=Lambertian()),
         wavelength_nm=(840.0, 880.0),
     )
 

@@ -1,10 +1,10 @@
 """Effect of the printed lens on the response, compared with the designed lens.
 
-The idea: two lenses are traced with the same body, emitter and material. The difference of their responses is the
-effect of printing. Its uncertainty follows from outlines drawn within that of the measured profile. These are traced at
-fewer angles and with fewer rays than the lens itself: eight outlines give an uncertainty to a quarter. Light of a point
-is integrated, because its response has steps; for a chip, whose response is smooth, a fan of `DRAWN_RAYS` suffices. For
-a point emitter, a chip is also compared, since the steps hide the response of a real emitter.
+Two lenses are traced with the same body, emitter and material. The difference of their responses is the effect of
+printing. Its uncertainty follows from outlines drawn within that of the measured profile. These are traced at fewer
+angles and with fewer rays than the lens itself: eight outlines give an uncertainty to a quarter. Light of a point is
+integrated, because its response has steps; for a chip, whose response is smooth, a fan of `DRAWN_RAYS` suffices. For a
+point emitter, a chip is also compared, since the steps hide the response of a real emitter.
 
 Public names: `as_printed` and `AsPrinted`.
 """

@@ -1,7 +1,7 @@
 """Light budget of a sensor at rest: fractions of the emitter's power that add up to 1.
 
-The idea: a ledger cannot separate light reflected by the lens from light that missed everything. Tracing the scene with
-black faces and with a black body can. Public names: `budget` and `Budget`.
+A ledger cannot separate light reflected by the lens from light that missed everything. Tracing the scene with black
+faces and with a black body can. Public names: `budget` and `Budget`.
 """
 
 from dataclasses import dataclass, replace

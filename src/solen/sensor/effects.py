@@ -1,8 +1,8 @@
 """Effects of tolerances: the change of the response when each number of a design deviates by its tolerance.
 
-The idea: derivatives in different units cannot be ranked. Multiplied by tolerances, they are the effects of real prints
-and LEDs on the sensor. Each number is changed to both sides while the lens keeps its designed shape, and the contrast
-is integrated near the null, at a third of the motion and at its ends; on one side for symmetric sensors. The join of a
+Derivatives in different units cannot be ranked. Multiplied by tolerances, they are the effects of real prints and LEDs
+on the sensor. Each number is changed to both sides while the lens keeps its designed shape, and the contrast is
+integrated near the null, at a third of the motion and at its ends; on one side for symmetric sensors. The join of a
 turned lens to the stem is a choice of the model without a tolerance; for it, the other joins are compared. The body's
 rigidity is also such a choice: soft bodies with usual mounts are compared if the extra `mechanics` is installed.
 

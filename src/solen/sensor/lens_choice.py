@@ -1,9 +1,9 @@
 """Choice of lens: a design compared with the cylinder, the layered and the line-focus lens.
 
-The idea: lenses for space preserve the focus for skew rays, so a small angle moves more light. They need an emitter at
-mid-height of the body, and their response is less linear. Each lens is therefore traced at a few angles of the design's
-motion and, at one angle, also with the emitter displaced in y. Angles are fractions of the distance from the null to
-the ends of the motion, on one side only for symmetric sensors.
+Lenses for space preserve the focus for skew rays, so a small angle moves more light. They need an emitter at mid-height
+of the body, and their response is less linear. Each lens is therefore traced at a few angles of the design's motion
+and, at one angle, also with the emitter displaced in y. Angles are fractions of the distance from the null to the ends
+of the motion, on one side only for symmetric sensors.
 
 Public names: `lens_choice` and `LensChoice`.
 """

@@ -1,9 +1,9 @@
 """A soft sensor under load: its response to an angle, a depth or a force, compared with that of a rigid sensor.
 
-The idea: every value driven by the motion gives a state of the body (`solen.mechanics.design`), and its light is traced
-as at an angle of any other motion. Two responses are computed for comparison. In the rigid one, the lens turns by the
-same angle on an undeformed body. The other uses the other plane model: a real part is between plane strain and plane
-stress, and the difference of the two is the uncertainty of the model.
+Every value driven by the motion gives a state of the body (`solen.mechanics.design`), and its light is traced as at an
+angle of any other motion. Two responses are computed for comparison. In the rigid one, the lens turns by the same angle
+on an undeformed body. The other uses the other plane model: a real part is between plane strain and plane stress, and
+the difference of the two is the uncertainty of the model.
 
 Public names: `loaded_study` and `deform`.
 """

@@ -1,9 +1,9 @@
 """A sensor as built: with an LED of finite size that emits into space, and numbers that deviate by their tolerances.
 
-The idea: one sensor is described in three ways. As in the paper: a point in the plane. As the design states it. And as
-built: with the design's chip (or one of `CHIP_MM` in place of a point), in space, Lambertian in place of a fan. Effects
-are computed for the sensor as built (`solen.sensor.effects`). Parts that do not apply to a design, or cannot be built,
-are omitted; `Practice.skipped` gives the reasons.
+One sensor is described in three ways. As in the paper: a point in the plane. As the design states it. And as built:
+with the design's chip (or one of `CHIP_MM` in place of a point), in space, Lambertian in place of a fan. Effects are
+computed for the sensor as built (`solen.sensor.effects`). Parts that do not apply to a design, or cannot be built, are
+omitted; `Practice.skipped` gives the reasons.
 
 Public names: `practice` and `Practice`.
 """

@@ -1,8 +1,8 @@
 """The design: everything that determines a sensor and its simulation, as frozen tables.
 
-The idea: one object stores the user's choices and nothing derived from them. Its keys are those of the design file,
-their names include units, and the defaults are the paper's sensor at 860 nm, so a file states only the differences.
-Later stages check whether the design can be built (an oval beyond tangency, a self-intersecting body).
+One object stores the user's choices and nothing derived from them. Its keys are those of the design file, their names
+include units, and the defaults are the paper's sensor at 860 nm, so a file states only the differences. Later stages
+check whether the design can be built (an oval beyond tangency, a self-intersecting body).
 
 Public names: `Design` and `Trace`.
 """

@@ -1,8 +1,8 @@
 """Strict tables: pydantic models of TOML files that report each error in one line, with a remedy.
 
-The idea: a file is a tree of tables, and each table is one frozen model. An unknown key is rejected with the nearest
-known name, a reserved key with "not yet supported"; numbers must be finite and are never converted from text or
-booleans. pydantic finds the problems; this module reports the dotted key, the value, the limit and the remedy.
+A file is a tree of tables, and each table is one frozen model. An unknown key is rejected with the nearest known name,
+a reserved key with "not yet supported"; numbers must be finite and are never converted from text or booleans. pydantic
+finds the problems; this module reports the dotted key, the value, the limit and the remedy.
 
 Public names: `Strict`, `Number`, `Positive`, `NotNegative` and `Text`. A validator of several keys raises `refused`;
 `or_refuse` annotates a single field. `parse_toml`, `migrated` and `error_context` serve any TOML file that contains

@@ -1,7 +1,7 @@
 """The design file: reading and writing TOML, setting single values by dotted keys, and the JSON Schema.
 
-The idea: a file states ``schema``, ``name`` and differences from the defaults. Reading migrates old schemas, then
-rejects what it does not understand; writing omits defaults, and reading a written file gives the same design.
+A file states ``schema``, ``name`` and differences from the defaults. Reading migrates old schemas, then rejects what it
+does not understand; writing omits defaults, and reading a written file gives the same design.
 
 Public names: `load`, `loads`, `dumps`, `save`, `with_values`, `parse_assignment` and `json_schema`.
 """

@@ -1,10 +1,10 @@
 """The emitter board's core without its hardware, for both MicroPython and CPython.
 
-The idea: a loop calls `Board.work` as often as it can and `Board.hear` with the bytes from the host. A period is
-divided into two halves for each emitter, on and off; at the end of each half every input is sampled and the next
-emitter is switched. The checksum is computed half by half, which avoids one long computation that would delay a half. A
-motor follows its ramp by the same clock. Each hardware implements `Hardware`; frames and commands are those of
-`solen.bench.frames` and `solen.bench.board`, but this file imports neither, because it is copied onto boards unchanged.
+A loop calls `Board.work` as often as it can and `Board.hear` with the bytes from the host. A period is divided into two
+halves for each emitter, on and off; at the end of each half every input is sampled and the next emitter is switched.
+The checksum is computed half by half, which avoids one long computation that would delay a half. A motor follows its
+ramp by the same clock. Each hardware implements `Hardware`; frames and commands are those of `solen.bench.frames` and
+`solen.bench.board`, but this file imports neither, because it is copied onto boards unchanged.
 
 Public names: `Board` and `Hardware`.
 """

@@ -1,9 +1,9 @@
 """A simulated board: it alternates the emitters of simulated sensors and reads their receivers.
 
-The idea: a period has one slot for each emitter; in each, one emitter is on for the first half and off for the second,
-and every input is sampled at the end of both. The stage's position at that moment determines the fraction of the light
-that is received; the circuit converts it to a voltage, the converter to counts. All periods since the last reading are
-computed at once; a test compares them with the core of the firmware (`solen.bench.firmware.solen_board`).
+A period has one slot for each emitter; in each, one emitter is on for the first half and off for the second, and every
+input is sampled at the end of both. The stage's position at that moment determines the fraction of the light that is
+received; the circuit converts it to a voltage, the converter to counts. All periods since the last reading are computed
+at once; a test compares them with the core of the firmware (`solen.bench.firmware.solen_board`).
 """
 
 import math

@@ -1,7 +1,7 @@
 """A simulated load cell under the finger of a simulated stage.
 
-The idea: the cell follows the rig file, except for errors whose size the file states. Its scale has an error drawn from
-the stated uncertainty, and its curve deviates from a straight line by at most the stated nonlinearity.
+The cell follows the rig file, except for errors whose size the file states. Its scale has an error drawn from the
+stated uncertainty, and its curve deviates from a straight line by at most the stated nonlinearity.
 
 Public name: `SimulatedCell`.
 """

@@ -1,8 +1,8 @@
 """A simulated data acquisition: it samples simulated sensors continuously while their emitters switch.
 
-The idea: emitters alternate; each is on for the first half of its slot and off for the second. A receiver follows with
-its first-order time constant: within a phase its voltage relaxes from its previous value to that of the phase's light,
-and the previous value is that of periodic switching (`settling`). One converter samples the inputs in sequence, each
+Emitters alternate; each is on for the first half of its slot and off for the second. A receiver follows with its
+first-order time constant: within a phase its voltage relaxes from its previous value to that of the phase's light, and
+the previous value is that of periodic switching (`settling`). One converter samples the inputs in sequence, each
 slightly later than the one before. The switching runs by the instrument's clock or by its own, and neither is the run's
 clock.
 

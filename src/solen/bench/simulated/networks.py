@@ -1,7 +1,7 @@
 """Simulated networks: each a print of its design, traced over the ranges of its motions.
 
-The idea: a print is drawn once, with the rig's seed, like other sensors. Its powers, emitter by emitter, are traced on
-a grid over the ranges of its motions. The grid is refined, motion by motion, if a state midway differs from the surface
+A print is drawn once, with the rig's seed, like other sensors. Its powers, emitter by emitter, are traced on a grid
+over the ranges of its motions. The grid is refined, motion by motion, if a state midway differs from the surface
 through the others; between the states of the grid the surface is used. The tracing takes a minute or more; the powers
 therefore are stored in a file, and traced again if the design differs.
 

@@ -1,8 +1,8 @@
 """Simulated sensors: the design of each with variations between prints, traced, with individual parts.
 
-The idea: prints of one design differ in index, decentre of the emitter, chip and parts. Each print is drawn once, with
-the rig's seed, and its response is **traced**, angle by angle; in between it is interpolated monotonically, with as
-many traced angles as needed.
+Prints of one design differ in index, decentre of the emitter, chip and parts. Each print is drawn once, with the rig's
+seed, and its response is **traced**, angle by angle; in between it is interpolated monotonically, with as many traced
+angles as needed.
 
 Public names: `simulated_sensors`, `simulated_networks` and `room_light_mw_cm2`.
 """

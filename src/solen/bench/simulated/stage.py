@@ -1,7 +1,7 @@
 """A simulated stage: it moves with its velocity and its acceleration straight to its target.
 
-The idea: a move is a trapezoid in velocity (a triangle if the distance is too short for the full velocity). The
-position at any time therefore is a closed formula, without time steps, evaluated for many times at once.
+A move is a trapezoid in velocity (a triangle if the distance is too short for the full velocity). The position at any
+time therefore is a closed formula, without time steps, evaluated for many times at once.
 
 Public names: `SimulatedStage`, `Axis` and `Move`.
 """

@@ -1,8 +1,8 @@
 """The front of two goals: designs of which none is better in both.
 
-The idea: a design is best for some weights of the two goals. Each goal is first optimised alone, which gives the ends
-of the front and the units in which the goals are weighted. Then the larger of the two weighted goals is minimised, in
-steps from one end to the other. All candidates count for every weight.
+A design is best for some weights of the two goals. Each goal is first optimised alone, which gives the ends of the
+front and the units in which the goals are weighted. Then the larger of the two weighted goals is minimised, in steps
+from one end to the other. All candidates count for every weight.
 
 `search_front` searches; `front_of` candidates returns a `Front`.
 """

@@ -1,8 +1,8 @@
 """Scenes of ray-optics (ricktu288/ray-optics, JSON version 5) as scenes of solen.
 
-The idea: a file lists objects that may overlap; here each becomes exact curves, and the plane that they divide becomes
-regions and interfaces (`arrangement`). Sources become exactly the rays that ray-optics launches, detectors become
-monitors, and unsupported content is listed with the reason.
+A file lists objects that may overlap; here each becomes exact curves, and the plane that they divide becomes regions
+and interfaces (`arrangement`). Sources become exactly the rays that ray-optics launches, detectors become monitors, and
+unsupported content is listed with the reason.
 
 `load` and `loads` return an `Imported`; `recognised` tells whether parsed JSON is such a file. Formulas of curves and
 modules are read by `solen.scene.rayoptics.formula`, which executes nothing.

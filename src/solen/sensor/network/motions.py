@@ -1,10 +1,10 @@
 """Motions of a network that its readings distinguish, and how well, from one reading of every receiver per emitter.
 
-The idea: readings r follow small motions as J m, with noise of covariance C. In units of the noise, W J with W C Wᵀ =
-1, the singular values are the change of all readings together per degree of a combination of motions, in standard
-deviations. The best estimate of the motions has the covariance (Jᵀ C⁻¹ J)⁻¹ (Gauss, Markov; for normal noise no
-estimate is better: Cramér, Rao). A combination whose singular value is less than `SURE` times its uncertainty is not
-determined, nor is any motion with a share in it.
+Readings r follow small motions as J m, with noise of covariance C. In units of the noise, W J with W C Wᵀ = 1, the
+singular values are the change of all readings together per degree of a combination of motions, in standard deviations.
+The best estimate of the motions has the covariance (Jᵀ C⁻¹ J)⁻¹ (Gauss, Markov; for normal noise no estimate is better:
+Cramér, Rao). A combination whose singular value is less than `SURE` times its uncertainty is not determined, nor is any
+motion with a share in it.
 
 Public names: `determined`, `Determination` and `in_words`.
 """

@@ -1,8 +1,8 @@
 """Most useful places for another emitter or receiver of a network: places are tried in turn and ranked.
 
-The idea: a part added to a network takes light from the others and moves corners, so that its effect can only be found
-by tracing the network again. Every place is first traced with a large tolerance. The best of each kind are traced again
-with the full tolerance, by the same function and so with the same numbers as for the changed design file.
+A part added to a network takes light from the others and moves corners, so that its effect can only be found by tracing
+the network again. Every place is first traced with a large tolerance. The best of each kind are traced again with the
+full tolerance, by the same function and so with the same numbers as for the changed design file.
 
 The places are ends of guides without a part, for a receiver or for a lens with its emitter; and those at a quarter,
 half and three quarters of every side that are free, for a receiver or an emitter without a lens.

@@ -1,7 +1,7 @@
 """Power at every receiver of a network from each emitter, with the emitters lit in turn.
 
-The idea: with one emitter lit and the motions at given angles, a network is a sensor like any other. Its response
-consists of one sensor per emitter. Powers are fractions of the power emitted by the lit emitter.
+With one emitter lit and the motions at given angles, a network is a sensor like any other. Its response consists of one
+sensor per emitter. Powers are fractions of the power emitted by the lit emitter.
 
 `in_turn` returns these sensors, `network_trace` traces one state, `network_response` several.
 """

@@ -1,8 +1,8 @@
 """Derivatives of a network's powers with respect to its numbers, and the motions that readings distinguish.
 
-The idea: light of a chip in a network is divided at many faces. Its integral is not smooth to 1e-6, as the limit of a
-derivative would require. A derivative is therefore a difference over a stated step, with both ends sampled by the same
-rays. Its uncertainty is that of the two powers; curvature within the step is part of the value.
+Light of a chip in a network is divided at many faces. Its integral is not smooth to 1e-6, as the limit of a derivative
+would require. A derivative is therefore a difference over a stated step, with both ends sampled by the same rays. Its
+uncertainty is that of the two powers; curvature within the step is part of the value.
 
 Voltages and their noise are those of the readout; `solen.sensor.network.motions` evaluates what they determine.
 """
