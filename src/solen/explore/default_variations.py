@@ -26,7 +26,7 @@ USUAL = "usual"
 """Text that stands for all variations that are not stated."""
 GROWTH, SHRINKAGE = "process growth_um", "process shrinkage_percent"
 GROWN = {"body.arm_width_mm": 2e-3, "lens.half_width_mm": 1e-3, "emitter.distance_mm": -1e-3}
-"""Displacement of numbers per µm of growth of all walls; the lens moves towards the emitter."""
+"""Change of each number per µm of wall growth; the lens moves towards the emitter."""
 SHRUNK = ("body.stem_length_mm", "body.arm_length_mm", "body.arm_width_mm", "lens.half_width_mm", "lens.focus_mm")
 EXACT = 1e-6
 """Standard deviation of a number that a process states without uncertainty."""
@@ -100,7 +100,7 @@ def _of_one(process: Process, key: str, u: float) -> list[float]:
 
 
 def _moved(sensor: Sensor, weights: dict[str, float], *, by_length: bool = False) -> dict[str, float]:
-    """Return the weights of the numbers that the design has; relative weights are multiplied by the values."""
+    """Return the weights of the numbers that exist in the design; relative weights are multiplied by the values."""
     there = {key: weight for key, weight in weights.items() if not _is_absent(sensor, key)}
     return {key: weight * number(sensor, key) for key, weight in there.items()} if by_length else there
 

@@ -98,7 +98,9 @@ def largest_u(response: Response) -> float:
 
 
 def misleading(plane: Response, space: Response) -> str:
-    """Describe the error of the plane in words; empty if both agree within uncertainty and tolerated difference."""
+    """Describe the error of the planar model in words; empty if plane and space agree within uncertainty and
+    tolerance.
+    """
     found = shift(plane, space)
     if found is None or found.contrast - found.u_contrast <= MOVED:
         return ""

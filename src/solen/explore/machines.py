@@ -56,7 +56,7 @@ class Here:
 
 
 def responses_of(variants: Sequence[tuple[str, Variant]], accuracy: Accuracy) -> dict[str, Point]:
-    """Return responses of designs over their motions, with their resolutions, by name."""
+    """Return the indices of the grid points, ordered so that the chips of each design are consecutive."""
     if accuracy.rays is None:
         return {name: _integrated(variant, accuracy) for name, variant in variants}
     found: dict[str, Point] = {}

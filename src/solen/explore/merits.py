@@ -28,14 +28,14 @@ COARSE_SHARE = 1 / 3
 angle.
 """
 KINK_SLOPE, KINK_HEIGHT = 0.3, 0.125
-"""Standard uncertainties due to a kink within or at the ends of a step, per change of slope there: of the slope,
-which may be that of either side, and of the contrast between the angles, per length of the step.
+"""Standard uncertainties due to a kink, per change of slope within a step or at its ends: of the slope, which may
+apply to either side of the kink, and of the contrast between the angles, per step length.
 """
 KINK_NOISE = math.sqrt(28.0)
-"""Noise of a kink times the step, per noise of the contrast."""
+"""Standard deviation of the kink estimate times the step, per standard deviation of the contrast."""
 BEND, MOST_CHANGE = 0.5, 0.1
-"""Changes of slope from one step to the next, as a fraction of the steeper slope and as a fraction of the range of the
-contrast. Above both, the angles are too coarse to show the curve between them.
+"""Largest changes of slope between consecutive steps, relative to the steeper slope and to the range of the
+contrast. If both are exceeded, the angles are too coarse to resolve the curve.
 """
 MOST_CHANGE_OF_FEW = 0.5
 """Largest accepted change of the contrast within a step if there are too few angles to compare steps."""
@@ -82,9 +82,9 @@ class Merits(Result, eq=True):
 NAMES = tuple(field.name for field in fields(Merits))
 MERITS = tuple(name for name in NAMES if not name.startswith("u_"))
 CHANNEL = "light_"
-"""Prefix of the names of merits of single channels of a network."""
+"""Prefix of merit names for single channels of a network."""
 _WORSE_IF_SMALL = ("slope", "span", "range", "light")
-"""Prefixes of the names of merits for which a smaller absolute value is worse; for the others a larger one is worse."""
+"""Prefixes of merits for which a smaller absolute value is worse; for all others, a larger value is worse."""
 
 
 def merits_of(response: Response, resolution_deg: tuple[float, float] = (math.nan, math.nan)) -> Merits:
@@ -189,10 +189,10 @@ def _linearity(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
 
 
 def _kinks(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> FloatArray:
-    """Return the change of slope (A - 1,) within or at the ends of each step, beyond a smooth curve and noise.
+    """Return the change of slope (A - 1,) within or at the ends of each step, minus that of a smooth curve and noise.
 
-    The change of a smooth curve is estimated from neighbouring angles; with evenly varying curvature, the result is 0.
-    Neither a spline nor the comparison with every second angle reveals a kink at an angle, since both contain that
+    The change of a smooth curve is estimated from neighbouring angles; if the curvature varies linearly, the result is
+    0. Neither a spline nor the comparison with every second angle reveals a kink at an angle, since both contain that
     angle.
     """
     if angle.size < 2 * LEAST_ANGLES:  # too few to tell a kink from curvature
@@ -204,10 +204,11 @@ def _kinks(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> FloatArray
 
 
 def _unresolved(contrast: FloatArray, u: FloatArray) -> BoolArray:
-    """Return a mask of steps (A - 1,) within which the angles (A,) do not show the curve: the slope changes too much.
+    """Return a mask of the steps (A - 1,) in which the angles (A,) do not resolve the curve: the slope changes too
+    much.
 
     The error of a spline through such angles may be as large as the change, and comparing it with every second angle
-    does not reveal this: the contrasts +1, 0, −1 are a line in both.
+    does not reveal this: the contrasts +1, 0, −1 are on a straight line in both.
     """
     change = np.diff(contrast)
     steep = np.abs(change)
@@ -224,7 +225,7 @@ def _largest_change(contrast: FloatArray, steps: BoolArray) -> float:
 
 
 def unresolved_change(response: Response) -> float:
-    """Return the largest change of the contrast within a step whose curve the angles do not show; 0 if none."""
+    """Return the largest change of the contrast within an unresolved step; 0 if all steps are resolved."""
     contrast = response.contrast
     if contrast.size < LEAST_ANGLES or not np.isfinite(contrast).all():
         return 0.0
@@ -232,12 +233,12 @@ def unresolved_change(response: Response) -> float:
 
 
 def every_second(number: int) -> IntArray:
-    """Return every second of ``number`` indices, with the last among them."""
+    """Return every second of ``number`` indices, and always the last."""
     return np.unique(np.r_[0:number:2, number - 1])
 
 
 def worst_place(name: str, values: FloatArray) -> int:
-    """Return the index of the worst value (C,) of a merit: a missing one, otherwise the smallest or the largest."""
+    """Return the index of the worst value (C,) of a merit: a missing value, otherwise the smallest or largest."""
     size = np.abs(values)
     return int(np.argmax(np.where(np.isnan(values), np.inf, -size if name.startswith(_WORSE_IF_SMALL) else size)))
 

@@ -1,7 +1,7 @@
-"""Monotonic range: the range about a place over which a reading only rises or only falls.
+"""Monotonic range: the range about a position over which a reading only rises or only falls.
 
-Two ranges bound it: the longest over which no fall between any two angles is certain, and the range over which the rise
-is certain. A turn and return that are smaller than the uncertainty and closer together than a tenth of the motion are
+It is bounded by two ranges: the longest over which no fall between any two angles is significant, and the range over
+which the rise is significant. A reversal that is smaller than the uncertainty and shorter than a tenth of the motion is
 not detected.
 
 Public name: `monotone_deg`.
@@ -14,28 +14,29 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray, IntArray
 
 COVERED = 3.0
-"""Change between two angles that is certain, in units of the sum of their standard uncertainties: among a thousand
-pairs of angles of a constant, hardly any differs by more.
+"""Change between two angles that is significant, in units of the sum of their standard uncertainties: of a thousand
+pairs of angles of a constant reading, hardly any differs by more.
 """
 APART = 0.1
-"""Distance beyond which any two angles must differ with certainty, as a fraction of the motion. Without such a
-distance, the certain range would vanish for small steps.
+"""Distance, as a fraction of the motion, beyond which any two angles must differ significantly. Without it, the
+range of significant change would vanish for small steps.
 """
 
 
 def monotone_deg(angle: FloatArray, value: FloatArray, u: FloatArray, at_deg: float) -> tuple[float, float]:
-    """Return the length of the range about a place over which a reading is monotonic, and its uncertainty.
+    """Return the length of the range about a position over which a reading is monotonic, and its uncertainty.
 
-    The length is the middle between the smallest and the largest possible length; the uncertainty is half their
-    difference. A turn may be one step beyond the angle at which it appears. Both are NaN without a place, or if no two
-    angles differ by more than their uncertainties, since a constant has no range.
+    The length is the midpoint of the smallest and the largest possible length; the uncertainty is half their
+    difference. A turning point may be one step beyond the angle at which it appears. Both results are NaN without a
+    position, or if no two angles differ significantly, since a constant has no range.
 
     Parameters
     ----------
     angle, value, u
         (A,) ascending angles, the reading there, and its standard uncertainty.
     at_deg
-        Place inside the range; if a turn is within one step of it, the range on either side may be meant.
+        Position inside the range; if a turning point is within one step of it, the range on either side may be
+        returned.
     """
     if math.isnan(at_deg):
         return math.nan, math.nan
@@ -53,7 +54,9 @@ def monotone_deg(angle: FloatArray, value: FloatArray, u: FloatArray, at_deg: fl
 
 
 def _bounds(angle: FloatArray, rises: BoolArray, falls: BoolArray, step: int) -> tuple[float, float]:
-    """Return the smallest and largest length of a range about a step with a rising reading, from certain pairs."""
+    """Return the smallest and largest possible length of the range about a step with a rising reading, from the
+    pairs of angles that differ significantly.
+    """
     first_fall = np.where(falls.any(axis=1), falls.argmax(axis=1), angle.size)
     reach = np.minimum.accumulate(first_fall[::-1])[::-1] - 1
     starts: IntArray = np.flatnonzero(reach[: step + 1] > step)
@@ -70,7 +73,8 @@ def _bounds(angle: FloatArray, rises: BoolArray, falls: BoolArray, step: int) ->
 
 
 def _certain(angle: FloatArray, rises: BoolArray, first: int, step: int) -> tuple[int, int]:
-    """Return the places about a step between which the reading rises with certainty; the same twice if none is certain.
+    """Return the positions about a step between which the reading rises significantly; twice the same if there are
+    none.
 
     The range ends at the first angle that may be the highest, or at which the change over `APART` becomes too small.
     """

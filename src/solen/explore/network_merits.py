@@ -1,7 +1,7 @@
-"""Merits of a network: how readings follow motions, the light of each channel, and the resolution of motions.
+"""Merits of a network: the response of readings to motions, the light of each channel, and the resolution of motions.
 
-A network is traced in the states of `solen.sensor.network.courses`, each motion over its range while the others are at
-rest, and on either side of the rest position of each motion, which determines the resolution of all. A reading has a
+A network is traced in the states of `solen.sensor.network.courses`, which vary each motion over its range while the
+others are at rest, and in states on either side of rest, which determine the resolution of all motions. A reading has a
 slope, a span and a range for each motion. The name of a merit consists of the merit, its subject and its unit, with _
 in place of characters that a name cannot contain: ``slope_lean_index_bends_per_deg``.
 
@@ -40,13 +40,13 @@ from solen.spec.placed import state_of
 
 LEAST_STEPS = 2
 SLOPE_SHARE = 1 / 16
-"""Fraction of its range by which a motion deviates to either side for slopes: that of `solen sensitivity` at eight
-steps.
+"""Step on either side of rest for the slopes, as a fraction of each motion's range: that of `solen sensitivity` with
+eight steps.
 """
 
 
 class _Beside(NamedTuple):
-    """Places of the states on either side of a motion's rest position, and the distance between them."""
+    """Indices of the states on either side of a motion's rest position, and the distance between them."""
 
     places: tuple[int, int]
     step_deg: float
@@ -64,12 +64,14 @@ def network_point(variant: Variant, accuracy: Accuracy) -> Point:
     )
     power, u_power = (each.reshape(len(each), -1) for each in (found.power, found.u_power))
     reached = float(u_power.max())
-    why = f"powers are known to {reached:.1e} and not to {tolerance:g}" if reached > tolerance else ""
+    why = f"the uncertainty of the powers is {reached:.1e} instead of {tolerance:g}" if reached > tolerance else ""
     return Point(power, u_power, _sds(variant.design, found), why)
 
 
 def _sds(design: Design, found: NetworkResponse) -> FloatArray:
-    """Return the standard deviation of each motion at rest from one reading of all, with uncertainty (motions, 2)."""
+    """Return the standard deviation of each motion at rest from one cycle of all readings, with its uncertainty
+    (motions, 2).
+    """
     states, places, beside = states_of(design.network)
     if not beside:
         return np.empty((0, 2))
@@ -87,7 +89,7 @@ def _sds(design: Design, found: NetworkResponse) -> FloatArray:
 
 
 def states_of(network: Network) -> tuple[list[dict[str, float]], dict[str, list[int]], list[_Beside]]:
-    """Return the states for tracing a network, and the indices of those of `courses` and of those beside rest."""
+    """Return the states to be traced, and the indices of those of `courses` and of those on either side of rest."""
     states, places = courses(network)
     beside = []
     for motion in network.motion:
@@ -109,7 +111,7 @@ class NetworkMerits:
         Raises
         ------
         SpecError, DesignError
-            If a motion has too few steps, or two merits would have one name.
+            If a motion has too few steps, or two merits would have the same name.
         """
         self.network = design.network
         self.states, self.places, _ = states_of(self.network)
@@ -156,7 +158,7 @@ class NetworkMerits:
         return design.set({f"network.motion[{i}].steps": 2 * one.steps for i, one in enumerate(self.network.motion)})
 
     def _light(self, power: FloatArray, u_power: FloatArray) -> Iterator[tuple[str, tuple[float, float]]]:
-        """Yield the smallest light of any emitter at all receivers together, and of each channel."""
+        """Yield the smallest light from any emitter at all receivers combined, and that of each channel."""
         yield "light", (float(power.sum(axis=2).min()), float(u_power.sum(axis=2).max()))
         for i, emitter in enumerate(self.network.emitters):
             for j, receiver in enumerate(self.network.receivers):
@@ -164,7 +166,7 @@ class NetworkMerits:
                 yield _channel(emitter.name, receiver.name), (float(power[place, i, j]), float(u_power[place, i, j]))
 
     def _sds(self, point: Point) -> list[tuple[float, float]]:
-        """Return the standard deviations of the motions after the largest of them."""
+        """Return the largest standard deviation of the motions, followed by all of them."""
         rows: list[tuple[float, float]] = [(sd, u) for sd, u in point.sd_deg.tolist()]
         return [*([max(rows)] if rows else []), *rows]
 
@@ -181,7 +183,7 @@ class NetworkMerits:
 
 
 def word(name: str) -> str:
-    """Convert a name to a part of the name of a merit."""
+    """Convert a name to a valid part of a merit's name."""
     return re.sub(r"\W", "_", name)
 
 
@@ -196,7 +198,7 @@ def _names_of_course(reading: str, motion: str) -> tuple[str, str, str]:
 def _of_course(
     angle: FloatArray, value: FloatArray, u: FloatArray, at_deg: float
 ) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
-    """Return the slope of a reading at rest, its span, and the length of the monotonic range about rest."""
+    """Return the slope of a reading at rest, its span, and the length of its monotonic range about rest."""
     if not (np.isfinite(value).all() and np.isfinite(u).all()):
         return ((math.nan, math.nan),) * 3
     second = every_second(angle.size)

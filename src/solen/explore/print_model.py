@@ -35,9 +35,9 @@ from solen.sensor import Sensor
 from solen.spec import load
 
 OWN_SHARE, PLACES = 1.0, 4
-"""Relative error of the model for the effect of pixels on an edge, and the number of pixel phases compared."""
+"""Relative error of the modelled pixel effect on an edge, and the number of pixel phases compared."""
 SLOW_MM, PIECE_MM = 0.3, 0.1
-"""Length above which forms are not caused by pixels, and length over which their size is averaged."""
+"""Length above which pixels do not cause form deviations, and length over which the deviation is averaged."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +113,9 @@ class PrintModel:
         return Drawing(np.zeros(len(self.target.points_mm)))
 
     def effect(self, drawing: Drawing) -> tuple[FloatArray, FloatArray]:
-        """Return the change (N,) of the print due to another drawing than the design, and its increase with blur."""
+        """Return the change (N,) of the print if another drawing replaces the design, and its additional change with
+        more blur.
+        """
         plain = self._moved(self.plain, drawing)
         return plain, (np.zeros_like(plain) if self.wider is None else self._moved(self.wider, drawing) - plain)
 
@@ -134,7 +136,7 @@ class PrintModel:
         return drawing.scale == 1.0 and not drawing.wall_um and not drawing.drawn_um.any()
 
     def on(self, rows: Rows, contour: Contour, drawing: Drawing) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the effect of a drawing, its change with a wider blur, and its model error, for the rows of a picture.
+        """Return the effect of a drawing, its change with more blur, and the model error, for the rows of a picture.
 
         A wall follows its own drawing.
         """
@@ -186,7 +188,7 @@ class PrintModel:
         return self._printed(printing, drawing) - self._printed(printing, self.as_designed)
 
     def _printed(self, printing: Printing, drawing: Drawing) -> FloatArray:
-        """Return the predicted print of a drawing, from a cache."""
+        """Return the predicted print of a drawing, cached."""
         sizes = np.array([drawing.wall_um, drawing.scale, _width(printing.settings)])
         key = drawing.drawn_um.tobytes() + sizes.tobytes()
         if key not in self._known:

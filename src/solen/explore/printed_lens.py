@@ -64,7 +64,7 @@ class _Drawing:
 
 @lru_cache(maxsize=32)
 def _printed(drawing: _Drawing) -> MeasuredLens:
-    """Return the lens of a print, from a cache shared by all deviations that do not change the drawing."""
+    """Return the lens of a print, cached for all deviations that do not change the drawing."""
     body, settings = drawing.body, drawing.settings
     target = Target.of(lens_face(body).curve, FLAT_POINTS)
     thickness_mm = drawing.thickness_mm

@@ -17,7 +17,7 @@ from solen.spec import Design
 from solen.spec.strict import Options
 
 NOT_OF_THE_TABLE = {"print_number"}
-"""Options that only select further output."""
+"""Options that only select additional output."""
 
 
 class Request(NamedTuple):
@@ -91,7 +91,7 @@ def _option(key: str) -> str:
 
 
 def _short(value: Any) -> str:
-    """Format a value as it was stated, or as its default."""
+    """Format a value as it was specified, or as its default."""
     if value is None:
         return "default"
     if isinstance(value, list):

@@ -1,13 +1,13 @@
-"""Inverse design: numbers of a design that optimise a merit within limits and under deviations.
+"""Inverse design: design parameters that optimise a merit within limits and under deviations.
 
-Every candidate is traced as designed and with its deviations: its goal is the worst value among these, and the
-conditions must hold for all of them. Two goals give a front of designs of which none is better in both. Since a search
-exploits errors of its tracing, its results are traced again, with a smaller tolerance and by samples.
+Every candidate is traced as designed and with its deviations: its objective is the worst value among these, and the
+conditions must hold for all of them. Two objectives give a front of designs of which none is better in both. Since a
+search exploits errors of its tracing, its results are traced again, with a smaller tolerance and by sampling.
 
 `solen.explore.optimise.options` contains the options of a search, and `solen.explore.optimise.task` checks them.
 `solen.explore.optimise.evaluation` evaluates a design, `solen.explore.optimise.candidates` stores the candidates, and
 `solen.explore.optimise.search` is the algorithm. `solen.explore.optimise.optimum` and `solen.explore.optimise.front`
-are the results, with a check by retracing; `solen.explore.optimise.prints` adds prints of a result and of the initial
+are the results, checked by retracing; `solen.explore.optimise.prints` adds prints of the result and of the initial
 design. `solen.explore.optimise.straightness` sets up the search for a user who only wants a straighter response.
 """
 

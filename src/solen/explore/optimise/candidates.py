@@ -1,9 +1,9 @@
 """Candidates of a search, each with its goals and its violation of the limits.
 
-Goals are scaled by their values for the initial design and are to be minimised.
+Goals are divided by their values for the initial design and minimised.
 
 `Candidates` is called with points; `Candidates.feasible` contains the candidates that meet every limit,
-`Candidates.nondominated` the best of them; `least` selects one of several.
+`Candidates.nondominated` the best of them; `least` selects the best for given weights.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,11 +18,11 @@ from solen.progress import Progress
 from solen.spec import Design
 
 UNMET = 1e3
-"""Value of a candidate without a response."""
+"""Objective of a candidate without a response."""
 PENALTY = 30.0
-"""Weight of a limit that is missed by its whole size."""
+"""Penalty weight: the penalty for missing a limit by 100 %."""
 SECOND = 0.01
-"""Weight of the goals that do not determine the maximum, so that the better of two equal candidates is preferred."""
+"""Weight of the goals that are not the maximum; it decides between candidates with the same maximum."""
 
 
 class Candidate(NamedTuple):
@@ -33,7 +33,9 @@ class Candidate(NamedTuple):
     violation: float
 
     def total(self, weights: FloatArray, ideal: FloatArray | float = 0.0, size: FloatArray | float = 1.0) -> float:
-        """Return one value for several goals: the largest weighted one (Chebyshev), which reaches a concave front."""
+        """Return one objective for several goals: the largest weighted goal (Chebyshev), which also reaches concave
+        fronts.
+        """
         goals = (self.goals - ideal) / size
         if np.isnan(goals).any() or not np.isfinite(self.violation):
             return UNMET
@@ -128,7 +130,9 @@ class Candidates:
         return [one for one in self.tried if one.violation == 0.0]
 
     def check_feasible(self) -> None:
-        """Raise `SpecError` with the conditions that the nearest candidate misses, if none meets every limit."""
+        """Raise `SpecError` if no candidate meets every limit, naming the conditions that the nearest candidate
+        misses.
+        """
         if self.feasible:
             return
         nearest = self.tried[int(np.argmin([one.violation for one in self.tried]))]
@@ -145,6 +149,6 @@ def least(
     ideal: FloatArray | float = 0.0,
     size: FloatArray | float = 1.0,
 ) -> Candidate:
-    """Return the best candidate for weights of the goals; the first of equals."""
+    """Return the best candidate for weights of the goals; of several equal ones, the first."""
     totals = [one.total(weights, ideal, size) for one in candidates]
     return candidates[int(np.argmin(totals))]

@@ -1,4 +1,5 @@
-"""Evaluation of a design by a task: the worst values of its goals, which limits hold, and its violation of the others.
+"""Evaluation of a design for a task: the worst values of its goals, the conditions it meets, and its violation of the
+others.
 
 Public names: `Evaluator` and `Evaluation`.
 """
@@ -51,7 +52,7 @@ class GoalResult(Result):
 
 
 class Evaluation(NamedTuple):
-    """A design evaluated by each goal, its violation of the limits, and its responses in all cases."""
+    """Result of evaluating a design: each goal, the violation of the limits, and the responses in all cases."""
 
     by_goal: tuple[GoalResult, ...]
     violation: float
@@ -69,7 +70,9 @@ class Evaluation(NamedTuple):
 
 
 class Evaluator:
-    """Evaluates designs by a task, from responses to a tolerance; ``why`` states why the last one has none."""
+    """Evaluates designs for a task, from responses traced to a tolerance; ``why`` is the reason if the last design has
+    none.
+    """
 
     def __init__(
         self, task: Task, store: Store, tolerance: float, base: Mapping[str, float] | None = None, lattice: int = 0
@@ -95,8 +98,8 @@ class Evaluator:
         evaluation = evaluator.needed(design, "design")
         for goal, value in zip(task.goals, evaluation.goals.tolist(), strict=True):
             if math.isnan(value):
-                limit = f"{goal.text} does not exist for the design, or not with its deviations"
-                remedy = "start from a design that has it, or use smaller steps of the motion"
+                limit = f"{goal.text} does not exist for the design, or not for all its deviations"
+                remedy = "start from a design for which it exists, or use smaller steps of the motion"
                 raise SpecError(goal.option, limit=limit, remedy=remedy)
         return evaluator, evaluation
 
@@ -131,7 +134,7 @@ class Evaluator:
         return Evaluation(by_goal, sum(missed.values()) + nowhere, points)
 
     def _too_fine(self, design: Design) -> dict[str, float]:
-        """Return the violation of the smallest printable feature by each free-form lens."""
+        """Return the amount by which free-form lenses violate the smallest printable feature."""
         found: dict[str, float] = {}
         for lens in Sensor.of(design).all_lenses:
             if isinstance(lens, SplineLens):
@@ -154,12 +157,12 @@ class Evaluator:
         )
 
     def _changes(self, goal: Goal, merits: Mapping[str, FloatArray], place: int) -> Iterator[float]:
-        """Return the changes of a goal in one case due to the uncertainty of each merit in it."""
+        """Return the change of a goal in one case due to the uncertainty of each merit."""
         value = self._values(goal, merits)[place]
         for name in goal.merits:
             yield self._values(goal, {**merits, name: merits[name] + merits[f"u_{name}"]})[place] - value
 
     def _values(self, goal: Goal, merits: Mapping[str, FloatArray]) -> FloatArray:
-        """Return a goal (C,) in all cases; NaN if it does not exist or is infinite, as for an unseen motion."""
+        """Return a goal (C,) in all cases; NaN if it does not exist or is infinite, as for an undetectable motion."""
         values = goal.value(merits, self.base)
         return np.broadcast_to(np.where(np.isfinite(values), values, np.nan), len(self.task.cases))

@@ -1,10 +1,10 @@
-"""The front of two goals: designs of which none is better in both.
+"""The Pareto front of two goals: designs of which none is better in both.
 
-A design is best for some weights of the two goals. Each goal is first optimised alone, which gives the ends of the
-front and the units in which the goals are weighted. Then the larger of the two weighted goals is minimised, in steps
-from one end to the other. All candidates count for every weight.
+Each design of the front is optimal for some weights of the two goals. Each goal is first optimised alone, which gives
+the ends of the front and the units for weighting the goals. Then the larger of the two weighted goals is minimised, in
+steps from one end to the other. All candidates count for every weight.
 
-`search_front` searches; `front_of` candidates returns a `Front`.
+`search_front` searches for it; `front_of` converts candidates to a `Front`.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -114,7 +114,9 @@ def weights_of(designs: int) -> list[FloatArray]:
 
 
 def search_front(candidates: Candidates, designs: int, seed: int) -> None:
-    """Search for a front with a number of designs; the first goal, which samples the box, has twice the share."""
+    """Search for a front with a number of designs; the first goal, which also samples the box, gets twice as many
+    evaluations.
+    """
     each = candidates.most // (designs + 1)
     for number, weights in enumerate(weights_of(designs)):
         ideal, size = (0.0, 1.0) if number < len(ENDS) else units(candidates)
@@ -193,7 +195,7 @@ def _warnings(candidates: Candidates, candidate: Candidate, retraced: Retraced) 
 
 
 def _at_ends(task: Task, designs: Sequence[FrontDesign]) -> Iterator[str]:
-    """Return warnings about free numbers that are at their limits, each with the designs concerned."""
+    """Return warnings about free numbers that reached their limits, each with the designs concerned."""
     by_text: dict[str, list[int]] = {}
     for one in designs:
         for text in at_ends(task, one.design):

@@ -20,8 +20,8 @@ from solen.sensor import Sensor
 from solen.spec import Design
 
 AT_END = 1e-3
-"""Distance from an end of the range of a free number, as a fraction of the range, within which it counts as at the
-end.
+"""Distance from a limit of a free number, as a fraction of its range, within which it counts as having reached the
+limit.
 """
 INTERRUPTED = "interrupted: this is the best result so far; the same command continues from here"
 
@@ -177,7 +177,7 @@ def outside(task: Task) -> Iterator[str]:
 
 
 def at_ends(task: Task, found: Design) -> Iterator[str]:
-    """Return warnings about free numbers that are at their limits in the result."""
+    """Return warnings about free numbers that reached their limits in the result."""
     now = task.stated(Sensor.of(found))
     for one in task.free:
         low, high = one.values

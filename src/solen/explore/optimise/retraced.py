@@ -1,4 +1,4 @@
-"""A design of a search traced again: with a smaller tolerance, and by samples, independently of the integration.
+"""A result of a search, traced again: with a smaller tolerance, and by sampling, independently of the integration.
 
 Public names: `Retraced` and `Sampled`.
 """
@@ -15,11 +15,9 @@ from solen.sensor import Sensor
 from solen.spec import Design
 
 FINER, FINER_OF_NETWORK = 10.0, 2.5
-"""Factor on the tolerance's reciprocal, at twice as many angles; a network is sampled with another lattice."""
+"""Factor by which the tolerance is reduced, at twice as many angles; networks are sampled with another lattice."""
 SURE, SURE_OF_FIVE = 2.0, 3.0
-"""Difference, in units of its uncertainty, that is not due to chance: for one number, and for the largest of
-`SAMPLED_ANGLES`.
-"""
+"""Significant difference, in units of its uncertainty: for one value, and for the largest of `SAMPLED_ANGLES`."""
 SAMPLED_ANGLES = 5
 
 
@@ -67,7 +65,7 @@ class Retraced(NamedTuple):
 
 
 class Sampled(NamedTuple):
-    """Largest difference in contrast between integration and samples over some angles, and the uncertainty there."""
+    """Largest difference in contrast between integration and sampling over some angles, and its uncertainty there."""
 
     difference: float
     u_difference: float
