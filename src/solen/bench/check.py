@@ -33,13 +33,13 @@ from solen.results import HIDDEN, Result, in_unit, reported
 from solen.spec.strict import Options
 
 ANSWERS_SD, ANSWERS = 6.0, 0.0004
-"""Least response of an input to an emitter, in standard errors of the mean and as a fraction of the range."""
+"""Smallest response of an input to an emitter, in standard errors of the mean and as a fraction of the range."""
 SHORTED = 0.005
 """Fraction of the range below which a level indicates a short circuit."""
 BOTTOM = 0.05
 """Fraction of the level with the emitters off below which a receiver is saturated."""
 GROWS = 1.5
-"""Least factor by which a receiver's light increases in a bent sensor: 1.5 to 2.1 in the shipped designs."""
+"""Smallest factor by which a receiver's light increases in a bent sensor: 1.5 to 2.1 in the shipped designs."""
 WANTED, LEAST, MOST = 0.4, 0.12, (1.0 - BOTTOM) / GROWS
 """Desired, least and greatest drop that light should cause at rest, as fractions of the level with the emitters off.
 

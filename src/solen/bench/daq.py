@@ -22,9 +22,9 @@ Terminal = Literal["rse", "nrse", "differential"]
 
 OUTSIDE = 'switch them externally (switching = "external"), with a sync input if there are several'
 LEAST_IN_PHASE = 2
-"""Least number of settled samples in a phase of the emitters."""
+"""Smallest number of settled samples in a phase of the emitters."""
 ENDS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
-"""Least and greatest count."""
+"""Smallest and greatest count."""
 
 
 @dataclass(frozen=True)

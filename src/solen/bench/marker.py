@@ -41,7 +41,7 @@ REACH = 0.09
 white border.
 """
 LEAST_PX = 24.0
-"""Least length of a side in pixels; shorter sides have no border that could be located."""
+"""Smallest length of a side in pixels; shorter sides have no border that could be located."""
 ROUNDS, FITTED = 6, 400
 """Rounds of the fit, and largest number of pictures to which the projection is fitted."""
 

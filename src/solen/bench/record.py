@@ -48,7 +48,7 @@ ROOM_OF_JOURNAL, ROOM_BYTES = 1.5, 1 << 18
 PAUSE_S = 1.0
 """Shortest time in s between the end of a part of a run and the part that resumes it."""
 STOP_LOOKS = 5
-"""Least number of position queries of a stage at rest, if only stops are used."""
+"""Smallest number of position queries of a stage at rest, if only stops are used."""
 
 
 Report = Callable[[str], None]

@@ -30,7 +30,7 @@ from solen.results import HIDDEN, Result
 from solen.spec.strict import Options
 
 LEAST = 16
-"""Least number of pictures that show the marker."""
+"""Smallest number of pictures that show the marker."""
 GAP = 1.5
 """Multiple of the median interval above which pictures are missing."""
 UNEVEN = 0.02
@@ -40,7 +40,7 @@ BEGIN_S = 0.5
 _FEWEST = 4  # least number of pictures that show whether the marker is at rest
 _MOVED = 3.0  # difference between both halves of the beginning, in uncertainties, above which it moves
 CONTRAST = 6.0
-"""Least ratio of a glow to its noise."""
+"""Smallest ratio of a glow to its noise."""
 
 
 class VideoOptions(Options):

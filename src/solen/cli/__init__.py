@@ -27,7 +27,7 @@ BAD_INPUT, INTERRUPTED = 2, 130
 LEAST_SIMILARITY = 0.75
 """Similarity above which a known option is suggested for an unknown one."""
 LEAST_BEGINNING = 3
-"""Least number of letters of an option with which a longer, unknown one must begin for it to be suggested."""
+"""Smallest number of letters of an option with which a longer, unknown one must begin for it to be suggested."""
 GC_THRESHOLDS = 20_000, 50, 50
 """Thresholds of Python's cyclic garbage collector. Its default of 700 new objects is exceeded all the time while
 modules load, which took a tenth of a run; the higher thresholds cost a few megabytes.

@@ -36,7 +36,7 @@ SATURATED = 0.5
 """Fraction of saturated pixels across a line above which it is rejected; noise alone saturates fewer."""
 MOST_U_PX = 1.0
 LEAST_SNR = 4.0
-"""Least rise of a step over the noise of a line."""
+"""Smallest rise of a step over the noise of a line."""
 LEAST_RISE = 0.25
 """Rise over the median rise along the contour, below which the step is another edge or none."""
 ODD_BLUR = 2.5

@@ -23,7 +23,7 @@ JUMP = 2
 """Pixels by which a path may move sideways from one position to the next."""
 JUMP_COST = 0.08
 APART, APART_OTHER = 3.5, 1.0
-"""Least distance between two paths, in smoothing widths: of the same sign, and of opposite signs, as on both sides of a
+"""Smallest distance between two paths, in smoothing widths: of the same sign, and of opposite signs, as on both sides of a
 narrow dark band.
 """
 FLANK = 3
@@ -33,7 +33,7 @@ LEAST_COVERED, LEAST_COVERED_FURTHER = 0.5, 0.35
 """Fraction of positions at which the first edge, and a further one, must be distinct; two edges may cross."""
 LEAST_SNR = 5.0
 FAINTEST = 0.15
-"""Least change across a further edge, relative to that of the first."""
+"""Smallest change across a further edge, relative to that of the first."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -149,7 +149,7 @@ def binned(grey: FloatArray, factor: int) -> FloatArray:
 def _ceiling(grey: FloatArray) -> float:
     """Return the highest level if enough pixels have it for it to be the camera's limit, else infinity.
 
-    A picture of one level, or of two levels such as a mask, does not count as saturated.
+    A picture with only one or two levels, such as a mask, does not count as saturated.
     """
     highest, lowest = float(grey.max()), float(grey.min())
     at_it = grey >= highest

@@ -34,11 +34,11 @@ FILLED = 0.6
 REACH = 0.35
 """Half width, as a fraction of the period, of the window about a line in which its centroid is computed."""
 UNEVEN = 0.015
-"""Largest rms unevenness of the lines, as a fraction of the period, besides a steady change across the picture."""
+"""Largest rms irregularity of the lines, as a fraction of the period, without a linear change across the picture."""
 MOST_OFFSET = 0.15
 """Largest displacement of a line, as a share of the period."""
 PROMINENT = 0.4
-"""Least contrast of a line, as a fraction of that of the strongest line."""
+"""Smallest contrast of a line, as a fraction of that of the strongest line."""
 LEAST_PERIOD_PX = 4.0
 STRETCH_SIGMAS = 3.0
 NORMAL = 1.96
@@ -133,7 +133,7 @@ def measured_scale(grey: FloatArray, source: Provenance, options: MicrometerOpti
         across = np.asarray((across - tilt * np.array([-across[1], across[0]])) / math.hypot(1.0, tilt))
     period_px, u_fit, quadratic, u_quadratic, left, uneven_px = _fit_spacing(number, line_at)
     if uneven_px > UNEVEN * period_px:
-        raise _no_lines(source.file, f"lines with a spacing uneven by {100.0 * uneven_px / period_px:.2g} %")
+        raise _no_lines(source.file, f"lines with a spacing irregular by {100.0 * uneven_px / period_px:.2g} %")
     square = math.hypot(1.0, tilt)
     stretch = 2.0 * quadratic * float(np.ptp(number)) / period_px
     seen = abs(quadratic) > STRETCH_SIGMAS * u_quadratic
@@ -191,7 +191,7 @@ def _ruler(grey: FloatArray, across: FloatArray, file: str) -> _Ruler:
 
 
 def _no_lines(file: str, value: str) -> DataError:
-    limit = f"must show at least {FEWEST_LINES} even parallel lines, {LEAST_PERIOD_PX:g} pixels apart or more"
+    limit = f"must show at least {FEWEST_LINES} evenly spaced parallel lines, {LEAST_PERIOD_PX:g} pixels apart or more"
     return DataError(
         file, value=value, limit=limit, remedy="take a sharp picture of the finest division that the objective resolves"
     )

@@ -110,7 +110,7 @@ class NominalFront:
         return outward(self.front_mm)
 
     def curvature_per_mm(self, arc_mm: FloatArray) -> FloatArray:
-        """Return the curvature (N,) at lengths along the front, positive where the material is convex."""
+        """Return the curvature (N,) at lengths along the front, positive if the material is convex."""
         turned = np.unwrap(np.arctan2(self.normals[:, 1], self.normals[:, 0]))
         return np.asarray(np.interp(arc_mm, self.arc_mm, np.gradient(turned, self.arc_mm)))
 
@@ -131,7 +131,7 @@ class NominalFront:
         return (self.left_mm, -1), (self.right_mm, 1)
 
     def corner_moved(self, larger: float, grown: float) -> FloatArray:
-        """Return how far (2,) the left and the right corner move outwards along the front when it grows."""
+        """Return the displacements (2,) of the left and the right corner outwards along the front when it grows."""
         moved = [
             (larger * self.front_mm[at] + grown * _mitre(self.normals[at], wall, side)) @ away
             for (wall, side), at, away in zip(self._sides, (0, -1), self._away, strict=True)

@@ -43,7 +43,7 @@ EdgeChoice = Literal["auto", "outer", "inner", "sharper"]
 REACH = 0.08
 """Distance on each side of the design in which an edge is searched, as a fraction of the lens's width."""
 REACH_PX = 14.0
-"""Least value of this distance in pixels: the noise of a picture is estimated near the edge, not on it."""
+"""Smallest value of this distance in pixels: the noise of a picture is estimated near the edge, not on it."""
 LEAST_SCORE = 0.08
 LEAST_KEPT = 0.4
 """Fraction of the positions in the picture that must have an edge."""
@@ -84,7 +84,7 @@ class NamedEdge:
     sharpest: bool = False
 
     def outside_um(self, other: "NamedEdge") -> FloatArray:
-        """Return how far this edge is outside another, at positions (M,) where both are measured."""
+        """Return the distances by which this edge is outside another, at positions (M,) where both are measured."""
         both = self.edge.kept & other.edge.kept
         px = np.sum((self.edge.points_px - other.edge.points_px) * other.edge.normals, axis=1)[both]
         return np.asarray(px * other.registration.pose.um_per_px)

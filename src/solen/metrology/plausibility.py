@@ -31,7 +31,7 @@ MOST_MISSING = 0.1
 MOST_OF_PICTURE, LEAST_SHARE = 1.2, 0.1
 """Limits of the width of a lens over that of the picture for which another unit of the scale is the probable cause."""
 COARSEST_PX = 60
-"""Least number of pixels across the lens."""
+"""Smallest number of pixels across the lens."""
 NEAR_PX = 4
 """Distance in pixels below which two edges cannot be resolved."""
 RESOLVED_PX = 200

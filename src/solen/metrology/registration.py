@@ -26,7 +26,7 @@ HUBER = 2.5
 """Deviation, in robust standard deviations, above which a point is given a lower weight."""
 CONVERGED_MM = 1e-8
 FEWEST = 4
-"""Least number of points to which a rotation and a shift are fitted."""
+"""Smallest number of points to which a rotation and a shift are fitted."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ _SEARCHED = 1000
 """Number of rows from the beginning among which the header must be."""
 _HEADER = "add a first line that names the columns, such as wavelength_nm,T,R or time_s,angle_deg,left_V"
 _SPECTRUM = (8, 150.0, 50_000.0)
-"""Least number of rows of a spectrum without a header, and limits of its wavelengths in nm."""
+"""Smallest number of rows of a spectrum without a header, and limits of its wavelengths in nm."""
 MOST_COLUMNS = 10_000
 """Largest number of columns of a table."""
 

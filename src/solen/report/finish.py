@@ -34,7 +34,7 @@ from solen.report.options import LEAST_PT, FigureOptions
 
 MM_PER_IN = 25.4
 NARROWEST_IN = 2.1
-"""Least width of a panel next to others, unless drawn narrower; narrower panels are stacked."""
+"""Smallest width of a panel next to others, unless drawn narrower; narrower panels are stacked."""
 TALLEST = 0.75
 """Height of a graph on a page, as a multiple of its width; pictures keep their aspect ratio."""
 LOWEST_IN = 1.3

@@ -41,7 +41,7 @@ INNER_SHARE, OUTER_SHARE = 0.2, 0.6
 MOST_PLACES = 3000
 """Largest number of positions at which the integral is evaluated, for each initial panel."""
 CHANGE_SHARE = 0.5
-"""Least error of half a panel, as a fraction of the change from halving it."""
+"""Smallest error of half a panel, as a fraction of the change from halving it."""
 LEAST_SHARE = 0.01
 EXACT_SHARE, NEGLIGIBLE = 0.7, 0.02
 """Fractions of the tolerance: for the exact part if a tail is sampled; of light that is too weak to be sampled."""
@@ -51,7 +51,7 @@ FEWEST_LEGS, LEGS_TOLERANCE, GREATEST_LEGS = 1_000_000, 1e-4, 20_000_000
 """
 LAST_LEVELS = ((0.5, 3), (0.5, 1))
 FINE_LEVELS = ((1e-2, 24), *LAST_LEVELS)
-"""Least weights and largest numbers of hits: over one coordinate many branches can be followed; over several, the power
+"""Smallest weights and largest numbers of hits: over one coordinate many branches can be followed; over several, the power
 from a trapped ray is chaotic, and sampling is more efficient.
 """
 ROUGH = 3e-5
@@ -236,7 +236,7 @@ class Light:
         )
 
     def levels(self, tolerance: float) -> Sequence[tuple[float, int]]:
-        """Least weights and largest numbers of hits for exact following, if following everything is not feasible."""
+        """Smallest weights and largest numbers of hits for exact following, if following everything is not feasible."""
         return LAST_LEVELS if self.emission.panels and tolerance >= ROUGH else FINE_LEVELS
 
     def tail(self, rules: Rules) -> Tail:

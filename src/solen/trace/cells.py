@@ -28,7 +28,7 @@ NEAR, MORE_LEGS = 3.0, 5
 CAUTION = 2.5
 """Factor on the error estimated from halving, because it is a root mean square over few cells."""
 CHANGE_SHARE = 0.5
-"""Least difference of a half, as a fraction of the change from halving."""
+"""Smallest difference of a half, as a fraction of the change from halving."""
 Bounds = tuple[float, float, float, float]
 """Start and end of the projected angle, as fractions of the largest one, and of the angle t out of the plane."""
 

@@ -1,7 +1,7 @@
 """Round blobs in a picture: candidates for a coupon's features.
 
 A top-hat filter keeps what is smaller than a window and brighter (or darker) than its surroundings, however uneven the
-illumination is. The result is thresholded at several levels, and connected pieces that are as compact as a disc or a
+illumination is. The result is thresholded at several levels, and connected regions that are as compact as a disc or a
 square are kept. A pillar that appears as a bright ring is counted with its interior.
 """
 
@@ -19,7 +19,7 @@ LEVELS = (0.5, 0.35, 0.7, 0.25)
 HIGHEST = 99.5
 """Percentile that defines that height."""
 NOISE = 5.0
-"""Least height of a blob, in standard deviations of the noise."""
+"""Smallest height of a blob, in standard deviations of the noise."""
 MOST_PIXELS = 600_000
 FEWEST_PX = 12
 """Area in pixels below which the shape of a blob cannot be assessed."""
@@ -66,7 +66,7 @@ def _noise(grey: FloatArray) -> float:
 
 
 def _pieces(mask: BoolArray) -> list[tuple[float, float, float]]:
-    """Return the compact pieces of a mask as (column, row, diameter)."""
+    """Return the compact regions of a mask as (column, row, diameter)."""
     labels, _ = ndimage.label(mask)
     areas = np.bincount(labels.ravel())
     pieces = []

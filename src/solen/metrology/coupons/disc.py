@@ -38,7 +38,7 @@ FLOOR_PX = 0.05
 √3.
 """
 PRESENT = 0.4
-"""Least fraction of the disc's rise that a sector must have for its edge to count as present."""
+"""Smallest fraction of the disc's rise that a sector must have for its edge to count as present."""
 LEAST_BLUR_PX, MOST_BLUR_PX = 0.3, 30.0
 FEWEST_PIXELS = 24
 NUDGE = 0.03

@@ -26,9 +26,9 @@ INTO = 0.7
 OWN_DEPTH = 2.5
 """Width in blurs above which the depth is fitted."""
 SIGMAS = 4.0
-"""Least width of an open gap, in standard uncertainties."""
+"""Smallest width of an open gap, in standard uncertainties."""
 DEEP = 0.5
-"""Least depth of an open gap, as a fraction of the pillars' rise."""
+"""Smallest depth of an open gap, as a fraction of the pillars' rise."""
 WHOLE = math.sqrt(math.tau)
 NOISE_OF_LINES = 1.5
 """Factor on the uncertainty because neighbouring samples share pixels."""

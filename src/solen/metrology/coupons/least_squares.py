@@ -1,4 +1,4 @@
-"""Least squares of a few parameters over many pixels, by the Levenberg-Marquardt method within limits.
+"""Smallest squares of a few parameters over many pixels, by the Levenberg-Marquardt method within limits.
 
 D. W. Marquardt, J. Soc. Indust. Appl. Math. 11, 431 (1963). The normal matrix is summed without a linear algebra
 library: for matrices this small, starting its threads costs more time than they save.

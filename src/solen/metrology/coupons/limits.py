@@ -7,8 +7,8 @@ recessed features, and (iv) the minimum reproducible Z step". Here each becomes 
 - (i) the smallest nominal diameter for which a pillar of this and of every larger diameter stands. The printed diameter
   of that pillar is reported with it: the paper's resolvable size is a printed diameter, not a nominal one.
 - (ii) the smallest nominal gap for which this and every larger gap is open; the same rule applies to holes.
-- (iii) the smallest nominal difference of diameter for which any two holes that differ by this much or more are printed
-  in the right order, each pair by more than chance. Chance is the scatter of the printed diameters about a straight
+- (iii) the smallest nominal difference in diameter for which any two holes that differ by this much or more are printed
+  in the right order, each pair significantly. The reference is the scatter of the printed diameters about a straight
   line of the nominal ones, or the measurement uncertainty if that is larger, by Student's t with 5 % shared among the
   pairs (Bonferroni). Two holes of the same nominal size belong to the scatter.
 - (iv) the smallest nominal step for which every step of this and of every larger size is a significant rise, by a
@@ -174,7 +174,7 @@ def _mean_step(size: float, group: Sequence[MeasuredSize]) -> Limit:
 
 
 def rise_by_chance(rise: float, u_low: float, u_high: float, freedom: float) -> float:
-    """Return the probability of such a rise of the mean by chance, by a one-sided Welch's t-test."""
+    """Return the p-value of a rise of the mean, from a one-sided Welch's t-test."""
     u = math.hypot(u_low, u_high)
     if u == 0.0:
         return 0.0 if rise > 0.0 else 1.0

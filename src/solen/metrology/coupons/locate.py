@@ -33,7 +33,7 @@ SCALE = 0.06
 SIZE = 0.5
 """Largest natural logarithm of the ratio of a blob's size to its feature's."""
 SHORT = 0.12
-"""Least distance between the two features of a guess, as a fraction of the coupon's extent."""
+"""Smallest distance between the two features of a guess, as a fraction of the coupon's extent."""
 NEAR_MM, NEARER_MM = 0.25, 0.12
 """Largest distance of a blob from the position of its feature, before and after the fit."""
 PLACE_MM, DIAMETER_MM = 0.02, 0.04
@@ -45,9 +45,9 @@ size.
 MISSING, MARK = 4.0, 4.0
 """Cost of a feature without a blob, and the extra weight of a mark."""
 CLEAR = 4.0
-"""Least difference in cost between the best guess and any other."""
+"""Smallest difference in cost between the best guess and any other."""
 PARAMETERS, MANY, PLACED_MM = 4, 8, 0.003
-"""Parameters of a pose; number of further positions above which their scatter is known; and its least value."""
+"""Parameters of a pose; number of further positions above which their scatter is known; and its minimum."""
 MOST_GUESSES, FITTED = 4000, 40
 FEWEST = 3
 AREA, SIDES = 0.15, 0.1

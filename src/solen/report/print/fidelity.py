@@ -17,7 +17,7 @@ from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE
 WIDE_IN, PLOT_IN, HEAD_IN = 7.0, 2.6, 0.9
 MOST_PX = 1800
 MANY, WIDE = 6, 0.2
-"""Least number of sizes, and least relative range, that are drawn on a logarithmic axis."""
+"""Smallest number of sizes, and least relative range, that are drawn on a logarithmic axis."""
 TICKS_MM = (0.02, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0)
 NAMES = {
     "positive_diameter": "smallest pillar",

@@ -56,7 +56,7 @@ ASIDE, LEFT = -1, -2
 MOST_CURVES = 12
 """Largest number of curves of a block that are treated in this way: neighbouring rays meet few."""
 FEWEST_RAYS = 4
-"""Least number of rays for which a curve is treated in this way."""
+"""Smallest number of rays for which a curve is treated in this way."""
 MOST_HITS = 2**30
 NX, NZ, ON_X, ON_Z, BACK_X, BACK_Z, SHARE_S, SHARE_P, N_LEFT, N_RIGHT, WAY, FROM_RIGHT, KEPT = range(13)
 FIRST_BACK, OTHER_S, OTHER_P, TOO_WEAK = SHARE_S, SHARE_P, N_LEFT, N_RIGHT

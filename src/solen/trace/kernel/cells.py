@@ -21,7 +21,7 @@ from solen.trace.kernel.surface import scrambled
 
 KEPT_NODES, SLOTS = 1 << 16, 1 << 17
 LEAST_SHARE = 0.05
-"""Least difference of two rules, as a fraction of that of the coarser two: two may agree by chance."""
+"""Smallest difference of two rules, as a fraction of that of the coarser two: two may agree by chance."""
 
 
 class Rule(NamedTuple):

@@ -54,7 +54,7 @@ X, Z, UX, UZ, AT, Y, DY, FLAT, I1, I2, CR, CI, EX, EY, EZ, LEAST, OPTICAL = rang
 REGION, LAST, HIT, NUMBER, COLOUR = range(5)
 NUMBERS, TAGS = 17, 5
 UPRIGHT = 1e-12
-"""Least length of a projection, that of a ray along y."""
+"""Smallest length of a projection, that of a ray along y."""
 
 
 class RowsInSpace(NamedTuple):
