@@ -98,9 +98,7 @@ def largest_u(response: Response) -> float:
 
 
 def misleading(plane: Response, space: Response) -> str:
-    """Describe the error of the planar model in words; empty if plane and space agree within uncertainty and
-    tolerance.
-    """
+    """Describe the error of the planar model in words; empty if plane and space agree."""
     found = shift(plane, space)
     if found is None or found.contrast - found.u_contrast <= MOVED:
         return ""

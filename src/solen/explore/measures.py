@@ -38,9 +38,7 @@ class Measure(Protocol):
     calibrated: tuple[str, ...]
 
     def merits(self, point: Point) -> Mapping[str, float]:
-        """Return the merits of a traced point and, prefixed by ``u_``, their uncertainties; NaN if a merit does not
-        exist.
-        """
+        """Return the merits of a traced point and, prefixed by ``u_``, their uncertainties; NaN if missing."""
 
     def warnings(self, points: Sequence[Point]) -> Iterator[str]:
         """Return warnings about points whose states are too coarse to show the curve between them."""

@@ -204,8 +204,7 @@ def _kinks(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> FloatArray
 
 
 def _unresolved(contrast: FloatArray, u: FloatArray) -> BoolArray:
-    """Return a mask of the steps (A - 1,) in which the angles (A,) do not resolve the curve: the slope changes too
-    much.
+    """Return a mask of the steps (A - 1,) in which the angles (A,) do not resolve the change of slope.
 
     The error of a spline through such angles may be as large as the change, and comparing it with every second angle
     does not reveal this: the contrasts +1, 0, −1 are on a straight line in both.

@@ -54,9 +54,7 @@ def monotone_deg(angle: FloatArray, value: FloatArray, u: FloatArray, at_deg: fl
 
 
 def _bounds(angle: FloatArray, rises: BoolArray, falls: BoolArray, step: int) -> tuple[float, float]:
-    """Return the smallest and largest possible length of the range about a step with a rising reading, from the
-    pairs of angles that differ significantly.
-    """
+    """Return the smallest and largest possible length of the range about a step with a rising reading."""
     first_fall = np.where(falls.any(axis=1), falls.argmax(axis=1), angle.size)
     reach = np.minimum.accumulate(first_fall[::-1])[::-1] - 1
     starts: IntArray = np.flatnonzero(reach[: step + 1] > step)
@@ -73,8 +71,7 @@ def _bounds(angle: FloatArray, rises: BoolArray, falls: BoolArray, step: int) ->
 
 
 def _certain(angle: FloatArray, rises: BoolArray, first: int, step: int) -> tuple[int, int]:
-    """Return the positions about a step between which the reading rises significantly; twice the same if there are
-    none.
+    """Return the positions about a step between which the reading rises significantly; twice the same if none.
 
     The range ends at the first angle that may be the highest, or at which the change over `APART` becomes too small.
     """

@@ -69,9 +69,7 @@ def network_point(variant: Variant, accuracy: Accuracy) -> Point:
 
 
 def _sds(design: Design, found: NetworkResponse) -> FloatArray:
-    """Return the standard deviation of each motion at rest from one cycle of all readings, with its uncertainty
-    (motions, 2).
-    """
+    """Return the standard deviation of each motion at rest from one cycle of readings, with its u (motions, 2)."""
     states, places, beside = states_of(design.network)
     if not beside:
         return np.empty((0, 2))

@@ -113,9 +113,7 @@ class PrintModel:
         return Drawing(np.zeros(len(self.target.points_mm)))
 
     def effect(self, drawing: Drawing) -> tuple[FloatArray, FloatArray]:
-        """Return the change (N,) of the print if another drawing replaces the design, and its additional change with
-        more blur.
-        """
+        """Return the change (N,) of the print due to another drawing than the design, and its change with more blur."""
         plain = self._moved(self.plain, drawing)
         return plain, (np.zeros_like(plain) if self.wider is None else self._moved(self.wider, drawing) - plain)
 

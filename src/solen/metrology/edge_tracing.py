@@ -23,8 +23,8 @@ JUMP = 2
 """Pixels by which a path may move sideways from one position to the next."""
 JUMP_COST = 0.08
 APART, APART_OTHER = 3.5, 1.0
-"""Smallest distance between two paths, in smoothing widths: of the same sign, and of opposite signs, as on both sides of a
-narrow dark band.
+"""Smallest distance between two paths of the same sign and of opposite signs (as on both sides of a narrow dark band),
+in smoothing widths.
 """
 FLANK = 3
 """Pixels to each side at which the change must be less than on the path."""

@@ -51,7 +51,7 @@ FEWEST_LEGS, LEGS_TOLERANCE, GREATEST_LEGS = 1_000_000, 1e-4, 20_000_000
 """
 LAST_LEVELS = ((0.5, 3), (0.5, 1))
 FINE_LEVELS = ((1e-2, 24), *LAST_LEVELS)
-"""Smallest weights and largest numbers of hits: over one coordinate many branches can be followed; over several, the power
+"""Minimum weights and maximum numbers of hits: over one coordinate many branches can be followed; over several, the power
 from a trapped ray is chaotic, and sampling is more efficient.
 """
 ROUGH = 3e-5
@@ -236,7 +236,7 @@ class Light:
         )
 
     def levels(self, tolerance: float) -> Sequence[tuple[float, int]]:
-        """Smallest weights and largest numbers of hits for exact following, if following everything is not feasible."""
+        """Minimum weights and maximum numbers of hits for exact following, if following everything is not feasible."""
         return LAST_LEVELS if self.emission.panels and tolerance >= ROUGH else FINE_LEVELS
 
     def tail(self, rules: Rules) -> Tail:

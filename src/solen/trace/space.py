@@ -39,7 +39,7 @@ from solen.trace.tail import Tail
 FIRST_CELLS, FIRST_LINES = 4, 6
 """Initial number of cells along the projected angle; for a point, of intervals of the angle out of the plane."""
 FIRST_FACE = (0.5, 1)
-"""Smallest weight and largest number of hits for exact following, if following everything is not feasible: trapped light
+"""Minimum weight and maximum number of hits for exact following, if following everything is not feasible: trapped light
 arrives through strips that are too narrow to be resolved.
 """
 CHIP_TOLERANCE = 1e-4
@@ -122,7 +122,7 @@ class LightInSpace:
         return found[0] if len(found) == 1 else weighted_sum(found, list(self.weights))
 
     def levels(self, _: float) -> Sequence[tuple[float, int]]:
-        """Smallest weight and largest number of hits for exact following, if following everything is not feasible."""
+        """Minimum weight and maximum number of hits for exact following, if following everything is not feasible."""
         return (FIRST_FACE,)
 
     def tail(self, rules: Rules) -> Tail:

@@ -33,9 +33,7 @@ class Candidate(NamedTuple):
     violation: float
 
     def total(self, weights: FloatArray, ideal: FloatArray | float = 0.0, size: FloatArray | float = 1.0) -> float:
-        """Return one objective for several goals: the largest weighted goal (Chebyshev), which also reaches concave
-        fronts.
-        """
+        """Return one objective for several goals: the largest weighted goal (Chebyshev), which reaches concave fronts."""
         goals = (self.goals - ideal) / size
         if np.isnan(goals).any() or not np.isfinite(self.violation):
             return UNMET
@@ -130,9 +128,7 @@ class Candidates:
         return [one for one in self.tried if one.violation == 0.0]
 
     def check_feasible(self) -> None:
-        """Raise `SpecError` if no candidate meets every limit, naming the conditions that the nearest candidate
-        misses.
-        """
+        """Raise `SpecError` if no candidate meets every limit; it names those that the nearest one misses."""
         if self.feasible:
             return
         nearest = self.tried[int(np.argmin([one.violation for one in self.tried]))]

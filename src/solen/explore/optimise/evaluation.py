@@ -1,5 +1,4 @@
-"""Evaluation of a design for a task: the worst values of its goals, the conditions it meets, and its violation of the
-others.
+"""Evaluation of a design for a task: the worst values of its goals, and the conditions that it meets or violates.
 
 Public names: `Evaluator` and `Evaluation`.
 """
@@ -70,9 +69,7 @@ class Evaluation(NamedTuple):
 
 
 class Evaluator:
-    """Evaluates designs for a task, from responses traced to a tolerance; ``why`` is the reason if the last design has
-    none.
-    """
+    """Evaluates designs for a task, from responses traced to a tolerance; ``why`` is the reason for a missing one."""
 
     def __init__(
         self, task: Task, store: Store, tolerance: float, base: Mapping[str, float] | None = None, lattice: int = 0

@@ -114,9 +114,7 @@ def weights_of(designs: int) -> list[FloatArray]:
 
 
 def search_front(candidates: Candidates, designs: int, seed: int) -> None:
-    """Search for a front with a number of designs; the first goal, which also samples the box, gets twice as many
-    evaluations.
-    """
+    """Search for a front with a number of designs; the first goal, which samples the box, has twice the share."""
     each = candidates.most // (designs + 1)
     for number, weights in enumerate(weights_of(designs)):
         ideal, size = (0.0, 1.0) if number < len(ENDS) else units(candidates)
