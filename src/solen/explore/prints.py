@@ -311,7 +311,7 @@ class Prints:
         return float(self._by_surrogates(requirements, deviations, None).mean())
 
     def _factor(self, requirements: Sequence[Requirement], places: Sequence[int]) -> float | None:
-        """Return the largest factor, up to 1, on some deviations that gives the required yield; None if there is none."""
+        """Return the largest factor, up to 1, on some deviations that gives the yield; None if there is none."""
         if not requirements or self._scaled(requirements, places, 0.0) < WANTED_YIELD:
             return None
         low, high = 0.0, 1.0

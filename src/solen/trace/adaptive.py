@@ -51,7 +51,7 @@ FEWEST_LEGS, LEGS_TOLERANCE, GREATEST_LEGS = 1_000_000, 1e-4, 20_000_000
 """
 LAST_LEVELS = ((0.5, 3), (0.5, 1))
 FINE_LEVELS = ((1e-2, 24), *LAST_LEVELS)
-"""Minimum weights and maximum numbers of hits: over one coordinate many branches can be followed; over several, the power
+"""Minimum weight, maximum numbers of hits: over one coordinate many branches can be followed; over several, the power
 from a trapped ray is chaotic, and sampling is more efficient.
 """
 ROUGH = 3e-5

@@ -33,7 +33,7 @@ class Candidate(NamedTuple):
     violation: float
 
     def total(self, weights: FloatArray, ideal: FloatArray | float = 0.0, size: FloatArray | float = 1.0) -> float:
-        """Return one objective for several goals: the largest weighted goal (Chebyshev), which reaches concave fronts."""
+        """Return one objective for several goals: the largest weighted goal (Chebyshev), reaching concave fronts."""
         goals = (self.goals - ideal) / size
         if np.isnan(goals).any() or not np.isfinite(self.violation):
             return UNMET
