@@ -49,7 +49,7 @@ def test_each_disc_has_its_own_exposure(folder: Path, capfd: pytest.CaptureFixtu
     columns = [float(np.average(np.arange(one.shape[1]), weights=one.sum(axis=0))) for one in pictures]
     np.testing.assert_allclose(np.diff(columns), 8.0 / 0.05, atol=0.01)  # a disc each, 8 mm apart
     sheet = Path(found["files"]["sheet"]).read_text(encoding="utf-8")  # type: ignore[index]
-    assert "t-7s alone | 7 s" in sheet
+    assert "t-7s | 7 s" in sheet
 
 
 def test_the_single_layer_has_no_burn_in(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -67,7 +67,7 @@ def test_the_single_layer_has_no_burn_in(folder: Path, capfd: pytest.CaptureFixt
         (["film-layer.json"], ["--run", "base, layer"]),
         (["film-layer.json", "--run", "top"], ["--run", "top"]),
         (["group-a.json", "--run", "base"], ["--run", "base"]),
-        (["film-layer.json", "--run", "layer", "--exposure-s", "3"], ["--exposure-s", "the job states 2"]),
+        (["film-layer.json", "--run", "layer", "--exposure-s", "3"], ["--exposure-s", "the job specifies 2"]),
         (["group-a.json", "--orientation", "upright"], ["--orientation", "flat"]),
         (["group-a.stl", "--run", "base"], ["--run", "job"]),
         (["group-a.json", "--set", "a=1"], ["--set"]),
@@ -87,14 +87,14 @@ def test_what_contradicts_the_job_is_refused(
 def test_a_file_that_is_no_job_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "a.json").write_text('{"kind": "something"}', encoding="utf-8")
     assert run_command(["print", "layers", str(tmp_path / "a.json"), "--out", str(tmp_path)]) == 2
-    assert "is not the job of a coupon" in capfd.readouterr().err
+    assert "is not a coupon job" in capfd.readouterr().err
 
 
 def test_burn_in_of_a_thin_part_is_said(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """The same layer as an STL, which states no exposure."""
     found, rows = layered(folder, capfd, "film-layer-layer.stl")
     assert [row["exposure_s"] for row in rows] == [3.0]
-    assert any("one layer" in text and "--burn-in-layers 0" in text for text in found["warnings"])  # type: ignore[attr-defined]
+    assert any("single layer" in text and "--burn-in-layers 0" in text for text in found["warnings"])  # type: ignore[attr-defined]
     quiet, rows = layered(folder, capfd, "film-layer-layer.stl", "--burn-in-layers", "0")
     assert [row["exposure_s"] for row in rows] == [2.0]
     assert not any("burn-in" in text for text in quiet["warnings"])  # type: ignore[attr-defined]

@@ -135,7 +135,7 @@ def test_a_plan_is_at_true_scale(name: str) -> None:
 def test_what_a_printer_cannot_make_is_reported() -> None:
     choices = CouponOptions(layer_um=50.0, pitch_um=62.0)
     told = " ".join(cautions(layout("group-c", choices), choices))
-    assert "steps of 25 µm are below one layer of 50 µm" in told
+    assert "steps of 25 µm are below the layer thickness of 50 µm" in told
     told = " ".join(cautions(layout("group-b", choices), choices))
     assert "g-0.06, g-0.05, g-0.04, g-0.03, g-0.02: gaps below a pixel of 62 µm" in told
     assert cautions(layout("group-c"), CouponOptions()) == [], "25 µm divides every height"

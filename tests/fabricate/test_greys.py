@@ -142,7 +142,7 @@ def test_the_uncertainty_covers_light_and_edges(tmp_path: Path) -> None:
     ("greys", "line"),
     [
         ((0.2, 0.4, 0.6, 0.8), "no disc of the full grey"),
-        ((1.0, 0.5, 0.7), "at least 4 greys"),
+        ((1.0, 0.5, 0.7), "at least 4 grey levels"),
         ((1.0, 0.5, 0.7, 1.4), "must be fractions up to 1"),
     ],
 )
@@ -179,12 +179,14 @@ def test_the_command_writes_a_process_that_layers_take(
     made = answered(
         capfd, "print", "layers", "box.stl", "--out", "out", "--process", "mine.toml", "--phase-px", "0.25", "0.5"
     )
-    assert not any("with pixels of" in line for line in made["warnings"])  # 27 µm are assumed, 50 generic
+    assert not any(
+        "the process was measured with" in line for line in made["warnings"]
+    )  # 27 µm are assumed, 50 generic
     settings = json.loads(Path(made["files"]["settings"]).read_text(encoding="utf-8"))
     assert (settings["process"], settings["phase_px"]) == ("mine.toml", [0.25, 0.5])
     assert settings["greys"] == [list(pair) for pair in process.process.grey]
     sheet = Path(made["files"]["sheet"]).read_text(encoding="utf-8")
-    assert "9 greys of `mine.toml`" in sheet
+    assert "9 measured grey levels of `mine.toml`" in sheet
     assert "0.25, 0.5" in sheet
 
 
@@ -197,7 +199,7 @@ def test_a_process_warns_of_pixels_that_it_states_and_others(
     Path("mine.toml").write_text(process_text(greys.with_settings(pixel_um=50.0, pixel_y_um=50.0)), encoding="utf-8")
     command = ("print", "layers", "box.stl", "--out", "out")
     made = answered(capfd, *command, "--process", "mine.toml")
-    assert not any("with pixels of" in line for line in made["warnings"])
+    assert not any("the process was measured with" in line for line in made["warnings"])
     Path("mine.toml").write_text(process_text(greys.with_settings(pixel_um=27.0)), encoding="utf-8")
     made = answered(capfd, *command, "--process", "mine.toml")
     assert any("27 µm" in line and "50 µm" in line for line in made["warnings"])

@@ -270,7 +270,7 @@ def test_the_archive_holds_the_layers_as_pillow_opens_them(tmp_path: Path) -> No
     assert told["solid_volume_mm3"] == pytest.approx(job.volume_mm3, rel=1e-12)
     assert told["pixels"] == {"columns": 1200, "rows": 1000}
     assert told["pitch_mm"] == [0.05, 0.05]
-    assert "middle of the layer" in told["rule"]
+    assert "mid-height of the layer" in told["rule"]
 
 
 def test_the_same_job_gives_the_same_bytes(tmp_path: Path) -> None:
@@ -302,12 +302,12 @@ def test_more_layers_need_no_more_memory(tmp_path: Path) -> None:
         ({"layer_um": 5.0}, "--layer-um = 5.0; test makes layers of 10 to 2000 µm; choose another printer"),
         ({"layer_um": float("nan")}, "layer_um = nan"),
         ({"copies": 0}, "copies = 0; must be"),
-        ({"copies": 5}, "--copies = 5; test builds 60 x 50 x 100 mm, at most 4 of them 2 mm apart; print fewer"),
+        ({"copies": 5}, "--copies = 5; test builds 60 x 50 x 100 mm, which holds at most 4 copies 2 mm apart; print fewer"),
         ({"gap_mm": -1.0}, "gap_mm = -1.0; must be"),
         ({"mirror": "z"}, "mirror = 'z'; must be 'none', 'x' or 'y'"),
-        ({"printer": printer(50.0, 1000, 800)}, "builds 50 x 40 x 100 mm; turn it with --rotate-deg 0 0 90"),
+        ({"printer": printer(50.0, 1000, 800)}, "builds 50 x 40 x 100 mm; rotate the part with --rotate-deg 0 0 90"),
         ({"printer": printer(50.0, 1200, 1000, 3.0)}, "4 mm'; test builds 60 x 50 x 3 mm; choose a larger printer"),
-        ({"printer": printer(50.0, 100, 300, 45.0)}, "builds 5 x 15 x 45 mm; print it in another --orientation"),
+        ({"printer": printer(50.0, 100, 300, 45.0)}, "builds 5 x 15 x 45 mm; print the part in another --orientation"),
         ({"printer": printer(10.0, 1180, 4100)}, "part = '11.81 x 40.41 x 4 mm'; test builds 11.8 x 41 x 100 mm"),
     ],
 )
@@ -327,7 +327,7 @@ def test_a_part_fits_to_the_pixel() -> None:
 
 def test_a_part_that_no_printer_builds() -> None:
     box = mesh_solid(closed(trimesh.creation.box((900.0, 900.0, 3.0))), FLAT)
-    with pytest.raises(DesignError, match="divide it into pieces"):
+    with pytest.raises(DesignError, match="or divide it"):
         job_of(box, printer())
 
 

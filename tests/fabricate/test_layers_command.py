@@ -112,7 +112,7 @@ def test_the_sheet_says_what_to_type_in(told: Run) -> None:
         "| Layer (slice) thickness | 25 µm |",
         "| Burn-in layers | 6 |",
         "| Burn-in exposure | 3 s = 36 mJ/cm² per layer |",
-        "| Exposure of all others | 2 s = 24 mJ/cm² per layer |",
+        "| Exposure of all other layers | 2 s = 24 mJ/cm² per layer |",
         "| Light intensity | 12 mW/cm²",
         "| Z offset | 600 µm",
         "| Orientation | upright",
@@ -147,8 +147,8 @@ def test_a_cure_depth_from_a_resin_of_ones_own(told: Run) -> None:
     assert found["settings"]["cure_depth_um"] == pytest.approx(50 * np.log(26 / 20))
     assert "cure: one disc" in found["warnings"]
     assert found["settings"]["burn_in_cure_depth_um"] == pytest.approx(50 * np.log(39 / 20))
-    assert any("cures 13 µm, a layer is 25 µm" in line for line in found["warnings"])
-    assert any("405 nm, the printer has 385 nm" in line for line in found["warnings"])
+    assert any("cures 13 µm, while a layer is 25 µm thick" in line for line in found["warnings"])
+    assert any("405 nm, while the printer uses 385 nm" in line for line in found["warnings"])
 
 
 def test_export_writes_layers_beside_the_solid(told: Run) -> None:
@@ -192,7 +192,7 @@ def test_printers_as_json(told: Run) -> None:
     [
         (
             ["--printer", "asiga-max-x27"],
-            "x 40.41 x 4 mm'; Asiga MAX X27 builds 51.84 x 29.16 x 75 mm; turn",
+            "x 40.41 x 4 mm'; Asiga MAX X27 builds 51.84 x 29.16 x 75 mm; rotate",
         ),
         (["--printer", "asiga-max-x72"], "did you mean asiga-max-x27?"),
         (["--printer", "none.toml"], "no such file"),
@@ -237,14 +237,14 @@ def test_a_mesh_that_is_inside_out_is_turned_and_one_in_metres_is_reported(told:
     found = told("print", "layers", "inverted.stl", "--out", "out")
     assert found["volume_error"] == pytest.approx(0.0, abs=1e-6)
     assert any("inside out" in line for line in found["warnings"])
-    assert any("an STL states no unit and is read as mm" in line for line in found["warnings"])
+    assert any("an STL contains no unit and is read as mm" in line for line in found["warnings"])
 
 
 def test_level_faces_between_layers_are_reported(told: Run) -> None:
     """Pockets from 1.325 to 2.675 mm are whole layers of 25 µm; of 50 µm, both faces lie in the middle of one."""
     arguments = ("print", "layers", "my sensor.toml", "--out", "out", "--sheet-only", "--set", "fabricate.pockets=true")
     assert not any("level faces" in line for line in told(*arguments)["warnings"])
-    line = "2 level faces are within a layer (the first at 1.325 mm) and shift by up to 25.0 µm"
+    line = "2 level faces are within a layer (the first at 1.325 mm) and move by up to 25.0 µm"
     assert line in told(*arguments, "--layer-um", "50")["warnings"]
     first = told(*arguments[:-1], "fabricate.pockets=true")["files"]["placed"]
     assert line in told("print", "layers", first, "--out", "again", "--sheet-only", "--layer-um", "50")["warnings"]

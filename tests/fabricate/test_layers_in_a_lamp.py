@@ -56,7 +56,7 @@ def test_depths_and_doses_of_a_sheet_are_those_of_the_lamp(capfd: pytest.Capture
             for later in range(number, 20)
         )
         assert found["layer_received_mJ_per_cm2"][number] == pytest.approx(total, rel=1e-5)
-    assert "as 3 lines" in text
+    assert "by 3 lines" in text
     assert f"{found['layer_received_mJ_per_cm2'][10]:.3g}" in text
 
 

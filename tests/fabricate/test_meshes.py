@@ -158,7 +158,7 @@ def test_a_large_part_needs_a_coarser_tolerance_than_32_bits_can_tell() -> None:
 def test_a_tolerance_at_which_outlines_would_cross_is_refused() -> None:
     rings = (Arc.circle((0.0, 0.0), 5.0), Arc((0.0, 0.0), 4.99, 22.5, -360.0))
     part = Part("thin", (Prism("thin", tuple((Face("ring", ring),) for ring in rings), 0.0, 2.0),))
-    with pytest.raises(SpecError, match="is too coarse for the outlines of thin, which would cross"):
+    with pytest.raises(SpecError, match="is too coarse for the outlines of thin, which would intersect"):
         mesh_of(part, 0.5)
     assert mesh_of(part, 1e-3).open_edges() == 0
 

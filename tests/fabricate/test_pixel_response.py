@@ -188,21 +188,21 @@ def test_a_response_and_a_gaussian_are_one_statement(tmp_path: Path) -> None:
             parsed_process('schema = 1\nname = "ours"\n' + stated, "none")
     with pytest.raises(DataError, match="scattered light is wider"):
         measured(lopsided(), halo_um=5.0)
-    with pytest.raises(DataError, match="response of a pixel of 27 µm"):
+    with pytest.raises(DataError, match="response of a 27 µm pixel"):
         with_printer(read_process(path), "asiga-max-x43")
 
 
 BAD = {
     "a missing file": ("", "no such file"),
-    "text": ("1 2 3\n4 five 6\n", "must be rows of numbers"),
+    "text": ("1 2 3\n4 five 6\n", "must contain rows of numbers"),
     "a line": ("1 2 3 4 5 6\n", "at least 5 rows"),
     "rows of two lengths": ("1 2 3 4 5\n" * 5 + "1 2\n", "same length"),
     "dark": ("0 0 0 0 0\n" * 6, "must be light"),
-    "a light below 0": ("0 0 0 0 0\n" * 3 + "0 0 9 -5 0\n" + "0 0 0 0 0\n" * 3, "dark picture"),
+    "a light below 0": ("0 0 0 0 0\n" * 3 + "0 0 9 -5 0\n" + "0 0 0 0 0\n" * 3, "dark image"),
     "a background": ("3 3 3 3 3\n" * 3 + "3 3 9 3 3\n" + "3 3 3 3 3\n" * 3, "subtract the background"),
     "a background at one side": ("3 0 0 0 0\n" * 3 + "3 0 90 0 0\n" + "3 0 0 0 0\n" * 3, "subtract the background"),
     "two marks": ("0;0;0,5;0.5;0\n" * 6, "has another decimal mark"),
-    "two separators": ("0 0 1 0 0\n" * 5 + "0;0;1;0;0\n", "line 6, column 1 = '0;0;1;0;0'; must be rows of numbers"),
+    "two separators": ("0 0 1 0 0\n" * 5 + "0;0;1;0;0\n", "line 6, column 1 = '0;0;1;0;0'; must contain rows of numbers"),
     "a gap": ("0;0;1;0;0\n" * 5 + "0;;1;0;0\n", "line 6, column 2; must be a finite number"),
     "no number": ("0 0 0 0 0\n" * 3 + "0 0 nan 0 0\n" + "0 0 0 0 0\n" * 3, "finite"),
 }
@@ -255,7 +255,7 @@ def test_samples_that_cannot_be_those_of_the_pixel_are_refused(tmp_path: Path) -
         read_process(tmp_path / "ours.toml")
     (tmp_path / "ours.toml").write_text(FILE.format("pixel.tif"), encoding="utf-8")
     grey.save(tmp_path / "pixel.tif", save_all=True, append_images=[grey])
-    with pytest.raises(DataError, match=r"2 pages.; must be one picture"):
+    with pytest.raises(DataError, match=r"2 pages.; must contain a single image"):
         read_process(tmp_path / "ours.toml")
 
 

@@ -159,7 +159,7 @@ def test_large_features_alone_do_not_tell_the_blur(true: Settings) -> None:
     found = calibrated(
         default_process(), coupon(measured(features, printed_mm(true, features), np.random.default_rng(2))), "holes"
     )
-    assert any("sigma_um" in text and "remains" in text for text in found.warnings)
+    assert any("sigma_um" in text and "keeps its prior value" in text for text in found.warnings)
     assert any("cannot be separated" in text for text in found.warnings)
 
 
@@ -168,7 +168,7 @@ def test_scatter_beyond_what_is_stated_widens_and_is_reported(true: Settings) ->
     sizes = printed_mm(true, features) + np.random.default_rng(8).normal(0.0, 0.02, len(features))
     found = calibrated(default_process(), coupon(measured(features, sizes, np.random.default_rng(2))), "rough")
     assert found.scale > 2.0
-    assert any("times their stated uncertainty" in text for text in found.warnings)
+    assert any("times their reported uncertainty" in text for text in found.warnings)
 
 
 def test_features_that_should_not_be_there_are_named(true: Settings) -> None:

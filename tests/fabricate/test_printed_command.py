@@ -157,7 +157,7 @@ def test_other_orientations_have_steps(sensor: Path, tmp_path: Path, orientation
     assert found.walls is None
     assert found.ripple.along == "profile"
     assert 5.0 < found.ripple.peak_to_valley_um < 40.0
-    assert any("steps of the layers" in text for text in found.warnings)
+    assert any("layer steps" in text for text in found.warnings)
 
 
 def test_what_is_left_out_of_a_process_is_the_default(tmp_path: Path) -> None:
@@ -253,7 +253,7 @@ def test_a_named_printer_gives_its_pixels(tmp_path: Path) -> None:
     calibration = "[calibration]\nkeys = ['growth_um']\ncovariance = [[0.04]]\nfeatures = 9\n"
     calibrated = _written(tmp_path / "mine.toml", KNOWN + calibration)
     assert process_of(PrintOptions(process=calibrated, printer="asiga-max-x27"))[0].keeps_growth
-    with pytest.raises(DataError, match="the process was calibrated with pixels of 27 µm"):
+    with pytest.raises(DataError, match="the process was calibrated with 27 µm pixels"):
         process_of(PrintOptions(process=calibrated, printer="asiga-max-x43"))
 
 

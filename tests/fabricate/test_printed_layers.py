@@ -155,7 +155,7 @@ def test_the_drawing_is_a_design_that_can_be_made(files: tuple[Path, PrintedLaye
 def test_the_place_in_the_pixel_is_uncertain_unless_it_is_stated(files: tuple[Path, PrintedLayers]) -> None:
     folder, made = files
     assert all(0.0 < one.u_rms_um < 9.0 for one in made.deviations)
-    assert any("--phase-px is not stated" in text for text in made.warnings)
+    assert any("--phase-px is not specified" in text for text in made.warnings)
     options = PrintOptions(process=folder / "process.toml", phase_px=(0.5, 0.5))
     moved = print_layers(Sensor.of(load(folder / "lens.toml")), options, response=False)
     assert not any("--phase-px" in text for text in moved.warnings)

@@ -229,7 +229,7 @@ def test_coarse_pixels_and_thin_parts_are_refused(body: Body, lens: Target) -> N
 
 def test_prints_that_would_take_too_much_are_refused(body: Body, lens: Target) -> None:
     rings = rings_of(as_designed(body))
-    with pytest.raises(DataError, match=r"process\.halo_um = 9000\.0; the part with 6 widths of the halo"):
+    with pytest.raises(DataError, match=r"process\.halo_um = 9000\.0; the part with 6 halo widths"):
         FlatPrint.of(rings, lens, settings(halo_um=9000.0), 4.0)
     with pytest.raises(DataError, match="400,000 layers; the limit is 10,000"):
         FlatPrint.of(rings, lens, settings(layer_um=1.0), 400.0)

@@ -222,7 +222,7 @@ def discs() -> Exposures:
 
 def test_exposures_of_single_pictures_need_a_proof(tmp_path: Path) -> None:
     job = Job(discs(), place(), Slicing(layer_um=100.0))
-    with pytest.raises(SpecError, match="not proven to follow a separate exposure"):
+    with pytest.raises(SpecError, match="not been proven to follow individual exposures"):
         write_goo(tmp_path / "a.goo", job)
     assert not (tmp_path / "a.goo").exists()
     proven = place(layer_exposures={"source": "cure discs of 1 to 4 s on a film"})

@@ -77,7 +77,7 @@ def test_a_table_is_a_profile_and_its_missing_uncertainty_is_reported(folder: Pa
 
 def test_it_is_exported_as_it_is_traced(folder: Path) -> None:
     found = export(folder / "sensor.toml", folder / "solid", ("dxf", "stl")).result
-    assert "the lens is as it was measured" in found.warnings[0]
+    assert "the lens has its measured shape" in found.warnings[0]
     assert found.pieces == 1
     assert {path.suffix for path in (folder / "solid").iterdir()} >= {".dxf", ".stl"}
 

@@ -1,9 +1,9 @@
-"""Files for making a body: the solid with its seats, as meshes, as a STEP file and as drawings.
+"""Export of a body: the solid with its seats as meshes and as a STEP file, and the outlines as drawings.
 
-`sensor_part` makes the exact `Part` of a design without any file: prisms bounded by curves, minus cuts. `mesh_of`
-triangulates it within a tolerance. Each format is a function from one of these to bytes: `as_stl`, `as_threemf` and
-`as_glb` write a mesh, `as_step` a part, `as_dxf`, `as_svg` and `as_comsol` a body; `FORMATS` lists them. Each file
-contains a `Label`.
+`sensor_part` makes the exact `Part` of a design without writing a file: prisms bounded by curves, minus cuts. `mesh_of`
+triangulates the part within a tolerance. Each format is a function that returns bytes: `as_stl`, `as_threemf` and
+`as_glb` write a mesh, `as_step` writes a part, and `as_dxf`, `as_svg` and `as_comsol` write a body; `FORMATS` lists
+them. Each file contains a `Label`.
 """
 
 from solen.fabricate.bspline import Bspline, primitives

@@ -1,13 +1,13 @@
-"""Curves in the form of drawings and CAD programs: lines, arcs and B-splines.
+"""Curves as used by drawings and CAD programs: lines, arcs and B-splines.
 
-Lines and arcs are kept as they are. A parabola becomes a B-spline of degree 2 and a chain of cubics one of degree 3,
-both exact. A smooth chain becomes one B-spline, with knots spaced so that the derivative is continuous; a chain with
-corners is divided there.
+Lines and arcs remain unchanged. A parabola becomes a B-spline of degree 2, and a chain of cubic segments becomes one of
+degree 3; both conversions are exact. A smooth chain becomes a single B-spline, with knots spaced so that the derivative
+is continuous; a chain with corners is divided at the corners.
 
-Any other curve (the Cartesian oval, a conic) is interpolated to within `FIT_TOLERANCE_MM` by a cubic B-spline of
-continuous curvature through points of the curve. It has the curve's tangents at the ends, which keeps junctions smooth.
-Its parameter grows in equal parts with arc length, turning angle and the curve's own parameter, because CAD programs
-integrate over it with few nodes, and these are needed at the sharp vertex of a lens.
+Any other curve (the Cartesian oval, a conic) is interpolated to within `FIT_TOLERANCE_MM` by a cubic B-spline with
+continuous curvature through points of the curve. The spline has the tangents of the curve at its ends, which keeps
+junctions smooth. Its parameter increases with arc length, tangent angle and the parameter of the curve, weighted
+equally: CAD programs integrate over the parameter with few nodes, and these are needed near the sharp vertex of a lens.
 """
 
 import math
@@ -27,24 +27,24 @@ from solen.plane import Point, cross, dot, minus
 FIT_TOLERANCE_MM = 1e-6
 """Maximum distance between a B-spline and the curve that it approximates: 1 nm."""
 SMOOTH_RAD = 1e-9
-"""Two pieces that meet at a smaller angle are treated as smooth: the error at the joint is below this times a
-handle.
+"""Two segments that meet at a smaller angle count as smooth; the error at the joint is below this angle times the
+length of a handle.
 """
 FEWEST_SPANS, MOST_SPANS = 8, 4096
 CHECKS_PER_SPAN = 8
-"""Number of points per span at which its distance from the curve is measured."""
+"""Number of points per span at which the distance from the curve is measured."""
 PANELS = 4096
-"""Number of equal steps of a curve's own parameter from which the even parameter is computed."""
+"""Number of equal steps of the curve parameter from which the uniform parameter is computed."""
 
 Control = tuple[Point, Point, Point, Point]
 
 
 @dataclass(frozen=True)
 class Bspline:
-    """A B-spline without weights, clamped at both ends.
+    """A non-rational B-spline, clamped at both ends.
 
-    ``points`` are its control points in mm; ``knots`` ascend from 0 to 1 and ``multiplicities`` states how often each
-    is repeated.
+    ``points`` are the control points in mm; ``knots`` ascend from 0 to 1, and ``multiplicities`` states how often each
+    knot is repeated.
     """
 
     degree: int
@@ -64,7 +64,7 @@ class Bspline:
 
     @property
     def knot_vector(self) -> FloatArray:
-        """Knot vector (points + degree + 1,), with each knot repeated by its multiplicity."""
+        """Knot vector, (points + degree + 1,), with each knot repeated according to its multiplicity."""
         return np.repeat(self.knots, self.multiplicities)
 
 
@@ -73,12 +73,12 @@ Primitive = Segment | Arc | Bspline
 
 
 def primitives(curve: Curve) -> tuple[Primitive, ...]:
-    """Primitives of a curve in its direction, each starting where the one before ends.
+    """Return the primitives of a curve in its direction; each starts at the end of the previous one.
 
     Raises
     ------
     DesignError
-        If no B-spline of `MOST_SPANS` spans approximates the curve within the tolerance.
+        If no B-spline of up to `MOST_SPANS` spans approximates the curve within the tolerance.
     """
     if isinstance(curve, Segment | Arc):
         return (curve,)
@@ -93,7 +93,7 @@ def primitives(curve: Curve) -> tuple[Primitive, ...]:
 
 
 def cubics(curve: Curve) -> tuple[Control, ...]:
-    """Cubic Bézier pieces of the same curve as its primitives; raises the same errors."""
+    """Return cubic Bézier segments of the same curve; raises the same errors as `primitives`."""
     if isinstance(curve, CubicChain):
         return curve.controls
     spline = _interpolated(curve)
@@ -106,7 +106,7 @@ def cubics(curve: Curve) -> tuple[Control, ...]:
 
 
 def quadratic(curve: Parabola) -> tuple[Point, Point, Point]:
-    """Control points of a parabola, which is exactly one quadratic Bézier piece."""
+    """Return the control points of a parabola, which is exactly one quadratic Bézier segment."""
     (x, z), (per_u, rise) = curve.start, curve.velocities(np.zeros(1))[0].tolist()
     return curve.start, (x + 0.5 * per_u, z + 0.5 * rise), curve.end
 
@@ -116,12 +116,12 @@ def _points(rows: FloatArray) -> tuple[Point, ...]:
 
 
 def _with_ends(rows: FloatArray, curve: Curve) -> FloatArray:
-    """Rows whose first and last are replaced by the exact ends of the curve."""
+    """Replace the first and last rows by the exact ends of the curve."""
     return np.vstack([[curve.start], rows[1:-1], [curve.end]])
 
 
 def _interpolated(curve: Curve) -> BSpline:
-    """Cubic spline of a curve over a parameter from 0 to 1, with as many spans as the tolerance requires."""
+    """Return a cubic spline of the curve over a parameter from 0 to 1, with as many spans as the tolerance requires."""
     parameter = _even_parameter(curve)
     ends = np.array([0.0, 1.0])
     tangents = curve.velocities(parameter(ends)) * parameter(ends, 1)[:, None]
@@ -136,12 +136,12 @@ def _interpolated(curve: Curve) -> BSpline:
         if off.max() <= FIT_TOLERANCE_MM:
             return spline
         spans += spans // 2
-    limit = f"no B-spline of up to {MOST_SPANS} spans approximates it within {FIT_TOLERANCE_MM:g} mm"
+    limit = f"no B-spline of up to {MOST_SPANS} spans approximates the curve within {FIT_TOLERANCE_MM:g} mm"
     raise DesignError(type(curve).__name__, limit=limit, remedy="divide the curve")
 
 
 def _even_parameter(curve: Curve) -> Callable[..., FloatArray]:
-    """Map an even parameter (growing with length, turning and own parameter) to the own parameter of a curve."""
+    """Map a uniform parameter, which increases with length, tangent angle and curve parameter, to the latter."""
     u = np.linspace(0.0, 1.0, 2 * PANELS + 1)
     per_u = curve.velocities(u)
     speed = np.hypot(*per_u.T)
@@ -156,7 +156,7 @@ def _even_parameter(curve: Curve) -> Callable[..., FloatArray]:
 
 
 def _runs(controls: tuple[Control, ...]) -> list[list[Control]]:
-    """Group the pieces into smooth runs; each corner begins a new run."""
+    """Group the segments into smooth runs; each corner begins a new run."""
     runs = [[controls[0]]]
     for control in controls[1:]:
         before, after = minus(runs[-1][-1][3], runs[-1][-1][2]), minus(control[1], control[0])
@@ -168,9 +168,9 @@ def _runs(controls: tuple[Control, ...]) -> list[list[Control]]:
 
 
 def _smooth(run: list[Control]) -> Bspline:
-    """Join smooth pieces into one B-spline; no control point is needed at joints with matched spans.
+    """Join smooth segments into one B-spline; joints with matched spans need no control point.
 
-    At this joint, the derivative with respect to the parameter is three times a handle divided by its span, on both
+    At such a joint, the derivative with respect to the parameter is three times the handle divided by the span, on both
     sides.
     """
     points, knots = list(run[0][:3]), [0.0, 1.0]

@@ -1,22 +1,22 @@
-"""Text that COMSOL reads as interpolation curves, data format *sectionwise*: points and the lines between them.
+"""Interpolation curves for COMSOL in the *sectionwise* data format: points and the lines between them.
 
-A section of coordinates is followed by a section of elements, which are pairs of row numbers from 1, just as COMSOL
-itself writes the lines of a plot (its manual, "Interpolation Curve" and "Sectionwise Data Format"). Every face has its
-own points, even at its junction with the next; each face therefore becomes one curve, and corners are kept. Both the
+A section of coordinates is followed by a section of elements, which are pairs of row numbers counted from 1; COMSOL
+writes the lines of a plot in the same form (manual, "Interpolation Curve" and "Sectionwise Data Format"). Each face has
+its own points, even at its junction with the next, so each face becomes one curve and corners remain sharp. Both the
 straight lines between the points and a spline through them deviate from the exact curve by 10 nm at most.
 
-Lengths are in mm: set the geometry's length unit to mm. X is x, Y is z.
+Lengths are in mm: set the length unit of the geometry to mm. X is x, Y is z.
 """
 
 from solen.fabricate.label import Label
 from solen.geometry import Body
 
 POINT_TOLERANCE_MM = 1e-5
-"""Maximum deviation of the lines between the points from a curve: 10 nm."""
+"""Maximum deviation of the connecting lines from a curve: 10 nm."""
 
 
 def as_comsol(body: Body, label: Label) -> bytes:
-    """Sectionwise text of a body's outlines."""
+    """Return the outlines of a body as sectionwise text."""
     points: list[str] = []
     elements: list[str] = []
     named: list[str] = []

@@ -1,8 +1,8 @@
-"""DXF drawings of a body, by ezdxf (the extra ``dxf``): LINE, ARC and SPLINE entities in mm, a layer per face.
+"""DXF drawings of a body, by ezdxf (the extra ``dxf``): LINE, ARC and SPLINE entities in mm, with one layer per face.
 
-The layers have the names of the faces, from which `solen.geometry.drawing` reads the body back. The emitter is a point
-(or a line, for a chip) on the layer ``emitter``; the emitters of a network are on layers ``emitter-NAME``, and the
-pivot of the motion is a point on the layer ``pivot``. Custom properties of the header state the label. X is x, Y is z.
+The layers are named after the faces, from which `solen.geometry.drawing` reads the body back. The emitter is a point (a
+line for a chip) on the layer ``emitter``; the emitters of a network are on layers ``emitter-NAME``, and the pivot of
+the motion is a point on the layer ``pivot``. Custom header properties contain the label. X is x, Y is z.
 """
 
 import io
@@ -22,9 +22,9 @@ from solen.plane import along, heading, right_of
 
 VERSION = "R2010"
 MILLIMETRES = 4
-"""The code of mm in $INSUNITS."""
+"""Code for mm in $INSUNITS."""
 FORBIDDEN = re.compile(r'[<>/\\":;?*|=`]')
-"""Characters that are not allowed in the name of a layer."""
+"""Characters that are not allowed in a layer name."""
 
 
 def check_writer() -> None:
@@ -33,7 +33,7 @@ def check_writer() -> None:
 
 
 def as_dxf(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> bytes:
-    """Write a DXF file of a body, with its parts numbered and listed; `OutputError` if ezdxf is not installed."""
+    """Return a DXF file of a body, with its parts numbered and listed; `OutputError` if ezdxf is not installed."""
     check_writer()
     from ezdxf.filemanagement import new
 
@@ -54,7 +54,7 @@ def as_dxf(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> byte
 
 
 def layer_of(name: str) -> str:
-    """Name of the layer for a face."""
+    """Return the name of the layer for a face."""
     return FORBIDDEN.sub("-", name)
 
 
@@ -74,7 +74,7 @@ def _draw(space: Any, piece: Segment | Arc | Bspline, layer: str) -> None:
 
 
 def _mark(space: Any, body: Body) -> None:
-    """Draw the emitters and the pivot, each on its own layer."""
+    """Draw each emitter and the pivot on a separate layer."""
     for name, emitter in emitters(body):
         ends = emitter_line(emitter)
         if math.dist(*ends) > 0.0:
@@ -86,7 +86,7 @@ def _mark(space: Any, body: Body) -> None:
 
 
 def _number(space: Any, body: Body, parts: Sequence[NumberedPart]) -> None:
-    """Draw numbers next to parts on the layer ``note-numbers``, and the table of parts on ``note-table``."""
+    """Draw part numbers on the layer ``note-numbers`` and the parts table on ``note-table``."""
     from ezdxf.enums import TextEntityAlignment
 
     right_mm, top_mm = body.outline(1e-2).max(axis=0).tolist()
@@ -98,19 +98,19 @@ def _number(space: Any, body: Body, parts: Sequence[NumberedPart]) -> None:
 
 
 def emitters(body: Body) -> list[tuple[str, Pose]]:
-    """Emitters by their names in a drawing: ``emitter``, or ``emitter-NAME`` in a network."""
+    """Return the emitters by their names in a drawing: ``emitter``, or ``emitter-NAME`` in a network."""
     return [(f"emitter-{name}", pose) for name, pose in body.lamps] or [("emitter", body.emitter)]
 
 
 def emitter_line(emitter: Pose) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Ends of a line as wide as the emitter's chip; for a point emitter, the same point twice."""
+    """Return the ends of a line as wide as the emitter chip; for a point emitter, the same point twice."""
     across = right_of(heading(emitter.axis_deg))
     return along(emitter.point, across, -0.5 * emitter.width_mm), along(emitter.point, across, 0.5 * emitter.width_mm)
 
 
 @contextmanager
 def _no_dates() -> Iterator[None]:
-    """Make ezdxf omit dates and random names, because the same design must give the same file."""
+    """Make ezdxf omit dates and random names, so that the same design always gives the same file."""
     import ezdxf
 
     options = ezdxf.options  # type: ignore[attr-defined]  # it is public, and not listed as exported

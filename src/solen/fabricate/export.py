@@ -1,7 +1,7 @@
-"""Export of a design's body: the file formats and the summary of an export.
+"""Export of a design's body: the file formats and a summary.
 
-The idea: an `Export` contains everything that a format may need; its mesh is made on demand. `FORMATS` is the registry:
-a new format is one more line.
+An `Export` contains everything that a format may need; its mesh is made on demand. To add a format, add a line to the
+registry `FORMATS`.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,7 +31,7 @@ from solen.spec import Design
 
 @dataclass(frozen=True, eq=False)
 class Export:
-    """A design's body for export: the printed part, the label, and the tolerance of meshes."""
+    """The body of a design for export: the printed part, the label and the mesh tolerance."""
 
     design: Design
     body: Body
@@ -39,27 +39,27 @@ class Export:
 
     @cached_property
     def part(self) -> Part:
-        """The printed part: the body extruded to its thickness, with its seats."""
+        """Printed part: the body extruded to its thickness, with its seats."""
         return sensor_part(self.design, self.body)
 
     @property
     def outline(self) -> Body:
-        """The body with one outline for all heights, for drawings; raises `DesignError` if the outline varies."""
-        return self.body.upright('export --step or a mesh, or draw its middle section: lens.shape = "cartesian-oval"')
+        """Body with a single outline for all heights; raises `DesignError` if the outline varies with height."""
+        return self.body.upright('export --step or a mesh, or draw the middle section: lens.shape = "cartesian-oval"')
 
     @cached_property
     def numbers(self) -> tuple[NumberedPart, ...]:
-        """Parts of a network, with their numbers in drawings."""
+        """Parts of a network with their numbers in drawings."""
         return numbered(self.design, self.body)
 
     @cached_property
     def mesh(self) -> Mesh:
-        """The part as triangles."""
+        """Triangle mesh of the part."""
         return mesh_of(self.part, self.tolerance_mm)
 
     @cached_property
     def label(self) -> Label:
-        """The label of the files."""
+        """Label of the files."""
         seats = ", ".join(cut.name for cut in self.part.cuts)
         about = f"thickness {self.design.body.thickness_mm:g} mm" + (f", with {seats}" if seats else "")
         return label_of(self.design, about)
@@ -67,13 +67,13 @@ class Export:
 
 @dataclass(frozen=True)
 class Format:
-    """A file format: the extension of its files, their writer and the required packages."""
+    """A file format: file extension, writer and required packages."""
 
     ending: str
     write: Callable[[Export], bytes]
     needs: Callable[[], None] = lambda: None
     flat: bool = False
-    """Whether the format contains only outlines, without height."""
+    """Whether the format contains only outlines without height."""
 
 
 def _of_mesh(kind: str) -> Format:
@@ -93,14 +93,14 @@ USUAL = ("stl", "3mf")
 
 @dataclass(frozen=True)
 class SolidFiles:
-    """Contents of a solid's files by name; empty, with the reason, if the design has no solid."""
+    """Solid files by name; empty, with the reason, if the design has no solid."""
 
     contents: dict[str, Content]
     refused: str = ""
 
 
 def solid_files(design: Design, stem: str) -> SolidFiles:
-    """Files of a design's solid in the default formats for slicing programs, with names that begin with a stem."""
+    """Return the solid files of a design in the default formats for slicing programs; their names begin with a stem."""
     try:
         made = Export(design, Sensor.of(design).body())
         return SolidFiles({f"{stem}{FORMATS[kind].ending}": FORMATS[kind].write(made) for kind in USUAL})
@@ -118,7 +118,7 @@ class Seat:
 
 @dataclass(frozen=True)
 class MeshSize:
-    """Triangles of a mesh, its extent and volume, and the maximum difference of its volume from the exact solid's."""
+    """Number of triangles, extent and volume of a mesh, and the maximum volume difference from the exact solid."""
 
     tolerance_mm: float
     size_mm: tuple[float, float, float]
@@ -128,7 +128,7 @@ class MeshSize:
 
     @classmethod
     def of(cls, mesh: Mesh, part: Part) -> "MeshSize":
-        """Measure a part's mesh."""
+        """Measure the mesh of a part."""
         bound = part.wall_mm2 * mesh.tolerance_mm
         return cls(mesh.tolerance_mm, mesh.size_mm, len(mesh.triangles), mesh.volume_mm3, bound)
 
@@ -143,17 +143,17 @@ class ExportedSolid(Result):
     name, sha256
         Name and checksum of the design.
     thickness_mm, area_mm2, volume_mm3
-        Thickness of the part, its area (of the middle section) and its volume within the exact curves.
+        Thickness of the part, area of its middle section, and volume within the exact curves.
     pieces, faces
-        Number of separate pieces, and names of the faces.
+        Number of separate parts, and names of the faces.
     seats
         Pockets and slots.
     mesh
-        Size of the mesh; None if no format needs one.
+        Mesh size; None if no format needs a mesh.
     layers
-        Layers for a printer; None if they were not requested.
+        Printer layers; None if they were not requested.
     warnings
-        Properties of the design that the files do not contain.
+        Design properties that the files do not contain.
     """
 
     export: Export = field(metadata=HIDDEN)
@@ -171,7 +171,7 @@ class ExportedSolid(Result):
 
 
 def exported_solid(export: Export, formats: Sequence[str], layers: LayeredPrint | None = None) -> ExportedSolid:
-    """Summarise an export in the given formats, optionally with layers for a printer."""
+    """Summarise an export in the given formats, optionally with printer layers."""
     part = export.part
     meshed = "mesh" in vars(export)
     return ExportedSolid(
@@ -191,7 +191,7 @@ def exported_solid(export: Export, formats: Sequence[str], layers: LayeredPrint 
 
 
 def _pieces(body: Body) -> int:
-    """Number of outlines that do not bound holes."""
+    """Return the number of outlines that do not bound holes."""
     return sum(area_mm2([outline]) > 0.0 for outline in body.outlines)
 
 
@@ -200,23 +200,20 @@ def _warnings(export: Export, formats: Sequence[str]) -> list[Caution]:
     if export.design.lens.shape == "measured":
         warnings.append(
             look_at(
-                "the lens is as it was measured; "
-                f'set lens.shape = "{export.design.lens.designed_shape}" for the one to print'
+                "the lens has its measured shape; "
+                f'set lens.shape = "{export.design.lens.designed_shape}" to export the lens to print'
             )
         )
     if (pieces := _pieces(export.body)) > 1:
-        warnings.append(look_at(f"the outlines make {pieces} separate pieces"))
+        warnings.append(look_at(f"the outlines form {pieces} separate parts"))
     if export.body.apart:
         names = ", ".join(face.name for face in export.body.apart)
         warnings.append(
-            note(
-                f"{names} are separate objects in the air: the DXF and SVG drawings contain them, "
-                "but the solid does not"
-            )
+            note(f"{names} are separate objects in air: the DXF and SVG drawings contain them, but the solid does not")
         )
     if export.part.cuts:
         warnings.append(look_at("the ray trace ignores pockets and slots"))
         flat = [kind for kind in formats if FORMATS[kind].flat]
         if flat:
-            warnings.append(note(f"only the solid contains pockets and slots; the drawings ({', '.join(flat)}) do not"))
+            warnings.append(note(f"the solid contains pockets and slots, but the drawings ({', '.join(flat)}) do not"))
     return warnings

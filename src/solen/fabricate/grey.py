@@ -1,13 +1,12 @@
-"""Grey pixels: the light that a grey value transmits, and the grey value to draw for a fraction of the full light.
+"""Grey pixels: the light that a grey level transmits, and the grey level required for a fraction of the full light.
 
-The idea: an edge is drawn by partly covered pixels, and their grey value is usually taken as their light. The pixels of
-a screen need not respond in proportion. If the response (light over grey) is measured, a pixel is drawn with the grey
-that gives it its covered fraction of the light; otherwise, its light equals its grey value. An exponent on the measured
-light represents its uncertainty: an error of the penetration depth used in measuring the response is exactly such an
-exponent, as the depth is in the exponent of Jacobs' law.
+Edges are drawn by partly covered pixels, and their transmitted light is usually assumed proportional to their grey
+level. The pixels of a screen need not respond in proportion. If the response (light against grey level) was measured, a
+pixel is drawn with the grey level that transmits its covered fraction of the light; otherwise light and grey level are
+assumed equal. An exponent on the measured light represents its uncertainty: an error of the penetration depth used to
+measure the response acts as exactly this exponent, because the depth appears in the exponent of Jacobs' law.
 
-The interface: `Greys.light` and `Greys.pictured` over the covered share in 255ths, and `Greys.shift`, the shift of an
-edge.
+`Greys.light` and `Greys.pictured` are functions of the covered fraction in 255ths; `Greys.shift` is the edge shift.
 """
 
 from dataclasses import dataclass
@@ -19,20 +18,21 @@ from numpy.typing import NDArray
 from solen.arrays import FloatArray
 
 FULL = 255
-"""Grey value of a fully covered pixel."""
+"""Grey level of a fully covered pixel."""
 _FINE = 4096
 
 
 @dataclass(frozen=True)
 class Greys:
-    """Light of grey pixels.
+    """Light transmitted by grey pixels.
 
     Attributes
     ----------
     answer
-        Pairs of grey and light, as fractions of the full values, ascending; if empty, light is proportional to grey.
+        Pairs of grey level and light, as fractions of the full values, ascending; if empty, light is proportional to
+        grey level.
     corrected
-        Whether pixels are drawn with the grey that gives their share of light.
+        Whether pixels are drawn with the grey level that transmits their covered fraction of the light.
     power
         Exponent applied to the light of the response; 1 if the response is right.
     pixels_um
@@ -45,7 +45,7 @@ class Greys:
     pixels_um: tuple[float, float] | None = None
 
     def light_of(self, grey: FloatArray) -> FloatArray:
-        """Light of greys, both from 0 to 1: a monotone curve through the pairs and through 0 and 1."""
+        """Return the light of grey levels, both from 0 to 1: a monotone curve through the pairs and through 0 and 1."""
         if not self.answer:
             return np.asarray(grey, float) ** self.power
         from scipy.interpolate import PchipInterpolator
@@ -55,7 +55,7 @@ class Greys:
 
     @cached_property
     def pictured(self) -> NDArray[np.uint8]:
-        """Grey value to draw for each covered share in 255ths, (256,); 0 stays dark and 255 full."""
+        """Grey level to draw for each covered fraction in 255ths, (256,); 0 stays dark and 255 is full."""
         shares = np.arange(FULL + 1) / FULL
         if not (self.answer and self.corrected):
             return np.arange(FULL + 1, dtype=np.uint8)
@@ -68,10 +68,10 @@ class Greys:
 
     @cached_property
     def light(self) -> FloatArray:
-        """Light of a pixel, as drawn, for each covered share in 255ths, (256,)."""
+        """Light of a pixel as drawn, for each covered fraction in 255ths, (256,)."""
         return self.light_of(self.pictured / FULL)
 
     @property
     def shift(self) -> float:
-        """Outward shift of a straight edge in pixels, averaged over the edge's positions in a pixel."""
+        """Outward shift of a straight edge in pixels, averaged over edge positions within a pixel."""
         return float(np.trapezoid(self.light, dx=1.0 / FULL)) - 0.5

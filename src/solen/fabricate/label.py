@@ -1,4 +1,4 @@
-"""The metadata label of an exported file: its design, the solen version that wrote it, and the design file."""
+"""Metadata label of an exported file: the design, the solen version that wrote it, and the design file."""
 
 import hashlib
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from solen.spec import Design, dumps
 
 WRITER = f"solen {__version__}"
 SHAPING = ("body.file", "fabricate.receiver_part")
-"""Keys of files that a design may name and that affect the exported shape."""
+"""Keys of design files that affect the exported shape."""
 
 
 @dataclass(frozen=True)
 class Label:
-    """Name of a design, its SHA-256, and a description of the product; no date, so that files are reproducible."""
+    """Design name, SHA-256 and product description; contains no date, so that files are reproducible."""
 
     name: str
     sha256: str
@@ -21,15 +21,15 @@ class Label:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The label as lines of text."""
+        """Label as lines of text."""
         return (self.name, f"written by {WRITER}", f"design sha256 {self.sha256}", self.about)
 
 
 def label_of(design: Design, about: str) -> Label:
-    """Label of a product of a design.
+    """Return the label for a product of a design.
 
-    Its hash covers the design's TOML without defaults, so comments and the order of keys do not matter, and the files
-    that shape the product: a drawn outline and a receiver's part file.
+    The hash covers the design's TOML without defaults, so comments and key order do not matter, and the files that
+    define the shape of the product: a drawn outline and a receiver part file.
     """
     digest = hashlib.sha256(dumps(design).encode())
     for key, path in design.files.items():
@@ -39,5 +39,5 @@ def label_of(design: Design, about: str) -> Label:
 
 
 def ascii_of(text: str, most: int) -> str:
-    """A text in ASCII, with ``?`` for other characters, truncated to ``most`` characters."""
+    """Return a text in ASCII, with ``?`` for other characters, truncated to ``most`` characters."""
     return text.encode("ascii", "replace").decode("ascii")[:most]

@@ -1,9 +1,9 @@
 """Parts whose lens varies with height: a stack of layers, or a prism cut by a smooth face.
 
-Heights y of a lens count from the middle of the body; the part stands on y = thickness / 2. The part of a layered lens
-has one prism for each layer. The part of a smooth lens is a prism with a straight front (the blank), minus the space
-before the face. That space is a `Hollow`; it gives the blank, and the solid to be cut from it as triangles or as a
-B-spline surface.
+Lens heights y are measured from mid-height of the body; the part stands on y = thickness / 2. The part of a layered
+lens has one prism for each layer. The part of a smooth lens is a prism with a straight front (the blank), minus the
+space in front of the face. This space is a `Hollow`, which provides the blank and the solid to be cut from it, as
+triangles or as a B-spline surface.
 """
 
 import math
@@ -27,14 +27,14 @@ from solen.ranks import Caution, do_not_use, look_at, note
 from solen.spec import Design, with_values
 
 BEFORE_MM, BESIDE_MM = 0.2, 0.02
-"""Distance of the blank's front from the face, and overhang of the hollow beyond the body's sides and faces."""
+"""Distance of the blank's front from the face, and overhang of the hollow beyond the sides and faces of the body."""
 FEWEST, MOST = 16, 2048
 GAUSS = 12
 """Number of heights at which the sections of a smooth lens are integrated for its volume."""
 
 
 def cut_for(design: Design, layer_um: float) -> Design:
-    """The design with, by default, one profile of its layered lens for each of the printer's layers."""
+    """Return the design with, by default, one profile of its layered lens for each printer layer."""
     lens = design.lens
     if lens.shape != "layered" or lens.layer_mm is not None or lens.profile is not None:
         return design
@@ -43,26 +43,28 @@ def cut_for(design: Design, layer_um: float) -> Design:
 
 
 def lies_flat(part: Part, rotation: FloatArray, layer_um: float) -> tuple[str | None, list[Caution]]:
-    """Required orientation of a part whose lens varies with height, in words (None for a prism), and warnings."""
+    """Return the required orientation of a part whose lens varies with height (None for a prism), and warnings."""
     if not isinstance(part, StackedPart | FacedPart):
         return None, []
-    words = "flat, with the faces of the body parallel to the plate: each layer contains its own profile of the lens"
+    words = "flat, with the faces of the body parallel to the plate: each layer contains its own lens profile"
     warnings = []
     if rotation[2, 2] != 1.0:
         limit = "the lens varies with height, and its layers must be parallel to the faces of the body"
         warnings.append(
-            do_not_use(f"{limit}: in this orientation the printed layers cut across them; print the part flat")
+            do_not_use(
+                f"{limit}: in this orientation the printed layers cut across the lens profiles; print the part flat"
+            )
         )
     if isinstance(part, StackedPart):
         own_um = 1e3 * part.prisms[0].height_mm
         say = note if math.isclose(own_um, layer_um, rel_tol=1e-6) else look_at
         profiles = f"the lens has {len(part.prisms)} profiles, each {own_um:.4g} µm high"
-        warnings.append(say(f"{profiles}; the printer's layers are {layer_um:g} µm (lens.layer_mm)"))
+        warnings.append(say(f"{profiles}, but the printer's layers are {layer_um:g} µm (lens.layer_mm)"))
     return words, warnings
 
 
 def stacked(body: Body, lens: LayeredLens, thickness_mm: float) -> tuple[Prism, ...]:
-    """Prisms for the layers of a lens, from the build plate up."""
+    """Return a prism for each layer of a lens, from the build plate upwards."""
     heights = 0.5 * thickness_mm - lens.edges_mm[::-1]
     layers = zip(pairwise(heights.tolist()), lens.middles_mm[::-1].tolist(), strict=True)
     return tuple(
@@ -94,14 +96,14 @@ class Hollow:
 
     @cached_property
     def volume_mm3(self) -> float:
-        """Volume cut from the blank: Gauss-Legendre quadrature over the areas of exact sections."""
+        """Volume cut from the blank: Gauss-Legendre quadrature of exact section areas."""
         places, weights = np.polynomial.legendre.leggauss(GAUSS)
         half = 0.5 * self.lens.half_height_mm  # the face is symmetric, so half of the height is enough
         areas = [area_mm2(section(self.body, half * (1.0 + place)).outlines) for place in places.tolist()]
         return 4.0 * half * area_mm2(self.blank().outlines) - 2.0 * half * float(weights @ np.array(areas))
 
     def surface(self, tolerance_mm: float) -> tuple[FloatArray, IntArray]:
-        """Closed triangles in the part's X, Y and Z; the face is within ``tolerance_mm`` along z.
+        """Closed triangles in the part's X, Y and Z; they deviate from the face by at most ``tolerance_mm`` along z.
 
         Raises
         ------
@@ -120,7 +122,7 @@ class Hollow:
                 raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit, remedy="make it larger")
 
     def fitted(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Cubic B-spline surface within `FIT_TOLERANCE_MM` of the face: control points (N, N, 3), knots over x, y.
+        """Cubic B-spline surface within `FIT_TOLERANCE_MM` of the face: control points (N, N, 3), knots over x and y.
 
         Raises
         ------
@@ -149,20 +151,22 @@ class Hollow:
         return np.stack([across, control, self.lens.half_height_mm - up], axis=-1)
 
     def _depth(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Depth of the face, continued level beyond its edges."""
+        """Return the depth of the face, continued level beyond its edges."""
         half, up = self._halves
         return self.lens.z_at(np.clip(x, -half, half), np.clip(y, -up, up))
 
     def _continued(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Depth of the face, continued beyond its edges according to its formula."""
+        """Return the depth of the face, continued beyond its edges by its formula."""
         z = self.lens.z_at(x, y)
         if np.isnan(z).any():
-            limit = f"ends within {BESIDE_MM:g} mm of the aperture's edge, which is too near to cut a surface there"
-            raise DesignError("lens", limit=limit, remedy="narrow the lens, or export a mesh")
+            limit = (
+                f"ends within {BESIDE_MM:g} mm of the edge of the aperture, which is too near to cut a surface there"
+            )
+            raise DesignError("lens", limit=limit, remedy="reduce the lens width, or export a mesh")
         return z
 
     def _off_mm(self, x: FloatArray, y: FloatArray, z: FloatArray) -> float:
-        """Maximum deviation of the triangles between grid points from the face, in the middle of their sides."""
+        """Maximum deviation of the triangles between grid points from the face, at the midpoints of their sides."""
         middle_x, middle_y = 0.5 * (x[1:] + x[:-1]), 0.5 * (y[1:] + y[:-1])
         sides = (
             (middle_x, y, 0.5 * (z[1:] + z[:-1])),
@@ -173,7 +177,7 @@ class Hollow:
         return max(float(one.max()) for one in off)
 
     def _closed(self, x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Closed triangles of the face and of a level plane before the blank."""
+        """Return closed triangles of the face and of a level plane in front of the blank."""
         across, up = np.meshgrid(x, self.lens.half_height_mm - y, indexing="ij")
         level = np.full_like(z, self.front_mm - BEFORE_MM)
         vertices = np.vstack([np.column_stack([across.ravel(), one.ravel(), up.ravel()]) for one in (z, level)])
@@ -190,13 +194,13 @@ class Hollow:
 
 
 def _reaching(places: FloatArray) -> FloatArray:
-    """Grid points, with one more beyond each end."""
+    """Return the grid points, with one more beyond each end."""
     return np.concatenate([[places[0] - BESIDE_MM], places, [places[-1] + BESIDE_MM]])
 
 
 @dataclass(frozen=True)
 class StackedPart(Part):
-    """A part of layers, each of which is a prism and a separate solid."""
+    """A part made of layers, each of which is a prism and a separate solid."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -212,7 +216,7 @@ class FacedPart(Part):
 
 
 def faced_part(name: str, body: Body, thickness_mm: float, cuts: tuple[Cut, ...]) -> Part:
-    """Part of a body whose lens varies with height, with cuts that do not reach the lens."""
+    """Return the part of a body whose lens varies with height, with cuts that do not reach the lens."""
     if body.front is None:
         raise AssertionError("a prism is not a faced part")
     lens = body.front.lens

@@ -1,8 +1,8 @@
-"""A part as triangles: closed, every edge shared by two of them, the corners counter-clockwise as seen from outside.
+"""Closed triangle mesh of a part: two triangles share each edge, with vertices counter-clockwise as seen from outside.
 
-Outlines are followed by points of the exact curves, joined by straight lines that deviate by no more than a stated
-tolerance; manifold3d triangulates top and bottom and makes the cuts. Points closer together than the 32 bits of an STL
-can resolve are merged beforehand, so every format contains the same closed surface.
+Outlines are approximated by points on the exact curves, joined by straight lines that deviate by no more than a
+specified tolerance; manifold3d triangulates top and bottom and makes the cuts. Points closer together than an STL can
+resolve with its 32 bits are merged beforehand, so every format contains the same closed surface.
 """
 
 from collections.abc import Iterator
@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
 
 FINEST_MM, COARSEST_MM = 1e-4, 1.0
-"""Least and greatest tolerance of a mesh."""
+"""Minimum and maximum tolerance of a mesh."""
 WELD_MM = 1e-5
-"""Points closer than this are merged; far from the origin, points closer than `WELD_ULPS` spacings of 32-bit
+"""Points closer together than this are merged; far from the origin, the limit is `WELD_ULPS` spacings of 32-bit
 numbers.
 """
 WELD_ULPS = 8.0
@@ -37,7 +37,7 @@ AT_ONCE = 100_000
 class Mesh:
     """Triangles of a closed surface that deviates from the exact solid by at most ``tolerance_mm``.
 
-    ``vertices`` (N, 3) are in mm; ``triangles`` (M, 3) are indices of vertices, counter-clockwise as seen from outside.
+    ``vertices`` (N, 3) are in mm; ``triangles`` (M, 3) are vertex indices, counter-clockwise as seen from outside.
     """
 
     vertices: FloatArray
@@ -46,17 +46,17 @@ class Mesh:
 
     @cached_property
     def volume_mm3(self) -> float:
-        """Enclosed volume: the sum of the tetrahedra between the triangles and the middle of the mesh."""
+        """Enclosed volume: the sum of the tetrahedra between the triangles and the centre of the mesh."""
         return sum(float(volumes.sum()) for _, volumes in self.six_volumes()) / 6.0
 
     def six_volumes(self) -> Iterator[tuple[slice, FloatArray]]:
-        """Six times the volumes of these tetrahedra, for a batch of triangles at a time."""
+        """Yield six times the tetrahedron volumes, one batch of triangles at a time."""
         middle = self.vertices.mean(axis=0)
         for some, (a, b, c) in self.corners():
             yield some, np.asarray(np.einsum("ij,ij->i", a - middle, np.cross(b - middle, c - middle)))
 
     def corners(self) -> Iterator[tuple[slice, FloatArray]]:
-        """Corners (3, m, 3) of a batch of triangles at a time, which limits the memory for a large mesh."""
+        """Yield the corners (3, m, 3) of one batch of triangles at a time, which limits the memory for a large mesh."""
         for first in range(0, len(self.triangles), AT_ONCE):
             some = slice(first, first + AT_ONCE)
             yield some, self.vertices[self.triangles[some].T]
@@ -68,7 +68,7 @@ class Mesh:
         return (x, y, z)
 
     def open_edges(self) -> int:
-        """Number of edges without exactly two triangles that agree on which side is outside; 0 if closed."""
+        """Number of edges without exactly two consistently oriented triangles; 0 if closed."""
         edges = self._directed_edges()
         edges.sort()
         if np.all(edges[1:] != edges[:-1]):
@@ -83,7 +83,7 @@ class Mesh:
         return int(np.count_nonzero(~paired))
 
     def _directed_edges(self, *, backwards: bool = False) -> IntArray:
-        """Every directed edge of every triangle, encoded as one number."""
+        """Return every directed edge of every triangle, encoded as one number."""
         count, sides = len(self.triangles), [(0, 1), (1, 2), (2, 0)]
         edges = np.empty(3 * count, np.int64)
         for number, (start, end) in enumerate(sides):
@@ -95,12 +95,12 @@ class Mesh:
 
 
 def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
-    """Mesh of a part that deviates from its exact walls by at most ``tolerance_mm``; top and bottom are exact.
+    """Return a mesh of a part that deviates from its exact walls by at most ``tolerance_mm``; top and bottom are exact.
 
     Raises
     ------
     SpecError
-        If the tolerance is out of range, or so coarse that outlines would cross.
+        If the tolerance is out of range, or so coarse that outlines would intersect.
     """
     weld_mm = _weld_mm(part)
     finest_mm = max(FINEST_MM, 2.0 * weld_mm)
@@ -116,7 +116,7 @@ def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
 
 
 def closed_mesh(solid: Any, tolerance_mm: float, name: str) -> Mesh:
-    """Mesh of a solid of manifold3d; `DesignError` if it is empty or not closed in the 32 bits of an STL."""
+    """Return the mesh of a manifold3d solid; `DesignError` if it is empty or not closed in the 32 bits of an STL."""
     surface = solid.to_mesh64()
     mesh = Mesh(np.array(surface.vert_properties[:, :3]), np.array(surface.tri_verts, dtype=np.int64), tolerance_mm)
     if not len(mesh.triangles) or mesh.open_edges():
@@ -136,14 +136,14 @@ def _joined(solids: "list[Manifold]") -> "Manifold":
 
 
 def _manifold(prism: Prism, tolerance_mm: float, weld_mm: float) -> "Manifold":
-    """Solid of a prism in manifold3d."""
+    """Return the manifold3d solid of a prism."""
     rings = [_welded(ring, weld_mm) for ring in prism.rings(tolerance_mm - weld_mm)]
     _check_apart(prism, rings, tolerance_mm)
     return _of_triangles(*_prism_surface(rings, prism.from_mm, prism.to_mm), prism.name)
 
 
 def _of_triangles(vertices: FloatArray, triangles: IntArray, name: str) -> "Manifold":
-    """Solid of closed triangles in manifold3d."""
+    """Return the manifold3d solid of closed triangles."""
     from manifold3d import Error, Manifold, Mesh64
 
     solid = Manifold(Mesh64(vertices, triangles.astype(np.uint64)))
@@ -153,7 +153,7 @@ def _of_triangles(vertices: FloatArray, triangles: IntArray, name: str) -> "Mani
 
 
 def _welded(ring: FloatArray, weld_mm: float) -> FloatArray:
-    """Corners (N, 2) of a closed polyline, without those too close to the previous corner."""
+    """Return the corners (N, 2) of a closed polyline, without those too close to the previous corner."""
     corners = ring[:-1]
     kept = [0]
     for i in range(1, len(corners)):
@@ -165,13 +165,13 @@ def _welded(ring: FloatArray, weld_mm: float) -> FloatArray:
 
 
 def _check_apart(prism: Prism, rings: list[FloatArray], tolerance_mm: float) -> None:
-    """Raise `SpecError` if polylines cross themselves or one another at this tolerance although the curves do not."""
+    """Raise `SpecError` if polylines intersect at this tolerance although the curves do not."""
     import shapely
 
     solids = [shapely.Polygon(ring) for ring in rings if len(ring) > 2]
     simple = len(solids) == len(rings) and all(solid.is_valid for solid in solids)
     if not simple or any(a.exterior.intersects(b.exterior) for a, b in combinations(solids, 2)):
-        limit = f"is too coarse for the outlines of {prism.name}, which would cross"
+        limit = f"is too coarse for the outlines of {prism.name}, which would intersect"
         raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit, remedy="make it smaller")
 
 

@@ -1,9 +1,9 @@
-"""Meshes as files: STL, 3MF and GLB, each written whole from its specification.
+"""Mesh files in the formats STL, 3MF and GLB, written directly from their specifications.
 
 - STL (binary): 32-bit numbers; the format has no unit, and the 80 bytes before the triangles state mm and the label.
-- 3MF (3MF Consortium, core specification 1.3): a ZIP with the mesh in mm; its metadata states the label.
-- GLB (Khronos Group, glTF 2.0): glTF is in metres with Y up, so a node scales the mm and stands the part up;
-  ``extras`` state the label.
+- 3MF (3MF Consortium, core specification 1.3): a ZIP with the mesh in mm; its metadata contains the label.
+- GLB (Khronos Group, glTF 2.0): glTF uses metres with Y up, so a node scales from mm and stands the part up;
+  ``extras`` contains the label.
 
 The files do not depend on the time of writing.
 """
@@ -39,18 +39,18 @@ RELATIONS = (
 NO_DATE = (1980, 1, 1, 0, 0, 0)
 MM_IN_M = 1e-3
 STANDING = (-float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5)))
-"""Quaternion x, y, z, w that turns Z up into glTF's Y up."""
+"""Quaternion x, y, z, w that rotates Z up to the Y up of glTF."""
 FLOAT, UNSIGNED, VERTICES, INDICES = 5126, 5125, 34962, 34963
 """Codes of types and buffers in glTF."""
 
 
 def as_stl(mesh: Mesh, label: Label) -> bytes:
-    """Binary STL of a mesh, in mm."""
+    """Return a binary STL of a mesh, in mm."""
     return b"".join(stl_pieces(mesh, label))
 
 
 def stl_pieces(mesh: Mesh, label: Label) -> Iterator[bytes]:
-    """Binary STL of a mesh piece by piece, to avoid a second copy of a large mesh in memory."""
+    """Yield a binary STL of a mesh in chunks, to avoid a second copy of a large mesh in memory."""
     head = f"{WRITER}; mm; {ascii_of(label.name, 30)}; sha256 {label.sha256[:16]}"
     yield head.encode()[:STL_HEADER].ljust(STL_HEADER) + struct.pack("<I", len(mesh.triangles))
     for _, corners in mesh.corners():
@@ -63,7 +63,7 @@ def stl_pieces(mesh: Mesh, label: Label) -> Iterator[bytes]:
 
 
 def as_threemf(mesh: Mesh, label: Label) -> bytes:
-    """3MF of a mesh."""
+    """Return a 3MF file of a mesh."""
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
         files: tuple[tuple[str, Iterable[str]], ...] = (
@@ -81,7 +81,7 @@ def as_threemf(mesh: Mesh, label: Label) -> bytes:
 
 
 def _model(mesh: Mesh, label: Label) -> Iterator[str]:
-    """The XML of the mesh in a 3MF, some lines at a time; numbers are rounded to a hundredth of a nanometre."""
+    """Yield the XML of a mesh in a 3MF, a few lines at a time; numbers are rounded to a hundredth of a nanometre."""
     about = {"Title": label.name, "Application": WRITER, "Description": "; ".join(label.lines[2:])}
     yield "\n".join(
         (
@@ -103,7 +103,7 @@ def _model(mesh: Mesh, label: Label) -> Iterator[str]:
 
 
 def as_glb(mesh: Mesh, label: Label) -> bytes:
-    """Binary glTF of a mesh: its numbers are in mm, and its node scales them to metres."""
+    """Return binary glTF of a mesh: its numbers are in mm, and its node scales them to metres."""
     places = mesh.vertices.astype("<f4")
     corners = mesh.triangles.astype("<u4")
     binary = places.tobytes() + corners.tobytes()
@@ -138,4 +138,4 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
 
 
 MESH_WRITERS: dict[str, Callable[[Mesh, Label], bytes]] = {"stl": as_stl, "3mf": as_threemf, "glb": as_glb}
-"""Formats of meshes by file extension."""
+"""Mesh formats by file extension."""

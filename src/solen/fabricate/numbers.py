@@ -1,7 +1,4 @@
-"""Numbers of a network's parts for its drawings, and the table that lists the parts.
-
-The interface: `numbered` parts of a design.
-"""
+"""Part numbers of a network for its drawings, and the table that lists the parts."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,12 +15,12 @@ from solen.spec import Design
 AWAY_MM = 1.1
 """Distance of a number from its face or emitter."""
 TEXT_MM, LINE_MM, LETTER = 1.2, 1.9, 0.62
-"""Height of the text, line spacing of the table, and width of a letter in text heights."""
+"""Text height, line spacing of the table, and letter width in text heights."""
 
 
 @dataclass(frozen=True)
 class NumberedPart:
-    """A part of a network with its number and the number's position in the drawing."""
+    """A network part with its number and the position of this number in the drawing."""
 
     number: int
     kind: str
@@ -38,7 +35,7 @@ class NumberedPart:
 
 
 def numbered(design: Design, body: Body) -> tuple[NumberedPart, ...]:
-    """Parts of a network in the order of its lists; empty for any other kind of body."""
+    """Return the parts of a network in the order of its lists; empty for any other kind of body."""
     if design.body.kind != "network":
         return ()
     rows = (*_guides(design), *_lenses(design, body), *_emitters(body), *_receivers(design, body))
@@ -80,11 +77,11 @@ def _receivers(design: Design, body: Body) -> Iterator[_Row]:
 
 
 def _face(body: Body, name: str) -> Face:
-    """The face with a given name, or the first of its pieces."""
+    """Return the face with a given name, or the first of its segments."""
     return next(face for face in (*body.all_faces, *body.apart) if face.name.partition(".")[0] == name)
 
 
 def _beside(body: Body, name: str, *, inside: bool) -> Point:
-    """Position next to the middle of a face, inside the material or in front of it."""
+    """Return a position next to the midpoint of a face, inside the material or in front of it."""
     curve = _face(body, name).curve
     return along(curve.middle_point, curve.normal_at(curve.middle_point), AWAY_MM if inside else -AWAY_MM)

@@ -1,10 +1,10 @@
-"""A part in one piece: outlines of exact curves, extruded along the thickness and joined, minus cuts.
+"""Solid of a part: outlines of exact curves, extruded along the thickness and joined, minus cuts.
 
-A `Part` lies on the build plate: X and Y of its solid are x and z of the plane, and Z is the height above the plate. A
-sensor's y counts from mid-thickness, away from a viewer who sees x to the right and z up; therefore y = thickness / 2 −
-Z. `Prism` is the only building block. Joined prisms touch and never overlap, and a `Cut` has the outline of the removed
-material, so volumes are those of the exact curves. Solids, meshes and drawings are made from these; nothing here
-depends on a file or a CAD kernel.
+A `Part` lies on the build plate: X and Y of its solid are x and z of the plane, and Z is the height above the plate.
+The y of a sensor is measured from mid-thickness, away from a viewer who sees x to the right and z up; therefore y =
+thickness / 2 − Z. `Prism` is the only building block. Joined prisms touch and never overlap, and a `Cut` has the
+outline of the removed material, so volumes follow the exact curves. Solids, meshes and drawings are made from parts;
+this module does not depend on a file or a CAD kernel.
 """
 
 from dataclasses import dataclass
@@ -22,11 +22,11 @@ from solen.geometry.measures import area_mm2, perimeter_mm
 FLAT_MM = 1e-5
 """Tolerance of outlines in containment checks."""
 SLIVER = 1e-4
-"""Overlap that the checks ignore, as a fraction of an area (or in mm² below 1 mm²), because they follow polylines."""
+"""Overlap ignored by the checks, which use polylines, as a fraction of an area (or in mm² below 1 mm²)."""
 
 
 TOUCH_MM2 = 1e-9
-"""Volume that two touching cuts may share because of rounding."""
+"""Common volume of two touching cuts that counts as rounding."""
 
 
 @dataclass(frozen=True)
@@ -50,22 +50,22 @@ class Prism:
 
     @cached_property
     def area_mm2(self) -> float:
-        """Area of the prism's outlines."""
+        """Area within the outlines of the prism."""
         return area_mm2(self.outlines)
 
     @cached_property
     def perimeter_mm(self) -> float:
-        """Length of the prism's outlines."""
+        """Total length of the outlines."""
         return perimeter_mm(self.outlines)
 
     def rings(self, tolerance_mm: float) -> list[NDArray[np.float64]]:
-        """Closed polylines (N, 2) within ``tolerance_mm`` of the outlines; the last point repeats the first."""
+        """Return closed polylines (N, 2) within ``tolerance_mm`` of the outlines; the last point repeats the first."""
         return [polyline(outline, tolerance_mm) for outline in self.outlines]
 
 
 @dataclass(frozen=True)
 class Cut:
-    """A cut: ``takes`` is the volume removed from the part, and ``tool`` extends beyond it to leave no skin."""
+    """A cut: ``takes`` is the volume removed from the part, and ``tool`` extends beyond it so that no skin remains."""
 
     tool: Prism
     takes: Prism
@@ -83,7 +83,7 @@ class Cut:
 
 @dataclass(frozen=True)
 class Part:
-    """Prisms joined into one piece, minus cuts; checked on creation.
+    """Prisms joined to one solid, minus cuts; checked when created.
 
     Raises
     ------
@@ -106,7 +106,7 @@ class Part:
                 _shared_mm(one_cut.takes, other_cut.takes) > 0.0
                 and _overlap_mm2(one_cut.takes, other_cut.takes) > TOUCH_MM2
             ):
-                remedy = "make the part thicker, or omit one of them"
+                remedy = "make the part thicker, or omit one of the cuts"
                 raise DesignError(
                     self.name, value=f"{one_cut.name} and {other_cut.name}", limit="cut into one another", remedy=remedy
                 )
@@ -121,28 +121,28 @@ class Part:
 
     @property
     def wall_mm2(self) -> float:
-        """Area of all upright walls; the volume of a mesh is off by at most this times the mesh's tolerance."""
+        """Total area of the upright walls; the volume error of a mesh is at most this area times the mesh tolerance."""
         prisms = (*self.prisms, *(cut.tool for cut in self.cuts))
         return sum(prism.perimeter_mm * prism.height_mm for prism in prisms)
 
     def _check_cut(self, cut: Cut) -> None:
-        """Raise `DesignError` if a cut does not remove exactly its stated volume from the part."""
+        """Raise `DesignError` if a cut does not remove exactly its specified volume from the part."""
         taken = sum(_shared_mm(cut.tool, prism) * _overlap_mm2(cut.tool, prism) for prism in self.prisms)
         if abs(taken - cut.volume_mm3) <= _negligible(cut.takes.area_mm2) * cut.takes.height_mm:
             return
         limit = (
             f"would remove {taken:.4g} mm³ instead of {cut.volume_mm3:.4g} mm³, because it extends past the part's edge"
         )
-        raise DesignError(cut.name, limit=limit, remedy="make it smaller, or the part wider or thicker")
+        raise DesignError(cut.name, limit=limit, remedy="make the cut smaller, or the part wider or thicker")
 
 
 def sensor_prism(body: Body, thickness_mm: float) -> Prism:
-    """Checked prism of the printed body; separate elements in the air are not printed.
+    """Return the checked prism of the printed body; separate elements in air are not printed.
 
     Raises
     ------
     DesignError
-        If an outline is open or crosses itself or another, or if the thickness is not above 0.
+        If an outline is open or intersects itself or another, or if the thickness is not above 0.
     """
     body.check()
     return Prism("thickness", body.outlines, 0.0, float(thickness_mm))
@@ -153,11 +153,11 @@ def _negligible(area: float) -> float:
 
 
 def _shared_mm(first: Prism, other: Prism) -> float:
-    """Height common to two prisms."""
+    """Return the height range common to two prisms, in mm."""
     return max(0.0, min(first.to_mm, other.to_mm) - max(first.from_mm, other.from_mm))
 
 
 def _overlap_mm2(first: Prism, other: Prism) -> float:
-    """Area common to the outlines of two prisms."""
+    """Return the area common to the outlines of two prisms."""
     regions = [filled(prism.rings(FLAT_MM)) for prism in (first, other)]
     return float(regions[0].intersection(regions[1]).area)

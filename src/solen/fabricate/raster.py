@@ -1,13 +1,13 @@
-"""Exact coverage of pixels by an area, from the corners of its outlines.
+"""Exact pixel coverage by an area, from the corners of its outlines.
 
-The idea is that of font rasterisers. An edge is cut wherever it crosses pixel borders. Each piece is then in one pixel.
-It changes the covered area of this pixel by the part between the piece and the pixel's right side, and that of all
-pixels farther right in the row by its full height. Summed from left to right, these changes are the covered areas.
-Nothing is sampled; the cost of an edge is proportional to the number of pixels that it crosses.
+The method is that of font rasterisers. An edge is cut wherever it crosses pixel borders, so each segment is in one
+pixel. A segment changes the covered area of its pixel by the area between the segment and the pixel's right side, and
+that of all pixels farther right in the row by its full height. Summed from left to right, these changes are the covered
+areas. Nothing is sampled; the cost of an edge is proportional to the number of pixels that it crosses.
 
-The interface: `coverage` returns shares from 0 to 1, `coverage_bytes` the same as 0 to 255 using little memory, and
-`rings_of` the rings of a shapely area. Rows count upwards with y and columns with x: [i, j] is the square whose lower
-left corner is ``origin + (j, i) pitch``; pixels may be rectangles.
+`coverage` returns fractions from 0 to 1, `coverage_bytes` returns them as 0 to 255 using little memory, and `rings_of`
+returns the rings of a shapely area. Rows count upwards with y and columns with x: [i, j] is the square whose lower left
+corner is ``origin + (j, i) pitch``; pixels may be rectangles.
 """
 
 from collections.abc import Iterator, Sequence
@@ -29,12 +29,12 @@ Pitch = float | tuple[float, float]
 """Side of a square pixel in mm, or its sides along x and y."""
 
 BAND = 64
-"""Number of rows summed at a time: few enough to stay in a processor's cache."""
+"""Number of rows summed at a time: few enough to stay in a processor cache."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Pixels: side or sides, lower left corner of the first pixel, and numbers of rows and columns."""
+    """Pixel grid: side or sides of a pixel, lower left corner of the first pixel, and numbers of rows and columns."""
 
     pitch_mm: Pitch
     origin_mm: tuple[float, float]
@@ -49,13 +49,13 @@ class Grid:
             raise DataError("pixels", value=self.shape, limit="must be at least one row and one column")
 
     def placed(self, ring: FloatArray) -> FloatArray:
-        """Points (N, 2) in mm as coordinates in columns and rows."""
+        """Return points (N, 2) in mm as coordinates in columns and rows."""
         return (np.asarray(ring, float) - self.origin_mm) / self.pitch_mm
 
 
 @dataclass(frozen=True)
 class Pieces:
-    """Edges cut at pixels, by ascending row: their descent, and its fraction that counts for the own pixel."""
+    """Edges cut at pixel borders, by ascending row: their descent, and its fraction that counts for their pixel."""
 
     row: IntArray
     column: IntArray
@@ -63,7 +63,7 @@ class Pieces:
     own: FloatArray
 
     def summed(self, first: int, last: int, columns: int) -> FloatArray:
-        """Covered shares (last - first, columns) of the given rows."""
+        """Return covered fractions (last - first, columns) of the given rows."""
         chosen = slice(*np.searchsorted(self.row, [first, last]))
         at = (self.row[chosen] - first) * (columns + 1) + self.column[chosen]
         climb, own = self.climb[chosen], self.climb[chosen] * self.own[chosen]
@@ -77,7 +77,7 @@ class Pieces:
 def coverage(
     rings: Sequence[FloatArray], pitch_mm: Pitch, origin_mm: tuple[float, float], shape: tuple[int, int]
 ) -> FloatArray:
-    """Share of each pixel covered by closed polygons.
+    """Return the fraction of each pixel covered by closed polygons.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def coverage(
         Polygons (N, 2) in mm, counter-clockwise with the area on their left, holes clockwise; the last point may repeat
         the first. They must not overlap. Areas beyond the grid are ignored.
     pitch_mm, origin_mm, shape
-        Side of a pixel or its sides along x and y, lower left corner of the first, and rows and columns.
+        Side of a pixel or its sides along x and y, lower left corner of the first pixel, and rows and columns.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def coverage(
 def coverage_bytes(
     rings: Sequence[FloatArray], pitch_mm: Pitch, origin_mm: tuple[float, float], shape: tuple[int, int]
 ) -> NDArray[np.uint8]:
-    """`coverage` as grey values 0 to 255, rounded to the nearest, computed in memory for only a few rows."""
+    """Return `coverage` as grey levels 0 to 255, rounded to the nearest, using memory for only a few rows."""
     grid, shares = Grid(pitch_mm, origin_mm, shape), np.zeros(shape, np.uint8)
     rings = [ring for ring in rings if len(ring)]
     if not rings:
@@ -125,7 +125,7 @@ def coverage_bytes(
 
 
 def rings_of(area: "shapely.geometry.base.BaseGeometry") -> list[FloatArray]:
-    """Rings of a shapely area as required by `coverage`; lines and points are ignored."""
+    """Return the rings of a shapely area as required by `coverage`; lines and points are ignored."""
     import shapely
 
     polygons = [get_part for get_part in shapely.get_parts(area).tolist() if isinstance(get_part, shapely.Polygon)]
@@ -138,7 +138,7 @@ def _bands(first: int, last: int) -> Iterator[tuple[int, int]]:
 
 
 def _extent(rings: Sequence[FloatArray], grid: Grid) -> tuple[IntArray, IntArray]:
-    """First and last + 1 (row, column) of the part of the grid that polygons touch."""
+    """Return the first and last + 1 (row, column) of the part of the grid that polygons touch."""
     placed = [grid.placed(ring) for ring in rings]
     low, high = (
         np.min([points.min(axis=0) for points in placed], axis=0),
@@ -154,7 +154,7 @@ def _extent(rings: Sequence[FloatArray], grid: Grid) -> tuple[IntArray, IntArray
 
 
 def _pieces(rings: Sequence[FloatArray], grid: Grid) -> Pieces:
-    """Edges of polygons, cut at the sides of pixels."""
+    """Return polygon edges, cut at the sides of pixels."""
     rows, columns = grid.shape
     starts, ends = _edges([grid.placed(ring) for ring in rings])
     begin, end = _cut(starts, ends, rows, columns)
@@ -169,7 +169,7 @@ def _pieces(rings: Sequence[FloatArray], grid: Grid) -> Pieces:
 
 
 def _edges(placed: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Starts and ends (N, 2) of the sides of closed polygons, without horizontal sides, which do not matter."""
+    """Return starts and ends (N, 2) of the sides of closed polygons, without horizontal sides, which do not matter."""
     starts = np.vstack([np.empty((0, 2)), *placed])
     ends = np.vstack([np.empty((0, 2)), *(np.roll(ring, -1, axis=0) for ring in placed)])
     if not np.isfinite(starts).all():
@@ -179,7 +179,7 @@ def _edges(placed: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
 
 
 def _cut(starts: FloatArray, ends: FloatArray, rows: int, columns: int) -> tuple[FloatArray, FloatArray]:
-    """Starts and ends (M, 2) of the pieces of edges between the grid lines."""
+    """Return starts and ends (M, 2) of edge segments between grid lines."""
     count = len(starts)
     across, up = (_crossings(starts, ends, axis, most) for axis, most in ((0, columns), (1, rows)))
     edge = np.concatenate([np.arange(count), across[0], up[0], np.arange(count)])
@@ -192,7 +192,7 @@ def _cut(starts: FloatArray, ends: FloatArray, rows: int, columns: int) -> tuple
 
 
 def _crossings(starts: FloatArray, ends: FloatArray, axis: int, most: int) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Crossings of edges with the lines 0 to ``most`` of an axis: number of the edge, fraction of its length, point."""
+    """Crossings of edges with the lines 0 to ``most`` of an axis: edge number, fraction of the edge length, point."""
     low = np.clip(np.ceil(np.minimum(starts[:, axis], ends[:, axis])), 0, most + 1).astype(np.int64)
     high = np.clip(np.floor(np.maximum(starts[:, axis], ends[:, axis])), -1, most).astype(np.int64)
     number = np.maximum(high - low + 1, 0)

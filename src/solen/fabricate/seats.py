@@ -1,13 +1,13 @@
-"""Seats for the electronics: pockets for the receivers' packages, and slots for film supports.
+"""Seats for the electronics: pockets for the receiver packages, and slots for film supports.
 
-A pocket is cut into the middle of a receiver's face, with the package's longer side along the face and the shorter one
-along the height; it is as deep as the package unless a depth is stated. A slot is cut into the top, as deep as the film
-is thick: at a receiver it extends from the face inwards, at the emitter through the top of the lens into the stem. The
-edges of the film centre the component mounted on it. The underside has no slots, because the long exposures of the
-first layers would close them.
+A pocket is cut into a receiver face about its midpoint, with the longer side of the package along the face and the
+shorter side along the height; it is as deep as the package unless a depth is specified. A slot is cut into the top, as
+deep as the film is thick: at a receiver it extends from the face inwards, at the emitter through the top of the lens
+into the stem. The edges of the film centre the component mounted on it. The underside has no slots, because the long
+exposures of the first layers would close them.
 
 A mark is a round dimple in the top of the left arm. Without it, a print of a symmetric design is its own mirror image,
-and a picture of it does not show which face is visible and which receiver was drawn on the left.
+and a photograph does not show which face is visible and which receiver was drawn on the left.
 
 In the sensor of the paper, the parts are glued to film of 0.1 mm at the extremities; the figure with the details is not
 public, so the shape of these seats was chosen for solen.
@@ -30,13 +30,13 @@ from solen.spec import Design
 from solen.spec.strict import Options
 
 BEYOND_MM = 0.5
-"""Overhang of a tool beyond the surface that it cuts into."""
+"""Overhang of a tool beyond the surface that it cuts."""
 MARK_MM, MARK_DEEP_MM, MARK_FROM_MM = 1.0, 0.2, 0.5
-"""Diameter and depth of the mark, and its distance from the receiver's face or from the slot there."""
+"""Diameter and depth of the mark, and its distance from the receiver face or from the slot there."""
 
 
 class SeatOptions(Options):
-    """Options for seats, as shorthand for keys of a design file."""
+    """Seat options, as shorthand for keys of a design file."""
 
     pockets: bool = False
     """Seat the receivers in pockets; short for --set fabricate.pockets=true."""
@@ -49,7 +49,7 @@ class SeatOptions(Options):
 
     @property
     def assignments(self) -> list[str]:
-        """The options as keys and values of a design."""
+        """Return the options as keys and values of a design."""
         asked = {
             "fabricate.pockets=true": self.pockets,
             'fabricate.slots=["receivers", "emitter"]': self.slots,
@@ -59,12 +59,12 @@ class SeatOptions(Options):
 
 
 def sensor_part(design: Design, body: Body) -> Part:
-    """Printed part of a design: its body at rest, extruded by the thickness, with its seats.
+    """Return the printed part of a design: its unbent body, extruded by the thickness, with its seats.
 
     Raises
     ------
     DataError
-        If the receiver's part cannot be read, is not a receiver, or the size of its package is unknown.
+        If the receiver part file cannot be read or is not a receiver, or the package size is unknown.
     DesignError
         If the body cannot be built, or a seat does not fit.
     """
@@ -119,7 +119,7 @@ def _mark(design: Design, body: Body) -> list[Cut]:
 
 
 def _package(design: Design) -> tuple[float, float, float]:
-    """Width, height and depth of a pocket in mm: the receiver's package; the design may state the depth."""
+    """Width, height and depth of a pocket in mm: the receiver package, unless the design specifies the depth."""
     path, name = design.receiver_file, design.fabricate.receiver_part
     part = library_part(name) if path is None else load_part(path)
     if not isinstance(part, ReceiverPart):
@@ -130,7 +130,7 @@ def _package(design: Design) -> tuple[float, float, float]:
     missing = next((key for key, size in sizes.items() if size is None), None)
     if missing is not None:
         remedy = f"add [{missing}] to the receiver's part file" + (
-            ", or state fabricate.pocket_depth_mm" if missing == "package_depth_mm" else ""
+            ", or specify fabricate.pocket_depth_mm" if missing == "package_depth_mm" else ""
         )
         raise DataError(f"receiver {part.name}", limit=f"states no {missing}", remedy=remedy)
     width_mm, height_mm, *depth = (size.nominal for size in sizes.values())
@@ -138,19 +138,19 @@ def _package(design: Design) -> tuple[float, float, float]:
 
 
 def _receivers(body: Body, what: str, key: str) -> list[tuple[str, Face]]:
-    """Receiver faces in which seats are cut, each with the seat's name."""
+    """Return the receiver faces in which seats are cut, each with the name of the seat."""
     faces = [face for face in body.all_faces if face.part == "receiver"]
     if not faces:
         raise DesignError(key, limit="no face of the body is a receiver", remedy="omit it")
     for face in faces:
         if not isinstance(face.curve, Segment):
             limit = f"is curved at {place_text(face.curve.middle_point)}, but a seat requires a straight face"
-            raise DesignError(key, value=face.name, limit=limit, remedy="make it straight, or omit the seats")
+            raise DesignError(key, value=face.name, limit=limit, remedy="make the face straight, or omit the seats")
     return [(f"{what}-{face.name.removeprefix('receiver-')}", face) for face in faces]
 
 
 def _rectangle(face: Face, half_mm: float, beyond_mm: float, depth_mm: float) -> tuple[Face, ...]:
-    """Rectangle about the middle of a straight face, from ``beyond_mm`` before it to ``depth_mm`` into the material."""
+    """Rectangle about the midpoint of a straight face, from ``beyond_mm`` in front of it to ``depth_mm`` inside."""
     along_it = unit(minus(face.curve.end, face.curve.start))
     inwards, middle = left_of(along_it), face.curve.middle_point
     corners = [
@@ -166,11 +166,13 @@ def _polygon(corners: Sequence[Point]) -> tuple[Face, ...]:
 
 
 def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Face, ...], tuple[Face, ...]]:
-    """Outlines of the emitter's slot: of the tool, and of the removed volume, bounded by the lens."""
+    """Return the outlines of the emitter slot: of the tool, and of the removed volume, bounded by the lens."""
     body.upright('remove the emitter from fabricate.slots, or set lens.shape = "cartesian-oval"')
     lens = [face for face in body.faces if face.part == "lens"]
     if design.body.lens_is_drawn or design.body.kind == "network" or not lens:
-        raise DesignError("fabricate.slots", value="emitter", limit="is only cut into a Y", remedy="omit it")
+        raise DesignError(
+            "fabricate.slots", value="emitter", limit="is only cut into a Y-shaped body", remedy="omit it"
+        )
     wide_mm = design.lens.half_width_mm
     if not half_mm < wide_mm:
         limit = f"must be below {2 * (wide_mm - design.fabricate.clearance_mm):g} mm, or nothing is left of the lens"
@@ -186,7 +188,7 @@ def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Fac
 
 
 def _within(face: Face, half_mm: float) -> Face | None:
-    """The part of a piece of the lens within |x| of ``half_mm``; the piece runs from left to right."""
+    """Return the part of a lens segment within |x| of ``half_mm``; the segment is directed from left to right."""
     low, high = (_u_at(face.curve, x_mm) for x_mm in (-half_mm, half_mm))
     if not low < high:
         return None
@@ -194,7 +196,7 @@ def _within(face: Face, half_mm: float) -> Face | None:
 
 
 def _u_at(curve: Curve, x_mm: float) -> float:
-    """Parameter at which a curve, directed from left to right, passes ``x_mm``; 0 or 1 if that is beyond its ends."""
+    """Return the parameter at which a curve, directed from left to right, passes ``x_mm``; 0 or 1 beyond its ends."""
     if x_mm <= curve.start[0]:
         return 0.0
     if x_mm >= curve.end[0]:

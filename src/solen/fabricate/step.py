@@ -1,10 +1,10 @@
 """STEP files of exact solids, made with the Open CASCADE kernel (the extra ``cad``), which is loaded only on demand.
 
-Every curve of an outline becomes one edge, or one for each primitive of it (`solen.fabricate.bspline`): lines, arcs and
-B-splines in the plane of the build plate, with a corner shared exactly by its two edges. Extrusion makes planes,
-cylinders and surfaces of extrusion from them, so a CAD program receives the exact curves rather than facets. Faces have
-the names of the body's faces, ``top`` or ``bottom``; faces made by a cut have the cut's name. A part of layers has one
-solid for each layer; the smooth face of a lens that varies with height is one B-spline surface.
+Each curve of an outline becomes one edge, or one edge per primitive (`solen.fabricate.bspline`): lines, arcs and
+B-splines in the plane of the build plate; two adjacent edges share exactly one corner point. Extrusion gives planes,
+cylinders and surfaces of extrusion, so a CAD program receives the exact curves rather than facets. Faces have the names
+of the body faces, ``top`` or ``bottom``; faces made by a cut have the name of the cut. A layered part has one solid for
+each layer; the smooth face of a lens that varies with height is one B-spline surface.
 """
 
 import math
@@ -30,10 +30,10 @@ from solen.plane import Point
 
 SCHEMA = "AP214IS"
 TIME = "1970-01-01T00:00:00"
-"""Time of the header, which is mandatory; it is fixed because the same design must give the same file."""
+"""Time in the header, which is mandatory; it is fixed because the same design must give the same file."""
 MOST_TEXT = 200
 Named = list[tuple[Any, str]]
-"""Faces of the kernel with their names."""
+"""Kernel faces with their names."""
 
 
 def check_kernel() -> None:
@@ -42,14 +42,14 @@ def check_kernel() -> None:
 
 
 def as_step(part: Part, label: Label) -> bytes:
-    """Write a STEP file (ISO 10303-21, AP214) of a part, in mm.
+    """Return a STEP file (ISO 10303-21, AP214) of a part, in mm.
 
     Raises
     ------
     OutputError
         If the kernel is not installed, or fails to write.
     DesignError
-        If the kernel cannot make a valid solid of the outlines.
+        If the kernel cannot make a valid solid from the outlines.
     """
     check_kernel()
     with _silence():
@@ -58,7 +58,7 @@ def as_step(part: Part, label: Label) -> bytes:
 
 
 def _solid(part: Part) -> tuple[Any, Named]:
-    """The part as a shape of the kernel, with the names of its faces."""
+    """Return the part as a kernel shape, with the names of its faces."""
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut, BRepAlgoAPI_Fuse
     from OCP.BRepCheck import BRepCheck_Analyzer
 
@@ -82,12 +82,12 @@ def _solid(part: Part) -> tuple[Any, Named]:
 
 
 def _no_solid(part: Part, what: str) -> DesignError:
-    limit = "the CAD kernel cannot make a valid solid of it"
+    limit = "the CAD kernel cannot make a valid solid from it"
     return DesignError(part.name, value=what, limit=limit, remedy="simplify the outline there, or export a mesh")
 
 
 def _after(operation: Any, face: Any) -> list[Any]:
-    """Faces that result from a face in an operation: modified pieces, none if removed, otherwise itself."""
+    """Faces that result from a face in an operation: modified parts, none if removed, otherwise the face itself."""
     if operation.IsDeleted(face):
         return []
     changed = list(operation.Modified(face))
@@ -95,7 +95,7 @@ def _after(operation: Any, face: Any) -> list[Any]:
 
 
 def _stack(part: StackedPart) -> tuple[Any, Named]:
-    """Layers as separate solids, minus the cuts in each."""
+    """Return the layers as separate solids, minus the cuts in each."""
     solids, named = [], []
     for prism in part.prisms:
         cuts = tuple(cut for cut in part.cuts if prism.from_mm < cut.tool.to_mm and cut.tool.from_mm < prism.to_mm)
@@ -106,13 +106,13 @@ def _stack(part: StackedPart) -> tuple[Any, Named]:
 
 
 def _within(cut: Cut, prism: Prism) -> Cut:
-    """The part of a cut within the height of a layer."""
+    """Return the part of a cut within the height of a layer."""
     low, high = max(cut.takes.from_mm, prism.from_mm), min(cut.takes.to_mm, prism.to_mm)
     return replace(cut, takes=replace(cut.takes, from_mm=low, to_mm=high))
 
 
 def _hollow(hollow: Hollow) -> tuple[Any, Named]:
-    """The space before a smooth face: its surface, extruded towards the emitter."""
+    """Return the space in front of a smooth face: its surface, extruded towards the emitter."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
     from OCP.gp import gp_Vec
@@ -125,7 +125,7 @@ def _hollow(hollow: Hollow) -> tuple[Any, Named]:
 
 
 def _surface(control: FloatArray, *knots: FloatArray) -> Any:
-    """B-spline surface of the kernel."""
+    """Return a B-spline surface of the kernel."""
     from OCP.collections import Array2_gp_Pnt
     from OCP.Geom import Geom_BSplineSurface
     from OCP.gp import gp_Pnt
@@ -140,7 +140,7 @@ def _surface(control: FloatArray, *knots: FloatArray) -> Any:
 
 
 def _prism(prism: Prism, name: str, all_named: str = "") -> tuple[Any, Named]:
-    """A prism as one or several solids, with the names of its faces or one name for all faces."""
+    """Return a prism as one or several solids, with the names of its faces or one name for all faces."""
     from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
     from OCP.gp import gp_Vec
 
@@ -171,7 +171,7 @@ def _together(solids: list[Any]) -> Any:
 
 
 def _regions(prism: Prism) -> list[list[tuple[Face, ...]]]:
-    """Outlines by region: an outer one, then the holes directly inside it."""
+    """Return outlines by region: an outer one, then the holes directly inside it."""
     import shapely
 
     rings = [shapely.Polygon(ring) for ring in prism.rings(1e-3)]
@@ -185,7 +185,7 @@ def _regions(prism: Prism) -> list[list[tuple[Face, ...]]]:
 
 
 def _face(outlines: list[tuple[Face, ...]], height_mm: float) -> tuple[Any, Named]:
-    """Plane face within outlines at a height, and its edges with their names."""
+    """Return the plane face within outlines at a height, and its edges with their names."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
 
@@ -200,12 +200,12 @@ def _face(outlines: list[tuple[Face, ...]], height_mm: float) -> tuple[Any, Name
         else:
             made.Add(wire)
     if made is None or not made.IsDone():
-        raise DesignError(outlines[0][0].name, limit="the CAD kernel cannot make a face of its outline")
+        raise DesignError(outlines[0][0].name, limit="the CAD kernel cannot make a face from its outline")
     return made.Face(), named
 
 
 def _wire(outline: tuple[Face, ...], height_mm: float) -> tuple[Any, Named]:
-    """Closed wire of an outline; each corner is one vertex, owned by the curve that starts there."""
+    """Return the closed wire of an outline; each corner is one vertex, owned by the curve that starts there."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeEdge, BRepBuilderAPI_MakeVertex, BRepBuilderAPI_MakeWire
 
     pieces = [(piece, face.name) for face in outline for piece in primitives(face.curve)]
@@ -232,7 +232,7 @@ def _point(point: Point, height_mm: float) -> Any:
 
 
 def _curve(piece: Primitive, height_mm: float) -> tuple[Any, float]:
-    """Curve of the kernel and its last parameter; the first is 0."""
+    """Return a kernel curve and its last parameter; the first is 0."""
     from OCP.Geom import Geom_Circle, Geom_Line
     from OCP.gp import gp_Ax2, gp_Dir
 
@@ -259,7 +259,7 @@ def _bspline(piece: Bspline, height_mm: float) -> Any:
 
 
 def _knots(values: Iterable[float], multiplicities: Iterable[int]) -> tuple[Any, Any]:
-    """Knots of the kernel, and the multiplicity of each."""
+    """Return kernel knots, and the multiplicity of each."""
     from OCP.collections import Array1_double, Array1_int
 
     both = [(float(knot), int(count)) for knot, count in zip(values, multiplicities, strict=True)]
@@ -295,7 +295,7 @@ def _written(solid: Any, named: Named, label: Label) -> bytes:
 
 
 def _head(model: Any, label: Label) -> None:
-    """Set header and product: the design as name and description, solen as the originating system."""
+    """Set header and product: design name and description, and solen as the originating system."""
     from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
     from OCP.StepBasic import StepBasic_Product
 
@@ -324,7 +324,7 @@ def _text(text: str) -> Any:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Keep the kernel's messages off stdout, which is reserved for the command's output."""
+    """Keep kernel messages off stdout, which is reserved for command output."""
     from OCP.Message import Message, Message_Gravity
 
     printers = list(Message.DefaultMessenger_s().Printers())

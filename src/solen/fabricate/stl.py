@@ -1,8 +1,8 @@
-"""Reader of STL files, binary or text: triangles in mm, with equal corners merged.
+"""STL reader for binary or text files: triangles in mm, with identical corners merged.
 
-An STL states no unit, and its first word does not show whether it is text: a file whose length matches its announced
-number of triangles is binary, whatever its first word. Normals in the file are ignored; the order of the corners
-defines the outside.
+An STL contains no unit, and its first word does not show whether it is text: a file whose length matches its announced
+number of triangles is binary, regardless of its first word. Normals in the file are ignored; the vertex order defines
+the outside.
 """
 
 import re
@@ -19,14 +19,14 @@ from solen.fabricate.meshfiles import STL_HEADER, TRIANGLE
 Corners = NDArray[np.float32] | NDArray[np.float64]
 
 LARGEST_MB = 500
-"""Maximum size of a file."""
+"""Maximum file size."""
 COUNT = STL_HEADER + 4
 VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
 REMEDY = "export it again as STL"
 
 
 def read_stl(path: Path) -> Mesh:
-    """Read the mesh of an STL file, taking its numbers as mm; whether it is closed is not checked.
+    """Read the mesh of an STL file, interpreting its numbers as mm, without checking whether it is closed.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def read_stl(path: Path) -> Mesh:
 
 
 def _welded(corners: Corners) -> tuple[Corners, NDArray[np.int64]]:
-    """Distinct points (N, 3), and their indices for each triangle (M, 3)."""
+    """Return distinct points (N, 3), and their indices for each triangle (M, 3)."""
     order = np.lexsort(corners.T).astype(np.int32)
     new = np.ones(len(order), bool)
     new[1:] = False
@@ -85,19 +85,19 @@ def _is_binary(data: bytes) -> bool:
 
 
 def _binary(data: bytes, path: Path) -> Corners:
-    """Corners (N, 3, 3) of a binary file, unchanged."""
+    """Return corners (N, 3, 3) of a binary file, unchanged."""
     if len(data) < COUNT:
         raise DataError(str(path), value=f"{len(data)} bytes", limit="is not an STL", remedy=REMEDY)
     (count,) = struct.unpack_from("<I", data, STL_HEADER)
     announced = COUNT + count * TRIANGLE.itemsize
     if len(data) != announced:
-        limit = f"announces {count} triangles, which need {announced} bytes: it is truncated, or not an STL"
+        limit = f"announces {count} triangles, which require {announced} bytes: it is truncated, or not an STL"
         raise DataError(str(path), value=f"{len(data)} bytes", limit=limit, remedy=REMEDY)
     return np.frombuffer(data, TRIANGLE, offset=COUNT)["corners"].astype(np.float32)
 
 
 def _text(data: bytes, path: Path) -> Corners:
-    """Corners (N, 3, 3) of a text file."""
+    """Return corners (N, 3, 3) of a text file."""
     corners = VERTEX.findall(data)
     if b"endsolid" not in data.lower() or len(corners) % 3:
         raise DataError(str(path), value=f"{len(corners)} corners", limit="is truncated, or not an STL", remedy=REMEDY)

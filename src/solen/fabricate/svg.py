@@ -1,8 +1,8 @@
-"""SVG drawings of a body: a user unit is 1 mm, and every face is a path with the face's name.
+"""SVG drawings of a body: a user unit is 1 mm, and every face is a path named after it.
 
-Lines, arcs, parabolas and cubics are exact; any other curve consists of the Bézier pieces of its B-spline, within 1 nm.
-Names are the paths' ids and their labels in Inkscape; `solen.geometry.drawing` reads the body back. The y axis of SVG
-points down: it is −z. Small circles mark the emitter and the pivot of the motion.
+Lines, arcs, parabolas and cubics are exact; any other curve consists of the Bézier segments of its B-spline, within 1
+nm. Names are stored as path ids and as labels in Inkscape; `solen.geometry.drawing` reads the body back. The y axis of
+SVG points down: it is −z. Small circles mark the emitter and the pivot of the motion.
 """
 
 import math
@@ -23,11 +23,11 @@ MARGIN_MM = 1.0
 STROKE_MM = 0.1
 MARK_MM = 0.1
 LARGEST_ARC_DEG = 90.0
-"""Maximum angle of a piece of an arc; the centre of a larger arc is less accurately determined by its ends."""
+"""Maximum angle of an arc segment; the centre of a larger arc is less accurately determined by its ends."""
 
 
 def as_svg(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> bytes:
-    """SVG file of a body, in mm, with numbers next to its parts and a table of them."""
+    """Return an SVG file of a body, in mm, with part numbers and a parts table."""
     faces = (*body.all_faces, *body.apart)
     corners = np.vstack([*(face.curve.flattened(1e-3) for face in faces), [pose.point for _, pose in emitters(body)]])
     low, high = corners.min(axis=0) - MARGIN_MM, corners.max(axis=0) + MARGIN_MM
@@ -56,7 +56,7 @@ def as_svg(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> byte
 
 
 def _numbers(parts: Sequence[NumberedPart], table: Point) -> Iterator[str]:
-    """Numbers next to parts, and the table of parts."""
+    """Draw the part numbers and the parts table."""
     if not parts:
         return
     yield f'<g id="notes" font-family="sans-serif" font-size="{TEXT_MM:g}">'
@@ -93,7 +93,7 @@ def _circle(name: str, point: Point) -> str:
 
 
 def _drawn(curve: Curve) -> Iterator[str]:
-    """Path data of a curve."""
+    """Return the path data of a curve."""
     yield f"M{_at(curve.start)}"
     if isinstance(curve, Segment):
         yield f"L{_at(curve.end)}"
@@ -115,5 +115,5 @@ def _at(point: Point) -> str:
 
 
 def _number(value: float) -> str:
-    """A length with at most twelve decimals: a thousandth of a picometre."""
+    """Format a length with at most twelve decimals: a thousandth of a picometre."""
     return f"{value + 0.0:.12f}".rstrip("0").rstrip(".")

@@ -1,8 +1,8 @@
-"""Reader of 3MF files (3MF Consortium, core specification 1.3): the meshes to be built, in mm.
+"""3MF reader (3MF Consortium, core specification 1.3): the meshes to be built, in mm.
 
-A 3MF is a ZIP with a model in XML: objects, each a mesh or composed of others, and the items to build, each an object
-and a transformation. Units are converted; materials, colours and extensions are ignored, but a file that requires an
-extension is rejected.
+A 3MF is a ZIP that contains an XML model with objects, each of which is a mesh or composed of others, and the items to
+build, each of which is an object with a transformation. Units are converted; materials, colours and extensions are
+ignored, but a file that requires an extension is rejected.
 """
 
 import zipfile
@@ -22,9 +22,9 @@ from solen.fabricate.meshfiles import CORE, MODEL
 
 MM = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
 LARGEST_MB = 500
-"""Maximum size of a model, checked before it is unpacked."""
+"""Maximum model size, checked before the model is unpacked."""
 DEEPEST, MOST_OBJECTS = 16, 10_000
-"""Maximum depth of nested objects, and maximum number of objects."""
+"""Maximum nesting depth of objects, and maximum number of objects."""
 SPACE = f"{CORE} "
 PIECE = 1 << 20
 """Number of bytes parsed at a time."""
@@ -33,7 +33,7 @@ REMEDY = "export it again, or as STL"
 
 @dataclass
 class Pieces:
-    """Triangles gathered from the meshes."""
+    """Triangles collected from the meshes."""
 
     vertices: list[FloatArray] = field(default_factory=list)
     triangles: list[IntArray] = field(default_factory=list)
@@ -49,7 +49,7 @@ class Pieces:
 
 @dataclass
 class MeshObject:
-    """An object: its corners, the corner indices of its triangles, and its component objects."""
+    """An object: corners, corner indices of its triangles, and component objects."""
 
     vertices: "array[float]" = field(default_factory=lambda: array("d"))
     triangles: "array[int]" = field(default_factory=lambda: array("q"))
@@ -58,7 +58,7 @@ class MeshObject:
 
 @dataclass
 class Model:
-    """Content of a model, collected element by element to avoid storing its whole tree in memory."""
+    """Contents of a model, collected element by element to avoid storing the entire tree in memory."""
 
     about: dict[str, str] = field(default_factory=dict)
     objects: dict[str, MeshObject] = field(default_factory=dict)
@@ -83,7 +83,7 @@ class Model:
 
 
 def read_threemf(path: Path) -> Mesh:
-    """Read the mesh of everything that a 3MF builds, in mm; whether it is closed is not checked.
+    """Read the mesh of all items that a 3MF builds, in mm, without checking whether it is closed.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def _model(path: Path) -> Model:
 
 
 def _guarded(model: Model, path: Path) -> Callable[[str, dict[str, str]], None]:
-    """`Model.start`, with errors that name the file if a number is missing or invalid."""
+    """Call `Model.start`; if a number is missing or invalid, raise an error that names the file."""
 
     def start(name: str, attributes: dict[str, str]) -> None:
         try:
@@ -158,7 +158,7 @@ def _guarded(model: Model, path: Path) -> Callable[[str, dict[str, str]], None]:
 def _gather(
     reference: dict[str, str], objects: dict[str, MeshObject], outer: FloatArray, pieces: Pieces, depth: int
 ) -> None:
-    """Add an item's or component's object, moved by its transformation and all outer ones."""
+    """Add the object of an item or component, transformed by its own and all outer transformations."""
     pieces.objects += 1
     if depth > DEEPEST or pieces.objects > MOST_OBJECTS:
         raise ValueError("its objects contain one another")
@@ -179,7 +179,7 @@ def _gather(
 
 
 def _transform(text: str | None) -> FloatArray:
-    """Matrix (4, 4) for rows of coordinates, from the twelve numbers of a 3MF."""
+    """Return a matrix (4, 4) for rows of coordinates, from the twelve numbers in a 3MF."""
     matrix = np.eye(4)
     if text:
         matrix[:, :3] = np.array([float(word) for word in text.split()]).reshape(4, 3)

@@ -1,12 +1,12 @@
 """A bend: the straight axis of a stem becomes a curve, and everything attached to it moves along.
 
-Every cross-section of the stem stays straight and square to the centre line, and the centre line keeps its length (the
-kinematics of a slender beam, without forces). Everything above the bent segment stays fixed; everything below it (lens,
-emitter) moves rigidly with the lowest section. ``angle_deg`` turns that section relative to the fork,
-counter-clockwise, as a rigid turn of the same angle would.
+Every cross-section of the stem stays straight and perpendicular to the centre line, and the centre line keeps its
+length (the kinematics of a slender beam, without forces). Everything above the bent segment stays fixed; everything
+below it (lens, emitter) moves rigidly with the lowest section. ``angle_deg`` rotates that section relative to the fork,
+counter-clockwise, as a rigid rotation by the same angle would.
 
-A wall parallel to the axis of an even bend becomes an arc of a circle, exactly. Any other curve becomes a spline within
-`BEND_TOLERANCE_MM`. Without a bend every curve remains the same object.
+In a bend of constant curvature, a wall parallel to the axis becomes an exact circular arc. Any other curve becomes a
+spline within `BEND_TOLERANCE_MM`. Without a bend every curve remains the same object.
 """
 
 import math
@@ -26,7 +26,7 @@ from solen.plane import Point, Rigid
 BEND_TOLERANCE_MM = 1e-9
 """Maximum deviation of the spline from a bent wall."""
 LARGEST_RADIUS_MM = 1000.0
-"""Flatter arcs are written as splines: their centres are too far away for their ends to be exact."""
+"""Flatter arcs are represented by splines: their centres are too far away for exact end points."""
 LEVEL_MM = 1e-9
 """A curve that extends across a height by less than this counts as being on one side of it."""
 UPRIGHT_MM = 1e-13
@@ -41,10 +41,10 @@ class Profile(Protocol):
     """Distribution of a bend: fraction of its angle as a function of the fraction of the length below the fork."""
 
     def turn(self, share: FloatArray) -> FloatArray:
-        """Fraction of the angle at fractions of the length, 0 at the fork."""
+        """Return the fraction of the angle at fractions of the length, 0 at the fork."""
 
     def per_share(self, share: FloatArray) -> FloatArray:
-        """Derivative of `turn`."""
+        """Return the derivative of `turn`."""
 
 
 class Even:
@@ -60,10 +60,10 @@ class Even:
 
 
 class Drawn:
-    """Distribution given by the direction of a drawn centre line relative to that at the fork.
+    """Distribution defined by the direction of a drawn centre line relative to its direction at the fork.
 
-    The line is the natural spline through its points. Its largest angle to the fork counts as the whole angle, so an S
-    shape may also be drawn; its length does not matter.
+    The line is the natural spline through its points. The full bend angle corresponds to the largest angle of the line
+    relative to the fork, so an S shape may also be drawn; the length of the line does not matter.
     """
 
     def __init__(self, points: Sequence[Point]) -> None:
@@ -78,7 +78,7 @@ class Drawn:
         turn = heading - heading[0]
         largest = float(turn[np.argmax(np.abs(turn))])
         if abs(largest) < math.radians(0.1):
-            raise DesignError("motion.centre_line", value="straight", limit="must turn by at least 0.1 deg")
+            raise DesignError("motion.centre_line", value="straight", limit="must change direction by at least 0.1 deg")
         self._spline = CubicSpline(share, turn / largest)
         self._slope = self._spline.derivative()
 
@@ -116,13 +116,13 @@ class Bend:
         return Rigid(cos, sin, (float(x) + sin * float(z[0]), float(up) - cos * float(z[0])))
 
     def places(self, points: FloatArray) -> FloatArray:
-        """Bent positions of points (N, 2) between the two heights."""
+        """Return the bent positions of points (N, 2) between the two heights."""
         x, z = points.T
         turn = self._turn(z)
         return np.asarray(self._centre(z) + np.column_stack([x * np.cos(turn), x * np.sin(turn)]))
 
     def velocities(self, points: FloatArray, velocities: FloatArray) -> FloatArray:
-        """Bent derivatives (N, 2) of moving points."""
+        """Return the bent derivatives (N, 2) of moving points."""
         (x, z), (dx, dz) = points.T, velocities.T
         turn = self._turn(z)
         cos, sin = np.cos(turn), np.sin(turn)
@@ -130,7 +130,7 @@ class Bend:
         return np.column_stack([dx * cos - ahead * sin, dx * sin + ahead * cos])
 
     def carry(self, curve: Curve, _start: float, _end: float) -> tuple[Function, Function, tuple[float, float]]:
-        """Points and velocities of a bent curve at its parameters; see `solen.curve.carried`."""
+        """Return points and velocities of a bent curve at its parameters; see `solen.curve.carried`."""
 
         def velocity(u: FloatArray) -> FloatArray:
             return self.velocities(curve.points(u), curve.velocities(u))
@@ -144,7 +144,7 @@ class Bend:
             raise DesignError(
                 "motion",
                 value=f"a bend by {self.angle_deg:g} deg over {self.length_mm:g} mm",
-                limit="folds the inner wall over: its radius is smaller than half the stem's width",
+                limit="folds the inner wall over: its radius is smaller than half the stem width",
                 remedy="bend by a smaller angle or over a longer segment",
             )
 
@@ -152,14 +152,14 @@ class Bend:
         return np.clip((self.to_mm - z) / self.length_mm, 0.0, 1.0)
 
     def _turn(self, z: FloatArray) -> FloatArray:
-        """Angles of the sections at heights (N,), in radians."""
+        """Return the section angles at heights (N,), in radians."""
         return math.radians(self.angle_deg) * self.profile.turn(self._share(z))
 
     def _turn_per_mm(self, z: FloatArray) -> FloatArray:
         return -math.radians(self.angle_deg) / self.length_mm * self.profile.per_share(self._share(z))
 
     def _centre(self, z: FloatArray) -> FloatArray:
-        """Points (N, 2) of the bent axis at heights (N,), integrated downwards from the fork."""
+        """Return points (N, 2) of the bent axis at heights (N,), integrated downwards from the fork."""
         share = self._share(z)
         if isinstance(self.profile, Even):
             half = 0.5 * math.radians(self.angle_deg) * share
@@ -176,7 +176,7 @@ class Bend:
         return np.vstack([np.zeros((1, 2)), np.cumsum(steps, axis=0)[:-1]])
 
     def _integral(self, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Steps (N, 2) down the centre line between fractions of its length."""
+        """Return displacements (N, 2) down the centre line between fractions of its length."""
         half = 0.5 * (high - low)
         share = (0.5 * (low + high))[:, None] + half[:, None] * NODES
         turn = math.radians(self.angle_deg) * self.profile.turn(share.ravel()).reshape(share.shape)
@@ -185,7 +185,7 @@ class Bend:
 
 
 def bend_of(centre_line: Sequence[Point] | None, from_mm: float, to_mm: float, angle_deg: float) -> Bend:
-    """Bend between two heights, either even or distributed according to a drawn centre line."""
+    """Return the bend between two heights, either with constant curvature or as defined by a drawn centre line."""
     return Bend(
         from_mm, to_mm, angle_deg, Even() if centre_line is None else _drawn(tuple((x, z) for x, z in centre_line))
     )
@@ -197,21 +197,21 @@ def _drawn(points: tuple[Point, ...]) -> Drawn:
 
 
 def bent(curve: Curve, bend: Bend) -> tuple[Curve, ...]:
-    """The bent curve, divided where it enters and leaves the bent segment, otherwise in one piece."""
+    """Return the bent curve, divided where it enters and leaves the bent segment."""
     if bend.angle_deg == 0.0:
         return (curve,)
     return tuple(_bent(piece, bend) for piece in _divided(curve, bend))
 
 
 def _divided(curve: Curve, bend: Bend) -> list[Curve]:
-    """The curve in pieces above, in or below the bent segment."""
+    """Return the segments of the curve above, in or below the bent segment."""
     cuts = sorted({u for height in (bend.from_mm, bend.to_mm) for u in _passes(curve, height)})
     ends = [0.0, *cuts, 1.0]
     return [curve.part(low, high) for low, high in pairwise(ends)] if cuts else [curve]
 
 
 def _passes(curve: Curve, height_mm: float) -> list[float]:
-    """Parameters at which a curve passes through a height, without its ends."""
+    """Return the parameters, except at the ends, at which a curve passes through a height."""
     from scipy.optimize import brentq
 
     def above(u: float) -> float:
@@ -226,7 +226,7 @@ def _passes(curve: Curve, height_mm: float) -> list[float]:
 
 
 def _bent(curve: Curve, bend: Bend) -> Curve:
-    """Bend one piece that does not pass the ends of the bent segment."""
+    """Bend a segment that does not pass the ends of the bent stem segment."""
     z = curve.points(np.linspace(0.0, 1.0, SAMPLES))[:, 1]
     low, high = float(z.min()), float(z.max())
     if low >= bend.to_mm - LEVEL_MM:
@@ -243,7 +243,7 @@ def _bent(curve: Curve, bend: Bend) -> Curve:
 
 
 def _arc(curve: Curve, bend: Bend) -> Arc | None:
-    """Arc that results from bending a line parallel to the axis evenly; None for other curves and very flat arcs."""
+    """Arc of a line parallel to the axis in a bend of constant curvature; None for other curves and very flat arcs."""
     straight = isinstance(curve, Segment) or (isinstance(curve, Parabola) and curve.curve_per_mm == 0.0)
     (x, z_start), (other_x, z_end) = curve.start, curve.end
     if not straight or abs(x - other_x) > UPRIGHT_MM or not isinstance(bend.profile, Even):

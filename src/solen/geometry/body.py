@@ -1,8 +1,8 @@
 """A body: closed outlines of named exact curves, and the position of its emitter.
 
 Geometry is independent of optics. An outline is directed with the material on its left: the outer one
-counter-clockwise, a hole clockwise. :meth:`Body.check` verifies that each is closed and simple, that no outline crosses
-another and that they have this orientation, and reports the location of any fault.
+counter-clockwise, a hole clockwise. :meth:`Body.check` verifies that each outline is closed and simple, that outlines
+do not intersect and that they have this orientation, and reports the location of any fault.
 """
 
 import math
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 
 GAP_MM = END_TOLERANCE_MM
 """Two faces share a corner if their ends are this close; curves extend this far beyond their ends."""
-REMEDY_OF_THE_Y = "check stem, arm and lens lengths, the arm's angle and width, and the motion's angles"
+REMEDY_OF_THE_Y = "check stem, arm and lens lengths, the arm angle and width, and the motion angles"
 NEAR_MM = 1e-2
 """Faces this close to an intersection of outlines are named in the error message."""
 
 
 @dataclass(frozen=True)
 class Face:
-    """A named piece of an outline, or of a separate object.
+    """A named segment of an outline, or of a separate object.
 
-    ``wall`` is the number of the design's wall table that covers it. Lengths along a face count from its start, or from
-    its end if ``from_end`` is set; ``begins_mm`` is the length at the beginning of a trimmed face.
+    ``wall`` is the index in the design's wall table that applies to it. Lengths along a face are measured from its
+    start, or from its end if ``from_end`` is set; ``begins_mm`` is the length at the beginning of a trimmed face.
     """
 
     name: str
@@ -45,17 +45,17 @@ class Face:
 
     @property
     def part(self) -> str:
-        """Part that the face belongs to, from the first word of its name: ``receiver`` of ``receiver-right.2``."""
+        """Part that the face belongs to, from the first word of its name: ``receiver`` for ``receiver-right.2``."""
         return self.part_of(self.name)
 
     @staticmethod
     def part_of(name: str) -> str:
-        """First word of a name."""
+        """Return the first word of a name."""
         return _words(name)[0]
 
     @property
     def whose(self) -> str:
-        """The name without part and piece number: ``right`` of ``receiver-right.2``; the part if nothing is left."""
+        """Name without part and segment number: ``right`` for ``receiver-right.2``; the part if nothing is left."""
         part, rest = _words(self.name)
         return rest or part
 
@@ -69,7 +69,7 @@ class Pose:
     width_mm: float = 0.0
 
     def moved(self, motion: Rigid) -> "Pose":
-        """The pose after a rigid motion."""
+        """Return the pose after a rigid motion."""
         return replace(self, point=motion.point(self.point), axis_deg=self.axis_deg + motion.angle_deg)
 
 
@@ -77,8 +77,8 @@ class Pose:
 class Front:
     """A face in space that replaces an upright one: a lens that is not a cylinder.
 
-    ``interface`` is the name of the upright face with its middle section, material on the left; ``motion`` maps the
-    lens's own frame to the body's.
+    ``interface`` is the name of the upright face through the middle section, with material on its left; ``motion`` maps
+    the coordinates of the lens to those of the body.
     """
 
     interface: str
@@ -90,10 +90,10 @@ class Front:
 class Body:
     """A closed outline, its emitter and its named points (``marks``: the fork's two corners, the crotch, the base).
 
-    ``others`` are further closed outlines: holes and separate bodies. ``apart`` are faces in the air: receivers behind
-    a gap, mirrors. An emitter may be ``embedded`` in the material. With a ``front``, the outline is that of the middle
-    section, and the body is not a prism. ``lamps`` are all emitters of a network, of which only ``emitter`` emits
-    light.
+    ``others`` are further closed outlines: holes and separate bodies. ``apart`` are faces in air: receivers behind a
+    gap, mirrors. An emitter may be ``embedded`` in the material. If a ``front`` is set, the outline is that of the
+    middle section, and the body is not a prism. ``lamps`` are all emitters of a network, of which only ``emitter``
+    emits light.
     """
 
     faces: tuple[Face, ...]
@@ -106,13 +106,13 @@ class Body:
     lamps: tuple[tuple[str, Pose], ...] = ()
 
     def upright(self, remedy: str = 'set lens.shape = "cartesian-oval"') -> "Body":
-        """The body itself; raises `DesignError` if its lens is not a cylinder and one outline cannot describe it."""
+        """Body itself; raises `DesignError` if its lens is not a cylinder and one outline cannot describe it."""
         if self.front is None:
             return self
         raise DesignError(
             "lens.shape",
             value=self.front.lens.shape,
-            limit="a lens that varies with height: a single outline does not describe this body",
+            limit="a lens that varies with height: a single outline cannot describe this body",
             remedy=remedy,
         )
 
@@ -127,7 +127,7 @@ class Body:
         return tuple(face for outline in self.outlines for face in outline)
 
     def face(self, name: str) -> Face:
-        """The face with a given name; raises `KeyError` if there is none."""
+        """Return the face with a given name; raises `KeyError` if there is none."""
         return {face.name: face for face in (*self.all_faces, *self.apart)}[name]
 
     def outline(self, tolerance_mm: float = 1e-3) -> FloatArray:
@@ -141,7 +141,7 @@ class Body:
         return area_mm2(self.outlines)
 
     def check(self) -> "Body":
-        """The body itself; raises `DesignError` with faces and place if it is open, crosses itself or is inside out."""
+        """Return the body; raises `DesignError` with faces and position if open, self-intersecting or inside out."""
         rings = []
         for outline in self.outlines:
             _check_closed(outline)
@@ -167,7 +167,7 @@ class Body:
             raise DesignError("body outline", value=way, limit=f"must run {must}, with the material on its left")
 
     def _check_rings(self, rings: list[FloatArray]) -> None:
-        """Raise `DesignError` if outlines touch, or the orientation of one does not fit those around it."""
+        """Raise `DesignError` if outlines touch, or if the orientation of an outline does not fit those around it."""
         import shapely
 
         lines = [shapely.LinearRing(ring) for ring in rings]
@@ -190,14 +190,14 @@ class Body:
             line = shapely.LineString(face.curve.flattened(1e-4))
             if solid.intersects(line):
                 place = solid.intersection(line).representative_point()
-                limit = f"must be in the air, but touches the body at {place_text((place.x, place.y))}"
-                raise DesignError(face.name, limit=limit, remedy="move it away, or turn by a smaller angle")
+                limit = f"must be in air, but touches the body at {place_text((place.x, place.y))}"
+                raise DesignError(face.name, limit=limit, remedy="move it away, or reduce the rotation angle")
         if not self.embedded and solid.intersects(shapely.Point(self.emitter.point)):
             raise DesignError(
                 "emitter",
                 value=f"inside the body at {place_text(self.emitter.point)}",
                 limit="must be in front of the lens",
-                remedy="increase emitter.distance_mm or turn by a smaller angle",
+                remedy="increase emitter.distance_mm or reduce the rotation angle",
             )
 
     def _crosses(self, place: Point | None = None, reason: str = "") -> DesignError:
@@ -215,18 +215,18 @@ class Body:
 
 
 def polyline(outline: tuple[Face, ...], tolerance_mm: float) -> FloatArray:
-    """Closed polyline (N, 2) within ``tolerance_mm`` of an outline; its last point repeats the first."""
+    """Return a closed polyline (N, 2) within ``tolerance_mm`` of an outline; its last point repeats the first."""
     pieces = [face.curve.flattened(tolerance_mm)[:-1] for face in outline]
     return np.vstack([*pieces, pieces[0][:1]])
 
 
 def material(body: Body, tolerance_mm: float) -> "shapely.geometry.base.BaseGeometry":
-    """Area of a body without its holes, as a shapely geometry within ``tolerance_mm``."""
+    """Return the area of a body without its holes, as a shapely geometry within ``tolerance_mm``."""
     return filled([polyline(outline, tolerance_mm) for outline in body.outlines])
 
 
 def filled(rings: list[FloatArray]) -> "shapely.geometry.base.BaseGeometry":
-    """Area within an odd number of closed polylines, as a shapely geometry."""
+    """Return the area within an odd number of closed polylines, as a shapely geometry."""
     import shapely
 
     solid: shapely.geometry.base.BaseGeometry = shapely.Polygon(rings[0])
@@ -236,12 +236,12 @@ def filled(rings: list[FloatArray]) -> "shapely.geometry.base.BaseGeometry":
 
 
 def place_text(point: Point) -> str:
-    """Coordinates of a point, for error messages."""
+    """Format the coordinates of a point for error messages."""
     return f"x = {point[0]:.4g}, z = {point[1]:.4g} mm"
 
 
 def _words(name: str) -> tuple[str, str]:
-    """First word of a face's name and the remainder, without the number of a piece."""
+    """Return the first word of a face name and the remainder, without the segment number."""
     name = re.sub(r"\.\d+$", "", name)
     part = re.match(r"[^\W\d_]*", name)
     first = part.group() if part else ""
@@ -262,13 +262,13 @@ def _check_closed(outline: tuple[Face, ...]) -> None:
 
 
 def _places(reason: str) -> tuple[Point | None, str]:
-    """The fault of an invalid geometry, and its position, from shapely's explanation."""
+    """Return the fault of an invalid geometry, and its position, from shapely's explanation."""
     numbers = re.findall(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?", reason)
     return ((float(numbers[-2]), float(numbers[-1])) if len(numbers) >= 2 else None), reason
 
 
 def area(outline: FloatArray) -> float:
-    """Area of a closed polyline, positive for a counter-clockwise one."""
+    """Return the area of a closed polyline, positive if counter-clockwise."""
     x, z = outline.T
     return float(np.sum(x[:-1] * z[1:] - x[1:] * z[:-1]) / 2)
 

@@ -1,7 +1,7 @@
-"""The job of a coupon: its exposures, its nominal sizes and positions, and assumptions about its source.
+"""The job file of a coupon: exposures, nominal sizes and positions, and assumptions about the light source.
 
-A job is a JSON file beside the solids. It holds the whole layout, so that `solen print fidelity` compares measured
-sizes with the nominal ones, regardless of the coupon's options.
+A job is a JSON file stored next to the solids. It contains the complete layout, so `solen print fidelity` can compare
+measured sizes with the nominal sizes, whatever options the coupon was made with.
 """
 
 import hashlib
@@ -21,19 +21,19 @@ from solen.spec.objects import parsed
 JOB_KIND = "coupon-job"
 SCHEMA = 1
 WHOLE = 1e-6
-"""Tolerance within which a number of layers counts as whole."""
+"""Tolerance within which a number of layers counts as an integer."""
 AXES = "x to the right and y up, seen from above, in mm from the centre; z from the build plate"
-ORIENTATION = "flat on the build plate as drawn, neither turned nor mirrored; heights are along the build direction"
+ORIENTATION = "flat on the build plate as drawn, not rotated or mirrored; heights are along the build direction"
 
 
 def job_sha256(coupon: Coupon, options: CouponOptions) -> str:
-    """Checksum of a job's layout and options."""
+    """Return the checksum of a job's layout and options."""
     text = json.dumps([asdict(coupon), options.model_dump()], sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def as_job(coupon: Coupon, options: CouponOptions, files: dict[str, dict[str, str]]) -> bytes:
-    """The job as JSON; ``files`` are the names of the solids by stage and format."""
+    """Return the job as JSON; ``files`` are the names of the solids by stage and format."""
     irradiance = options.irradiance_mW_per_cm2
     job = {
         "kind": JOB_KIND,
@@ -87,12 +87,12 @@ def _stage(coupon: Coupon, options: CouponOptions, stage: Stage, files: dict[str
 
 
 def cautions(coupon: Coupon, options: CouponOptions) -> list[Caution]:
-    """Warnings of features that the printer's layers and pixels, if known, cannot resolve."""
+    """Return warnings about features that the printer's layers and pixels cannot resolve."""
     return [*map(note, coupon.cautions), *_of_layers(coupon, options), *_of_pixels(coupon, options.pitch_um)]
 
 
 def _of_layers(coupon: Coupon, options: CouponOptions) -> list[Caution]:
-    """Warn of heights that are not a whole number of layers, and of steps below a layer."""
+    """Warn if heights are not a multiple of the layer thickness, or steps are below one layer."""
     if coupon.name in ("cure-discs", "grey-steps"):
         return []
     layer_mm = 1e-3 * options.layer_um
@@ -103,26 +103,26 @@ def _of_layers(coupon: Coupon, options: CouponOptions) -> list[Caution]:
         shown = _listed(broken[:6]) + (" …" if len(broken) > 6 else "")
         warnings.append(
             look_at(
-                f"{len(broken)} of {len(heights)} heights ({shown} mm) are not a whole number of layers of "
+                f"{len(broken)} of {len(heights)} heights ({shown} mm) are not a multiple of the layer thickness of "
                 f"{options.layer_um:g} µm and will be rounded"
             )
         )
     thin = sorted({step.step_mm for step in coupon.steps if step.step_mm < layer_mm * (1.0 - WHOLE)})
     if thin:
         steps = _listed(1e3 * step for step in thin)
-        warnings.append(look_at(f"steps of {steps} µm are below one layer of {options.layer_um:g} µm"))
+        warnings.append(look_at(f"steps of {steps} µm are below the layer thickness of {options.layer_um:g} µm"))
     return warnings
 
 
 def _of_pixels(coupon: Coupon, pitch_um: float | None) -> list[Caution]:
-    """Warn of sizes and gaps below a pixel."""
+    """Warn if sizes or gaps are smaller than a pixel."""
     if pitch_um is None:
         return []
     pitch_mm = 1e-3 * pitch_um
     small = [feature.name for feature in coupon.features if min(feature.width_mm, feature.depth_mm) < pitch_mm]
     narrow = [gap.name for gap in coupon.gaps if gap.gap_mm < pitch_mm]
     warnings = [look_at(f"{', '.join(small)}: smaller than a pixel of {pitch_um:g} µm")] if small else []
-    grey = look_at(f"{', '.join(narrow)}: gaps below a pixel of {pitch_um:g} µm appear as grey values only")
+    grey = look_at(f"{', '.join(narrow)}: gaps below a pixel of {pitch_um:g} µm appear only as grey levels")
     return [*warnings, grey] if narrow else warnings
 
 
@@ -135,25 +135,25 @@ def _whole(layers: float) -> bool:
 
 
 def read_job(path: Path) -> tuple[Coupon, dict[str, Any]]:
-    """Read a job file; return its coupon and the whole job.
+    """Read a job file and return its coupon and the complete job.
 
     Raises
     ------
     DataError
-        If the file cannot be read or is not a job, or if its layout is damaged.
+        If the file cannot be read, is not a job, or has a damaged layout.
     """
     data = parsed(read_text(path, DataError), str(path))
-    remedy = "write it again: solen print coupons"
+    remedy = "write the job again: solen print coupons"
     if not isinstance(data, dict) or data.get("kind") != JOB_KIND:
-        raise DataError(str(path), limit="is not the job of a coupon", remedy=remedy)
+        raise DataError(str(path), limit="is not a coupon job", remedy=remedy)
     if data.get("schema") != SCHEMA:
-        limit = f"this solen reads schema {SCHEMA}"
+        limit = f"this version of solen reads schema {SCHEMA}"
         raise DataError(f"{path}: schema", value=data.get("schema"), limit=limit, remedy=remedy)
     return coupon_of(data.get("layout"), str(path)), data
 
 
 def coupon_options(job: dict[str, Any], path: Path) -> CouponOptions:
-    """Options of a job's coupon layout; raises `DataError` if they are damaged."""
+    """Return the layout options of a coupon's job; raises `DataError` if they are damaged."""
     choices = job.get("choices")
     if not isinstance(choices, dict):
         raise DataError(f"{path}: choices", limit="is missing", remedy="write the job again: solen print coupons")

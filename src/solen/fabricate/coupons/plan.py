@@ -1,4 +1,4 @@
-"""The plan of a coupon as SVG at true scale: a user unit is 1 mm, and each feature is a named shape."""
+"""SVG plan of a coupon at true scale: one user unit is 1 mm, and each feature is a named shape."""
 
 from xml.sax.saxutils import escape, quoteattr
 
@@ -10,7 +10,7 @@ STAGE_APART_MM = 4.0
 
 
 def as_plan(coupon: Coupon, label: Label) -> bytes:
-    """Draw a coupon's plan, seen from above with the nominal sizes next to the features, as an SVG file."""
+    """Draw the plan of a coupon as an SVG file, seen from above with the nominal sizes next to the features."""
     width, depth, _ = coupon.size_mm
     count = len(coupon.stages)
     high = count * depth + (count - 1) * STAGE_APART_MM + 2.0 * MARGIN_MM + 1.5
@@ -47,13 +47,13 @@ def _shape(feature: Feature, down: float) -> str:
 
 
 def _rectangle(name: str, x: float, y: float, width: float, depth: float, bevel: float) -> str:
-    """Path of a rectangle about a point, with its right back corner bevelled; the y axis of SVG points down."""
+    """Path of a rectangle about a point, with a bevelled right back corner; the y axis of SVG points down."""
     right, back = x + 0.5 * width, y - 0.5 * depth
     start = f"M{right - width:.9g} {back + depth:.9g}H{right:.9g}V{back + bevel:.9g}"
     return f'<path id={quoteattr(name)} d="{start}L{right - bevel:.9g} {back:.9g}H{right - width:.9g}Z"/>'
 
 
 def _words(feature: Feature, down: float, index: int) -> str:
-    """Label above a feature; every second label is placed higher to avoid overlaps between neighbours."""
+    """Draw the label above a feature; every second label is placed higher to avoid overlaps between neighbours."""
     above = 0.5 * feature.depth_mm + 0.12 + 0.4 * (index % 2)
     return f'<text x="{feature.x_mm:.6g}" y="{down - feature.y_mm - above:.6g}">{escape(feature.name)}</text>'

@@ -1,4 +1,4 @@
-"""A run of a coupon ready for the printer: layers and exposures as its job states them."""
+"""Print run of a coupon, ready for the printer, with the layers and exposures specified in its job."""
 
 import hashlib
 from pathlib import Path
@@ -19,16 +19,16 @@ from solen.recording import Provenance
 
 
 def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tuple[Printable, Slicing]:
-    """Slice one run of a coupon's job with the layers and exposures that the job states; they are not options here.
+    """Slice one run of a coupon with the layers and exposures of its job, which cannot be set by options.
 
-    Pieces with their own exposure (cure discs, a single layer on film) become separate pictures, without burn-in.
+    Parts with individual exposures (cure discs, a single layer on film) become separate images without burn-in.
 
     Raises
     ------
     DataError
         If the file is not a job.
     SpecError
-        If the job has several runs and none is chosen, or if an option contradicts the job.
+        If the job has several runs and none is selected, or if an option contradicts the job.
     """
     coupon, data = read_job(path)
     stage, options = _run(coupon, run), coupon_options(data, path)
@@ -44,8 +44,8 @@ def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tu
     }
     for key in slicing.model_fields_set & set(stated):
         if getattr(slicing, key) != stated[key]:
-            limit = f"the job states {stated[key]}"
-            remedy = "omit it, or write the coupon again: solen print coupons"
+            limit = f"the job specifies {stated[key]}"
+            remedy = "omit the option, or write the coupon again: solen print coupons"
             raise SpecError(f"--{key.replace('_', '-')}", value=getattr(slicing, key), limit=limit, remedy=remedy)
     sliced = slicing.model_copy(update=stated)
     part = coupon_parts(coupon)[stage.name]
@@ -69,11 +69,15 @@ def printable_coupon(path: Path, slicing: Slicing, run: str | None = None) -> tu
 
 
 def _run(coupon: Coupon, name: str | None) -> Stage:
-    """The run with a given name, or the only one."""
+    """Return the run with a given name, or the only run."""
     names = [stage.name for stage in coupon.stages]
     if name is None and len(names) == 1:
         return coupon.stages[0]
     if name not in names:
-        runs = f"{coupon.name} is printed in the runs {', '.join(names)}" if len(names) > 1 else "the job has one run"
-        raise SpecError("--run", value=name, limit=runs, remedy="name one of them" if len(names) > 1 else "omit it")
+        runs = (
+            f"{coupon.name} is printed in the runs {', '.join(names)}" if len(names) > 1 else "the job has a single run"
+        )
+        raise SpecError(
+            "--run", value=name, limit=runs, remedy="name one of these runs" if len(names) > 1 else "omit it"
+        )
     return coupon.stages[names.index(name)]

@@ -1,6 +1,6 @@
-"""Solids of coupons: a slab with its holes is one prism, and each column on it is another.
+"""Solids of coupons: each slab with its holes is one prism, and each column on a slab is another.
 
-X and Y are those of the layout, and Z is the height above the plate. Each run of the printer has its own part.
+X and Y are the layout coordinates, and Z is the height above the plate. Each print run has its own part.
 """
 
 from solen.curve import Arc, Segment
@@ -14,7 +14,7 @@ Outline = tuple[Face, ...]
 
 
 def coupon_parts(coupon: Coupon) -> dict[str, Part]:
-    """Parts of a coupon, keyed by the names of its stages; heights count from the first layer of the stage.
+    """Return the parts of a coupon, keyed by stage name; heights are measured from the first layer of the stage.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def _circle(feature: Feature, *, inside_out: bool = False) -> Outline:
 
 
 def _rectangle(name: str, at: Point, width: float, depth: float, bevel: float) -> Outline:
-    """Rectangle about a point, counter-clockwise, with its right back corner bevelled."""
+    """Return a counter-clockwise rectangle about a point, with a bevelled right back corner."""
     x, y, right, back = *at, at[0] + 0.5 * width, at[1] + 0.5 * depth
     left, front = 2.0 * x - right, 2.0 * y - back
     corner = [(right, back)] if bevel == 0.0 else [(right, back - bevel), (right - bevel, back)]

@@ -1,7 +1,6 @@
-"""Coupons as files: the solids, job and plan of each, and a summary of what is written.
+"""Coupon files: the solids, job and plan of each coupon, and a summary.
 
-The interface: `coupon_set` summarises coupons, and `written_coupons` also makes their files according to
-`CouponOutput`.
+`coupon_set` summarises coupons; `written_coupons` also writes their files according to `CouponOutput`.
 """
 
 import math
@@ -30,12 +29,12 @@ Side = Annotated[float, Field(gt=0, lt=math.inf)]
 
 
 class CouponOutput(Options):
-    """Options for writing coupons."""
+    """Output options for coupons."""
 
     printer: str | None = None
-    """Printer of the library, or its file; gives the plate and the pixel size."""
+    """Printer from the library, or a printer file; specifies the plate and the pixel size."""
     plate_mm: tuple[Side, Side] | None = None
-    """Width and depth of the build plate, which each coupon must fit on."""
+    """Width and depth of the build plate, which must accommodate each coupon."""
     step: bool = False
     """Also write exact solids for CAD programs (requires the extra cad)."""
     tolerance_mm: float = 1e-3
@@ -44,7 +43,7 @@ class CouponOutput(Options):
 
 @dataclass(frozen=True)
 class CouponPart:
-    """A part that is printed in one run, with its volume within the exact curves and its mesh."""
+    """A part that is printed in one run, with its mesh and its volume within the exact curves."""
 
     name: str
     volume_mm3: float
@@ -53,9 +52,9 @@ class CouponPart:
 
 @dataclass(frozen=True)
 class CouponSummary:
-    """Summary of a coupon: its size, its counts of features, gaps and steps, and assumptions about its source.
+    """Summary of a coupon: size, numbers of features, gaps and steps, and assumptions about the light source.
 
-    ``parts`` are the written parts; ``warnings`` state what the printer cannot reproduce.
+    ``parts`` are the written parts; ``warnings`` report what the printer cannot reproduce.
     """
 
     name: str
@@ -71,7 +70,7 @@ class CouponSummary:
 
     @classmethod
     def of(cls, coupon: Coupon, options: CouponOptions, parts: Sequence[CouponPart] = ()) -> "CouponSummary":
-        """Summary of a coupon laid out with the given options."""
+        """Summarise a coupon laid out with the given options."""
         return cls(
             name=coupon.name,
             title=coupon.title,
@@ -87,7 +86,7 @@ class CouponSummary:
 
 
 class CouponSet(Result):
-    """Coupons with their options and layouts; the layouts are omitted from JSON."""
+    """Coupons with their options and layouts; JSON output omits the layouts."""
 
     coupons: tuple[CouponSummary, ...]
     options: CouponOptions
@@ -95,7 +94,7 @@ class CouponSet(Result):
 
 
 def coupon_set(only: str | None = None, options: CouponOptions = CouponOptions()) -> CouponSet:
-    """Summarise coupons, named and separated by commas or ``all``, without writing files."""
+    """Summarise coupons, selected by comma-separated names or ``all``, without writing files."""
     coupons = tuple(layouts(only, options))
     return CouponSet(tuple(CouponSummary.of(coupon, options) for coupon in coupons), options, coupons)
 
@@ -103,7 +102,7 @@ def coupon_set(only: str | None = None, options: CouponOptions = CouponOptions()
 def written_coupons(
     only: str | None = None, options: CouponOptions = CouponOptions(), output: CouponOutput = CouponOutput()
 ) -> tuple[CouponSet, dict[str, bytes]]:
-    """Make coupons, named or ``all``, and their files by name: STL, 3MF, job and plan.
+    """Make coupons, selected by name or ``all``, and return their files by name: STL, 3MF, job and plan.
 
     Raises
     ------
@@ -143,9 +142,9 @@ def _written(coupon: Coupon, options: CouponOptions, output: CouponOutput, files
 
 
 def _check_plate(coupon: Coupon, plate_mm: tuple[float, float]) -> None:
-    """Raise `SpecError` if a coupon is larger than the build plate, even when turned by 90 degrees."""
+    """Raise `SpecError` if a coupon is larger than the build plate even when rotated by 90 degrees."""
     width, depth, _ = coupon.size_mm
     if max(width, depth) > max(plate_mm) or min(width, depth) > min(plate_mm):
         size = f"{width:g} x {depth:g} mm"
         limit = f"does not fit on a plate of {plate_mm[0]:g} x {plate_mm[1]:g} mm"
-        raise SpecError(f"coupon {coupon.name}", value=size, limit=limit, remedy="omit it, or shorten its rows")
+        raise SpecError(f"coupon {coupon.name}", value=size, limit=limit, remedy="omit the coupon, or shorten its rows")

@@ -1,14 +1,15 @@
-"""Layers of a print: sections of a solid at the middle of each layer, as pictures of pixel coverage with exposures.
+"""Print layers: sections of a solid at mid-height of each layer, as images of the pixel coverage with exposures.
 
-The idea: a `Solid` is oriented for printing, with its lowest point on the plate; it is a `Plan` of exact outlines if a
-part is printed flat, and `Slices` of a closed mesh otherwise. A `Job` puts copies of it on a printer's plate and yields
-each `Layer` on demand, so a job of thousands of layers needs memory for only a few. The value of a pixel is the share
-covered by the solid **at the middle of the layer's height**. The last layer is omitted if the solid fills less than
-half of it, and otherwise printed at its full thickness; on average, the stack is therefore as high as the solid.
+A `Solid` is oriented for printing, with its lowest point on the plate; it is a `Plan` of exact outlines if the part is
+printed flat, and otherwise `Slices` of a closed mesh. A `Job` places copies of the solid on the plate of a printer and
+yields each `Layer` on demand, so even a job of thousands of layers only stores a few of them in memory. The value of a
+pixel is the fraction covered by the solid **at mid-height of the layer**. The last layer is omitted if the solid fills
+less than half of it, and is otherwise printed at its full thickness; on average, the stack is therefore as high as the
+solid.
 
-The interface: `printable_design` and `printable_mesh` in an `orientation`, sliced according to `Slicing`; `Job.layers`;
-`write_archive` for a ZIP of PNGs with a job.json, `write_goo` for a .goo file; `layered_print` for the summary,
-`as_sheet` for slicing programs that read the STL.
+`printable_design` and `printable_mesh` prepare a part in an `orientation`, and `Job.layers` slices it according to
+`Slicing`. `write_archive` writes a ZIP of PNGs with a job.json, and `write_goo` writes a .goo file. `layered_print`
+returns the summary, and `as_sheet` the settings for slicing programs that read the STL.
 """
 
 from solen.fabricate.layers.archive import Stack, as_png, write_archive

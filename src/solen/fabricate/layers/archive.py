@@ -1,9 +1,9 @@
-"""A ZIP of layers: a PNG for each, a manifest, and a job.json with their heights, exposures and source.
+"""ZIP archive of layers: one PNG per layer, a manifest, and a job.json with heights, exposures and source.
 
-Pictures are added to the archive as they are made. They are already compressed, so the archive stores them; entries
-have no date. job.json is written last, because the areas are only known then. UVtools (github.com/sn4k3/UVtools, its
-"generic zip") opens an archive that has these names and this manifest: ``1.png`` to ``N.png`` and ``manifest.uvtools``,
-an XML of resolution, size of the display in mm, height and layer; it has no entry for exposures.
+Images are added to the archive as they are made and stored without further compression; entries have no date. job.json
+is written last because the areas are only known then. UVtools (github.com/sn4k3/UVtools, "generic zip") opens an
+archive that contains ``1.png`` to ``N.png`` and ``manifest.uvtools``, an XML file with the resolution, display size in
+mm, height and layer thickness; the manifest has no entry for exposures.
 """
 
 import io
@@ -27,10 +27,10 @@ JOB_SCHEMA = 2
 JOB_NAME = "job.json"
 MANIFEST_NAME = "manifest.uvtools"
 RULE = (
-    "grey value / 255 is the share of the pixel's square that the solid covers at the middle of the layer's height; "
+    "grey level / 255 is the fraction of the pixel area that the solid covers at mid-height of the layer; "
     "a last layer that is less than half filled is omitted"
 )
-CORRECTED = RULE.replace("is the share", "gives, according to the measured light of greys, the share", 1)
+CORRECTED = RULE.replace("is the share", "transmits, according to the measured grey response, the fraction", 1)
 VIEW = "seen from above the plate, X to the right, Y upwards: the first row has the largest Y"
 
 Watch = Callable[[Layer], object]
@@ -38,9 +38,9 @@ Watch = Callable[[Layer], object]
 
 @dataclass(frozen=True)
 class Stack:
-    """A stack of layers: its volume in mm³, the areas in mm² of its first and its largest layer, and its islands.
+    """A stack of layers: volume in mm³, areas in mm² of the first and the largest layer, and islands.
 
-    ``islands`` are pairs (number of the layer, number of pieces in it that begin with nothing below them).
+    ``islands`` are pairs of a layer number and the number of segments in that layer with nothing below them.
     """
 
     layers: int
@@ -52,7 +52,7 @@ class Stack:
 
 @dataclass
 class StackCount:
-    """Volume, areas and islands of a stack, counted layer by layer as its pictures are made."""
+    """Volume, areas and islands of a stack, accumulated layer by layer as the images are made."""
 
     job: Job
     watch: Watch
@@ -60,7 +60,7 @@ class StackCount:
     islands: list[tuple[int, int]] = field(default_factory=list)
 
     def pictures(self, encode: Callable[[NDArray[np.uint8]], bytes]) -> Iterator[tuple[Layer, bytes]]:
-        """Layers with their pictures as bytes; a picture equal to the previous one is not encoded again."""
+        """Yield layers with their images as bytes; an image equal to the previous one is not encoded again."""
         last, data = None, b""
         for layer in self.job.layers():
             if layer.image is not last:
@@ -78,7 +78,7 @@ class StackCount:
 
 
 def write_archive(target: Path, job: Job, part: Printable | None = None, watch: Watch = lambda _: None) -> Stack:
-    """Write a job's layers; job.json names ``part`` and its source, and ``watch`` is called with each layer."""
+    """Write the layers of a job; job.json names ``part`` and its source, and ``watch`` is called with each layer."""
     rows: list[dict[str, Any]] = []
     count = StackCount(job, watch)
     with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
@@ -96,7 +96,7 @@ def write_archive(target: Path, job: Job, part: Printable | None = None, watch: 
 
 
 def as_png(image: NDArray[np.uint8], pitches_mm: tuple[float, float]) -> bytes:
-    """PNG of grey values (rows, columns), the first row at the top, with the given sides of a pixel along X and Y."""
+    """Return a PNG of grey levels (rows, columns), first row at the top, with the given pixel sides along X and Y."""
     from PIL import Image
 
     data = io.BytesIO()
@@ -105,7 +105,7 @@ def as_png(image: NDArray[np.uint8], pitches_mm: tuple[float, float]) -> bytes:
 
 
 def _manifest(job: Job) -> bytes:
-    """Manifest that states the sizes of pixels and layers for UVtools."""
+    """Return the manifest with pixel and layer sizes for UVtools."""
     (rows, columns), (x, y, z) = job.printer.shape, job.printer.size_mm
     root = ET.Element("Manifest")
     about: dict[str, object] = {"CreatedBy": WRITER, "UpdatedBy": WRITER, "LayerHeight": job.layer_mm}

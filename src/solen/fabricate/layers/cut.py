@@ -1,11 +1,11 @@
-"""Horizontal sections of a closed mesh and its shells, computed with little more memory than the mesh itself.
+"""Horizontal sections of a closed mesh and its shells, computed with little more memory than the mesh requires.
 
-The idea: a corner is either above a plane or not; a corner on the plane counts as above. The plane then crosses no edge
-of a triangle or exactly two, and each crossing is shared by two triangles. Following the crossings therefore gives
-closed rings, even if the plane meets corners or level faces. Seen from above, a triangle's crossing leads from its
+A vertex is either above a plane or not; a vertex on the plane counts as above. The plane then crosses either no edge of
+a triangle or exactly two, and each crossing is shared by two triangles. Following the crossings therefore gives closed
+rings, even if the plane contains vertices or level faces. Seen from above, the crossing of a triangle leads from its
 descending to its ascending edge with the solid on the left, so holes are clockwise.
 
-The interface: `Cutter.rings` at a height; `Shells.of` a mesh.
+`Cutter.rings` returns the section at a height; `Shells.of` finds the shells of a mesh.
 """
 
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ from solen.arrays import FloatArray, IntArray
 from solen.fabricate.mesh import Mesh
 
 MOST_SHELLS = 300
-"""Maximum number of shells that are compared in pairs; more shells are assumed to overlap."""
+"""Maximum number of shells that are compared in pairs; if there are more, they are assumed to overlap."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,13 +31,13 @@ class Cutter:
 
     @cached_property
     def _ends(self) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest corner of each triangle."""
+        """Return the lowest and highest vertices of each triangle."""
         z = self.mesh.vertices[:, 2]
         corners = [z[corner] for corner in self.mesh.triangles.T]
         return np.minimum.reduce(corners), np.maximum.reduce(corners)
 
     def rings(self, z_mm: float) -> list[FloatArray]:
-        """Closed polylines (N, 2) in mm at a height, counter-clockwise about the solid."""
+        """Return closed polylines (N, 2) in mm at a height, counter-clockwise about the solid."""
         low, high = self._ends
         triangles = self.mesh.triangles[(low < z_mm) & (high >= z_mm)]
         if not len(triangles):
@@ -57,7 +57,7 @@ class Cutter:
 
 
 def _cycles(onwards: NDArray[np.intp]) -> Iterator[list[int]]:
-    """Cycles of a permutation."""
+    """Return the cycles of a permutation."""
     follows, seen = onwards.tolist(), np.zeros(len(onwards), bool)
     for first in range(len(follows)):
         if seen[first]:
@@ -72,7 +72,7 @@ def _cycles(onwards: NDArray[np.intp]) -> Iterator[list[int]]:
 
 @dataclass(frozen=True, eq=False)
 class Shells:
-    """Connected surfaces of a mesh: their numbers, volumes in mm³, and lowest and highest corners (n, 3)."""
+    """Connected surfaces of a mesh: numbers, volumes in mm³, and lowest and highest corners (n, 3)."""
 
     volumes_mm3: FloatArray
     low: FloatArray
@@ -96,7 +96,7 @@ class Shells:
 
     @property
     def may_overlap(self) -> bool:
-        """Whether the bounding boxes of two shells overlap, neither of which bounds a hollow."""
+        """Whether the bounding boxes of two shells overlap; False if any shell bounds a cavity."""
         if len(self.volumes_mm3) < 2 or self.volumes_mm3.min() <= 0.0:
             return False
         if len(self.volumes_mm3) > MOST_SHELLS:

@@ -1,14 +1,14 @@
-"""A stack of layers as a ``.goo`` file of version 3.0, the open format of Elegoo's printers.
+"""Stack of layers as a ``.goo`` file of version 3.0, the open format of Elegoo printers.
 
-The format (github.com/elegooofficial/GOO): numbers are big-endian. A header of 195,477 bytes states the printer, the
-exposures of the bottom layers and of all others, and the plate's movements. Each layer follows with 70 bytes of the
-same data and its grey values as runs with a checksum. An end mark closes the file. A printer follows only the header
-unless the header says that each layer's own numbers count ("advance mode"). Printers were reported to stop, or to begin
-too high, in that mode (github.com/sn4k3/UVtools, issues 997 and 1040), so burn-in is written as the header's bottom
-layers, and exposures of single pictures are only written for printers whose file cites proof that the printer follows
-them.
+The format (github.com/elegooofficial/GOO) uses big-endian numbers. A header of 195,477 bytes contains the printer, the
+exposures of the bottom layers and of the other layers, and the plate movements. Each layer follows with 70 bytes of the
+same data and its run-length encoded grey levels with a checksum. An end mark closes the file. A printer uses only the
+header unless the header enables the settings of individual layers ("advance mode"). Printers were reported to stop, or
+to begin too high, in that mode (github.com/sn4k3/UVtools, issues 997 and 1040). Burn-in is therefore written as the
+bottom layers of the header, and exposures of individual images are only written for printers whose file cites evidence
+that they are followed.
 
-The file contains no date, so the same part gives the same bytes.
+The file contains no date, so the same part always gives the same bytes.
 """
 
 import struct
@@ -28,20 +28,20 @@ from solen.parts.printer import Lift
 MAGIC = bytes([7, 0, 0, 0, 0x44, 0x4C, 0x50, 0])
 END = b"\r\n"
 SMALL, LARGE = 116, 290
-"""Sides of the two preview pictures."""
+"""Sides of the two preview images."""
 HEADER_BYTES = 195_477
 FULL_LIGHT = 255
 MOST_PIXELS = 2**16 - 1
 
 
 def write_goo(target: Path, job: Job, part: Printable | None = None, watch: Watch = lambda _: None) -> Stack:
-    """Write a job's layers; the file names the resin of ``part``, and ``watch`` is called with each layer.
+    """Write the layers of a job; the file names the resin of ``part``, and ``watch`` is called with each layer.
 
     Raises
     ------
     SpecError
-        If the printer's plate movements are unknown, or pictures have exposures that the printer is not proven to
-        follow.
+        If the plate movements of the printer are unknown, or if images have individual exposures that the printer has
+        not been proven to follow.
     """
     lift = checked_for_goo(job)
     count = StackCount(job, watch)
@@ -54,15 +54,15 @@ def write_goo(target: Path, job: Job, part: Printable | None = None, watch: Watc
 
 
 def checked_for_goo(job: Job) -> Lift:
-    """Lift of a job that can be written as a .goo file; raises the errors of `write_goo`."""
+    """Return the lift of a job that can be written as a .goo file; raises the errors of `write_goo`."""
     printer = job.printer
     if printer.lift is None:
-        limit = f"a .goo file states the plate's movements, and the file of {printer.name} does not give them"
-        remedy = "use --format zip, or add a table [lift] to a file of your printer"
+        limit = f"a .goo file requires the plate movements, which the file of {printer.name} does not contain"
+        remedy = "use --format zip, or add a [lift] table to the printer file"
         raise SpecError("--format", value="goo", limit=limit, remedy=remedy)
     if len(job.solid.exposures_s) > 1 and printer.layer_exposures is None:
-        limit = f"{printer.name} is not proven to follow a separate exposure for each picture"
-        remedy = "use --format zip, or print one exposure after the other"
+        limit = f"{printer.name} has not been proven to follow individual exposures of images"
+        remedy = "use --format zip, or print each exposure separately"
         raise SpecError("--format", value="goo", limit=limit, remedy=remedy)
     if max(printer.shape) > MOST_PIXELS:
         raise SpecError("--format", value="goo", limit=f"a .goo file has at most {MOST_PIXELS} pixels along a side")
@@ -70,11 +70,11 @@ def checked_for_goo(job: Job) -> Lift:
 
 
 def encoded(image: NDArray[np.uint8]) -> bytes:
-    """Grey values as runs.
+    """Return grey levels in run-length encoding.
 
-    The first byte of a run contains its kind in two bits (0 dark, 1 grey, 3 full), the number of further bytes of its
-    length in two, and the last four bits of the length; a grey's value follows, then the other bits of the length. A
-    mark precedes all runs, and the complement of their sum follows them.
+    The first byte of a run contains the kind in two bits (0 dark, 1 grey, 3 full), the number of further length bytes
+    in two bits, and the last four bits of the length; the grey level of a grey run follows, then the other bits of the
+    length. A mark precedes all runs, and the complement of their sum follows them.
     """
     flat = np.ascontiguousarray(image).ravel()
     starts = np.concatenate([[0], np.flatnonzero(flat[1:] != flat[:-1]) + 1])
@@ -129,7 +129,7 @@ def _header(job: Job, lift: Lift, part: Printable | None) -> bytes:
 
 
 def _preview(job: Job, side: int) -> bytes:
-    """Preview of one copy at its middle layer, seen from above, with greys as RGB of 5, 6 and 5 bits."""
+    """Return a preview of one copy at its middle layer, seen from above, with grey levels as RGB of 5, 6 and 5 bits."""
     picture, (across_mm, down_mm) = job.copy_of_layer(job.count // 2)[::-1], job.printer.pitches_mm
     rows, columns = picture.shape
     places = (np.arange(side) + 0.5 - 0.5 * side) / side * max(rows * down_mm, columns * across_mm)
@@ -142,5 +142,5 @@ def _preview(job: Job, side: int) -> bytes:
 
 
 def _text(text: str, length: int) -> bytes:
-    """ASCII text of a fixed length, terminated by a zero."""
+    """Return ASCII text of a fixed length, terminated by a zero."""
     return text.encode("ascii", "replace")[: length - 1].ljust(length, b"\0")

@@ -1,8 +1,8 @@
-"""A print job: copies of a solid on a printer's plate, layer by layer.
+"""A print job: copies of a solid on the plate of a printer, layer by layer.
 
-The part's origin is on a corner of four pixels, or at a stated position in its pixel, and copies are whole pixels
-apart. A sensor, whose origin is the lens vertex, therefore stays symmetric about its axis, drawings on a grid of pixels
-stay on it, and every copy has identical pixels. The group of copies is centred on the plate.
+The origin of the part is at a corner of four pixels, or at a specified position in a pixel, and copies are an integer
+number of pixels apart. A sensor, whose origin is the lens vertex, therefore stays symmetric about its axis, drawings on
+a pixel grid stay on the grid, and all copies have identical pixels. The group of copies is centred on the plate.
 """
 
 import math
@@ -26,21 +26,21 @@ from solen.parts.printer import Axis, Printer, library_printer, printers
 Bytes = NDArray[np.uint8]
 
 PAPER_MW_PER_CM2 = 13.0
-"""Irradiance at which the paper's working curve was measured."""
+"""Irradiance at which the working curve of the paper was measured."""
 MOST_NAMED = 3
-"""Maximum number of larger printers that an error message suggests, the smallest first."""
+"""Maximum number of larger printers that an error message suggests, starting with the smallest."""
 GREY_STEPS = "all steps together"
 EXACT = 1e-6
-"""Tolerance for rounding, as a fraction of a layer or of a pixel."""
+"""Rounding tolerance as a fraction of a layer or of a pixel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """One layer: number from 0, heights above the plate, exposure, dose at the window, and picture.
+    """One layer: number counted from 0, heights above the plate, exposure, dose at the window, and image.
 
     ``image`` (rows, columns) has the largest Y in its first row; identical layers share one array. ``feature`` names
-    the piece if only one is exposed; it is empty for a layer of a stack. ``area_mm2`` is the sum of covered shares of
-    all copies. ``islands`` counts the pieces of a copy that have nothing of the previous layer below them.
+    the part if it is exposed alone; it is empty for a layer of a stack. ``area_mm2`` is the covered area of all copies.
+    ``islands`` is the number of segments of a copy that have nothing of the previous layer below them.
     """
 
     index: int
@@ -56,7 +56,7 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """Copies of a solid on a printer, checked when created; ``greys`` maps covered shares to grey values.
+    """Copies of a solid on a printer, checked when created; ``greys`` maps covered fractions to grey levels.
 
     Raises
     ------
@@ -74,7 +74,9 @@ class Job:
 
     def __post_init__(self) -> None:
         if self.greys.answer and isinstance(self.solid, Exposures) and self.solid.greys:
-            limit = "applies to parts: the greys of grey steps are printed as they are, to be measured"
+            limit = (
+                "applies to parts; the grey levels of grey steps are printed unchanged because they are to be measured"
+            )
             raise SpecError("--process", limit=limit, remedy="omit it")
         self._check_pictures()
         least, most = self.printer.layers_um
@@ -84,7 +86,7 @@ class Job:
         if self.count < 1:
             height = f"{self.solid.size_mm[2] * 1e3:.4g} µm high"
             limit = f"must be at least half a layer of {self.slicing.layer_um:g} µm"
-            raise DesignError("part", value=height, limit=limit, remedy="make it thicker, or its layers thinner")
+            raise DesignError("part", value=height, limit=limit, remedy="make the part thicker, or its layers thinner")
         self._check_size()
 
     @property
@@ -94,7 +96,7 @@ class Job:
 
     @property
     def count(self) -> int:
-        """Number of layers whose middle is in the solid; for pieces with their own exposures, number of pictures."""
+        """Number of layers with mid-height in the solid; for parts with individual exposures, number of images."""
         if self.solid.exposures_s:
             return len(self.solid.exposures_s)
         return layer_count(self.solid.size_mm[2], self.layer_mm)
@@ -105,7 +107,7 @@ class Job:
         return self.layer_mm if self.solid.exposures_s else self.count * self.layer_mm
 
     def seconds_of(self, index: int) -> float:
-        """Exposure of a layer in s; the first is number 0."""
+        """Return the exposure of a layer in s; the first layer is number 0."""
         return (self.solid.exposures_s or (self.slicing.seconds(index),) * self.count)[index]
 
     @property
@@ -115,7 +117,7 @@ class Job:
 
     @property
     def burn_in_layers(self) -> int:
-        """Number of layers in the burn-in."""
+        """Number of burn-in layers."""
         return 0 if self.solid.exposures_s else min(self.count, self.slicing.burn_in_layers)
 
     @property
@@ -125,12 +127,12 @@ class Job:
 
     @property
     def volume_mm3(self) -> float:
-        """Total volume of the solid's copies."""
+        """Total volume of all copies."""
         return self.slicing.copies * self.solid.volume_mm3
 
     @property
     def pause_s(self) -> float | None:
-        """Mean time from one exposure to the next; None if the printer's file states neither the time nor the lift."""
+        """Mean time between exposures; None if the printer file contains neither the time nor the lift."""
         if self.printer.pause_s is not None:
             return self.printer.pause_s.nominal
         if (lift := self.printer.lift) is None:
@@ -145,21 +147,21 @@ class Job:
 
     @property
     def irradiance_mW_per_cm2(self) -> float:
-        """Irradiance at the window: the requested one, otherwise the printer's, otherwise the paper's."""
+        """Irradiance at the window: as requested, otherwise from the printer file, otherwise from the paper."""
         printer = self.printer.irradiance_mw_per_cm2
         usual = PAPER_MW_PER_CM2 if printer is None else printer.nominal
         return self.slicing.irradiance_mW_per_cm2 or usual
 
     @property
     def tile(self) -> tuple[int, int]:
-        """Rows and columns of pixels in the picture of one copy."""
+        """Rows and columns of pixels in the image of one copy."""
         ends = zip(self.solid.size_mm, self.tile_from_mm, self.printer.pitches_mm, strict=False)
         columns, rows = (max(math.ceil((end - start) / pitch - EXACT), 1) for end, start, pitch in ends)
         return rows, columns
 
     @property
     def tile_from_mm(self) -> tuple[float, float]:
-        """X and Y, in the solid's coordinates, of the first pixel's edge in a copy's tile, just before the solid."""
+        """X and Y, in solid coordinates, of the edge of the first pixel in the tile of a copy, before the solid."""
         stated = zip(self.solid.origin_mm, self.printer.pitches_mm, self.slicing.phase_px, strict=True)
         shifts = [(origin / pitch - phase, pitch) for origin, pitch, phase in stated]
         left, low = ((shift - math.ceil(shift - EXACT)) * pitch for shift, pitch in shifts)
@@ -167,7 +169,7 @@ class Job:
 
     @cached_property
     def corners(self) -> tuple[tuple[int, int], ...]:
-        """Row and column, counted from the lower left, of the first pixel of each copy's tile."""
+        """Row and column, counted from the lower left, of the first pixel in the tile of each copy."""
         rows, columns = self._grid
         steps = tuple(size + gap for size, gap in zip(self.tile, self._gaps, strict=True))
         used = (rows * steps[0] - self._gaps[0], columns * steps[1] - self._gaps[1])
@@ -177,7 +179,7 @@ class Job:
 
     @property
     def places_mm(self) -> tuple[tuple[float, float], ...]:
-        """X and Y of the middle of each copy from the middle of the plate, before the pictures are mirrored."""
+        """X and Y of the centre of each copy from the centre of the plate, before the images are mirrored."""
         (wide, deep), (rows, columns) = self.printer.pitches_mm, self.printer.shape
         (left, low), (x, y, _) = self.tile_from_mm, self.solid.size_mm
         return tuple(
@@ -186,7 +188,7 @@ class Job:
         )
 
     def layers(self) -> Iterator[Layer]:
-        """Layers from the plate up, each computed on demand."""
+        """Yield the layers from the plate upwards, each computed on demand."""
         if isinstance(self.solid, Exposures):
             yield from self._pictures(self.solid)
             return
@@ -210,7 +212,7 @@ class Job:
             yield self._layer(index, image, self.slicing.copies * shares * self.printer.pixel_mm2, islands)
 
     def _pictures(self, pieces: Exposures) -> Iterator[Layer]:
-        """Yield a picture for each piece, all at one height."""
+        """Yield an image for each part, all at one height."""
         names = (GREY_STEPS,) if pieces.greys else pieces.names
         for index, (name, seconds) in enumerate(zip(names, pieces.exposures_s, strict=True)):
             drawn = self._drawn(pieces.section(0.0)[1] if pieces.greys else pieces.rings[index])
@@ -220,7 +222,7 @@ class Job:
             yield Layer(index, 0.0, self.layer_mm, seconds, dose, image, area_mm2, 0, name)
 
     def copy_of_layer(self, index: int) -> Bytes:
-        """Picture of one copy in a layer, rows upwards, before it is mirrored."""
+        """Return the image of one copy in a layer, rows upwards, before mirroring."""
         if not isinstance(self.solid, Exposures):
             return self.greys.pictured[self._drawn(self.solid.section((index + 0.5) * self.layer_mm)[1])]
         if not self.solid.greys:
@@ -235,12 +237,12 @@ class Job:
         return Layer(index, low, high, seconds, dose, image, area_mm2, islands)
 
     def _drawn(self, rings: Rings) -> Bytes:
-        """Covered shares of one copy's tile in 255ths, rows upwards."""
+        """Return the covered fractions in the tile of one copy in 255ths, rows upwards."""
         shares = coverage_bytes(rings, self.printer.pitches_mm, self.tile_from_mm, self.tile)
         return np.where(shares > FULL // 2, FULL, 0).astype(np.uint8) if self.slicing.no_anti_aliasing else shares
 
     def _placed(self, tile: Bytes) -> Bytes:
-        """Picture of the plate with a tile for each copy, the largest Y first."""
+        """Return the image of the plate with a tile for each copy, largest Y first."""
         plate = np.zeros(self.printer.shape, np.uint8)
         rows, columns = tile.shape
         for row, column in self.corners:
@@ -252,7 +254,7 @@ class Job:
 
     @property
     def mirror(self) -> Axis:
-        """Axis along which the pictures are flipped."""
+        """Axis along which the images are mirrored."""
         printers = "none" if self.printer.mirror is None else self.printer.mirror.axis
         return self.slicing.mirror or printers
 
@@ -279,12 +281,12 @@ class Job:
         return math.ceil(self.slicing.copies / chosen), chosen
 
     def _check_pictures(self) -> None:
-        """Reject options of pictures if no pictures are made."""
+        """Reject image options if no images are written."""
         slicing = self.slicing
         for key in ("format", "phase_px", "no_anti_aliasing"):
             if slicing.sheet_only and getattr(slicing, key) != type(slicing).model_fields[key].default:
-                limit = "applies to pictures, and --sheet-only makes none"
-                raise SpecError(f"--{key.replace('_', '-')}", limit=limit, remedy="omit one of them")
+                limit = "applies to images, and --sheet-only writes none"
+                raise SpecError(f"--{key.replace('_', '-')}", limit=limit, remedy="omit one of these options")
 
     def _check_size(self) -> None:
         size, build = self.solid.size_mm, self.printer.size_mm
@@ -293,7 +295,7 @@ class Job:
             return
         builds = f"{self.printer.name} builds {_times(build)} mm"
         if self.slicing.copies > 1 and rows * columns and self.height_mm <= build[2]:
-            limit = f"{builds}, at most {rows * columns} of them {self.slicing.gap_mm:g} mm apart"
+            limit = f"{builds}, which holds at most {rows * columns} copies {self.slicing.gap_mm:g} mm apart"
             raise DesignError(
                 "--copies", value=self.slicing.copies, limit=limit, remedy="print fewer copies, or reduce --gap-mm"
             )
@@ -301,7 +303,7 @@ class Job:
 
 
 def islands_over(tile: Bytes, below: Bytes) -> int:
-    """Number of connected pieces of a picture that touch no lit pixel of the picture below."""
+    """Return the number of connected segments of an image that touch no lit pixel of the image below."""
     lit, held = tile > 0, below > 0
     if not np.any(lit & ~held):
         return 0
@@ -320,16 +322,16 @@ def _fits(size: tuple[float, float, float], build: tuple[float, float, float]) -
 
 
 def _remedy(size: tuple[float, float, float], build: tuple[float, float, float]) -> str:
-    """Remedy for a part that is too large."""
+    """Return the remedy for a part that is too large."""
     x, y, z = size
     if _fits((y, x, z), build):
-        return "turn it with --rotate-deg 0 0 90"
+        return "rotate the part with --rotate-deg 0 0 90"
     if _fits(tuple(sorted(size)), tuple(sorted(build))):  # type: ignore[arg-type]  # three each
-        return "print it in another --orientation"
+        return "print the part in another --orientation"
     larger = [name for name in printers() if _fits(size, library_printer(name).size_mm)]
     larger.sort(key=lambda name: math.prod(library_printer(name).size_mm))
     return (
         f"choose a larger printer ({', '.join(larger[:MOST_NAMED])})"
         if larger
-        else "make it smaller, or divide it into pieces"
+        else "make the part smaller, or divide it"
     )

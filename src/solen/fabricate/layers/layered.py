@@ -14,19 +14,19 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result
 
 SMALLEST_MM, LARGEST_MM = 0.5, 1000.0
-"""A part outside these sizes was probably drawn in another unit."""
+"""A part outside these sizes was probably drawn in a different unit."""
 NARROW = 0.1
-"""A part whose first layer has less than this fraction of the largest layer's area needs a base or supports."""
+"""A part whose first layer has less than this fraction of the largest layer area requires a base or supports."""
 OTHER_VOLUME = 0.01
-"""Relative difference of volume above which layers do not match the solid."""
+"""Relative volume difference above which the layers do not match the solid."""
 HEIGHT_UM = 1.0
-"""Difference of height between stack and part below which there is no warning."""
+"""Height difference between stack and part below which no warning is given."""
 APART_NM = 10.0
-"""Maximum difference between the wavelengths of a working curve and of the printer."""
+"""Maximum wavelength difference between a working curve and the printer."""
 
 
 class LayeredPrint(Result):
-    """A part cut into layers for a printer.
+    """A part sliced into layers for a printer.
 
     Attributes
     ----------
@@ -37,15 +37,15 @@ class LayeredPrint(Result):
     pitch_um, pitch_y_um, columns, rows
         Pixel pitch and number of pixels along X and Y.
     layer_um, layers, height_mm
-        Thickness and number of the layers, and the height of the stack.
+        Thickness and number of the layers, and stack height.
     size_mm
         Extent of one part along X, Y and Z.
     copies, places_mm
-        Number of parts, and the positions of their middles relative to the middle of the plate.
+        Number of parts, and positions of their centres relative to the centre of the plate.
     solid_volume_mm3, stack_volume_mm3, volume_error
-        Volume of the parts, volume of their layers, and the relative difference; None without pictures.
+        Volume of the parts, volume of their layers, and the relative difference; None without images.
     islands
-        Layers in which pieces begin in the air, each with the number of these pieces.
+        Layers in which segments begin in the air, each with the number of these segments.
     settings
         Settings to enter in the slicing program.
     sources, warnings
@@ -75,7 +75,7 @@ class LayeredPrint(Result):
 
 
 def layered_print(job: Job, part: Printable, stl: str, stack: Stack | None) -> LayeredPrint:
-    """Summary of a job; ``stl`` names its STL file, ``stack`` is None without pictures."""
+    """Summarise a job; ``stl`` names its STL file, and ``stack`` is None without images."""
     settings = print_settings(job, part, stl)
     rows, columns = job.printer.shape
     volume_mm3 = None if stack is None else stack.volume_mm3
@@ -122,31 +122,33 @@ def _of_printer(job: Job) -> list[Caution]:
         *others, last = job.printer.unconfirmed
         numbers = f"{', '.join(others)} and {last}" if others else last
         warnings.append(
-            look_at(f"{numbers} of {job.printer.name} are estimates: check them before printing the pictures")
+            look_at(f"{numbers} of {job.printer.name} are estimates: check them before printing the images")
         )
     if job.slicing.irradiance_mW_per_cm2 is None and job.printer.irradiance_mw_per_cm2 is None:
         warnings.append(
-            look_at(f"doses assume {PAPER_MW_PER_CM2:g} mW/cm², the irradiance of the paper's printer; measure yours")
+            look_at(
+                f"doses assume {PAPER_MW_PER_CM2:g} mW/cm², the irradiance of the printer in the paper; measure yours"
+            )
         )
     return warnings
 
 
 def _of_greys(job: Job) -> list[Caution]:
-    """Warn if the greys were measured with other pixels."""
+    """Warn if the grey response was measured with other pixels."""
     here, there = tuple(1000.0 * side for side in job.printer.pitches_mm), job.greys.pixels_um
     if not job.greys.answer or there is None or all(map(math.isclose, here, there)):
         return []
     of, to = (" × ".join(dict.fromkeys(f"{side:.4g}" for side in sides)) for sides in (there, here))
     return [
         look_at(
-            f"the process was measured with pixels of {of} µm, {job.printer.name} has {to} µm: its greys may transmit "
-            "other light here"
+            f"the process was measured with {of} µm pixels, but {job.printer.name} has {to} µm pixels: "
+            "its grey levels may transmit different light"
         )
     ]
 
 
 def _of_process(job: Job) -> list[Caution]:
-    """Warn of layers and exposures that differ from the process."""
+    """Warn if layers or exposures differ from the process."""
     if job.slicing.process is None or job.process is None or job.solid.exposures_s:
         return []
     return [look_at(f"not printed as in the process: {one}") for one in job.slicing.otherwise(job.process.process)]
@@ -157,7 +159,7 @@ def _of_size(job: Job) -> list[Caution]:
     if not SMALLEST_MM <= longest_mm <= LARGEST_MM:
         warnings.append(
             look_at(
-                f"the part is {longest_mm:.3g} mm long: an STL states no unit and is read as "
+                f"the part is {longest_mm:.3g} mm long: an STL contains no unit and is read as "
                 "mm; check the unit of the part"
             )
         )
@@ -175,7 +177,11 @@ def _of_burn_in(job: Job) -> list[Caution]:
     slicing = job.slicing
     if job.count != job.burn_in_layers or slicing.burn_in_s == slicing.exposure_s:
         return []
-    part = "the part is one layer" if job.count == 1 else f"all {job.count} layers of the part are burn-in layers"
+    part = (
+        "the part consists of a single layer"
+        if job.count == 1
+        else f"all {job.count} layers of the part are burn-in layers"
+    )
     return [
         look_at(
             f"{part}: burn-in exposes it for {slicing.burn_in_s:g} s instead of {slicing.exposure_s:g} s; "
@@ -185,7 +191,7 @@ def _of_burn_in(job: Job) -> list[Caution]:
 
 
 def _of_level_faces(job: Job) -> list[Caution]:
-    """Warn of level faces between the boundaries of two layers, because they are printed at one of these heights."""
+    """Warn of level faces within a layer, because they are printed at one of its boundaries."""
     faces = [height for height in job.solid.heights_mm if 0.0 < height < job.solid.size_mm[2] - 1e-4]
     moves_um = [abs(math.ceil(height / job.layer_mm - 0.5) * job.layer_mm - height) * 1000.0 for height in faces]
     between = [height for height, move_um in zip(faces, moves_um, strict=True) if move_um > HEIGHT_UM]
@@ -193,7 +199,7 @@ def _of_level_faces(job: Job) -> list[Caution]:
         return []
     first = f"the first at {between[0]:.4g} mm"
     return [
-        look_at(f"{len(between)} level faces are within a layer ({first}) and shift by up to {max(moves_um):.1f} µm")
+        look_at(f"{len(between)} level faces are within a layer ({first}) and move by up to {max(moves_um):.1f} µm")
     ]
 
 
@@ -202,14 +208,14 @@ def _of_cure(settings: PrintSettings, resin: Resin | None, printer: Printer) -> 
         return []
     warnings = [] if resin is None else list(resin.cautions("cure"))
     if settings.cure_depth_um <= settings.layer_um:
-        depth = f"{settings.cure_depth_um:.0f} µm, a layer is {settings.layer_um:g} µm"
-        warnings.append(do_not_use(f"one exposure cures {depth}: layers would not adhere to one another"))
+        depth = f"{settings.cure_depth_um:.0f} µm, while a layer is {settings.layer_um:g} µm thick"
+        warnings.append(do_not_use(f"one exposure cures {depth}: the layers would not adhere to one another"))
     light, cure = printer.wavelength_nm, None if resin is None else resin.cure
     if cure is None or light is None or cure.wavelength_nm is None:
         return warnings
     if abs(light.nominal - cure.wavelength_nm) > APART_NM:
-        apart = f"{cure.wavelength_nm:g} nm, the printer has {light.nominal:g} nm"
-        warnings.append(do_not_use(f"the working curve was measured at {apart}: its cure depths are not valid here"))
+        apart = f"{cure.wavelength_nm:g} nm, while the printer uses {light.nominal:g} nm"
+        warnings.append(do_not_use(f"the working curve was measured at {apart}: its cure depths do not apply here"))
     return warnings
 
 
@@ -221,19 +227,19 @@ def _of_stack(job: Job, stack: Stack) -> list[Caution]:
         total = sum(count for _, count in stack.islands)
         warnings.append(
             look_at(
-                f"{total} pieces begin in the air (first {where}): they require supports, which solen does not make"
+                f"{total} segments begin in the air (first {where}): they require supports, which solen does not make"
             )
         )
     if stack.first_mm2 < NARROW * stack.largest_mm2:
         first, largest = (area / job.slicing.copies for area in (stack.first_mm2, stack.largest_mm2))
-        areas = f"{first:.3g} mm², while its largest layer has {largest:.3g} mm²"
-        warnings.append(look_at(f"the part rests on {areas}: add a base or supports, or turn it"))
+        areas = f"{first:.3g} mm², while its largest layer has an area of {largest:.3g} mm²"
+        warnings.append(look_at(f"the part rests on {areas}: add a base or supports, or rotate it"))
     off = stack.volume_mm3 / job.volume_mm3 - 1.0
     if abs(off) > OTHER_VOLUME:
         warnings.append(
             do_not_use(
-                f"the layers have {stack.volume_mm3:.4g} mm³ and the solid {job.volume_mm3:.4g} mm³ "
-                f"({100.0 * off:+.1f} %): the mesh crosses itself, or has details below a layer or a pixel"
+                f"the layers have a volume of {stack.volume_mm3:.4g} mm³ and the solid {job.volume_mm3:.4g} mm³ "
+                f"({100.0 * off:+.1f} %): the mesh intersects itself, or has details smaller than a layer or a pixel"
             )
         )
     return warnings

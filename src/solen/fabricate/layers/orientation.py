@@ -1,4 +1,4 @@
-"""Orientation of a part on the plate: rotations of its axes X, Y, Z, of which Z points away from the plate."""
+"""Orientation of a part on the plate: rotations of its axes X, Y and Z; Z points away from the plate."""
 
 import math
 
@@ -12,8 +12,8 @@ ORIENTATIONS: dict[Orientation, FloatArray] = {
     "upright": np.array([(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)]),
     "on-edge": np.array([(0.0, 0.0, -1.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0)]),
 }
-"""Flat: as it is. Upright: −Y points away from the plate, a sensor on the ends of its arms, lens last. On edge: X
-away.
+"""``flat`` keeps the orientation of the part. ``upright`` turns −Y away from the plate: a sensor stands on the ends
+of its arms, and the lens is printed last. ``on-edge`` turns X away from the plate.
 """
 _IN_WORDS: dict[Orientation, str] = {
     "flat": "flat: the part's own Z points away from the plate, and the layers divide its thickness",
@@ -24,18 +24,18 @@ _IN_WORDS: dict[Orientation, str] = {
 
 
 def orientation(name: Orientation, rotate_deg: Degrees = (0.0, 0.0, 0.0)) -> FloatArray:
-    """Rotation matrix (3, 3) of a named orientation followed by turns in degrees about the plate's X, Y and Z."""
+    """Rotation matrix (3, 3) of a named orientation followed by rotations in degrees about the plate's X, Y and Z."""
     return turned(rotate_deg) @ ORIENTATIONS[name]
 
 
 def described(name: Orientation, rotate_deg: Degrees) -> str:
-    """Description of an orientation for the settings sheet."""
-    turns = ", then turned about X, Y, Z by " + ", ".join(f"{angle:g}" for angle in rotate_deg) + "°"
+    """Describe an orientation for the settings sheet."""
+    turns = ", then rotated about X, Y, Z by " + ", ".join(f"{angle:g}" for angle in rotate_deg) + "°"
     return _IN_WORDS[name] + (turns if any(rotate_deg) else "")
 
 
 def turned(rotate_deg: Degrees) -> FloatArray:
-    """Rotation matrix (3, 3) of turns about X, then Y, then Z, counter-clockwise when looking against the axis."""
+    """Matrix (3, 3) of rotations about X, then Y, then Z, counter-clockwise when looking against the axis."""
     matrix = np.eye(3)
     for axis, angle in enumerate(rotate_deg):
         cos, sin = _cos_sin(angle)
@@ -47,7 +47,7 @@ def turned(rotate_deg: Degrees) -> FloatArray:
 
 
 def _cos_sin(angle_deg: float) -> tuple[float, float]:
-    """Cosine and sine of an angle in degrees, exact at multiples of a right angle."""
+    """Return the cosine and sine of an angle in degrees, exact at multiples of a right angle."""
     quarter, rest = divmod(angle_deg, 90.0)
     if rest == 0.0:
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[int(quarter) % 4]

@@ -1,9 +1,7 @@
-"""A part ready for the printer: oriented as printed, with its STL, label and resin.
+"""A part ready for the printer: oriented for printing, with its STL, label and resin.
 
-The idea: a design gives exact outlines, a mesh file gives triangles; after this both are a `Printable`, of which a
-`Job` makes layers.
-
-The interface: `printable_design`, `printable_mesh`.
+A design gives exact outlines and a mesh file gives triangles. `printable_design` and `printable_mesh` turn either into
+a `Printable`, from which a `Job` makes layers.
 """
 
 import hashlib
@@ -32,7 +30,7 @@ from solen.spec.design import names_file
 MESH_READERS: dict[str, Callable[[Path], Mesh]] = {".stl": read_stl, ".3mf": read_threemf}
 
 UNNAMED = "not named"
-"""Beginning of a resin's description if the resin has no name."""
+"""Beginning of the description if the resin has no name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,19 +42,19 @@ class Printable:
     solid
         The part as placed on the plate.
     placed
-        Its mesh, with the lowest corner at the origin.
+        Mesh of the part, with the lowest corner at the origin.
     label
-        Its description in exported files.
+        Description in exported files.
     source
         The file that it was read from.
     material, stated_resin
-        Description of the resin, and its content if it is named.
+        Description of the resin, and its data if it is named.
     warnings
         Warnings about the file.
     lies
-        Required orientation on the plate, in words; None if any will do.
+        Required orientation on the plate, in words; None if any orientation is suitable.
     seats
-        Names of its pockets and slots; None if the file does not state them.
+        Names of the pockets and slots; None if the file does not list them.
     """
 
     solid: Solid
@@ -71,7 +69,7 @@ class Printable:
 
     @property
     def resin(self) -> str:
-        """Name of the resin; empty if none is named."""
+        """Name of the resin; empty if no resin is named."""
         return "" if self.material.startswith(UNNAMED) else self.material
 
     def write_stl(self, path: Path) -> None:
@@ -81,7 +79,7 @@ class Printable:
 
 
 def printable_design(design: Design, part: Part, path: Path, slicing: Slicing) -> Printable:
-    """Prepare a design's part; ``path`` is the design's file."""
+    """Prepare the part of a design; ``path`` is the design file."""
     rotation = orientation(slicing.orientation, slicing.rotate_deg)
     label = label_of(design, f"thickness {design.body.thickness_mm:g} mm, {slicing.orientation}")
     resin: Resin | None
@@ -104,20 +102,22 @@ def printable_mesh(path: Path, slicing: Slicing) -> Printable:
     Raises
     ------
     DataError
-        If the file is not a mesh in a format that solen reads, is damaged, or its surface is not closed.
+        If the file is not a mesh in a format that solen reads or is damaged, or if the surface is not closed.
     """
     kind = path.suffix.lower()
     if kind not in MESH_READERS:
-        raise DataError(str(path), limit="must be a design (.toml) or a mesh (.stl, .3mf)", remedy="export it as STL")
+        raise DataError(
+            str(path), limit="must be a design (.toml) or a mesh (.stl, .3mf)", remedy="export the mesh as STL"
+        )
     mesh = MESH_READERS[kind](path)
     warnings: tuple[Caution, ...] = ()
     if mesh.volume_mm3 < 0.0 and not mesh.open_edges():
         mesh = Mesh(mesh.vertices, mesh.triangles[:, ::-1].copy(), mesh.tolerance_mm)
-        warnings = (note("the mesh was inside out; the order of its triangles' corners was reversed"),)
+        warnings = (note("the mesh was inside out; the vertex order of its triangles was reversed"),)
     rotation = orientation(slicing.orientation, slicing.rotate_deg)
     solid = mesh_solid(mesh, rotation, str(path))
     if solid.overlap_mm3 > 0.0:
-        overlap = f"shells of the mesh overlap: the shared {solid.overlap_mm3:.4g} mm³ are counted once"
+        overlap = f"shells of the mesh overlap: the common volume of {solid.overlap_mm3:.4g} mm³ is counted once"
         warnings = (*warnings, look_at(overlap))
     label = Label(path.stem, hashlib.sha256(path.read_bytes()).hexdigest(), slicing.orientation)
     material, resin = resin_named(slicing.resin)
@@ -126,13 +126,13 @@ def printable_mesh(path: Path, slicing: Slicing) -> Printable:
 
 
 def placed_mesh(mesh: Mesh, rotation: FloatArray) -> Mesh:
-    """A mesh turned by a matrix (3, 3), with its lowest corner at the origin."""
+    """Return a mesh rotated by a matrix (3, 3), with its lowest corner at the origin."""
     turned = mesh.vertices @ rotation.T
     return Mesh(turned - turned.min(axis=0), mesh.triangles, mesh.tolerance_mm)
 
 
 def resin_named(name: str | None, known: str = "") -> tuple[str, Resin | None]:
-    """Name and content of a resin of the library or of a file; without a name, the ``known`` description."""
+    """Return the name and data of a resin from the library or a file; without a name, the ``known`` description."""
     if name is None:
         return f"{UNNAMED}{known}: give --resin", None
     resin = resin_of(name, Path(name) if names_file(name) else None)

@@ -1,7 +1,7 @@
-"""Settings for slicing programs that take the STL and slice it themselves, as most do.
+"""Settings sheet for slicing programs that read the STL and slice it themselves, as most do.
 
-The sheet states the settings to enter, with units, and the values to compare with those that the program then shows:
-the number of layers, the height and the dose. It exists as a result for programs, and as Markdown to print out.
+The sheet lists the settings to enter, with units, and the values to check in the program: the number of layers, the
+height and the dose. It is available as a result for programs, and as Markdown to print out.
 """
 
 import math
@@ -27,7 +27,7 @@ SHEET_SCHEMA = 1
 
 @dataclass(frozen=True)
 class Picture:
-    """A separately exposed piece, with its exposure and dose."""
+    """An individually exposed part, with its exposure and dose."""
 
     feature: str
     exposure_s: float
@@ -35,44 +35,44 @@ class Picture:
 
 
 class PrintSettings(Result):
-    """Settings of a print.
+    """Print settings.
 
     Attributes
     ----------
     solen_settings, writer
         Version of this table, and the solen version that wrote it.
     part, stl, stl_unit
-        Name of the part, and of the STL, which is already oriented for printing.
+        Name of the part, and name and unit of the STL, which is already oriented for printing.
     material, printer, orientation, lies
-        Descriptions; ``lies`` is the required orientation, None if any will do.
+        Descriptions; ``lies`` is the required orientation, None if any orientation is suitable.
     seats
-        Names of the pockets and slots in the solid; None if its file does not state them.
+        Names of the pockets and slots in the solid; None if the file does not list them.
     wavelength_nm, pixel_um, pixel_y_um
-        Wavelength of the printer, and sides of its pixels along X and Y.
+        Wavelength of the printer, and pixel sides along X and Y.
     size_mm, copies
         Extent of one part along X, Y and Z, and number of parts.
     layer_um, expected_layers, stack_height_mm
-        Thickness and number of the layers, and the height of the stack.
+        Thickness and number of the layers, and stack height.
     burn_in_layers, burn_in_exposure_s, exposure_s
-        Number and exposure of the first layers, and exposure of the others.
+        Number and exposure of the burn-in layers, and exposure of the other layers.
     pictures
-        Pictures shown in sequence at one height, each with its own exposure; empty for a stack.
+        Images shown in sequence at one height, each with its own exposure; empty for a stack.
     irradiance_mW_per_cm2, burn_in_dose_mJ_per_cm2, dose_mJ_per_cm2
         Irradiance and doses at the window.
     phase_px, anti_aliasing, process, greys
-        Properties of the pictures, None without pictures: position of the part's origin in its pixel, whether edges are
-        grey, the process file, and its pairs of grey and light used for drawing edges.
+        Image properties, None without images: position of the part origin in its pixel, whether edges are grey, the
+        process file, and the pairs of grey level and light used for drawing edges.
     z_offset_um
-        Thickness of objects between plate and window that are not printed: a film, an existing base.
+        Thickness of objects between plate and window that are not printed: a film or an existing base.
     volume_ml
-        Total volume of resin in the parts.
+        Total resin volume of the parts.
     exposures_s, pause_s, estimated_time_s
         Total exposure, pause between exposures, and duration of the print.
     cure, cure_depth_um, burn_in_cure_depth_um
-        Working curve in words, and its cure depths of single exposures; None without a working curve.
+        Description of the working curve, and cure depths of single exposures; None without a working curve.
     layer_exposures_s, layer_doses_mJ_per_cm2, layer_received_mJ_per_cm2
-        For each layer in order of printing: exposure, dose at the window, and mean received dose including light
-        through later layers, computed from the working curve; None without a working curve.
+        For each layer in printing order: exposure, dose at the window, and mean received dose including light through
+        later layers, computed from the working curve; None without a working curve.
     """
 
     solen_settings: int
@@ -118,7 +118,7 @@ class PrintSettings(Result):
 
 
 def print_settings(job: Job, part: Printable, stl: str) -> PrintSettings:
-    """Settings of a job of a part; ``stl`` names its STL file."""
+    """Return the settings of a job; ``stl`` names its STL file."""
     slicing, printer, doses = job.slicing, job.printer, job.doses_mJ_per_cm2
     law, words = cure_law(job, part.stated_resin)
     dose, burn_in_dose = (job.irradiance_mW_per_cm2 * time for time in (slicing.exposure_s, slicing.burn_in_s))
@@ -167,16 +167,16 @@ def print_settings(job: Job, part: Printable, stl: str) -> PrintSettings:
 
 
 def has_curve(process: Process | None) -> TypeGuard[Process]:
-    """Whether a process has its own working curve, which takes precedence over the resin's."""
+    """Return whether a process has its own working curve, which takes precedence over the resin's."""
     return process is not None and not {"Dp_um", "Ec_mJ_per_cm2"} & set(process.assumptions)
 
 
 def cure_law(job: Job, resin: Resin | None) -> tuple[CureLaw | None, str | None]:
-    """Cure law of a job and its description: the process's law if measured, otherwise the resin's."""
+    """Return the cure law of a job and its description: from the process if measured, otherwise from the resin."""
     process = job.process
     if has_curve(process):
         lines = len(process.process.lamp)
-        lamp = f", the lamp's spectrum as {lines} lines" if lines else ""
+        lamp = f", lamp spectrum represented by {lines} lines" if lines else ""
         s = process.process
         return s.law, f"Dp {s.Dp_um:.4g} µm, Ec {s.Ec_mJ_per_cm2:.3g} mJ/cm²{lamp} ({process.source['Dp_um']})"
     if resin is None or resin.cure is None:
@@ -203,10 +203,10 @@ def _pictures(job: Job) -> tuple[Picture, ...]:
 
 
 def as_sheet(settings: PrintSettings, warnings: Sequence[str]) -> str:
-    """Settings as Markdown, with the values to check in the slicing program and the warnings."""
+    """Return the settings as Markdown, with the values to check in the slicing program and the warnings."""
     notes = ["Mind:", "", *(f"- {line}" for line in warnings), ""] if warnings else []
-    lines = [f"# {settings.part}: settings for the print", "", *_table("Setting", "Value", _settings(settings)), ""]
-    lines += ["What the program must then show:", "", *_table("Check", "Expected", _checks(settings)), ""]
+    lines = [f"# {settings.part}: print settings", "", *_table("Setting", "Value", _settings(settings)), ""]
+    lines += ["Values that the program must then show:", "", *_table("Check", "Expected", _checks(settings)), ""]
     return "\n".join([*lines, *notes, f"Written by {settings.writer}."]) + "\n"
 
 
@@ -214,9 +214,9 @@ def _settings(s: PrintSettings) -> list[tuple[str, str]]:
     light = "" if s.wavelength_nm is None else f", {s.wavelength_nm:g} nm"
     sides = " × ".join(dict.fromkeys(f"{side:.5g}" for side in (s.pixel_um, s.pixel_y_um)))
     return [
-        ("STL to load", f"`{s.stl}`, in **mm**; it is already turned: do not rotate it"),
+        ("STL to load", f"`{s.stl}`, in **mm**; already oriented: do not rotate it"),
         ("Material", s.material),
-        ("Printer", f"{s.printer}{light}, pixels of {sides} µm"),
+        ("Printer", f"{s.printer}{light}, {sides} µm pixels"),
         ("Orientation", s.orientation),
         *([("It must lie", s.lies)] if s.lies else []),
         *([] if s.seats is None else [("Pockets and slots", ", ".join(s.seats) or "none")]),
@@ -228,19 +228,19 @@ def _settings(s: PrintSettings) -> list[tuple[str, str]]:
         ("Z offset", f"{s.z_offset_um:g} µm above the calibrated zero of the plate"),
         *_pictured(s),
         ("Supports", "none; solen does not make supports"),
-        ("Anti-aliasing, scaling, shrinkage compensation", "off, unless you calibrated them yourself"),
+        ("Anti-aliasing, scaling, shrinkage compensation", "off, unless you have calibrated them yourself"),
     ]
 
 
 def _pictured(s: PrintSettings) -> list[tuple[str, str]]:
-    """Description of how solen's pictures are drawn."""
+    """Describe how solen draws the images."""
     if s.phase_px is None:
         return []
     x, y = s.phase_px
     edges = (
-        f"grey, according to the {len(s.greys)} greys of `{s.process}`"
+        f"grey, according to the {len(s.greys)} measured grey levels of `{s.process}`"
         if s.greys
-        else "grey, according to the covered share"
+        else "grey, according to the covered fraction"
     )
     rows = [("solen's pictures: edges", edges if s.anti_aliasing else "no grey pixels")]
     return [*rows, ("solen's pictures: origin", f"at {x:g}, {y:g} of the pixel")]
@@ -249,14 +249,14 @@ def _pictured(s: PrintSettings) -> list[tuple[str, str]]:
 def _exposures(s: PrintSettings) -> list[tuple[str, str]]:
     if s.pictures:
         alone = [
-            (f"Exposure of {picture.feature} alone", picture.exposure_s, picture.dose_mJ_per_cm2)
+            (f"Individual exposure of {picture.feature}", picture.exposure_s, picture.dose_mJ_per_cm2)
             for picture in s.pictures
         ]
         return [("Burn-in layers", "0"), *((name, f"{time:g} s = {dose:.4g} mJ/cm²") for name, time, dose in alone)]
     return [
         ("Burn-in layers", str(s.burn_in_layers)),
         ("Burn-in exposure", f"{s.burn_in_exposure_s:g} s = {s.burn_in_dose_mJ_per_cm2:.4g} mJ/cm² per layer"),
-        ("Exposure of all others", f"{s.exposure_s:g} s = {s.dose_mJ_per_cm2:.4g} mJ/cm² per layer"),
+        ("Exposure of all other layers", f"{s.exposure_s:g} s = {s.dose_mJ_per_cm2:.4g} mJ/cm² per layer"),
     ]
 
 
@@ -272,7 +272,7 @@ def _checks(s: PrintSettings) -> list[tuple[str, str]]:
         checks.append(("Whole print", f"about {_time(s.estimated_time_s)}, with {s.pause_s:.3g} s between exposures"))
     if s.cure_depth_um is not None:
         depths = f"{s.cure_depth_um:.0f} µm; burn-in {s.burn_in_cure_depth_um:.0f} µm"
-        checks.append(("Depth that one exposure cures (working curve)", depths))
+        checks.append(("Cure depth of one exposure (working curve)", depths))
     if (received := s.layer_received_mJ_per_cm2) and not s.pictures:
         places = (received[0], received[len(received) // 2], received[-1])
         first, middle, last = (f"{dose:.3g}" for dose in places)
@@ -288,7 +288,7 @@ def _table(left: str, right: str, rows: list[tuple[str, str]]) -> list[str]:
 
 
 def _time(seconds: float) -> str:
-    """Duration in hours and minutes, or in minutes and seconds."""
+    """Format a duration in hours and minutes, or in minutes and seconds."""
     whole = math.ceil(seconds)
     hours, minutes = divmod(round(whole / 60), 60)
     return f"{hours} h {minutes:02d} min" if whole >= 3600 else f"{whole // 60} min {whole % 60:02d} s"

@@ -1,7 +1,7 @@
-"""Solids to be sliced: exact outlines at heights, or a closed mesh, with the lowest corner at the origin.
+"""Solids to be sliced: exact outlines by height, or a closed mesh, with the lowest corner at the origin.
 
-A part that is printed flat needs no mesh: between two of its heights it has one plan, so all layers there are
-identical. Any other part is a mesh, cut by `solen.fabricate.layers.cut`; overlapping shells are first united by
+A part that is printed flat needs no mesh: its plan only changes at its level faces, so all layers between two of these
+are identical. Any other part is a mesh, sliced by `solen.fabricate.layers.cut`; overlapping shells are first united by
 manifold3d.
 """
 
@@ -27,18 +27,18 @@ from solen.geometry.body import filled
 Rings = Sequence[FloatArray]
 
 PLAN_MM = 1e-4
-"""Tolerance for following the outlines of a plan: about a thousandth of the finest pixel."""
+"""Tolerance for approximating the outlines of a plan: about a thousandth of the finest pixel."""
 MESH_MM = 2e-4
-"""Tolerance for following the surface of a mesh."""
+"""Tolerance for approximating the surface by a mesh."""
 OVERLAP = 1e-6
-"""Fraction of a mesh's volume above which shells overlap rather than touch."""
+"""Fraction of the mesh volume above which shells overlap rather than touch."""
 LEVEL_MM = 1e-5
 """A face is level if the heights of its corners differ by less than this."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solid(ABC):
-    """A solid in its printed position: above the plate from Z = 0, with its least X and Y at 0.
+    """A solid in its printed position: above the plate, which is at Z = 0, with its minimum X and Y at 0.
 
     Attributes
     ----------
@@ -49,7 +49,7 @@ class Solid(ABC):
     volume_mm3
         Volume of the solid.
     heights_mm
-        Heights of its level faces, ascending.
+        Heights of the level faces, ascending.
     """
 
     size_mm: tuple[float, float, float]
@@ -59,17 +59,17 @@ class Solid(ABC):
 
     @property
     def exposures_s(self) -> tuple[float, ...]:
-        """Exposures of pictures that are shown in sequence at one height; empty for a stack of layers."""
+        """Exposures of images that are shown in sequence at one height; empty for a stack of layers."""
         return ()
 
     @abstractmethod
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
-        """Rings at a height, holes clockwise, and a number shared by equal sections, or None if unknown."""
+        """Rings at a height, holes clockwise, and a number shared by identical sections, or None if unknown."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plan(Solid):
-    """Outlines that are valid from one height to the next: ``rings[numbers[i]]`` from ``heights_mm[i]`` up."""
+    """Outlines that apply from one height to the next: ``rings[numbers[i]]`` from ``heights_mm[i]`` upwards."""
 
     numbers: tuple[int, ...]
     rings: tuple[Rings, ...]
@@ -85,14 +85,14 @@ class Plan(Solid):
 
 @dataclass(frozen=True, eq=False)
 class Sections(Solid):
-    """A part whose smooth lens varies with height, lying flat: sections of the exact face, made on demand."""
+    """A part lying flat whose smooth lens varies with height: sections of the exact face, made on demand."""
 
     part: FacedPart
     turn: FloatArray
 
     @classmethod
     def of(cls, part: FacedPart, turn: FloatArray) -> "Sections":
-        """Solid of a part turned about the plate's normal by a matrix (2, 2)."""
+        """Return the solid of a part rotated about the plate normal by a matrix (2, 2)."""
         hollow, (blank,) = part.hollow, part.prisms
         half, nearest = hollow.lens.half_width_mm, hollow.lens.nearest_mm
         behind = [ring[ring[:, 1] >= nearest] for ring in blank.rings(PLAN_MM)]
@@ -116,9 +116,10 @@ class Sections(Solid):
 
 @dataclass(frozen=True, eq=False)
 class Exposures(Solid):
-    """Pieces of one layer exposed in sequence, each for its own time, without a lift in between.
+    """Parts of one layer exposed in sequence, each for its own time, without a lift in between.
 
-    With ``greys``, 0 to 1 for each piece, they are exposed together for the first time, each with its grey.
+    If ``greys`` (0 to 1 for each part) is specified, all parts are exposed together for the first of these times, each
+    with its grey level.
     """
 
     names: tuple[str, ...]
@@ -132,14 +133,14 @@ class Exposures(Solid):
         return self.seconds[:1] if self.greys else self.seconds
 
     def section(self, z_mm: float) -> tuple[int | None, Rings]:
-        """All pieces together; see `Solid.section`."""
+        """Return the section with all parts together; see `Solid.section`."""
         inside = 0.0 <= z_mm < self.size_mm[2]
         return None, [ring for rings in self.rings for ring in rings] if inside else []
 
 
 @dataclass(frozen=True, eq=False)
 class Slices(Solid):
-    """A closed mesh that is sliced on demand; ``overlap_mm3`` is the overlap of its shells before they were united."""
+    """A closed mesh that is sliced on demand; ``overlap_mm3`` is the overlap of its shells before union."""
 
     cutter: Cutter
     overlap_mm3: float = 0.0
@@ -150,12 +151,12 @@ class Slices(Solid):
 
 
 def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) -> Solid:
-    """Solid of a part turned by a matrix (3, 3): a `Plan` if its Z stays upright, otherwise `Slices` of its mesh.
+    """Solid of a part rotated by a matrix (3, 3): a `Plan` if its Z stays upright, otherwise `Slices` of its mesh.
 
     Raises
     ------
     DesignError, SpecError
-        If its mesh cannot be made.
+        If the mesh cannot be made.
     """
     if rotation[2, 2] == 1.0 and isinstance(part, FacedPart):
         return Sections.of(part, rotation[:2, :2])
@@ -165,7 +166,7 @@ def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) ->
 
 
 def exposures_of(part: Part, seconds: Sequence[float], greys: Sequence[float] = ()) -> Exposures:
-    """Prisms of a part of one layer, each with its own exposure, or all exposed together and each with its own grey."""
+    """Prisms of a single-layer part, with individual exposures, or exposed together with individual grey levels."""
     rings = [[np.asarray(ring) for ring in prism.rings(PLAN_MM)] for prism in part.prisms]
     points = np.vstack([ring for one in rings for ring in one])
     corner, height = points.min(axis=0), max(prism.to_mm - prism.from_mm for prism in part.prisms)
@@ -179,12 +180,12 @@ def exposures_of(part: Part, seconds: Sequence[float], greys: Sequence[float] = 
 
 
 def mesh_solid(mesh: Mesh, rotation: FloatArray, name: str = "mesh") -> Slices:
-    """Solid of a mesh turned by a matrix (3, 3).
+    """Return the solid of a mesh rotated by a matrix (3, 3).
 
     Raises
     ------
     DataError
-        If it is empty, open, inside out, or has no volume.
+        If the mesh is empty, open or inside out, or has no volume.
     """
     _check_closed(mesh, name)
     turned = mesh.vertices @ rotation.T
@@ -200,7 +201,7 @@ def mesh_solid(mesh: Mesh, rotation: FloatArray, name: str = "mesh") -> Slices:
 
 
 def _united(mesh: Mesh, name: str) -> Mesh:
-    """Unite the overlapping shells of a mesh; return the mesh itself if none overlap."""
+    """Unite the overlapping shells of a mesh; return the mesh unchanged if none overlap."""
     from manifold3d import Error, Manifold, Mesh64, OpType
 
     solid = Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), mesh.triangles.astype(np.uint64)))
@@ -214,7 +215,7 @@ def _united(mesh: Mesh, name: str) -> Mesh:
 
 
 def _levels(vertices: FloatArray, triangles: NDArray[np.int64]) -> tuple[float, ...]:
-    """Heights of the level triangles."""
+    """Return the heights of the level triangles."""
     z = vertices[triangles, 2]
     level = z[np.ptp(z, axis=1) < LEVEL_MM, 0]
     return tuple(np.unique((level / LEVEL_MM).round() * LEVEL_MM).tolist())
@@ -224,7 +225,7 @@ def _check_closed(mesh: Mesh, name: str) -> None:
     if not len(mesh.triangles):
         raise DataError(name, value="no triangle", limit="is empty")
     if count := mesh.open_edges():
-        limit = "must be watertight: each edge belongs to two triangles that agree on which side is outside"
+        limit = "must be watertight: each edge must belong to exactly two triangles with consistent orientation"
         raise DataError(name, value=f"{count} open edges", limit=limit, remedy="repair the mesh")
     if not mesh.volume_mm3 > 0.0:
         limit = "encloses no volume" if mesh.volume_mm3 == 0.0 else "is inside out"
@@ -232,7 +233,7 @@ def _check_closed(mesh: Mesh, name: str) -> None:
 
 
 def _plan(part: Part, turn: FloatArray) -> Plan:
-    """Plan of a part turned about the plate's normal by a matrix (2, 2)."""
+    """Return the plan of a part rotated about the plate normal by a matrix (2, 2)."""
     tools = [cut.tool for cut in part.cuts]
     heights = sorted({height for prism in (*part.prisms, *tools) for height in (prism.from_mm, prism.to_mm)})
     bottom, top = min(prism.from_mm for prism in part.prisms), max(prism.to_mm for prism in part.prisms)
@@ -257,13 +258,13 @@ def _plan(part: Part, turn: FloatArray) -> Plan:
 
 
 def _across(prisms: Sequence[Prism], low: float, high: float) -> tuple[int, ...]:
-    """Numbers of the prisms that reach from one height to the next."""
+    """Return the numbers of the prisms that extend from one height to the next."""
     middle = 0.5 * (low + high)
     return tuple(i for i, prism in enumerate(prisms) if prism.from_mm < middle < prism.to_mm)
 
 
 def _rings(prisms: Sequence[Prism], tools: Sequence[Prism]) -> list[FloatArray]:
-    """Rings of prisms minus tools; no prism means air."""
+    """Return the rings of prisms minus tools; without a prism there is air."""
     if not prisms:
         return []
     import shapely

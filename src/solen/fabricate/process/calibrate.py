@@ -1,16 +1,14 @@
-"""Calibration of a process from measured coupons: blur, critical dose of edges, shrinkage.
+"""Calibration of a print process from measured coupons: blur, critical dose at edges, and shrinkage.
 
-The idea: modelled sizes are fitted to measured sizes by least squares (`solen.fabricate.process.coupon_fit`), weighted
-by their uncertainties. The previous process is a prior, three times as uncertain as stated, so that parameters that
-coupons cannot determine stay unchanged, with a warning. The scale of each picture is a further unknown
-(`solen.fabricate.process.scales`): the scale and shrinkage multiply all sizes equally, so shrinkage is as uncertain as
-the scale. Large features determine growth of edges and scaling; only features about as small as the blur separate the
-blur from the critical dose; washing moves edges in the same way as the critical dose, so it stays as stated.
+Modelled sizes are fitted to measured sizes by least squares, weighted by their uncertainties
+(`solen.fabricate.process.coupon_fit`). The previous process is a prior with three times its reported uncertainty, so
+parameters that the coupons cannot determine stay unchanged, with a warning. The scale of each image is another unknown
+(`solen.fabricate.process.scales`): scale and shrinkage multiply all sizes equally, so shrinkage is as uncertain as the
+scale. Large features determine edge growth and scaling; only features about as small as the blur separate the blur from
+the critical dose. Washing moves edges in the same way as the critical dose, so its value is kept.
 
-The resulting critical dose is effective: with the blur it reproduces the measured edges. The critical dose of a working
-curve is a different number, better suited to depths.
-
-The interface: `calibrated` returns a `PrinterCalibration`.
+The fitted critical dose is an effective value: together with the blur it reproduces the measured edges. The critical
+dose of a working curve is a different quantity, which is more suitable for depths.
 """
 
 import math
@@ -32,18 +30,18 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
 FITTED = ("Ec_mJ_per_cm2", "shrinkage_percent")
-"""Parameters fitted in addition to the width of the blur (or, for a response, its scale)."""
+"""Parameters fitted in addition to the blur width (or, for a response, its scale)."""
 INSEPARABLE = 0.9
-"""Absolute correlation above which two numbers count as inseparable."""
+"""Absolute correlation above which two parameters count as inseparable."""
 DETERMINED = 0.5
-"""Fraction of its prior variance that a number must lose to count as determined by the coupons."""
+"""Fraction by which the coupons must reduce the prior variance of a parameter that counts as determined."""
 LEAST = 3
 _DOUBT = 2.0
 
 
 @dataclass(frozen=True)
 class CalibratedNumber:
-    """A number of the process with its standard uncertainty now and before; ``key`` ends in its unit.
+    """A process parameter with its standard uncertainty before and after calibration; ``key`` ends in the unit.
 
     ``growth_um`` replaces the critical dose: it is the growth of a straight wall beyond its image.
     """
@@ -69,23 +67,23 @@ class PrinterCalibration(Result):
     simulated
         Whether sizes were computed rather than measured.
     numbers
-        Fitted numbers.
+        Fitted parameters.
     covariance
-        Covariance of the numbers, (p, p).
+        Covariance of the parameters, (p, p).
     Ec_mJ_per_cm2, u_Ec_mJ_per_cm2
-        Effective critical dose.
+        Effective critical dose and its standard uncertainty.
     given, features
         Number of features in the files, and the features used.
     scales
-        Scale of each picture, measured over true.
+        Scale of each image, measured divided by true.
     chi2, df
         Chi-square, and number of measured values minus the number of parameters that they determine.
     scale
-        Factor by which uncertainties are widened if features scatter more than stated; 1 otherwise.
+        Factor by which uncertainties are increased if features scatter more than reported; 1 otherwise.
     disagree
         Features that are resolved only in the model or only in the measurement.
     sources, warnings
-        Files of the features, and limits of the conclusions.
+        Feature files, and limits of the conclusions.
     """
 
     process: Process = field(metadata=HIDDEN)
@@ -116,7 +114,7 @@ class PrinterCalibration(Result):
 
     @reported
     def correlation(self) -> FloatArray:
-        """Correlations of the numbers, (p, p)."""
+        """Correlations of the parameters, (p, p)."""
         u = np.sqrt(np.diag(self.covariance))
         return np.asarray(self.covariance / np.outer(u, u))
 
@@ -133,11 +131,11 @@ def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -
     Parameters
     ----------
     process
-        Prior knowledge.
+        Prior process.
     coupons
-        Features, picture by picture, printed with that process.
+        Features of each image, printed with that process.
     name
-        Source of the numbers, for the process file.
+        Source of the parameters, for the process file.
 
     Raises
     ------
@@ -162,7 +160,7 @@ def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -
 
 
 def _calibration(problem: CouponFit, fit: Solution, coupons: Sequence[MeasuredCoupon], name: str) -> PrinterCalibration:
-    """The result with its warnings."""
+    """Return the result with its warnings."""
     count = len(problem.sought)
     values, covariance = fit.values[:count], fit.covariance[:count, :count]
     settings, u = problem.settings(values), np.sqrt(np.diag(fit.covariance))
@@ -194,7 +192,7 @@ def _calibration(problem: CouponFit, fit: Solution, coupons: Sequence[MeasuredCo
 def _process(
     problem: CouponFit, settings: Settings, covariance: FloatArray, u_of_Ec: float, name: str, simulated: bool
 ) -> Process:
-    """Calibrated process, as written to its file."""
+    """Return the calibrated process, as written to its file."""
     before, count = problem.process, len(problem.used)
     data = before.model_dump()
     data["process"] = settings.model_dump()
@@ -225,8 +223,8 @@ def _of_scales(fit: PrinterCalibration) -> list[Caution]:
         return []
     return [
         look_at(
-            f"{', '.join(unstated)}: no uncertainty of the scale is stated; {100.0 * U_SCALE:g} % is assumed, which "
-            "limits shrinkage: measure with --u-um-per-px (--u-z-um for heights), from a stage micrometer"
+            f"{', '.join(unstated)}: the scale uncertainty is not specified; {100.0 * U_SCALE:g} % is assumed, which "
+            "limits shrinkage: determine it with a stage micrometer and use --u-um-per-px (--u-z-um for heights)"
         )
     ]
 
@@ -234,8 +232,8 @@ def _of_scales(fit: PrinterCalibration) -> list[Caution]:
 def _unknown(fit: PrinterCalibration) -> list[Caution]:
     return [
         look_at(
-            f"these coupons do not determine {number.key}: it remains {number.value:.3g} ± {number.u:.2g}, as assumed "
-            "before"
+            f"these coupons do not determine {number.key}: it keeps its prior value, {number.value:.3g} "
+            f"± {number.u:.2g}"
         )
         for number in fit.numbers
         if number.learned < DETERMINED
@@ -243,12 +241,12 @@ def _unknown(fit: PrinterCalibration) -> list[Caution]:
 
 
 def _inseparable(fit: PrinterCalibration) -> list[Caution]:
-    """Warn of numbers that change all coupons in the same way."""
+    """Warn of parameters that change all coupons in the same way."""
     warnings = [
         note(
             "washing, critical dose, exposure and scattering move edges in the same way and cannot be separated here: "
             f"Ec_mJ_per_cm2 is an effective value for edges at wash_um = {fit.settings.wash_um:g}, not valid for "
-            "depths; only the growth of walls is known, and it is kept"
+            "depths; only the growth of walls is determined, and it is kept"
         )
     ]
     for i, j in combinations(range(len(fit.numbers)), 2):
@@ -257,7 +255,7 @@ def _inseparable(fit: PrinterCalibration) -> list[Caution]:
             warnings.append(
                 look_at(
                     f"{fit.numbers[i].key} and {fit.numbers[j].key} can hardly be separated (correlation "
-                    f"{correlation:+.2f}): measure features of more different sizes"
+                    f"{correlation:+.2f}): measure features with a wider range of sizes"
                 )
             )
     return warnings
@@ -268,13 +266,15 @@ def _of_fit(fit: PrinterCalibration) -> list[Caution]:
     if fit.scale > _DOUBT:
         warnings.append(
             look_at(
-                f"features are off by {fit.scale:.2g} times their stated uncertainty (rms {fit.rms_um:.2g} µm): "
-                "either the model does not describe them, or they are less certain than stated; uncertainties were "
-                "widened by this factor"
+                f"features deviate by {fit.scale:.2g} times their reported uncertainty (rms {fit.rms_um:.2g} µm): "
+                "either the model does not describe them, or their uncertainty is underestimated; uncertainties were "
+                "increased by this factor"
             )
         )
     if fit.disagree:
         listed = ", ".join(f"{feature.kind} of {feature.nominal_mm:g} mm" for feature in fit.disagree[:6])
         more = "" if len(fit.disagree) <= 6 else f" and {len(fit.disagree) - 6} more"
-        warnings.append(look_at(f"the model and the coupons disagree on which of these are resolved: {listed}{more}"))
+        warnings.append(
+            look_at(f"the model and the coupons disagree on whether these features are resolved: {listed}{more}")
+        )
     return warnings

@@ -1,13 +1,13 @@
-"""Compensation of a lens's drawing, so that the printed lens has the intended shape.
+"""Compensated drawing of a lens, which makes the printed lens have the intended shape.
 
-The idea: an error of the printed wall is subtracted from the drawing, and the print is modelled again until the error
-vanishes. A printer's blur reproduces slow changes of the drawing and suppresses fast ones. This fixed-point iteration
-(drawn minus printed error) therefore converges for every shape that the printer can make, and leaves an error only at
-details that it cannot make, such as a corner sharper than its blur. Corrections are smoothed to the width of the blur,
-because the drawing would otherwise develop ripples that do not print. Other walls are moved by the growth of a straight
-wall, and the drawing is enlarged to balance shrinkage.
+The error of the printed wall is subtracted from the drawing, and the print is modelled again until the error vanishes.
+The blur of a printer reproduces slow variations of the drawing and suppresses fast ones. This fixed-point iteration
+(drawing minus printed error) therefore converges for every shape that the printer can make, and leaves errors only at
+details that it cannot make, for example corners sharper than its blur. Corrections are smoothed to the width of the
+blur, because otherwise the drawing would develop ripples that do not print. Other walls are moved by the growth of a
+straight wall, and the drawing is enlarged to balance shrinkage.
 
-The interface: `Printing` is a body with the process that prints it; `compensated` and `Printing.corrected` give a
+A `Printing` combines a body and the process that prints it; `compensated` and `Printing.corrected` return a
 `Compensation`.
 """
 
@@ -30,9 +30,9 @@ from solen.results import HIDDEN, reported
 
 MOST_ROUNDS = 24
 SETTLED_UM = 0.02
-"""Change of the printed error's root mean square between rounds below which the iteration has converged."""
+"""The iteration has converged when the rms printed error changes by less than this between rounds."""
 LEAST_SHARE = 0.1
-"""Fraction of a correction below which no smaller one is tried."""
+"""Smallest fraction of a correction that is tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,15 +44,15 @@ class Compensation:
     outlines
         Outlines to draw, by face.
     drawn_um
-        Displacement of the drawn lens from the designed one, (N,) along its normals, before scaling.
+        Displacement of the drawn lens from the designed lens, (N,) along its normals, before scaling.
     wall_um
         Outward displacement of the other walls; negative if inwards.
     scale
-        Enlargement of the drawing about the lens's middle.
+        Enlargement of the drawing about the centre of the lens.
     printed
-        Deviation of the printed lens from the designed one.
+        Deviation of the printed lens from the designed lens.
     rounds_um
-        Root mean square of that deviation, round by round.
+        Root mean square of that deviation for each round.
     """
 
     outlines: list[list[DrawnFace]] = field(metadata=HIDDEN)
@@ -64,12 +64,12 @@ class Compensation:
 
     @property
     def drawing(self) -> "Drawing":
-        """The displacements and scale of the compensated drawing."""
+        """Displacements and scale of the compensated drawing."""
         return Drawing(self.drawn_um, self.wall_um, self.scale)
 
     @reported
     def drawn_range_um(self) -> tuple[float, float]:
-        """Range of the drawn lens's displacement from the designed one."""
+        """Range of the displacement of the drawn lens from the designed lens."""
         return float(self.drawn_um.min()), float(self.drawn_um.max())
 
 
@@ -91,7 +91,7 @@ class Printing:
     height_um
         Height of the profile; None for the mean over the thickness.
     phase
-        Position of the drawing's origin in its pixel.
+        Position of the drawing origin in its pixel.
     """
 
     body: Body
@@ -107,14 +107,14 @@ class Printing:
         return redrawn(self.body, lens, drawing.wall_um, drawing.scale, self.target.centre)
 
     def deviation_um(self, outlines: Sequence[Sequence[DrawnFace]]) -> FloatArray:
-        """Deviation of the lens printed from the given outlines, (N,) along the normals of the designed one."""
+        """Deviation of the lens printed from the given outlines, (N,) along the normals of the designed lens."""
         printed = FlatPrint.of(rings_of(outlines), self.target, self.settings, self.thickness_mm, self.phase)
         return printed.profile_um(self.height_um)
 
     def corrected(self, start: Drawing, offset_um: FloatArray | float = 0.0) -> Compensation:
-        """Drawing that prints the designed lens if real prints are ``offset_um`` (N,) beyond the model's.
+        """Return the drawing that prints the designed lens if real prints deviate by ``offset_um`` (N,) from the model.
 
-        Walls and scale are those of ``start``.
+        Walls and scale are taken from ``start``.
         """
         drawn, share = start.drawn_um, 1.0
         best: Compensation | None = None
@@ -135,7 +135,7 @@ class Printing:
 
     @cached_property
     def _inner(self) -> BoolArray:
-        """Mark the points (N,) farther than the blur from an end, because a sharper corner cannot be printed."""
+        """Mark the points (N,) farther from an end than the blur, because a sharper corner cannot be printed."""
         along, reach = self.target.along_mm, 1e-3 * self.settings.edge_um
         return np.asarray((along > reach) & (along < along[-1] - reach))
 
@@ -143,7 +143,7 @@ class Printing:
         return float(np.sqrt(np.mean(um[self._inner] ** 2)))
 
     def _smooth(self, um: FloatArray) -> FloatArray:
-        """Deviation smoothed to the width of the blur; at the corners, it continues that of the neighbouring lens."""
+        """Deviation smoothed to the blur width; at the corners, the deviation of the adjacent lens is continued."""
         along = self.target.along_mm
         steady = np.interp(along, along[self._inner], um[self._inner])
         width = 1e-3 * self.settings.edge_um / float(np.mean(np.diff(along)))
@@ -151,7 +151,7 @@ class Printing:
 
 
 def compensated(printing: Printing) -> Compensation:
-    """Drawing of a body whose lens prints as its target, according to the process model alone.
+    """Return the drawing of a body whose lens prints as its target according to the process model alone.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""Files of a compensated drawing: a design with its outline as the body, and the predicted profile.
+"""Files of a compensated drawing: a design with the drawing as its body, and the predicted profile.
 
 The design is meant for the printer: `solen export` and the slicer accept it. It contains only the outline, the
-thickness and what is needed to read it, and its name states that it is not the intended shape.
+thickness and the data needed to read it, and its name states that it is not the intended shape.
 """
 
 import dataclasses
@@ -27,7 +27,7 @@ COMMENT = """\
 def compensation_files(
     target: Path, sensor: Sensor, made: Compensation | None, profile: MeasuredProfile | None, process: str
 ) -> dict[Path, bytes]:
-    """Contents of the design file, the outline and the predicted profile; empty without a compensation."""
+    """Return the design file, the outline and the predicted profile; empty without a compensation."""
     if made is None or profile is None:
         return {}
     target, outline, printed = targets_of(target, "outline").values()
@@ -44,12 +44,12 @@ def targets_of(target: Path, drawn: str) -> dict[str, Path]:
 
 
 def outline_text(sensor: Sensor, made: Compensation) -> str:
-    """JSON text of a drawing's outline, whose hash identifies it."""
+    """Return the outline of a drawing as JSON text, whose hash identifies it."""
     return json.dumps(_outline(sensor, made), indent=1, allow_nan=False) + "\n"
 
 
 def _design(sensor: Sensor, outline: str) -> Design:
-    """Design of an outline: its name, material and thickness, and the seats that are cut from it."""
+    """Return the design for an outline: name, material, thickness and seats."""
     old = sensor.design
     material = {"index": sensor.material.index}
     body = {"kind": "outline", "file": outline, "thickness_mm": old.body.thickness_mm}
@@ -58,7 +58,7 @@ def _design(sensor: Sensor, outline: str) -> Design:
 
 
 def _outline(sensor: Sensor, made: Compensation) -> dict[str, Any]:
-    """Outline as JSON of `solen.geometry.drawing.outline_json`, with the emitter of the designed body."""
+    """Return the outline as JSON of `solen.geometry.drawing.outline_json`, with the emitter of the designed body."""
     body = sensor.body().upright()
     faces = [{"name": face.name, "curve": _curve(curve_of(face))} for outline in made.outlines for face in outline]
     emitter = {"point": list(body.emitter.point), "axis_deg": body.emitter.axis_deg}

@@ -1,6 +1,6 @@
-"""Least-squares fit of a process's numbers and of picture scales to measured features of coupons.
+"""Least-squares fit of process parameters and image scales to measured coupon features.
 
-The interface: `CouponFit` of used features, whose `solved` returns a `Solution`.
+`CouponFit.solved` returns the `Solution` for the features used.
 """
 
 import math
@@ -17,9 +17,9 @@ from solen.fabricate.process.scales import Scales
 from solen.fabricate.process.settings import Settings
 
 WEAK = 3.0
-"""Factor on the previous process's stated uncertainty for the prior."""
+"""Factor by which the reported uncertainty of the previous process is multiplied for the prior."""
 WIDEST_GROWTH = 10.0
-"""Prior standard uncertainty of a wall's growth, in pixels: practically no prior."""
+"""Prior standard uncertainty of the wall growth, in pixels: practically no prior."""
 WIDE: dict[str, float] = {
     "sigma_um": 10.0,
     "response_scale": 0.2,
@@ -27,15 +27,15 @@ WIDE: dict[str, float] = {
     "shrinkage_percent": 2.0,
     "shrinkage_z_percent": 2.0,
 }
-"""Prior uncertainties for a process that states none."""
+"""Prior uncertainties for a process file that contains none."""
 _LOST_UM = 200.0  # residual of a feature that the model does not print, in µm
 
 
 @dataclass(frozen=True)
 class FittedFeature:
-    """A feature used in the fit: its drawn and measured sizes, and the modelled size at the picture's scale.
+    """A feature used in the fit: its drawn and measured sizes, and the modelled size at the image scale.
 
-    ``u_measured_mm`` excludes the scale's uncertainty, which all features of a picture share.
+    ``u_measured_mm`` excludes the scale uncertainty, which is common to all features of an image.
     """
 
     kind: Kind
@@ -47,7 +47,7 @@ class FittedFeature:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Best-fitting numbers and errors of scales, their covariance, and the goodness of fit."""
+    """Best-fitting parameters and scale errors, their covariance, and the goodness of fit."""
 
     values: FloatArray
     covariance: FloatArray
@@ -57,7 +57,7 @@ class Solution:
 
 
 class CouponFit:
-    """Least squares, with the growth of a straight wall replacing the critical dose for better separation."""
+    """Least-squares fit in which the growth of a straight wall replaces the critical dose for better separation."""
 
     def __init__(
         self, process: Process, used: tuple[tuple[int, MeasuredFeature], ...], scales: Scales, keys: tuple[str, ...]
@@ -85,7 +85,7 @@ class CouponFit:
         self._scales_whitened = np.linalg.inv(np.linalg.cholesky(scales.covariance))
 
     def solved(self) -> Solution:
-        """Solve by least squares; features that scatter more have less weight, priors keep theirs."""
+        """Solve by least squares; features with more scatter have less weight, while the priors keep their weights."""
         count, scales = len(self.sought), len(self.scales.of)
         ends = (np.append(self.low, np.full(scales, -0.5)), np.append(self.high, np.full(scales, 0.5)))
         solution = least_squares(
@@ -108,7 +108,7 @@ class CouponFit:
         return Solution(np.asarray(solution.x), covariance, chi2, df, scale)
 
     def settings(self, values: FloatArray) -> Settings:
-        """Process with the given values of its parameters."""
+        """Return the process with the given parameter values."""
         changed = dict(zip(self.sought, values.tolist(), strict=True))
         growth = changed.pop("growth_um")
         blurred = self.process.process.model_copy(update=changed)
@@ -116,15 +116,15 @@ class CouponFit:
         return with_growth(blurred.model_copy(update={"halo_um": halo_um}), growth)
 
     def _printed_um(self, settings: Settings) -> FloatArray:
-        """Modelled sizes (n,); equal for pictures of the same coupon."""
+        """Return modelled sizes (n,); they are equal for images of the same coupon."""
         return np.asarray(1e3 * printed_mm(settings, self._distinct)[self._which])
 
     def _seen_um(self, settings: Settings, errors: FloatArray) -> FloatArray:
-        """Sizes (n,) as they appear in pictures with these scales."""
+        """Return sizes (n,) as they appear in images with these scales."""
         return np.asarray(self._printed_um(settings) * (1.0 + errors[self.scales.rows]))
 
     def residuals(self, values: FloatArray) -> FloatArray:
-        """Residuals of features and distances, and of the priors, each divided by its uncertainty."""
+        """Return the residuals of features, distances and priors, each divided by its uncertainty."""
         count = len(self.sought)
         numbers, errors = values[:count], values[count:]
         settings = self.settings(numbers)
@@ -135,7 +135,7 @@ class CouponFit:
         return np.concatenate([off / self._u, apart / self._u_pitch, before, self._scales_whitened @ errors])
 
     def jacobian(self, values: FloatArray) -> FloatArray:
-        """Derivatives of the residuals: finite differences for the numbers, exact for the scales."""
+        """Return the derivatives of the residuals: finite differences for the parameters, exact for the scales."""
         count, rows, pitches = len(self.sought), len(self.used), len(self._pitch)
         numbers, here = values[:count], self.residuals(values)
         result = np.zeros((len(here), len(values)))
@@ -151,7 +151,7 @@ class CouponFit:
         return result
 
     def fitted(self, values: FloatArray) -> tuple[FittedFeature, ...]:
-        """Features with the sizes that the model predicts at the scales of their pictures."""
+        """Return the features with the sizes that the model predicts at the scales of their images."""
         count = len(self.sought)
         sizes = 1e-3 * self._seen_um(self.settings(values[:count]), values[count:])
         rows = zip(self.used, 1e-3 * self._u, sizes, strict=True)
@@ -161,7 +161,7 @@ class CouponFit:
         )
 
     def u_of_Ec(self, values: FloatArray, covariance: FloatArray) -> float:
-        """Uncertainty of the critical dose, to first order."""
+        """Return the uncertainty of the critical dose, to first order."""
         slope = np.empty(len(values))
         for i, step in enumerate(1e-3 * self.before):
             ends = [self.settings(values + sign * step * np.eye(len(values))[i]).Ec_mJ_per_cm2 for sign in (1.0, -1.0)]
@@ -170,7 +170,7 @@ class CouponFit:
 
 
 def _ends(settings: Settings) -> tuple[dict[str, float], dict[str, float]]:
-    """Bounds of the fit."""
+    """Return the bounds of the fit."""
     pixel = settings.pixel_um
     low = {
         "sigma_um": 0.1 * pixel,

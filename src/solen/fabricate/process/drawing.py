@@ -1,11 +1,9 @@
-"""Drawing sent to the printer: a body's outlines unchanged, or compensated so that they print as designed.
+"""Drawing sent to the printer: the outlines of a body, either unchanged or compensated so that they print as designed.
 
-The idea: an outline consists of named faces. In a changed drawing, the lens's points are given one by one, every other
-wall is moved along its normal by one length (the growth of a straight wall), and the whole drawing is scaled about the
-lens's middle to balance shrinkage. If two moved faces no longer meet, they are cut or extended along their tangents to
-the intersection of these tangents.
-
-The interface: `DrawnFace`; `as_designed` and `redrawn` for a body; `rings_of` a drawing, `curve_of` a face.
+An outline consists of named faces. In a changed drawing, the points of the lens are specified individually, every other
+wall is moved along its normal by a common distance (the growth of a straight wall), and the entire drawing is scaled
+about the centre of the lens to balance shrinkage. If two moved faces no longer meet, they are cut or extended along
+their tangents to the intersection of these tangents.
 """
 
 import math
@@ -21,7 +19,7 @@ from solen.geometry import Body, Face
 from solen.plane import Point
 
 FLAT_MM = 1e-4
-"""Tolerance within which polylines follow curves."""
+"""Tolerance with which polylines approximate curves."""
 _PARALLEL = 1e-3
 _NEAREST_MM = 1e-6
 _LONGEST_MITER = 20.0
@@ -36,7 +34,7 @@ class DrawnFace:
 
 
 def lens_face(body: Body) -> Face:
-    """Lens face of a body; raises `DesignError` if there is none, or several."""
+    """Return the lens face of a body; raises `DesignError` if there is none, or more than one."""
     faces = [face for face in body.all_faces if face.part == "lens"]
     if len(faces) != 1:
         limit = "a print is compared with exactly one face whose name begins with lens"
@@ -45,14 +43,14 @@ def lens_face(body: Body) -> Face:
 
 
 def as_designed(body: Body) -> list[list[DrawnFace]]:
-    """Outlines of a body, unchanged."""
+    """Return the unchanged outlines of a body."""
     return [[DrawnFace(face.name, face.curve.flattened(FLAT_MM)) for face in outline] for outline in body.outlines]
 
 
 def redrawn(
     body: Body, lens: FloatArray, wall_um: float, scale: float = 1.0, centre: Point = (0.0, 0.0)
 ) -> list[list[DrawnFace]]:
-    """Outlines with the given lens points, other walls moved outwards by ``wall_um``, scaled about a centre.
+    """Return outlines with the given lens points, other walls moved outwards by ``wall_um``, scaled about a centre.
 
     Raises
     ------
@@ -70,12 +68,12 @@ def redrawn(
 
 
 def rings_of(outlines: Sequence[Sequence[DrawnFace]]) -> list[FloatArray]:
-    """Closed polylines of drawn outlines; the last point is not repeated."""
+    """Return closed polylines of drawn outlines; the last point is not repeated."""
     return [np.vstack([face.points[:-1] for face in outline]) for outline in outlines]
 
 
 def curve_of(face: DrawnFace) -> Curve:
-    """Exact curve of a drawn face: a segment, or a spline through its points."""
+    """Return the exact curve of a drawn face: a segment, or a spline through its points."""
     if len(face.points) == 2:
         (a, b) = ((float(x), float(z)) for x, z in face.points)
         return Segment(a, b)
@@ -83,7 +81,7 @@ def curve_of(face: DrawnFace) -> Curve:
 
 
 def _moved(points: FloatArray, by_mm: float) -> FloatArray:
-    """Polyline displaced to its right, away from the material."""
+    """Return a polyline displaced to its right, away from the material."""
     step = np.diff(points, axis=0)
     step /= np.hypot(*step.T)[:, None]
     tangent = np.vstack([step[:1], step[:-1] + step[1:], step[-1:]])
@@ -92,7 +90,7 @@ def _moved(points: FloatArray, by_mm: float) -> FloatArray:
 
 
 def _joined(faces: list[DrawnFace]) -> list[DrawnFace]:
-    """Faces trimmed or extended so that each begins where the previous one ends."""
+    """Return faces trimmed or extended so that each begins at the end of the previous one."""
     points = [face.points for face in faces]
     corners = [_corner(points[i - 1], points[i], faces[i].name) for i in range(len(points))]
     joined = []
@@ -103,7 +101,7 @@ def _joined(faces: list[DrawnFace]) -> list[DrawnFace]:
 
 
 def _corner(before: FloatArray, after: FloatArray, name: str) -> FloatArray:
-    """Intersection of the tangents at the end of one polyline and the start of the next."""
+    """Return the intersection of the tangents at the end of one polyline and the start of the next."""
     a, b = before[-1], after[0]
     ta, tb = _unit(before[-1] - before[-2]), _unit(after[1] - after[0])
     sine = float(ta[0] * tb[1] - ta[1] * tb[0])
@@ -118,7 +116,7 @@ def _corner(before: FloatArray, after: FloatArray, name: str) -> FloatArray:
 
 
 def _between(points: FloatArray, start: FloatArray, end: FloatArray, name: str) -> FloatArray:
-    """Polyline from one corner to another; its points beyond these are removed."""
+    """Return a polyline from one corner to another; points beyond the corners are removed."""
     first, last = _unit(points[1] - points[0]), _unit(points[-1] - points[-2])
     inner = points[1:-1]
     keep = ((inner - start) @ first > _NEAREST_MM) & ((end - inner) @ last > _NEAREST_MM)

@@ -1,10 +1,11 @@
-"""The face of a lens that varies with height, as a process prints it flat: layer by layer, each with its own image.
+"""Flat print of a lens that varies with height, layer by layer, each with its own image.
 
-The idea: a `FacePrint` is a wanted lens and the body that is drawn for it; these agree unless the drawing is
-compensated. The printed wall of every layer is computed along the normals of the wanted wall in the layer's middle, and
-becomes a profile z over |x|. The image has a corner or the middle of a pixel on the axis, so left mirrors right.
+A `FacePrint` combines the intended lens and the body that is drawn for it; they are the same unless the drawing is
+compensated. The printed wall of every layer is computed along the normals of the intended wall at mid-height of the
+layer, and becomes a profile z over |x|. The image has a corner or the centre of a pixel on the axis, so its left half
+mirrors its right half.
 
-The interface: `FacePrint.of`, with `printed` and `compensated`, which return a `PrintedFace`.
+`FacePrint.printed` and `FacePrint.compensated` return a `PrintedFace`.
 """
 
 from collections.abc import Sequence
@@ -30,20 +31,20 @@ from solen.progress import Progress
 from solen.results import HIDDEN
 
 POINTS = 401
-"""Number of points along a section of the face, of which the right half is used."""
+"""Number of points along a section of the face; only the right half is used."""
 PLACES = 257
 """Number of points of a profile from the axis to the half width."""
 VERTEX = (0.0, 0.0)
 MOST_ROUNDS, SETTLED_UM, LEAST_SHARE = 12, 0.1, 0.2
-"""Maximum rounds of a compensation; change of its root mean square at convergence; minimum fraction of a step."""
+"""Maximum number of compensation rounds; change of the root mean square at convergence; minimum step fraction."""
 FAINT = 1e-3
-"""Fraction of a layer's light below which the layer is not considered to affect a wall."""
+"""Fraction of a layer's light below which the layer does not affect a wall."""
 ACROSS_LAYERS = 1.0
 """Number of layers over which a correction is smoothed."""
 
 
 class Layer(NamedTuple):
-    """The drawn image of a layer, and the right half of its wanted wall."""
+    """The drawn image of a layer, and the right half of its intended wall."""
 
     rings: Rings
     target: Target
@@ -56,14 +57,14 @@ class PrintedFace:
     Attributes
     ----------
     y_mm
-        Heights (L,) of the layers' middles from the middle of the body.
+        Mid-heights (L,) of the layers, measured from mid-height of the body.
     um
-        Deviation (L, N) along the normals of the wanted walls, at N points from the axis to the edge; positive for more
-        material.
+        Deviation (L, N) along the normals of the intended walls, at N points from the axis to the edge; positive for
+        more material.
     drawn, printed
         Profiles as drawn and as printed.
     rounds_um
-        For a compensation, root mean square of the deviation, round by round, without the edge of the aperture.
+        For a compensation, root mean square of the deviation for each round, excluding the edge of the aperture.
     """
 
     y_mm: FloatArray
@@ -74,7 +75,7 @@ class PrintedFace:
 
     @property
     def rms_um(self) -> float:
-        """Root mean square over the whole face."""
+        """Root mean square over the entire face."""
         return float(np.sqrt(np.mean(self.um**2)))
 
 
@@ -89,7 +90,7 @@ class FacePrint:
 
     @classmethod
     def of(cls, body: Body, settings: Settings, phase: tuple[float, float] = (0.0, 0.0)) -> "FacePrint":
-        """Print of a body as drawn.
+        """Return the print of a body as drawn.
 
         Raises
         ------
@@ -111,41 +112,41 @@ class FacePrint:
 
     @cached_property
     def edges_mm(self) -> FloatArray:
-        """Heights (L + 1,) of the boundaries between the process's layers, ascending, like those of a layered lens."""
+        """Boundary heights (L + 1,) of the process layers, ascending, as for a layered lens."""
         return layer_edges_mm(self.lens.thickness_mm, 1e-3 * self.settings.layer_um)
 
     @cached_property
     def y_mm(self) -> FloatArray:
-        """Heights (L,) of the layers' middles from the middle of the body, starting at the build plate."""
+        """Mid-heights (L,) of the layers, measured from mid-height of the body, starting at the build plate."""
         return np.asarray(0.5 * (self.edges_mm[:-1] + self.edges_mm[1:]))[::-1]
 
     @cached_property
     def places_mm(self) -> FloatArray:
-        """Lateral positions (M,) of profiles."""
+        """Lateral positions (M,) of profile points."""
         return np.linspace(0.0, self.lens.half_width_mm, PLACES)
 
     @cached_property
     def wanted(self) -> FloatArray:
-        """Wanted profiles (L, M)."""
+        """Intended profiles (L, M)."""
         return np.array([self.lens.z_at(self.places_mm, np.full(PLACES, y)) for y in self.y_mm.tolist()])
 
     def printed(self, progress: Progress | None = None) -> PrintedFace:
-        """The face as printed without compensation."""
+        """Face printed without compensation."""
         um, z = self._printed(self._layers(self.body), progress)
         return PrintedFace(self.y_mm, um, self.wanted, z)
 
     def offsets_um(self, layer: int, settings: Settings) -> FloatArray:
-        """Deviation of one layer (N,), drawn unchanged, with other settings that have the same pixels and layers."""
+        """Return the deviation of one uncompensated layer (N,) for other settings with the same pixels and layers."""
         stack = replace(self._plain, settings=settings)
         return stack.offsets_um(layer, self._layers(self.body)[layer].target, VERTEX)
 
     def moved_um(self, face: PrintedFace, layers: Sequence[int], phase: tuple[float, float]) -> list[FloatArray]:
-        """Change of the given layers' deviations (N,) for an uncompensated face at another position in the pixel."""
+        """Change in deviation (N,) of the given layers of an uncompensated face at another position in the pixel."""
         stack, alike = replace(self, phase=phase)._plain, self._representative
         return [stack.offsets_um(alike[one], self._targets[alike[one]], VERTEX) - face.um[one] for one in layers]
 
     def compensated(self, start: PrintedFace, progress: Progress | None = None) -> PrintedFace:
-        """Face printed from the drawing, which is corrected by the deviation of its print until that stops changing."""
+        """Return the face printed from a drawing that is corrected by the print deviation until this stops changing."""
         best, share, rounds = start, 1.0, [self._inner_rms_um(start.printed)]
         for number in range(MOST_ROUNDS):
             drawn = (best.drawn - share * self._smooth(self._attributed(best)))[self._representative]
@@ -163,12 +164,12 @@ class FacePrint:
         return replace(best, rounds_um=tuple(rounds))
 
     def profiles(self, z: FloatArray, name: str, warning: str) -> Profiles:
-        """Profiles (L, M) of the layers from the build plate, in the form that a lens requires."""
+        """Return profiles (L, M) of the layers from the build plate, in the form that a lens requires."""
         cut = (self.lens.half_width_mm, self.edges_mm, z[::-1])
         return Profiles(name, *cut, simulated=True, warnings=(warning,))
 
     def lens_of(self, given: Profiles) -> GivenLayers:
-        """Lens with the given profiles in place of the wanted ones."""
+        """Return a lens with the given profiles in place of the intended ones."""
         own = self.lens
         cut = (own.distance_mm, own.focus_mm, own.half_width_mm, own.design_index, own.outside_index)
         layer_mm = own.thickness_mm / len(given.z_mm)
@@ -188,7 +189,7 @@ class FacePrint:
         )
 
     def _layers(self, body: Body) -> list[Layer]:
-        """Layers as a body draws them; layers with the same curve share one object."""
+        """Return the layers as a body draws them; layers with the same curve share one object."""
         if body.front is None:
             raise AssertionError("a prism has one outline")
         known: dict[bytes, Layer] = {}
@@ -203,7 +204,7 @@ class FacePrint:
 
     @cached_property
     def _targets(self) -> list[Target]:
-        """Wanted walls (L,); walls with the same curve share one object."""
+        """Return the intended walls (L,); walls with the same curve share one object."""
         known: dict[bytes, Target] = {}
         for y, wanted in zip(self.y_mm.tolist(), self.wanted, strict=True):
             key = np.round(wanted, 9).tobytes()
@@ -211,13 +212,13 @@ class FacePrint:
         return [known[np.round(wanted, 9).tobytes()] for wanted in self.wanted]
 
     def _target(self, y_mm: float) -> Target:
-        """The right half of the wanted wall at a height."""
+        """Return the right half of the intended wall at a height."""
         whole = Target.of(lens_face(section(self.body, y_mm)).curve, POINTS)
         right = slice(POINTS // 2, None)
         return Target(whole.points_mm[right], whole.outward[right], whole.along_mm[right], VERTEX)
 
     def _printed(self, layers: list[Layer], progress: Progress | None) -> tuple[FloatArray, FloatArray]:
-        """Deviations (L, N) and printed profiles (L, M)."""
+        """Return deviations (L, N) and printed profiles (L, M)."""
         stack = self._stack(layers)
         known: dict[int, FloatArray] = {}
         for number in self._representative.tolist():
@@ -230,7 +231,7 @@ class FacePrint:
         return np.array(um), np.array([self._profile(y, layer.target, off, z) for y, layer, off, z in rows])
 
     def _profile(self, y_mm: float, target: Target, um: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Printed profile (M,): the wanted profile plus the deviation along z, continued beyond the last point."""
+        """Return a printed profile (M,): intended profile plus deviation along z, continued beyond the last point."""
         x, z = target.moved_um(um).T
         forward = (x > np.concatenate([[-np.inf], np.maximum.accumulate(x[:-1])]) + 1e-9) & (
             x <= self.lens.half_width_mm
@@ -240,7 +241,7 @@ class FacePrint:
         return np.asarray(wanted + off(np.clip(self.places_mm, x[0], x[-1])))
 
     def drawn_body(self, z: FloatArray) -> Body:
-        """The body with drawn profiles."""
+        """Return the body with drawn profiles."""
         if self.body.front is None:
             raise AssertionError("a prism has one outline")
         lens = self.lens_of(self.profiles(z, "drawn", ""))
@@ -248,7 +249,7 @@ class FacePrint:
 
     @cached_property
     def _representative(self) -> IntArray:
-        """Number of a layer that prints the same as each (L,); for an upright lens, the middle of its slab."""
+        """Number of a layer that prints like each layer (L,); for an upright lens, the middle of its slab."""
         if np.ptp(self.wanted, axis=0).max() > 0.0:
             return np.arange(self.layers)
         parts = slabs(self.settings, self.layers)
@@ -256,7 +257,7 @@ class FacePrint:
 
     @cached_property
     def _inner(self) -> int:
-        """Number of points farther than the blur from the edge, because a sharper corner cannot be printed."""
+        """Number of points farther from the edge than the blur, because a sharper corner cannot be printed."""
         reach = self.lens.half_width_mm - 2e-3 * self.settings.edge_um
         return int(np.count_nonzero(self.places_mm < reach))
 
@@ -264,10 +265,10 @@ class FacePrint:
         return 1e3 * float(np.sqrt(np.mean((z - self.wanted)[:, : self._inner] ** 2)))
 
     def _attributed(self, face: PrintedFace) -> FloatArray:
-        """Deviations (L, M) along z, assigned to the layers whose light causes them.
+        """Return deviations (L, M) along z, assigned to the layers whose light causes them.
 
-        A wall moves with the edge of an image in proportion to that edge's light at the wall. Below an overhang, the
-        wall is set by the overhanging layer's light, so moving its own edge has no effect.
+        A wall moves with the edge of an image in proportion to the light from that edge at the wall. The wall below an
+        overhang is determined by light from the overhanging layer, so moving the edge of its own image has no effect.
         """
         off = face.printed - self.wanted
         lean = np.hypot(1.0, np.gradient(self.wanted, self.places_mm, axis=1))
@@ -285,7 +286,7 @@ class FacePrint:
         return np.asarray(moved / weights)
 
     def _smooth(self, off: FloatArray) -> FloatArray:
-        """Deviations (L, M) along z, smoothed to the width of the blur; the face beside the edge is continued."""
+        """Return deviations (L, M) along z, smoothed to the blur width; at the edge, the adjacent face is continued."""
         steady = np.where(np.arange(PLACES) < self._inner, off, off[:, self._inner - 1 : self._inner])
         width = 1e-3 * self.settings.edge_um / float(self.places_mm[1])
         mirrored = np.concatenate([steady[:, :0:-1], steady], axis=1)

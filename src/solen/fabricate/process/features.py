@@ -1,14 +1,12 @@
-"""Features of printed coupons: read from files, and as the model prints them: pillars, holes, gaps, steps.
+"""Features of printed coupons (pillars, holes, gaps, steps): measured values from files, and sizes from the model.
 
-The idea: seen from above, the width of a feature is its largest width, which is on the window side of a layer far
-inside. A round image blurred by a Gaussian is a one-dimensional integral, so a coupon is modelled without any image,
-averaged over its positions between pixels (`Settings.edge_um`). A pillar is missing if even its middle receives less
-than the critical dose; a hole is closed, and a gap merged, if its middle receives it.
+Seen from above, the width of a feature is its maximum width, which occurs on the window side of a layer deep inside the
+part. A round image blurred by a Gaussian is a one-dimensional integral, so a coupon is modelled without an image,
+averaged over its positions between pixels (`Settings.edge_um`). A pillar is missing if even its centre receives less
+than the critical dose; a hole is closed, or a gap merged, if its centre receives at least the critical dose.
 
-All features of one picture share its scale, so a `MeasuredCoupon` stores the scale with them: an error of the scale is
-one unknown, not noise of each feature.
-
-The interface: `read_features` returns the `MeasuredCoupon` of a file, `printed_mm` the printed sizes of features.
+All features of one image share its scale, so a `MeasuredCoupon` also stores the scale: a scale error is a single
+unknown, not independent noise for each feature.
 """
 
 import math
@@ -35,7 +33,7 @@ from solen.spec.strict import NotNegative, Number, Strict, error_context
 Kind = Literal["pillar", "hole", "gap", "step"]
 Length = Annotated[float, Field(strict=True, gt=0, le=100)]
 GAP_PILLAR_MM = 0.3
-"""Diameter of the two pillars of a gap if the file does not state it: that of the published group B."""
+"""Default diameter of the two pillars of a gap, as in the published group B."""
 APART = 3.0
 """Ratio of measured to drawn sizes, or its inverse, above which the unit is questioned."""
 _WIDE = 6.5  # widths of a blur beyond which it adds nothing
@@ -45,22 +43,22 @@ _EXACT: Any = {"xatol": 1e-7, "xrtol": 0.0, "fatol": 0.0, "frtol": 0.0}  # toler
 
 @dataclass(frozen=True)
 class MeasuredFeature:
-    """One feature of a coupon.
+    """A coupon feature.
 
     Attributes
     ----------
     kind
-        Pillar or hole (their diameter), gap (between the edges of two pillars) or step (a height).
+        Pillar or hole (sized by diameter), gap (between the edges of two pillars) or step (a height).
     nominal_mm
         Drawn size.
     measured_mm, u_measured_mm
         Measured size and its standard uncertainty; None if the feature is missing.
     resolved
-        Whether the pillar stands, the hole and the gap are open, the step is seen.
+        Whether the pillar stands, the hole or gap is open, or the step is visible.
     diameter_mm
         Diameter of the two pillars of a gap.
     u_own_mm
-        Standard uncertainty without that of the scale; None if not stated separately.
+        Standard uncertainty excluding the scale uncertainty; None if not reported separately.
     """
 
     kind: Kind
@@ -72,9 +70,9 @@ class MeasuredFeature:
     u_own_mm: Length | None = None
 
     def own_u_mm(self, u_scale: float) -> float:
-        """Relative standard uncertainty excluding that of the scale; if not stated, the total minus the scale's part.
+        """Return the standard uncertainty excluding the scale; if not reported, the total minus the scale contribution.
 
-        A file whose uncertainty is smaller than its scale's already excludes the latter.
+        If the uncertainty in a file is smaller than the scale contribution, it already excludes the scale.
         """
         u_mm, by_scale = self.u_measured_mm or 0.0, (self.measured_mm or 0.0) * u_scale
         if self.u_own_mm is not None:
@@ -83,7 +81,7 @@ class MeasuredFeature:
 
 
 class PixelScale(Strict):
-    """Size of a pixel in the picture from which features were measured."""
+    """Pixel size in the image from which features were measured."""
 
     model_config = ConfigDict(extra="ignore")
     error: ClassVar[type[SolenError]] = DataError
@@ -93,7 +91,7 @@ class PixelScale(Strict):
 
 
 class _File(Strict):
-    """A file of features; other keys, such as those of `solen print fidelity --out`, are ignored."""
+    """A feature file; other keys, for example those of `solen print fidelity --out`, are ignored."""
 
     model_config = ConfigDict(extra="ignore")
     error: ClassVar[type[SolenError]] = DataError
@@ -110,29 +108,30 @@ class _File(Strict):
 
 @dataclass(frozen=True)
 class SharedScale:
-    """A scale that all lengths of a picture share: its size, and its relative standard uncertainty or None."""
+    """A scale common to all lengths of an image: its value, and its relative standard uncertainty or None."""
 
     size_um: float | None = None
     u_relative: float | None = None
 
     @classmethod
     def of(cls, size_um: float | None, u_um: float | None) -> "SharedScale":
-        """Scale of a size and its standard uncertainty, both in µm."""
+        """Return the scale for a size and its standard uncertainty, both in µm."""
         return cls(size_um, None if size_um is None or u_um is None else u_um / size_um)
 
 
 @dataclass(frozen=True)
 class MeasuredCoupon:
-    """Features of one picture or z map.
+    """Features of one image or z map.
 
     Attributes
     ----------
     features
         The features.
     lateral, vertical
-        Scales of its lengths and of its heights.
+        Scales of lengths and heights.
     pitch_ratio, u_pitch_ratio
-        Ratio of measured to drawn distances between features, and its standard uncertainty excluding the scale's.
+        Ratio of measured to drawn distances between features, and its standard uncertainty excluding the scale
+        uncertainty.
     source
         The file.
     """
@@ -151,21 +150,21 @@ class MeasuredCoupon:
 
 
 def read_features(path: Path) -> MeasuredCoupon:
-    """Read the features of a JSON file and their scale.
+    """Read the features in a JSON file and their scale.
 
     The file is ``{"coupon": …, "simulated": …, "features": [{"kind": "pillar" | "hole" | "gap" | "step", "nominal_mm":
     …, "measured_mm": …, "u_measured_mm": …, "resolved": …}, …], "scale": {"um_per_px": …, "u_um_per_px": …}}``; a gap
-    may state ``diameter_mm`` of its pillars, and the file ``pitch_ratio`` with its uncertainty.
+    may have the ``diameter_mm`` of its pillars, and the file a ``pitch_ratio`` with its uncertainty.
 
     Raises
     ------
     DataError
-        If it contains no feature, or an impossible one.
+        If the file contains no feature, or an impossible one.
     """
     source = load(path)
     data = parsed(source.text(), str(path))
     if not isinstance(data, dict) or not isinstance(data.get("features"), list):
-        raise DataError(str(path), limit='not a file of features: it has no list "features"')
+        raise DataError(str(path), limit='not a feature file: it has no list "features"')
     _check_units(path, data["features"])
     with error_context(str(path)):
         file = _File(**data | {"features": [_sized(row) for row in data["features"]]})
@@ -199,12 +198,12 @@ def _check_units(path: Path, rows: list[Any]) -> None:
         (1e-3, "appears to be in metres, or nominal_mm in µm"),
     ):
         if abs(math.log(ratio / factor)) < math.log(APART):
-            value = f"{ratio:.3g} times as drawn"
+            value = f"{ratio:.3g} times the drawn size"
             raise DataError(f"{path}: measured_mm", value=value, limit=limit, remedy="write all sizes in mm")
 
 
 def _sized(row: Any) -> Any:
-    """A row without its size if that is not resolved, such as a step of height 0; such rows are not used."""
+    """Return a row without its size if the size is not resolved, as for a step of height 0; such rows are not used."""
     if not isinstance(row, dict):
         return row
     sizes = {key: row.get(key) if row.get("resolved") else None for key in ("measured_mm", "u_measured_mm", "u_own_mm")}
@@ -213,7 +212,7 @@ def _sized(row: Any) -> Any:
 
 
 def printed_mm(settings: Settings, features: Sequence[MeasuredFeature]) -> FloatArray:
-    """Printed sizes (n,) of features in mm; NaN for features that are missing or closed."""
+    """Return printed sizes (n,) of features in mm; NaN for features that are missing or closed."""
     sizes = np.full(len(features), np.nan)
     light = inside(settings)
     smaller, wash = 1.0 - 0.01 * settings.shrinkage_percent, 2.0 * settings.wash_um
@@ -232,10 +231,10 @@ def printed_mm(settings: Settings, features: Sequence[MeasuredFeature]) -> Float
 
 
 def disc(r_um: FloatArray, radius_um: FloatArray, sigma_um: FloatArray | float) -> FloatArray:
-    """Evenly lit disc blurred by a Gaussian, at distances from its middle; all arguments broadcast.
+    """Return the light of a uniform disc blurred by a Gaussian at distances from its centre; all arguments broadcast.
 
-    ∫ exp(-(r - ρ)²/2σ²) e^(-rρ/σ²) I₀(rρ/σ²) ρ dρ/σ² over the disc, by Gauss-Legendre quadrature within 6.5 σ of r; in
-    the middle 1 - exp(-R²/2σ²).
+    ∫ exp(-(r - ρ)²/2σ²) e^(-rρ/σ²) I₀(rρ/σ²) ρ dρ/σ² over the disc, by Gauss-Legendre quadrature within 6.5 σ of r; at
+    the centre 1 - exp(-R²/2σ²).
     """
     nodes, weights = _quadrature()
     low = np.maximum(r_um - _WIDE * sigma_um, 0.0)
@@ -254,7 +253,7 @@ def _quadrature() -> tuple[FloatArray, FloatArray]:
 
 
 def _dose(r_um: FloatArray, radius_um: FloatArray, light: Light) -> FloatArray:
-    """Dose at distances from the middle of lit discs."""
+    """Return the dose at distances from the centre of lit discs."""
     doses, blurs = light
     return np.asarray(doses @ disc(r_um, radius_um, blurs[:, None]))
 
@@ -287,7 +286,7 @@ def _gaps(gap: FloatArray, beside: FloatArray, light: Light, critical: float) ->
 
 
 def _edge(excess: Callable[..., FloatArray], far: FloatArray, *of: FloatArray) -> FloatArray:
-    """Distances at which functions fall from positive in the middle to negative outside; NaN without a crossing."""
+    """Distances at which functions fall from positive at the centre to negative outside; NaN without a crossing."""
     near = np.zeros_like(far)
     has = (excess(near, *of) > 0.0) & (excess(far, *of) < 0.0)
     edges = np.full(len(far), np.nan)

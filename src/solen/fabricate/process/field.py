@@ -1,14 +1,13 @@
-"""Dose in a part printed flat: computed by Fourier transform on a grid finer than the pixels, with splines in between.
+"""Dose in a part printed flat, computed by Fourier transform on a fine grid and interpolated by splines.
 
-The idea: every term of a dose is an image convolved with the light of one pixel and a Gaussian. Its spectrum is
-therefore a product of the image's, the pixel's (`solen.fabricate.process.response`) and exp(-σ²k²/2). Terms of one
-image are added before the inverse transform; a part whose layers all show one image needs only one transform in each
-direction. The pixel's blur limits the spectrum, so a fine grid represents the dose to rounding. In between, it is
-interpolated by a cubic spline of its logarithm, which is nearly a parabola at an edge.
+The grid is finer than the pixels. Every term of a dose is an image convolved with the light of one pixel and a
+Gaussian. Its spectrum is therefore the product of the spectrum of the image, that of the pixel
+(`solen.fabricate.process.response`) and exp(-σ²k²/2). Terms with the same image are added before the inverse transform;
+a part whose layers all show one image needs only one transform in each direction. The pixel blur limits the spectrum,
+so a fine grid represents the dose to rounding. Between grid points, the dose is interpolated by a cubic spline of its
+logarithm, which is nearly a parabola at an edge.
 
-A transform is periodic: an image must be dark, or uniform, within a few widths of the halo from its sides.
-
-The interface: `FlatImage` of a part, `dose_map` at a height, `DoseMap.log_excess` at points.
+A transform is periodic: within a few halo widths of its borders, an image must be dark or uniform.
 """
 
 import math
@@ -39,7 +38,7 @@ _REACH_UM = 300.0
 
 @dataclass(frozen=True, eq=False)
 class FlatImage:
-    """The image that all layers of a part printed flat show.
+    """The image shown by all layers of a part printed flat.
 
     Attributes
     ----------
@@ -64,14 +63,14 @@ class FlatImage:
         layers: int,
         phase: tuple[float, float] = (0.0, 0.0),
     ) -> "FlatImage":
-        """Image of closed polylines (N, 2) in mm, over the extent of points (M, 2) with a margin.
+        """Return an image of closed polylines (N, 2) in mm, over the extent of points (M, 2) with a margin.
 
-        The drawing's origin is at ``phase`` in its pixel, as drawn by `solen.fabricate.layers`; (0, 0) is a corner.
+        The drawing origin is at ``phase`` in its pixel, as drawn by `solen.fabricate.layers`; (0, 0) is a corner.
 
         Raises
         ------
         DataError
-            If a print would need more than a laptop's memory, or minutes for each height.
+            If a print would exceed the memory of a laptop, or take minutes for each height.
         """
         pitch = 1e-3 * np.array(settings.pixels_um)
         halo = math.hypot(settings.halo_um, settings.halo_per_depth * _DEEP * settings.Dp_um)
@@ -100,9 +99,9 @@ class DoseMap:
     dose
         Dose in mJ/cm², (rows, columns).
     first_um
-        Position of the grid's first point: along columns, along rows.
+        Position of the first grid point: along columns, along rows.
     step_um
-        Spacing of the grid: along columns, along rows.
+        Grid spacing: along columns, along rows.
     Ec_mJ_per_cm2
         Critical dose.
     """
@@ -119,7 +118,7 @@ class DoseMap:
         return np.asarray(ndimage.spline_filter(excess, order=3, mode="nearest"))
 
     def log_excess(self, places_um: ArrayLike) -> FloatArray:
-        """Logarithm of dose over critical dose at points (..., 2) in µm; above 0 the resin is set."""
+        """Return the logarithm of dose over critical dose at points (..., 2) in µm; above 0 the resin is set."""
         places = np.asarray(places_um, float)
         at = [(places[..., axis] - self.first_um[axis]) / self.step_um[axis] for axis in (1, 0)]
         return np.asarray(ndimage.map_coordinates(self._spline, at, order=3, mode="nearest", prefilter=False))
@@ -134,7 +133,7 @@ def dose_map(image: FlatImage, settings: Settings, height_um: float) -> DoseMap:
 def fine_dose(
     image: FlatImage, settings: Settings, terms: Sequence[tuple[Spectrum, FloatArray, FloatArray]]
 ) -> DoseMap:
-    """Dose of pictures on the pixels of an image, from terms (spectrum, doses in mJ/cm² (T,), blurs in µm (T,))."""
+    """Return the dose on the pixels of an image, from terms (spectrum, doses in mJ/cm² (T,), blurs in µm (T,))."""
     (x, y), pixel = settings.pixels_um, settings.pixel_light
     fine = pixel.fine
     rows, columns = (fine * count for count in image.shares.shape)
@@ -152,10 +151,7 @@ def fine_dose(
 def _check_size(pixels: int, layers: int, settings: Settings) -> None:
     points = pixels * settings.pixel_light.fine**2
     if points > MOST_POINTS:
-        limit = (
-            f"the part with {_FAR:g} widths of the halo requires {points:.2g} grid points; "
-            f"the limit is {MOST_POINTS:.1g}"
-        )
+        limit = f"the part with {_FAR:g} halo widths requires {points:.2g} grid points; the limit is {MOST_POINTS:.1g}"
         remedy = "use larger pixels, a narrower halo or a smaller part"
         raise DataError("process.halo_um", value=settings.halo_um, limit=limit, remedy=remedy)
     if layers > MOST_LAYERS:
@@ -164,13 +160,13 @@ def _check_size(pixels: int, layers: int, settings: Settings) -> None:
 
 
 def _merged(dose: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Add up the terms with the same blur."""
+    """Add the terms with the same blur."""
     kinds, which = np.unique(sigma, return_inverse=True)
     return np.asarray(np.bincount(which, dose), float), kinds
 
 
 def _blur(along: FloatArray, across: FloatArray, dose: FloatArray, sigma: FloatArray) -> FloatArray:
-    """Spectrum of a sum of Gaussians, each of which is a product of one along and one across."""
+    """Return the spectrum of a sum of Gaussians, each the product of a Gaussian along and a Gaussian across."""
     first = np.exp(-0.5 * np.outer(sigma, along) ** 2) * dose[:, None]
     second = np.exp(-0.5 * np.outer(sigma, across) ** 2)
     return np.asarray(first.T @ second)

@@ -1,16 +1,16 @@
-"""A lens printed flat: its profile is in the plane of the pixels, and each height of the part has its own.
+"""A lens printed flat: its profile is in the plane of the pixels, and differs between heights of the part.
 
-The idea: all layers of a flat sensor show the same image. The dose at a height depends on the number of later layers.
-Far inside, all heights are equivalent except for the position within their layer; the last layers receive less and
-recede, the burn-in layers receive more and protrude. The dose alone therefore tapers the walls, with a ripple of one
-period per layer. Light passes the lens at half its thickness, at the height of the emitter: the default is the profile
-at that height, averaged over its layer.
+All layers of a flat sensor show the same image. The dose at a height depends on the number of later layers. Deep inside
+the part, all heights are equivalent except for the position within their layer; the last layers receive less light and
+recede, and the burn-in layers receive more and protrude. The dose alone therefore tapers the walls, with a ripple whose
+period is one layer. Light passes through the lens at half its thickness, at the height of the emitter: by default, the
+profile is computed at that height and averaged over its layer.
 
-Shrinkage, washing and additional taper are applied to the set outline: everything shrinks about the middle of the lens,
-and washing and taper move a wall along its normal.
+Shrinkage, washing and additional taper are applied to the outline of the set resin: everything shrinks about the centre
+of the lens, and washing and taper move a wall along its normal.
 
-The interface: `FlatPrint.of` an outline, with `offsets_um` and `profile_um` at a height, and `ripple_um`; `walls_um`
-over the heights.
+`FlatPrint` returns offsets, profile and ripple of the lens at a height; `walls_um` returns the growth of walls over the
+height.
 """
 
 import math
@@ -29,7 +29,7 @@ from solen.fabricate.process.target import Target, exits_um
 
 STEP_UM = 2.0
 FEWEST_PIXELS = 20
-"""Minimum number of pixels over a lens's width."""
+"""Minimum number of pixels across the lens width."""
 _GAUSS = ((0.5 - math.sqrt(0.15), 5 / 18), (0.5, 4 / 9), (0.5 + math.sqrt(0.15), 5 / 18))
 """Positions within a layer, from its window side, and weights of Gauss-Legendre quadrature."""
 _HEIGHTS = 16
@@ -37,7 +37,7 @@ _HEIGHTS = 16
 
 @dataclass(frozen=True, eq=False)
 class FlatPrint:
-    """Part whose layers all show the same image, near its lens."""
+    """A part whose layers all show the same image, near its lens."""
 
     settings: Settings
     image: FlatImage
@@ -52,7 +52,7 @@ class FlatPrint:
         thickness_mm: float,
         phase: tuple[float, float] = (0.0, 0.0),
     ) -> "FlatPrint":
-        """Print of closed polylines (N, 2) in mm.
+        """Return the print of closed polylines (N, 2) in mm.
 
         Parameters
         ----------
@@ -63,9 +63,9 @@ class FlatPrint:
         settings
             The process.
         thickness_mm
-            Thickness of the part, which is printed as the nearest whole number of layers.
+            Thickness of the part, rounded to an integer number of layers for printing.
         phase
-            Position of the drawing's origin in its pixel, 0 to 1 along x and z; (0, 0) is a corner.
+            Position of the drawing origin in its pixel, 0 to 1 along x and z; (0, 0) is a corner.
 
         Raises
         ------
@@ -74,7 +74,7 @@ class FlatPrint:
         """
         layers = round(thickness_mm * 1e3 / settings.layer_um)
         if layers < 1:
-            limit = f"a layer is {settings.layer_um:g} µm"
+            limit = f"a layer is {settings.layer_um:g} µm thick"
             raise DataError("body.thickness_mm", value=thickness_mm, limit=limit, remedy="increase it")
         width_mm = float(np.ptp(target.points_mm[:, 0]))
         if width_mm < FEWEST_PIXELS * 1e-3 * settings.pixel_um:
@@ -95,7 +95,7 @@ class FlatPrint:
         return self.layers * self.settings.layer_um
 
     def offsets_um(self, height_um: float) -> FloatArray:
-        """Deviation of the printed lens from the designed one at a height, (N,) along its normals."""
+        """Return the deviation of the printed lens from the designed lens at a height, (N,) along its normals."""
         dose = dose_map(self.image, self.settings, height_um)
         centre = np.asarray(self.target.centre)
         grown = 1.0 / (1.0 - 0.01 * self.settings.shrinkage_percent)
@@ -107,14 +107,14 @@ class FlatPrint:
         return exits_um(excess, self.target, STEP_UM) + float(beyond)
 
     def profile_um(self, height_um: float | None = None) -> FloatArray:
-        """Offsets (N,) averaged over the layer at a height; without a height, averaged over the whole thickness."""
+        """Offsets (N,) averaged over the layer at a height; without a height, averaged over the entire thickness."""
         if height_um is not None:
             return self._mean_of_layer(self.layer_at(height_um))
         heights = (np.arange(_HEIGHTS) + 0.5) / _HEIGHTS * self.thickness_um
         return np.asarray(np.mean([self.offsets_um(float(height)) for height in heights], axis=0))
 
     def layer_at(self, height_um: float) -> int:
-        """Number of the layer at a height; raises `DataError` outside the part."""
+        """Return the number of the layer at a height; raises `DataError` outside the part."""
         if not 0.0 <= height_um <= self.thickness_um:
             limit = f"must be from 0 to {1e-3 * self.thickness_um:g} mm above the platform"
             raise DataError("--height-mm", value=1e-3 * height_um, limit=limit)
@@ -133,13 +133,13 @@ class FlatPrint:
 
 
 def beyond_dose_um(settings: Settings, height_um: ArrayLike, thickness_um: float) -> FloatArray:
-    """Displacement of walls due to washing and to taper beyond that of the dose, in µm, at heights of a part."""
+    """Return the displacement of walls in µm due to washing and additional taper, at heights of a part."""
     lean = math.tan(math.radians(settings.taper_deg))
     return np.asarray(settings.wash_um + lean * (np.asarray(height_um) - 0.5 * thickness_um))
 
 
 def walls_um(settings: Settings, layers: int) -> tuple[FloatArray, FloatArray]:
-    """Middle heights of layers, and growth of a straight wall beyond its image at each, without shrinkage."""
+    """Return mid-heights of layers, and the growth of a straight wall beyond its image at each, without shrinkage."""
     heights = np.asarray((np.arange(layers) + 0.5) * settings.layer_um, float)
     edges = np.array([straight_edge_um(settings, layers, height) for height in heights.tolist()])
     return heights, edges + beyond_dose_um(settings, heights, layers * settings.layer_um)

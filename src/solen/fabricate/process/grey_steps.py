@@ -1,12 +1,12 @@
-"""Light of grey pixels, determined from discs of several greys cured in one exposure.
+"""Light transmitted by grey pixels, determined from discs of several grey levels cured in one exposure.
 
-The idea: the cure depth of a disc is Dp ln(E/Ec) (Jacobs). For two discs of one exposure the critical dose cancels: the
-light of a grey, relative to the full grey, is exp((C - C₁)/Dp) with the thicknesses C and, for the full grey, C₁. An
-error of Dp is an error of the exponent, so it is stated as the uncertainty of `Settings.grey_power`, together with the
-discs' scatter. Light that falls with rising grey is due to scatter; the nearest ascending values are used instead
-(isotonic regression, weighted by the uncertainties of thickness).
+The cure depth of a disc is Dp ln(E/Ec) (Jacobs). For two discs from one exposure the critical dose cancels: the light
+of a grey level, relative to the full grey, is exp((C - C₁)/Dp) with the thickness C, and C₁ for the full grey. An error
+of Dp is an error of the exponent, so it is reported as the uncertainty of `Settings.grey_power`, together with the
+scatter of the discs. If light falls with rising grey level, this is due to scatter; the closest ascending values are
+used instead (isotonic regression, weighted by the thickness uncertainties).
 
-The interface: `measured_greys` returns `MeasuredGreys`, whose ``process`` contains them.
+`measured_greys` returns `MeasuredGreys`, whose ``process`` contains the measured grey levels.
 """
 
 from dataclasses import field
@@ -32,20 +32,22 @@ U_THICKNESSES = tuple(f"u_{name}" for name in THICKNESSES)
 DISCS = ("disc", "disk", "sample", "specimen", "id", *REPEATS)
 _STEP_UM = 1e-3
 FEWEST = 4
-"""Minimum number of greys, including the full one, for a curve."""
+"""Minimum number of grey levels for a curve, including the full grey."""
 DARK = 0.5
-"""A grey below this should have been measured."""
+"""A grey level below this should have been measured."""
 APART = 3.0
-"""Maximum fall of light with rising grey, in standard uncertainties."""
+"""Maximum fall of light with rising grey level, in standard uncertainties."""
 
 
 class GreyOptions(RowOptions):
-    """Options for evaluating discs of several greys."""
+    """Options for evaluating discs of several grey levels."""
 
     u_thickness_um: Finite | None = Field(None, gt=0.0)
-    """Standard uncertainty of a disc's thickness, if the table has no column u_thickness_um and no repeats."""
+    """Standard uncertainty of the disc thickness, if the table has no column u_thickness_um and no repeats."""
     u_scale_percent: Annotated[Finite, Field(ge=0.0, le=50.0)] = 0.0
-    """Standard uncertainty of the gauge's scale, %, common to all thicknesses; excluded from those of the discs."""
+    """Standard uncertainty of the gauge scale, %, common to all thicknesses and excluded from the disc
+    uncertainties.
+    """
 
 
 class MeasuredGreys(Measured, kw_only=True):
@@ -54,11 +56,11 @@ class MeasuredGreys(Measured, kw_only=True):
     Attributes
     ----------
     process
-        The process with these greys; omitted from JSON.
+        The process with these grey levels; omitted from JSON.
     grey, light, u_light
-        Measured greys, ascending, the light of each, and its standard uncertainty excluding that of Dp.
+        Measured grey levels, ascending, the light of each, and its standard uncertainty excluding that of Dp.
     discs
-        Number of discs of each grey.
+        Number of discs for each grey level.
     Dp_um, u_Dp_um
         Penetration depth used for converting thickness to light, and its uncertainty.
     u_power
@@ -76,25 +78,26 @@ class MeasuredGreys(Measured, kw_only=True):
 
     @reported
     def edge_shift_px(self) -> float:
-        """Outward shift in pixels of an edge drawn with proportional greys, averaged over its positions."""
+        """Outward shift in pixels of an edge drawn with proportional grey levels, averaged over edge positions."""
         greys = self.process.process.model_copy(update={"grey_drawn": "proportional"}).greys
         return greys.shift
 
 
 def measured_greys(recording: Recording, process: Process, options: GreyOptions = GreyOptions()) -> MeasuredGreys:
-    """Determine the light of greys from a table of discs.
+    """Determine the light of grey levels from a table of discs.
 
     Parameters
     ----------
     recording
-        Table with a column of greys (fractions, % or 0 to 255) and one of thicknesses, of discs cured in one exposure.
+        Table with columns of grey level (fractions, % or 0 to 255) and thickness, for discs cured in one exposure.
     process
         Process whose Dp converts thickness to light; its other values are kept.
 
     Raises
     ------
     DataError
-        If a column is missing, no disc has the full grey, too few greys cured a disc, or light falls with rising grey.
+        If a column is missing, no disc has the full grey, too few grey levels cured a disc, or light falls with rising
+        grey level.
     """
     recording = chosen_rows(recording, options)
     thickness = recording.need(*THICKNESSES)
@@ -108,14 +111,16 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     blank = np.flatnonzero(~np.isfinite(depth) & (shares > greys.min(initial=1.0)))
     if len(blank):
         limit = (
-            f"is blank at a grey of {shares[blank[0]]:g}, although {greys[0]:g} cured a disc: "
+            f"is blank at grey level {shares[blank[0]]:g}, although grey level {greys[0]:g} cured a disc: "
             "this disc was not measured"
         )
-        raise DataError(f"{thickness.name} in row {blank[0] + 1}", limit=limit, remedy="delete the row, or measure it")
+        raise DataError(
+            f"{thickness.name} in row {blank[0] + 1}", limit=limit, remedy="delete the row, or measure the disc"
+        )
     if not len(greys) or greys[-1] != 1.0:
-        raise DataError("grey", limit="no disc of the full grey was cured, and all others are compared with it")
+        raise DataError("grey", limit="no disc of the full grey was cured, which is the reference for all others")
     if len(greys) < FEWEST:
-        limit = f"at least {FEWEST} greys, including the full one, must have cured a disc"
+        limit = f"at least {FEWEST} grey levels, including the full grey, must have cured a disc"
         raise DataError("grey", value=len(greys), limit=limit, remedy="expose for longer")
     u_disc = _u_um(depth[set_at], which, None if stated is None else stated.to("um")[set_at], options)
     weight = np.bincount(which, u_disc**-2)
@@ -133,7 +138,7 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     if not log_light[0] < 0.0:
         raise DataError(
             "thickness",
-            limit="all discs are as thick as those of the full grey: check whether a single picture was used",
+            limit="all discs are as thick as those of the full grey: check whether a single image was used",
         )
     u_own = _u_of_exponent(log_light[:-1], u_mean * per_um)
     u_power = float(np.hypot(np.hypot(u_Dp / Dp, 0.01 * options.u_scale_percent), u_own))
@@ -153,9 +158,9 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
 
 
 def _u_of_exponent(log_light: FloatArray, u_log: FloatArray) -> float:
-    """Standard uncertainty of the exponent of all light by generalised least squares.
+    """Return the standard uncertainty of the exponent of all light, by generalised least squares.
 
-    All logarithms (N,) share the error of the full grey, the last of ``u_log`` (N + 1,): this error does not average
+    All logarithms (N,) share the error of the full grey, the last element of ``u_log`` (N + 1,), which does not average
     out.
     """
     covariance = np.diag(u_log[:-1] ** 2) + u_log[-1] ** 2
@@ -163,7 +168,7 @@ def _u_of_exponent(log_light: FloatArray, u_log: FloatArray) -> float:
 
 
 def _shares(recording: Recording) -> tuple[FloatArray, str]:
-    """Greys as fractions of the full one, and the column with the greys."""
+    """Return grey levels as fractions of the full grey, and their column."""
     grey = recording.need(*GREYS)
     values = grey.to("1") if grey.unit == "%" else np.asarray(grey.values, float)
     if not grey.unit and np.nanmax(values) > 1.0:
@@ -178,7 +183,7 @@ def _shares(recording: Recording) -> tuple[FloatArray, str]:
 
 
 def _u_um(depth: FloatArray, which: NDArray[np.intp], stated: FloatArray | None, options: GreyOptions) -> FloatArray:
-    """Standard uncertainties of the thicknesses, from a column, an option or the scatter of repeats."""
+    """Return standard uncertainties of the thicknesses, from a column, an option or the scatter of repeats."""
     if stated is not None:
         if not (np.isfinite(stated).all() and (stated > 0.0).all()):
             raise DataError("u_thickness_um", limit="must be above 0 for every disc")
@@ -188,19 +193,19 @@ def _u_um(depth: FloatArray, which: NDArray[np.intp], stated: FloatArray | None,
     left = depth - (np.bincount(which, depth) / np.bincount(which))[which]
     free = len(depth) - len(np.unique(which))
     if free < 3:
-        limit = "is not stated, and too few greys are repeated to determine it"
+        limit = "is not specified, and too few grey levels are repeated to determine it"
         raise DataError("u_thickness_um", limit=limit, remedy="add --u-thickness-um or a column u_thickness_um")
     return np.full(len(depth), float(np.sqrt(np.sum(left**2) / free)))
 
 
 def _ascending(greys: FloatArray, mean: FloatArray, u: NDArray[np.floating]) -> FloatArray:
-    """Thicknesses that do not fall as grey rises, as close as possible to the measured ones."""
+    """Return thicknesses that do not fall as grey level rises, as close as possible to the measured ones."""
     from scipy.optimize import isotonic_regression
 
     fitted = np.asarray(isotonic_regression(mean, weights=u**-2).x)
     worst = int(np.argmax(np.abs(fitted - mean) / u))
     if abs(fitted[worst] - mean[worst]) > APART * u[worst]:
-        limit = f"is {mean[worst]:.4g} µm at a grey of {greys[worst]:g}, which is out of order with its neighbours"
+        limit = f"is {mean[worst]:.4g} µm at grey level {greys[worst]:g}, which is out of order with its neighbours"
         raise DataError("thickness", limit=limit, remedy="check the order of the discs and their uncertainty")
     return fitted
 
@@ -218,15 +223,15 @@ def _warnings(process: Process, shares: FloatArray, set_at: NDArray[np.bool_], g
     if "Dp_um" in process.assumptions:
         warnings.append(
             look_at(
-                f"Dp is assumed to be {process.process.Dp_um:g} µm, and the light of all greys depends on it: "
+                f"Dp is assumed to be {process.process.Dp_um:g} µm, and the light of all grey levels depends on it: "
                 "measure it with cure discs on the same printer"
             )
         )
     dark = np.unique(shares[~set_at])
     if len(dark):
         warnings.append(
-            look_at(f"greys up to {dark.max():g} cure nothing; below {greys[0]:g} the light is interpolated to 0")
+            look_at(f"grey levels up to {dark.max():g} cure nothing; below {greys[0]:g} the light is interpolated to 0")
         )
     elif greys[0] > DARK:
-        warnings.append(look_at(f"no grey below {greys[0]:g} was measured; there the light is interpolated to 0"))
+        warnings.append(look_at(f"no grey level below {greys[0]:g} was measured; there the light is interpolated to 0"))
     return warnings

@@ -1,12 +1,9 @@
 """Growth of straight edges, and the critical dose that causes it.
 
-The idea: seen from above, the width of a part is its width on the window side of a layer far inside, where all layers
-are equivalent. The growth of a long straight wall beyond its image there is the number that coupons determine best:
-blur, scattering, critical dose, exposure and washing all contribute. A calibrated process therefore keeps this growth:
-when another number is varied within its uncertainty, the critical dose is adjusted to give the measured growth.
-
-The interface: `straight_edge_um` is the growth of a wall at a height; `inside` is the light far inside, `growth_um` the
-growth there, and `with_growth` returns settings with a given growth.
+Seen from above, the width of a part is its width on the window side of a layer deep inside the part, where all layers
+are equivalent. Coupons best determine the growth of a long straight wall beyond its image there; it depends on blur,
+scattering, critical dose, exposure and washing. A calibrated process therefore keeps this growth: when another
+parameter is varied within its uncertainty, the critical dose is adjusted to give the measured growth.
 """
 
 import math
@@ -26,16 +23,16 @@ _HALOS = 4  # groups of scattered light
 _WIDE = 8.0  # widths of a blur beyond which it adds nothing
 
 Light = tuple[FloatArray, FloatArray]
-"""Doses in mJ/cm² and blurs in µm of the light that arrives on the window side of a layer far inside."""
+"""Doses in mJ/cm² and blurs in µm of the light that arrives on the window side of a layer deep inside the part."""
 
 
 def layers_inside(settings: Settings) -> int:
-    """Number of layers beyond which further layers have no effect."""
+    """Return the number of layers beyond which further layers have no effect."""
     return math.ceil(25.0 * settings.deep_Dp_um / settings.layer_um) + 1
 
 
 def inside(settings: Settings) -> Light:
-    """Light far inside, on the window side of a layer; scattered light is grouped by width."""
+    """Return the light on the window side of a layer deep inside the part; scattered light is grouped by width."""
     return _of_edges(*_terms(settings), settings)
 
 
@@ -54,20 +51,20 @@ def _terms(settings: Settings) -> Light:
 
 
 def growth_um(settings: Settings) -> float:
-    """Growth of a long straight wall beyond its image, far inside, with washing but without shrinkage.
+    """Growth of a long straight wall beyond its image, deep inside the part, with washing but without shrinkage.
 
     Raises
     ------
     DataError
         If the dose sets no resin.
     """
-    return _edge_um(*inside(settings), settings, "far inside") + settings.wash_um
+    return _edge_um(*inside(settings), settings, "deep inside the part") + settings.wash_um
 
 
 def straight_edge_um(settings: Settings, layers: int, height_um: float) -> float:
-    """Growth of a long straight wall beyond its image at a height, in µm; negative if the wall recedes.
+    """Return the growth of a long straight wall beyond its image at a height, in µm; negative if the wall recedes.
 
-    The growth is averaged over the wall's positions between pixels (see `Settings.edge_um`).
+    The growth is averaged over wall positions between pixels (see `Settings.edge_um`).
 
     Raises
     ------
@@ -79,7 +76,7 @@ def straight_edge_um(settings: Settings, layers: int, height_um: float) -> float
 
 
 def uneven_um(settings: Settings) -> tuple[float, float]:
-    """Range of the growth of straight walls far inside that face along an axis, for an asymmetric response."""
+    """Minimum and maximum growth of straight walls deep inside a part over the four directions that they face."""
     pixel = settings.pixel_light
     if not isinstance(pixel, MeasuredPixel):
         return (growth_um(settings),) * 2
@@ -89,12 +86,12 @@ def uneven_um(settings: Settings) -> tuple[float, float]:
         weights, places, width = pixel.towards(axis, sign)
         blur = np.sqrt(np.maximum(sigma**2 - pixel.blur_um**2, 0.0) + width**2 + settings.covered_um**2)
         light = np.outer(dose, weights).ravel(), np.repeat(blur, len(places)), np.tile(places, len(dose))
-        grown.append(_edge_um(light[0], light[1], settings, "far inside", light[2]) + settings.wash_um)
+        grown.append(_edge_um(light[0], light[1], settings, "deep inside the part", light[2]) + settings.wash_um)
     return min(grown), max(grown)
 
 
 def _of_edges(dose: FloatArray, sigma: FloatArray, settings: Settings) -> Light:
-    """Doses and blurs of an edge from terms (T,): the pixel's light, any wider blur, and covered shares."""
+    """Return doses and blurs of an edge from terms (T,): pixel light, any wider blur, and covered fractions."""
     weights, widths = settings.pixel_light.mixture
     beyond = np.maximum(sigma**2 - settings.blur_um**2, 0.0) + settings.covered_um**2
     return np.outer(dose, weights).ravel(), np.sqrt(beyond[:, None] + widths**2).ravel()
@@ -103,9 +100,11 @@ def _of_edges(dose: FloatArray, sigma: FloatArray, settings: Settings) -> Light:
 def _edge_um(
     dose: FloatArray, blur: FloatArray, settings: Settings, where: str, beside: FloatArray | float = 0.0
 ) -> float:
-    """Distance x from a straight edge's image at which Σ E Φ((b - x)/σ) = Ec, for light offset by b (``beside``)."""
+    """Distance x from a straight edge's image with Σ E Φ((b - x)/σ) = Ec, for light offset by b (``beside``)."""
     if float(dose.sum()) <= settings.Ec_mJ_per_cm2:
-        limit = f"{dose.sum():.3g} mJ/cm2 arrive {where}, and the resin sets at {settings.Ec_mJ_per_cm2:g} mJ/cm2"
+        limit = (
+            f"the dose {where} is {dose.sum():.3g} mJ/cm2, while the resin sets at {settings.Ec_mJ_per_cm2:g} mJ/cm2"
+        )
         raise DataError("process.exposure_s", value=settings.exposure_s, limit=limit, remedy="expose for longer")
     reach = _WIDE * float(blur.max()) + float(np.abs(beside).max())
     excess = brentq(
@@ -115,7 +114,7 @@ def _edge_um(
 
 
 def with_growth(settings: Settings, growth: float) -> Settings:
-    """Settings with the critical dose that gives a stated growth of walls."""
+    """Return settings with the critical dose that gives a specified growth of walls."""
     dose, blur = inside(settings)
     critical = float(dose @ ndtr(-(growth - settings.wash_um - settings.grey_shift_um) / blur))
     return settings.model_copy(update={"Ec_mJ_per_cm2": critical})

@@ -1,11 +1,11 @@
 """The lens that a process prints, and the uncertainty of its shape due to the process.
 
-The idea: one method for every orientation. The printed face is computed twice for each uncertain number of the process,
-with that number larger and smaller by its standard uncertainty; half the difference is the number's contribution, point
-by point along the lens. The position of the lens within a pixel is unknown beforehand and is a further contribution.
-Numbers from one calibration enter with their covariance.
+The same method applies to all orientations. For each uncertain process parameter, the printed face is computed with the
+parameter increased and decreased by its standard uncertainty; half the difference is the contribution of the parameter
+at each point along the lens. The position of the lens within a pixel is unknown beforehand and is a further
+contribution. Parameters from one calibration enter with their covariance.
 
-The interface: `predicted` returns a `Prediction`.
+`predicted` returns a `Prediction`.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,11 +40,11 @@ class Prediction:
     u_um
         Standard uncertainty of the deviation at each point, (N,).
     ripple_um
-        Steps of layers along the face, (N,); 0 everywhere for a flat print.
+        Layer steps along the face, (N,); 0 everywhere for a flat print.
     ripple_through_um
-        Peak to valley of a wall within a layer along the thickness, for a flat print; 0 otherwise.
+        For a flat print, peak-to-valley ripple of a wall within a layer along the thickness; 0 otherwise.
     contributions_um
-        Contribution (rms along the face) of each uncertain number, in descending order.
+        Contribution (rms along the face) of each uncertain parameter, in descending order.
     """
 
     deviation: Deviation
@@ -55,7 +55,7 @@ class Prediction:
 
 
 def points_for(orientation: Orientation) -> int:
-    """Number of points along a lens; larger if individual layers must be resolved."""
+    """Return the number of points along a lens; larger if individual layers must be resolved."""
     return FLAT_POINTS if orientation == "flat" else SIDE_POINTS
 
 
@@ -89,7 +89,7 @@ def predicted(
     progress
         Called with the completed fraction, up to 1.
     phase
-        Position of the drawing's origin within its pixel, for a part printed flat; None if it is unknown, which adds an
+        Position of the drawing origin within its pixel, for a part printed flat; None if it is unknown, which adds an
         uncertainty.
 
     Raises
@@ -122,7 +122,7 @@ def predicted(
 
 
 _Lens = tuple[FloatArray, FloatArray, float, Callable[..., FloatArray]]
-"""Offsets and their ripple (N,), the ripple through the thickness, and a function for the offsets with other
+"""Offsets and their ripple (N,), the ripple through the thickness, and a function that returns the offsets for other
 settings.
 """
 
@@ -155,8 +155,8 @@ class Phase:
     phase_px
         The position along x and z, in pixels.
     shape_um, on_a_corner_um, worst_um
-        Deviation of the lens's shape, root mean square after the best shift along z: at the best position, on a corner
-        of pixels, and at the worst position.
+        Deviation of the lens shape, root mean square after the best translation along z: at the best position, at a
+        pixel corner, and at the worst position.
     """
 
     phase_px: tuple[float, float]
@@ -168,10 +168,10 @@ class Phase:
 def best_phase(
     rings: Sequence[FloatArray], target: Target, settings: Settings, thickness_mm: float, height_um: float | None
 ) -> Phase:
-    """Position of the drawing's origin within a pixel that minimises the deviation of a flat lens's shape.
+    """Return the position of the drawing origin within a pixel that minimises the deviation of a flat lens's shape.
 
-    A lens that is symmetric about x = 0 stays symmetric on a corner and in the middle of a pixel. Only these two are
-    therefore tried along x, and multiples of an eighth along z.
+    A lens that is symmetric about x = 0 stays symmetric only at a corner or the centre of a pixel. Only these two
+    positions are therefore tried along x, and multiples of an eighth of a pixel along z.
     """
     flat = FlatPrint.of(rings, target, settings, thickness_mm)
     at_um = 0.5 * flat.thickness_um if height_um is None else height_um
@@ -195,7 +195,7 @@ def _side_view(rings: Sequence[FloatArray], target: Target, settings: Settings, 
 
 
 def half_difference(process: Process, key: str, u: float, printed: Callable[[Settings], FloatArray]) -> FloatArray:
-    """Half of the change from a number minus its uncertainty to the number plus it; one-sided if one of them fails."""
+    """Half of the change between a parameter minus and plus its uncertainty; one-sided if one of the prints fails."""
 
     def changed(by: float) -> FloatArray | None:
         try:
@@ -208,13 +208,13 @@ def half_difference(process: Process, key: str, u: float, printed: Callable[[Set
         return 0.5 * (more - less)
     if more is None and less is None:
         limit = "neither a larger nor a smaller value prints a lens"
-        raise DataError(f"uncertainty.{key}", value=u, limit=limit, remedy="state a smaller uncertainty")
+        raise DataError(f"uncertainty.{key}", value=u, limit=limit, remedy="specify a smaller uncertainty")
     base = printed(process.process)
     return more - base if more is not None else base - np.asarray(less)
 
 
 def _varied(process: Process, key: str, by: float) -> Settings:
-    """Settings with one number changed; the critical dose is adjusted if the growth of walls is known."""
+    """Return settings with one parameter changed; the critical dose is adjusted if the growth of walls is known."""
     settings = process.process
     if key == GROWTH:
         return with_growth(settings, growth_um(settings) + by)

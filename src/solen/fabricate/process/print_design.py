@@ -1,10 +1,8 @@
-"""A design as printed: the printed lens compared with the designed one, its effect on the response, and compensation.
+"""A design as printed: the printed lens compared with the designed lens, its effect on the response, and compensation.
 
-The idea: one call predicts the effects of printing a design. The lens is predicted with its uncertainty and compared
-with the designed one, and the response of both is traced. On request, a drawing that prints as designed is computed,
-and the whole printed part is made.
-
-The interface: `print_design` returns a `PrintedDesign`.
+`print_design` predicts the lens with its uncertainty, compares it with the designed lens, and traces the response of
+both. On request, it also computes a drawing that prints as designed, and models the entire printed part. It returns a
+`PrintedDesign`.
 """
 
 from dataclasses import dataclass, replace
@@ -35,7 +33,7 @@ from solen.sensor.print_loss import print_loss
 
 _MOST = (2.5, 97.5)
 _TAPER_UM = 2.0
-"""Taper of the walls above which there is a warning."""
+"""Taper of the walls above which a warning is given."""
 _WELL_KNOWN_UM = 3.0
 
 
@@ -57,7 +55,7 @@ def print_design(
     options
         The process and the orientation.
     response, compensate, part
-        Whether to trace the response with both lenses, compute a compensated drawing, and make the whole part.
+        Whether to trace the response with both lenses, compute a compensated drawing, and model the entire part.
     progress
         Called with the completed fraction, up to 1.
 
@@ -125,14 +123,14 @@ class _Print:
 
     @cached_property
     def chosen(self) -> Phase | None:
-        """The best position in the pixel, if requested."""
+        """Best position in the pixel, if requested."""
         if not self.options.choose_phase:
             return None
         return best_phase(self.rings, self.target, self.process.process, self.thickness_mm, self.height_um)
 
     @property
     def phase_px(self) -> tuple[float, float] | None:
-        """Position of the lens in its pixel; None if not stated."""
+        """Position of the lens in its pixel; None if not specified."""
         return self.options.phase_px if self.chosen is None else self.chosen.phase_px
 
     @property
@@ -163,7 +161,7 @@ class _Print:
     @property
     def profile_at(self) -> str:
         if self.options.orientation != "flat":
-            return "the whole thickness: the profile is constant along it"
+            return "the entire thickness: the profile is constant along it"
         if self.height_um is None:
             return "mean over the thickness"
         return f"{1e-3 * self.height_um:g} mm above the platform, mean over its layer"
@@ -209,7 +207,7 @@ def _check_flat(options: PrintOptions, *, compensate: bool, part: bool) -> None:
             "--phase-px",
             value=options.phase_px,
             limit="cannot be combined with --choose-phase",
-            remedy="omit one of them",
+            remedy="omit one of these options",
         )
     if options.orientation == "flat":
         return
@@ -258,7 +256,7 @@ def _of_layers(prediction: PrintedDesign) -> list[Caution]:
     if walls is None:
         return [
             look_at(
-                f"the steps of the layers, {prediction.ripple.rms_um:.2g} µm root mean square along the profile, "
+                f"the layer steps, {prediction.ripple.rms_um:.2g} µm root mean square along the profile, "
                 "scatter light; the traced profile omits them"
             )
         ]
@@ -267,14 +265,14 @@ def _of_layers(prediction: PrintedDesign) -> list[Caution]:
         return []
     return [
         look_at(
-            f"walls are {first:+.3g} µm beyond their image at the first layer, {middle:+.3g} in the middle and "
-            f"{last:+.3g} at the last: light at another height passes a lens of another shape"
+            f"walls are {first:+.3g} µm beyond their image at the first layer, {middle:+.3g} µm at mid-height and "
+            f"{last:+.3g} µm at the last layer: the lens shape differs for light at another height"
         )
     ]
 
 
 def _of_response(prediction: PrintedDesign) -> list[Caution]:
-    """Warn if an asymmetric response moves walls differently, as walls beside the lens use the mean."""
+    """Warn if an asymmetric response moves walls by different amounts, because walls next to the lens use the mean."""
     least, most = uneven_um(prediction.settings)
     if prediction.walls is None or most - least < _TAPER_UM:
         return []
@@ -293,9 +291,9 @@ def _of_compensation(prediction: PrintedDesign) -> list[Caution]:
         return []
     return [
         do_not_use(
-            f"compensated, the lens is {prediction.compensation.printed.rms_um:.2g} µm off in the model, whose "
-            f"uncertainty is {u_um:.2g} µm: calibrate the process with coupons of your printer before you rely on the "
-            "drawing"
+            f"after compensation, the lens deviates by {prediction.compensation.printed.rms_um:.2g} µm in the model, "
+            f"whose uncertainty is {u_um:.2g} µm: calibrate the process with coupons from your printer before you rely "
+            "on the drawing"
         )
     ]
 

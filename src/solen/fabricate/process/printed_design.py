@@ -1,4 +1,4 @@
-"""Result of a predicted print: the printed lens, its walls, the whole part, and its profile for a trace."""
+"""Result of a predicted print: the printed lens, its walls, the entire part, and a profile for tracing."""
 
 from dataclasses import dataclass, field, replace
 
@@ -19,12 +19,12 @@ from solen.sensor.print_loss import PrintLoss
 
 PROFILE_POINTS = 401
 NUMERICAL_UM = 0.1
-"""Numerical error of the model from point to point."""
+"""Numerical error of the model between neighbouring points."""
 
 
 @dataclass(frozen=True)
 class Ripple:
-    """Ripple of the layers: along the thickness of a flat part, otherwise along the profile."""
+    """Layer ripple: along the thickness for a flat part, otherwise along the profile."""
 
     along: str
     peak_to_valley_um: float
@@ -38,7 +38,7 @@ class Walls:
     Attributes
     ----------
     height_um, beyond_um
-        Middle heights of the layers (n,), and the growth of a wall beyond its image at each, without shrinkage.
+        Mid-heights of the layers (n,), and the growth of a wall beyond its image at each, without shrinkage.
     """
 
     height_um: FloatArray = field(metadata=HIDDEN)
@@ -56,7 +56,7 @@ class Walls:
 
     @reported
     def middle_um(self) -> float:
-        """Growth of a wall beyond its image in the middle of the thickness."""
+        """Growth of a wall beyond its image at mid-thickness."""
         return float(self.beyond_um[self.layers // 2])
 
     @reported
@@ -67,7 +67,7 @@ class Walls:
 
 @dataclass(frozen=True)
 class Shape:
-    """Deviation that remains after the best shift along z."""
+    """Deviation that remains after the best translation along z."""
 
     shift_z_um: float
     rms_um: float
@@ -76,7 +76,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class PrintedPart:
-    """The whole part as printed flat, and its volume compared with the designed one."""
+    """The entire part as printed flat, and its volume compared with the designed volume."""
 
     mesh: Mesh = field(metadata=HIDDEN)
     label: Label = field(metadata=HIDDEN)
@@ -87,38 +87,39 @@ class PrintedPart:
 
 
 class PrintedDesign(Result):
-    """A design as a process prints it; simulated.
+    """Prediction of a design as a process prints it.
 
     Attributes
     ----------
     name, simulated
         Name of the design; a prediction is always simulated.
     orientation, profile_at
-        Orientation of the part, and height of the profile in words.
+        Orientation of the part, and description of the profile height.
     process, settings
         Name and values of the process.
     lens
         The printed lens.
     phase
-        Chosen position of the lens in its pixel, and the gain from it; None if it was not chosen.
+        Selected position of the lens in its pixel, and the resulting improvement; None if it was not selected.
     deviation
         Deviation from the designed lens, along its normal; positive for more material.
     u_rms_um, u_max_um
         Standard uncertainty of the deviation along the lens.
     shape
-        The deviation after the best shift along z.
+        Deviation after the best translation along z.
     ripple, walls
-        Ripple of the layers, and straight walls of a flat part.
+        Layer ripple, and straight walls of a flat part.
     contributions_um
-        Contribution of each uncertain number to the uncertainty, root mean square along the lens, in descending order.
+        Contribution of each uncertain parameter to the uncertainty, root mean square along the lens, in descending
+        order.
     response
         The loss of response; None if it was not traced.
     compensation, compensated_response
         The drawing that prints as designed, and the response with the lens printed from it.
     part
-        The whole printed part; None if it was not requested.
+        The entire printed part; None if it was not requested.
     sources, warnings
-        File of the process, and limits of the conclusions.
+        Process file, and limits of the conclusions.
     """
 
     name: str
@@ -145,12 +146,12 @@ class PrintedDesign(Result):
 
     @reported
     def cure_depth_um(self) -> float:
-        """Cure depth of one ordinary layer's exposure."""
+        """Cure depth of the exposure of one normal layer."""
         return self.settings.cure_depth_um
 
     @reported
     def inside_mJ_per_cm2(self) -> float:
-        """Mean dose far inside the part."""
+        """Mean dose deep inside the part."""
         return self.settings.inside_mJ_per_cm2()
 
     @property
@@ -170,10 +171,11 @@ class PrintedDesign(Result):
 def profile_of_print(
     deviation: Deviation, name: str, process: str, u_um: float, sources: tuple[Provenance, ...] = ()
 ) -> MeasuredProfile:
-    """Profile of a printed lens, marked as simulated.
+    """Return the profile of a printed lens, marked as simulated.
 
     Its ``u_mm`` is the uncertainty that varies from point to point. The uncertainty of the process, ``u_um``, moves all
-    points together and is stated in a warning: treated as noise of single points, it would smooth the profile away.
+    points together and is reported in a warning: if it were treated as noise of individual points, the profile would be
+    smoothed away.
     """
     points = deviation.points_mm
     chosen = np.unique(np.linspace(0, len(points) - 1, PROFILE_POINTS).round().astype(int))
@@ -198,6 +200,6 @@ def profile_of_print(
 
 
 def _forwards(points: FloatArray) -> FloatArray:
-    """Points (N, 2) without those that do not advance to the right of all previous points."""
+    """Return points (N, 2) without those that do not advance to the right of all previous points."""
     highest = np.concatenate([[-np.inf], np.maximum.accumulate(points[:-1, 0])])
     return points[points[:, 0] > highest + 1e-9]

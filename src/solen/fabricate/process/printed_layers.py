@@ -1,9 +1,9 @@
-"""A design whose lens varies with height, as a process prints it: its face layer by layer, and its remaining gain.
+"""Print of a lens that varies with height: its face layer by layer, and the gain that remains after printing.
 
 The cylinder with the same middle section is printed by the same model, so a table compares both as designed and as
-printed. Compensation changes the drawing layer by layer; the walls next to the lens stay as designed.
+printed. Compensation changes the drawing of each layer; the walls next to the lens stay as designed.
 
-The interface: `print_layers` returns `PrintedLayers`; `layer_files` are its files.
+`print_layers` returns `PrintedLayers`; `layer_files` returns the corresponding files.
 """
 
 from dataclasses import dataclass, field, replace
@@ -33,9 +33,9 @@ from solen.sensor.sensor import OF_SHAPES
 from solen.spec import Design, dumps, with_values
 
 SYMMETRIC_UM = 1.0
-"""Maximum difference by which a pixel's light may move opposite walls."""
+"""Maximum difference by which the light of a pixel may move opposite walls."""
 MIDDLE_PIXELS = (0.0, 0.5)
-"""Positions in a pixel across the axis at which left mirrors right."""
+"""Positions in a pixel across the axis for which the left half mirrors the right half."""
 FARTHEST_PHASE = (0.5, 0.5)
 """Position in the pixel farthest from a corner; the default is a corner."""
 WELL_KNOWN_UM = 3.0
@@ -44,18 +44,18 @@ CYLINDER, DESIGNED, PRINTED, DRAWN = "cylinder", "designed", "printed", "compens
 
 @dataclass(frozen=True)
 class LayerDeviation:
-    """Deviation of one layer's wall from the designed one, along its normal; positive for more material.
+    """Deviation of the wall of one layer from the designed wall, along its normal; positive for more material.
 
     Attributes
     ----------
     layer
-        Number, from 1 on the build plate.
+        Layer number, starting with 1 on the build plate.
     height_mm
-        Height of its middle above the plate.
+        Mid-height of the layer above the plate.
     rms_um, mean_um, largest_um, largest_x_mm
-        Statistics over half the wall, whose other half mirrors it; position of the largest deviation.
+        Statistics over half the wall, which the other half mirrors, and position of the largest deviation.
     u_rms_um
-        Standard uncertainty due to the process, and to the position in the pixel if that is not stated; root mean
+        Standard uncertainty due to the process, and to the position in the pixel if it is not specified; root mean
         square along the wall.
     """
 
@@ -69,7 +69,7 @@ class LayerDeviation:
 
 
 class PrintedLayers(Result):
-    """A design whose lens varies with height, as a process prints it flat; simulated.
+    """Prediction of a flat print of a lens that varies with height.
 
     Attributes
     ----------
@@ -80,20 +80,20 @@ class PrintedLayers(Result):
     layers
         Number of layers.
     rms_um
-        Deviation of the whole printed face from the designed one, root mean square along the normals.
+        Deviation of the entire printed face from the designed face, root mean square along the normals.
     deviations
-        Deviations of the first and last layers, one in the middle and one at three quarters of the height.
+        Deviations of the first and last layers, one at mid-height and one at three quarters of the height.
     compensated_rms_um, compensated_deviations, rounds_um
-        The same values for the compensated drawing, and the root mean square along z, round by round; None without
+        The same values for the compensated drawing, and the root mean square along z for each round; None without
         compensation.
     drawn_range_um
         Range of the displacement of the compensated drawing from the designed face, along z towards the emitter.
     responses
         Contrast and light of cylinder and lens, designed and printed; empty if not traced.
     sources, warnings
-        File of the process, and limits of the conclusions.
+        Process file, and limits of the conclusions.
     face, compensated, half_width_mm
-        The printed faces.
+        The printed faces and the half width of the lens.
     """
 
     name: str
@@ -118,7 +118,7 @@ class PrintedLayers(Result):
 
     @reported
     def remaining(self) -> dict[str, tuple[float, ...]]:
-        """Contrast of each lens divided by that of the printed cylinder, by angle; empty without responses."""
+        """Contrast of each lens divided by that of the printed cylinder, for each angle; empty without responses."""
         return {name: tuple(share.tolist()) for name, (share, _) in self._remaining.items()}
 
     @reported
@@ -142,7 +142,7 @@ class PrintedLayers(Result):
 
     @property
     def profile(self) -> Profiles:
-        """The printed face, in the form of a layered lens's ``[lens] profile``."""
+        """Printed face, in the form of a layered lens's ``[lens] profile``."""
         return self._profiles(self.face)
 
     def _profiles(self, face: PrintedFace) -> Profiles:
@@ -160,7 +160,7 @@ def print_layers(
 ) -> PrintedLayers:
     """Predict the print of a design whose lens varies with height.
 
-    Parameters and errors are those of `solen.fabricate.process.print_design`.
+    For the parameters and errors, see `solen.fabricate.process.print_design`.
     """
     _check(options, part=part)
     process, sources = process_of(options)
@@ -203,7 +203,7 @@ def print_layers(
 
 
 def layer_files(made: PrintedLayers, out: Path | None, compensate: Path | None) -> dict[Path, files.Content]:
-    """Files of a prediction: the printed layers, and the design that draws the compensated layers.
+    """Return the files of a prediction: the printed layers, and the design that draws the compensated layers.
 
     Raises `OutputError` if two of the files have the same path.
     """
@@ -219,13 +219,13 @@ def layer_files(made: PrintedLayers, out: Path | None, compensate: Path | None) 
 
 
 def printed_profiles(model: FacePrint, face: PrintedFace, name: str, process: str) -> Profiles:
-    """Profiles of a printed face, marked as simulated."""
+    """Return the profiles of a printed face, marked as simulated."""
     warning = f"predicted by a print model ({process}), not measured"
     return model.profiles(face.printed, f"{name}, printed by the model", warning)
 
 
 def _drawn_design(sensor: Sensor, layers: str) -> Design:
-    """Design of drawn layers: its name, material, lens and body, and the seats that are cut from it."""
+    """Return a design for drawn layers: name, material, lens, body, and the seats that are cut from the body."""
     old, lens = sensor.design, sensor.lens
     if not isinstance(lens, LensInSpace):
         raise TypeError(type(lens).__name__)
@@ -242,7 +242,7 @@ def _drawn_design(sensor: Sensor, layers: str) -> Design:
 
 
 def _check(options: PrintOptions, *, part: bool) -> None:
-    """Raise `SpecError` if an option is not supported for such a lens."""
+    """Raise `SpecError` if an option is not supported for a lens that varies with height."""
     why = "is not supported for a lens that varies with height"
     if options.orientation != "flat":
         limit = "a lens that varies with height is printed flat, with its layers parallel to the faces of the body"
@@ -259,24 +259,24 @@ def _check(options: PrintOptions, *, part: bool) -> None:
 
 
 def _check_halves(settings: Settings) -> None:
-    """Raise `SpecError` if a pixel's light moves opposite walls differently, as only one half is modelled."""
+    """Raise `SpecError` if the light of a pixel moves opposite walls differently, because only one half is modelled."""
     least, most = uneven_um(settings)
     if most - least > SYMMETRIC_UM:
         raise SpecError(
             "process.response",
             value=f"walls at {least:+.3g} to {most:+.3g} µm, depending on the side they face",
             limit=f"must move all sides equally, within {SYMMETRIC_UM:g} µm, for a lens that varies with height",
-            remedy="state a symmetric response, or its sigma_um",
+            remedy="specify a symmetric response, or its sigma_um",
         )
 
 
 def _shown(layers: int) -> list[int]:
-    """Numbers, from 0, of the layers whose deviations are reported."""
+    """Return the numbers, starting with 0, of the layers whose deviations are reported."""
     return sorted({0, layers // 2, (3 * layers) // 4, layers - 1})
 
 
 def _u_um(model: FacePrint, process: Process) -> dict[int, float]:
-    """Standard uncertainty of the reported layers due to the process, root mean square along the wall."""
+    """Return the standard uncertainty of the reported layers due to the process, root mean square along the wall."""
     keys, covariance = process.covariance()
     scale = np.sqrt(np.diag(covariance))
     return {layer: _u_of_layer(model, process, layer, keys, scale, covariance) for layer in _shown(model.layers)}
@@ -304,8 +304,8 @@ def _u_by_place_um(model: FacePrint, face: PrintedFace) -> dict[int, float]:
 
 def _of_place(u_um: dict[int, float]) -> Caution:
     return look_at(
-        f"--phase-px is not stated; 0,0 is assumed. Another position in the pixel changes a layer's wall by "
-        f"{max(u_um.values()):.2g} µm rms; this is included in u_rms_um, but not in the table of responses"
+        f"--phase-px is not specified; 0,0 is assumed. Another position in the pixel changes the wall of a layer by "
+        f"{max(u_um.values()):.2g} µm rms; this is included in u_rms_um, but not in the response table"
     )
 
 
@@ -328,7 +328,7 @@ def _responses(
     process: str,
     progress: Progress | None,
 ) -> tuple[LensResponse, ...]:
-    """Responses of cylinder and lens, designed and printed, and of the compensated lens if there is one."""
+    """Return the responses of cylinder and lens, designed and printed, and of the compensated lens if there is one."""
     upright = Sensor.of(with_values(sensor.design, _upright(sensor)))
     cylinder = FacePrint.of(upright.body(), model.settings, model.phase)
     printed = cylinder.printed()
@@ -347,20 +347,20 @@ def _responses(
 
 
 def _upright(sensor: Sensor) -> dict[str, object]:
-    """Values of the same design with one profile over the whole body: the cylinder."""
+    """Return the values of the same design with one profile over the entire body: the cylinder."""
     values = OF_SHAPES | {"lens.shape": "layered", "lens.profile": None}
     return values | {"lens.layer_mm": sensor.design.body.thickness_mm}
 
 
 def _of_face(sensor: Sensor, model: FacePrint, made: PrintedFace | None, u_um: dict[int, float]) -> list[Caution]:
-    """Limits of the prediction of such a face."""
+    """Return the limits of the prediction for a face that varies with height."""
     worst = max(u_um.values())
     warnings = [
-        note("each layer's wall is that at its middle height; shrinkage along the height is ignored"),
+        note("each layer has the wall at its mid-height; shrinkage along the height is ignored"),
         note("the walls next to the lens are traced as designed"),
         look_at(
-            f"the uncertainty of the process is up to {worst:.2g} µm for a layer's wall; the table "
-            "of responses excludes it"
+            f"the uncertainty of the process is up to {worst:.2g} µm for the wall of a layer; the response "
+            "table excludes it"
         ),
     ]
     layer_mm = sensor.design.lens.layer_mm
@@ -370,12 +370,12 @@ def _of_face(sensor: Sensor, model: FacePrint, made: PrintedFace | None, u_um: d
     last_mm = float(model.edges_mm[1] - model.edges_mm[0])
     if not np.isclose(last_mm, printers_mm):
         count = f"{sensor.design.body.thickness_mm:g} mm is {model.layers - 1} layers of {printers_mm:g} mm"
-        warnings.append(look_at(f"{count} and one of {last_mm:.3g} mm, which is exposed like a whole layer"))
+        warnings.append(look_at(f"{count} and one of {last_mm:.3g} mm, which is exposed like a full layer"))
     if made is not None and worst > max(2.0 * made.rms_um, WELL_KNOWN_UM):
         warnings.append(
             do_not_use(
-                f"compensated, the face is {made.rms_um:.2g} µm off in the model, whose uncertainty is {worst:.2g} µm: "
-                "calibrate the process with coupons of your printer before you rely on the drawing"
+                f"after compensation, the face deviates by {made.rms_um:.2g} µm in the model, whose uncertainty is "
+                f"{worst:.2g} µm: calibrate the process with coupons from your printer before you rely on the drawing"
             )
         )
     return warnings

@@ -1,14 +1,14 @@
-"""The process file: the properties of a printer and a resin, each number with its uncertainty and its source.
+"""Process file: the properties of a printer and a resin, each parameter with its uncertainty and source.
 
-The idea: a prediction is only as good as its inputs. The file therefore contains three tables with the same keys: the
-value (``[process]``), its standard uncertainty (``[uncertainty]``) and its source (``[source]``), and the covariance of
-jointly calibrated numbers. Missing numbers are taken from the default process, with its sources.
+A prediction is only as good as its inputs. The file therefore contains three tables with the same keys: values
+(``[process]``), standard uncertainties (``[uncertainty]``) and sources (``[source]``). It also contains the covariance
+of jointly calibrated parameters. Missing values are taken from the default process, with their sources.
 
-The default follows the publication that solen is built around (Cafiso et al., Methods) if that states a number: 13
-mW/cm², layers of 25 µm, 2 s, six burn-in layers of 3 s. The publication states only bounds of the working curve, and
-nothing about the projector: those values are assumptions, marked as such in the file.
+The default follows the publication on which solen is based (Cafiso et al., Methods) where possible: 13 mW/cm², layers
+of 25 µm, 2 s, six burn-in layers of 3 s. The publication reports only bounds of the working curve, and nothing about
+the projector: those values are assumptions, marked accordingly in the file.
 
-The interface: `read_process`, `default_process`, `process_text`; a `Process` has the three tables.
+`read_process` and `default_process` return a `Process` with these tables; `process_text` writes one.
 """
 
 from collections.abc import Mapping
@@ -47,20 +47,20 @@ GROWTH = "growth_um"
 """Growth of a straight wall, which a calibration determines in place of the critical dose."""
 CRITICAL = "Ec_mJ_per_cm2"
 U_RESPONSE = 0.05
-"""Default standard uncertainty of a response's scale."""
+"""Default standard uncertainty of the scale of a response."""
 
 
 class Calibration(Strict):
-    """Jointly fitted numbers, and their covariance in the units of their keys.
+    """Jointly fitted parameters, and their covariance in the units of their keys.
 
-    If ``growth_um`` is one of them, walls grow as measured when other numbers are varied.
+    If ``growth_um`` is one of them, walls grow as measured when other parameters are varied.
     """
 
     table: ClassVar[str] = "calibration"
     error: ClassVar[type[SolenError]] = DataError
 
-    keys: tuple[Text, ...] = Field(description="names of the numbers.")
-    covariance: tuple[tuple[Number, ...], ...] = Field(description="covariance, a row for each.")
+    keys: tuple[Text, ...] = Field(description="parameter names.")
+    covariance: tuple[tuple[Number, ...], ...] = Field(description="covariance, one row per parameter.")
     features: Annotated[int, Field(strict=True, ge=0)] = Field(0, description="Number of features used.")
     simulated: Annotated[bool, Field(strict=True)] = Field(False, description="Whether the features were simulated.")
 
@@ -73,7 +73,9 @@ class Calibration(Strict):
         matrix = np.array(self.covariance, dtype=float) if self._is_square() else np.full((1, 1), -1.0)
         if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix).min() < -1e-9 * abs(np.trace(matrix)):
             count = len(self.keys)
-            raise refused("covariance", f"must be a covariance of {count} numbers: {count} rows of {count}, symmetric")
+            raise refused(
+                "covariance", f"must be a covariance of {count} parameters: {count} rows of {count}, symmetric"
+            )
         return self
 
     def _is_square(self) -> bool:
@@ -81,15 +83,15 @@ class Calibration(Strict):
 
 
 class Process(Strict):
-    """A process file: a name, and values, uncertainties and sources by key."""
+    """A process file: name, values, uncertainties and sources by key."""
 
     error: ClassVar[type[SolenError]] = DataError
 
-    name: Text = Field(description="the process's name, one line.")
+    name: Text = Field(description="process name, one line.")
     process: Settings = Field(default_factory=Settings, description="The values.")
     uncertainty: dict[str, NotNegative] = Field(default_factory=dict, description="Standard uncertainties by key.")
-    source: dict[str, str] = Field(default_factory=dict, description="Where each value comes from.")
-    calibration: Calibration | None = Field(None, description="Covariance of the calibrated numbers.")
+    source: dict[str, str] = Field(default_factory=dict, description="Source of each value.")
+    calibration: Calibration | None = Field(None, description="Covariance of the calibrated parameters.")
 
     @model_validator(mode="after")
     def _keys_are_known(self) -> Self:
@@ -99,17 +101,17 @@ class Process(Strict):
                     raise refused(table, f"must be one of {', '.join(allowed)}", value=key)
         unused = "response_scale" if self.process.response is None else "sigma_um"
         if unused in self.uncertainty:
-            limit = f"names no number of this process, which states {'no' if unused != 'sigma_um' else 'a'} response"
+            limit = f"is not a parameter of this process, which has {'no' if unused != 'sigma_um' else 'a'} response"
             raise refused(f"uncertainty.{unused}", limit, value=self.uncertainty[unused], remedy="omit it")
         return self
 
     @property
     def keeps_growth(self) -> bool:
-        """Whether the growth of walls is known, and kept when other numbers are varied."""
+        """Whether the growth of walls is known, and kept when other parameters are varied."""
         return self.calibration is not None and GROWTH in self.calibration.keys
 
     def covariance(self) -> tuple[tuple[str, ...], FloatArray]:
-        """Keys of the uncertain numbers and their covariance: the calibration's, otherwise diagonal.
+        """Return the keys of the uncertain parameters and their covariance: from the calibration, otherwise diagonal.
 
         If the growth of walls is known, it replaces the critical dose.
         """
@@ -123,7 +125,7 @@ class Process(Strict):
         return (*together, *alone), matrix
 
     def with_settings(self, **values: Any) -> "Process":
-        """Process with some values changed, without the uncertainties and sources of the old values."""
+        """Return a process with some values changed, without the uncertainties and sources of the old values."""
         data = self.model_dump(exclude_unset=False)
         data["process"] |= values
         for key in values:
@@ -135,7 +137,7 @@ class Process(Strict):
 
     @property
     def greys(self) -> Greys:
-        """Light of grey pixels, with the pixel size of the process unless that is assumed."""
+        """Light of grey pixels, with the pixel size of the process unless this is assumed."""
         assumed = self.source.get("pixel_um", "").lower().startswith("assum")
         return replace(self.process.greys, pixels_um=None) if assumed else self.process.greys
 
@@ -147,14 +149,14 @@ class Process(Strict):
         return tuple(key for key in stated if self.source.get(key, "assumption").lower().startswith("assum"))
 
     def warnings(self) -> list[Caution]:
-        """Warnings about prints modelled with these numbers."""
+        """Return warnings about prints modelled with these parameters."""
         messages, s = [], self.process
         if s.cure_depth_um < s.layer_um:
             messages.append(
                 do_not_use(
                     f"the layers do not adhere: {s.exposure_s:g} s ({s.dose_mJ_per_cm2:.3g} mJ/cm2) cure "
-                    f"{s.cure_depth_um:.3g} µm, less than a layer of {s.layer_um:g} µm; expose for longer or slice "
-                    "thinner"
+                    f"{s.cure_depth_um:.3g} µm, less than the layer thickness of {s.layer_um:g} µm; expose for longer "
+                    "or use thinner layers"
                 )
             )
         hot = None if s.response is None else s.response.hot
@@ -176,26 +178,25 @@ class Process(Strict):
         if self.calibration is not None and self.calibration.simulated:
             messages.append(
                 look_at(
-                    "numbers of the process are from simulated coupons or a simulated working curve, not from measured "
-                    "ones"
+                    "process parameters are from simulated coupons or a simulated working curve, not from measured ones"
                 )
             )
         return messages
 
 
 def default_process() -> Process:
-    """Default process shipped with solen; its file states a source for each number."""
+    """Return the default process shipped with solen; its file contains a source for each parameter."""
     text = (files("solen.fabricate.process") / "default.toml").read_text(encoding="utf-8")
     return parsed_process(text, "default process")
 
 
 def read_process(path: Path) -> Process:
-    """Read the process of a file; raises `DataError` if it cannot be read or a value is impossible."""
+    """Read a process file; raises `DataError` if it cannot be read or a value is impossible."""
     return parsed_process(read_text(path, DataError), str(path), path.parent)
 
 
 def response_of_file(path: Path) -> Path | None:
-    """File of the measured light that a process file names; None if it names none."""
+    """Return the file of the measured light that a process file names; None if it names none."""
     data: Any = parse_toml(read_text(path, DataError), str(path), DataError)
     for key in ("process", "response", "file"):
         data = data.get(key) if isinstance(data, dict) else None
@@ -203,9 +204,9 @@ def response_of_file(path: Path) -> Path | None:
 
 
 def parsed_process(text: str, what: str, folder: Path = Path()) -> Process:
-    """Process of a TOML text; missing values are those of the default, with the default's uncertainty and source.
+    """Parse a process from TOML text; missing values are taken from the default, with their uncertainty and source.
 
-    The file of a response is in ``folder``.
+    A response file is looked up in ``folder``.
     """
     data = migrated(parse_toml(text, what, DataError), what, current=SCHEMA, migrations=MIGRATIONS, error=DataError)
     _read_response(data, what, folder)
@@ -215,13 +216,13 @@ def parsed_process(text: str, what: str, folder: Path = Path()) -> Process:
 
 
 def _read_response(data: Document, what: str, folder: Path) -> None:
-    """Replace the file of a response by its light, and record the file in the sources."""
+    """Replace the name of a response file by its light, and record the file in the sources."""
     table = data.get("process", {}).get("response") if isinstance(data.get("process"), dict) else None
     if not isinstance(table, dict) or "file" not in table:
         return
     file = table.pop("file")
     if not isinstance(file, str) or "light" in table:
-        limit = "must be the name of a file; the table cannot also state light"
+        limit = "must be a file name; the table cannot also contain light"
         raise DataError(f"{what}: process.response.file", value=file, limit=limit)
     table["light"] = light_of_file(folder / file)
     if isinstance(source := data.setdefault("source", {}), dict):
@@ -229,10 +230,10 @@ def _read_response(data: Document, what: str, folder: Path) -> None:
 
 
 def _completed(process: Process) -> Process:
-    """Process with the default's values, uncertainties and sources for missing keys."""
+    """Return the process with default values, uncertainties and sources for missing keys."""
     default = default_process()
     if process.process.response is not None and "response_scale" not in process.uncertainty:
-        source = {"response_scale": f"assumption: the picture's scale and focus known to {100 * U_RESPONSE:g} %"}
+        source = {"response_scale": f"assumption: image scale and focus known to {100 * U_RESPONSE:g} %"}
         stated = "response_scale" in process.process.model_fields_set
         u = process.uncertainty | ({} if stated else {"response_scale": U_RESPONSE})
         process = process.model_copy(update={"source": source | process.source, "uncertainty": u})
@@ -248,6 +249,6 @@ def _completed(process: Process) -> Process:
 
 
 def process_text(process: Process) -> str:
-    """TOML text of a process with all its values; `read_process` reads the process back."""
+    """Return a process with all its values as TOML text, from which `read_process` reads it back."""
     data: Mapping[str, Any] = process.model_dump(exclude_none=True)
     return tomli_w.dumps({"schema": SCHEMA, **{key: value for key, value in data.items() if value or key == "name"}})

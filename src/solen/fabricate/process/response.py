@@ -1,13 +1,13 @@
-"""Light of one pixel at the window: its rectangle blurred by a Gaussian, or a measured response.
+"""Light of one pixel at the window: a rectangle blurred by a Gaussian, or a measured response.
 
-The idea: an image's light is the sum of its pixels' light. Often only the width of a projector's blur is known; the
-pixel's rectangle is then convolved with a Gaussian. If the light of a single lit pixel was measured, that picture
-replaces both, with its flat top, tails and asymmetry. Samples are interpolated by a cubic spline, and the light beyond
-the table is zero; their sum is the light of one pixel.
+The light of an image is the sum of the light of its pixels. Often only the width of the projector blur is known; the
+rectangle of the pixel is then convolved with a Gaussian. If the light of a single lit pixel was measured, that image
+replaces both, with its flat top, tails and asymmetry. Samples are interpolated by a cubic spline, and the light outside
+the table is zero; the sum of the samples is the light of one pixel.
 
-The interface: `PixelResponse` is the table of a process file, `light_of_file` reads the samples of its file;
-`GaussianPixel` and `MeasuredPixel` return the spectrum on a grid, in the plane and summed along one axis, and the mean
-over directions as a sum of Gaussians, which is used for straight walls and round features.
+`PixelResponse` is the table in a process file, and `light_of_file` reads the samples from a file. `GaussianPixel` and
+`MeasuredPixel` return the spectrum on a grid, in the plane and summed along one axis, and the mean over directions as a
+sum of Gaussians, which is used for straight walls and round features.
 """
 
 import math
@@ -35,16 +35,16 @@ Mixture = tuple[FloatArray, FloatArray]
 PICTURES = (".png", ".tif", ".tiff", ".bmp")
 MOST_SAMPLES = 65_536
 FAINTEST = 1e-6
-"""Relative size of the narrowest blur's spectrum at the highest frequency of the fine grid."""
+"""Relative spectral amplitude of the narrowest blur at the highest frequency of the fine grid."""
 FAINT = 5e-5
-"""Relative size of a measured response's spectrum at the highest frequency of the fine grid."""
+"""Relative spectral amplitude of a measured response at the highest frequency of the fine grid."""
 LEAST_FINE, MOST_FINE = 3, 16
 RIM = 0.01
 """Maximum mean of each side of a table's rim, as a fraction of the brightest sample."""
 NOISE = 0.05
 """Maximum depth of negative samples, as a fraction of the brightest sample."""
 HOT = 8.0
-"""Ratio of a sample to its brightest neighbour above which it is probably a defect of the camera."""
+"""Ratio of a sample to its brightest neighbour above which it is probably a camera defect."""
 COARSEST = 4.0
 """Minimum number of samples along the side of a pixel."""
 _GREY = ("L", "F", "I", "I;16", "I;16B", "I;16L", "I;16N")  # picture modes whose values are light
@@ -64,9 +64,9 @@ class PixelResponse(Strict):
 
     light: tuple[tuple[Number, ...], ...] = Field(
         description="samples, in any unit: columns along x, rows along y, the smallest first; or file names a table "
-        "(.csv, .txt) of them or a picture with y up (.png, .tif)."
+        "(.csv, .txt) of samples or an image with y up (.png, .tif)."
     )
-    pitch_um: Annotated[Positive, Field(le=1e3)] = Field(description="Spacing of the samples in µm.")
+    pitch_um: Annotated[Positive, Field(le=1e3)] = Field(description="Sample spacing in µm.")
     centre_um: tuple[Number, Number] | None = Field(
         None, description="Position of the pixel's centre from the first sample, along x and y; default: the centroid."
     )
@@ -81,13 +81,13 @@ class PixelResponse(Strict):
         if rows * columns > MOST_SAMPLES:
             limit = f"at most {MOST_SAMPLES:,} samples"
             raise refused(
-                "light", limit, value=f"{rows} x {columns}", remedy="crop it to the light, or average samples"
+                "light", limit, value=f"{rows} x {columns}", remedy="crop the table to the light, or average samples"
             )
         light = np.array(self.light)
         peak = float(light.max())
         if not peak > 0.0 or light.min() < -NOISE * peak:
             limit = f"must be light: above 0, and nowhere below -{100 * NOISE:g} % of the brightest sample"
-            raise refused("light", limit, value=float(light.min()), remedy="check the dark picture that was subtracted")
+            raise refused("light", limit, value=float(light.min()), remedy="check the dark image that was subtracted")
         rim = max(float(np.mean(side)) for side in (light[0], light[-1], light[:, 0], light[:, -1]))
         if rim > RIM * peak:
             limit = f"the mean of each side of its rim must be dark: within {100 * RIM:g} % of the brightest sample"
@@ -96,7 +96,7 @@ class PixelResponse(Strict):
         sides = (columns - 1) * self.pitch_um, (rows - 1) * self.pitch_um
         if self.centre_um and not all(0.0 <= at <= side for at, side in zip(self.centre_um, sides, strict=True)):
             limit = f"must be within the table, 0 to {sides[0]:g} and 0 to {sides[1]:g} µm"
-            raise refused("centre_um", limit, value=list(self.centre_um), remedy="state it along x and y, in µm")
+            raise refused("centre_um", limit, value=list(self.centre_um), remedy="specify it along x and y, in µm")
         return self
 
     @property
@@ -115,19 +115,19 @@ class PixelResponse(Strict):
 
 @dataclass(frozen=True)
 class GaussianPixel:
-    """Rectangle of even light of sides ``pixels_um`` along x and y, blurred by a Gaussian of ``blur_um``."""
+    """Uniformly lit rectangle with sides ``pixels_um`` along x and y, blurred by a Gaussian of ``blur_um``."""
 
     blur_um: float
     pixels_um: tuple[float, float]
 
     @property
     def mixture(self) -> Mixture:
-        """The response's mean over directions, as one Gaussian."""
+        """Return the mean of the response over directions, as one Gaussian."""
         return np.ones(1), np.array([math.sqrt(self.blur_um**2 + _own_um2(self.pixels_um))])
 
     @property
     def reach_um(self) -> float:
-        """Extent of the light beyond the pixel's rectangle."""
+        """Extent of the light beyond the rectangle of the pixel."""
         return _FAR * self.blur_um
 
     @property
@@ -144,13 +144,13 @@ class GaussianPixel:
         return max(needed, LEAST_FINE)
 
     def plane(self, shape: tuple[int, int], step_um: tuple[float, float]) -> FloatArray:
-        """Spectrum on a periodic grid of rows and columns with steps along x and y, in the form of a real transform."""
+        """Spectrum on a periodic grid of rows and columns with steps along x and y, as for a real transform."""
         across = self.row(shape[1], step_um[0], 0)
         along = self.row(shape[0], step_um[1], 1)
         return np.outer(along[_mirrored(shape[0])], across)
 
     def row(self, count: int, step_um: float, axis: int) -> FloatArray:
-        """Spectrum of the response summed along the other axis, on a periodic row along x (0) or y (1)."""
+        """Return the spectrum of the response summed along the other axis, on a periodic row along x (0) or y (1)."""
         k = math.tau * fft.rfftfreq(count, step_um)
         blur = np.exp(-0.5 * (self.blur_um * k) ** 2)
         return np.asarray(blur * np.sinc(k * self.pixels_um[axis] / math.tau))
@@ -163,11 +163,11 @@ class MeasuredPixel:
     Attributes
     ----------
     response
-        The table of samples.
+        The sample table.
     splines
         Coefficients (rows, columns) of the cubic B-splines; their sum is 1.
     first_um
-        Position of the first spline from the pixel's centre, along x and y.
+        Position of the first spline from the pixel centre, along x and y.
     pitch_um
         Spacing of the splines.
     pixels_um
@@ -182,12 +182,12 @@ class MeasuredPixel:
 
     @cached_property
     def centroid_um(self) -> FloatArray:
-        """Position of the light's centroid relative to the pixel's centre, along x and y."""
+        """Position of the light centroid relative to the pixel centre, along x and y."""
         return np.array([float(self._line(axis) @ self._places(axis)) for axis in (0, 1)])
 
     @cached_property
     def blur_um(self) -> float:
-        """Standard deviation of a Gaussian blur of the pixel's rectangle to the same width, mean of both axes."""
+        """Standard deviation of the Gaussian blur that gives the pixel rectangle the same width, mean of both axes."""
         return math.sqrt(max(self.width_um**2 - _own_um2(self.pixels_um), 0.0))
 
     @cached_property
@@ -204,12 +204,12 @@ class MeasuredPixel:
 
     @property
     def mixture(self) -> Mixture:
-        """Mean over directions about the centroid, as Gaussians fitted by least squares to the spectrum."""
+        """Return the mean over directions about the centroid, as Gaussians fitted to the spectrum by least squares."""
         return _weights(self.response), self.width_um * _WIDTHS
 
     @cached_property
     def fine(self) -> int:
-        """Grid points per pixel at which a spline follows the response: at most as fine as its samples."""
+        """Grid points per pixel at which a spline represents the response: at most as fine as its samples."""
         pixel_um = max(self.pixels_um)
         most = min(MOST_FINE, math.ceil(pixel_um / self.pitch_um))
         k = math.pi / pixel_um * np.linspace(1.0, 2.0, 32)
@@ -219,21 +219,21 @@ class MeasuredPixel:
         return most
 
     def plane(self, shape: tuple[int, int], step_um: tuple[float, float]) -> Spectrum:
-        """Spectrum on a periodic grid of rows and columns with steps along x and y, in the form of a real transform."""
+        """Spectrum on a periodic grid of rows and columns with steps along x and y, as for a real transform."""
         (rows, i), (columns, j) = (self._on(shape[1 - axis], step_um[axis], axis) for axis in (1, 0))
         kernel = np.zeros(shape)
         np.add.at(kernel, (i[:, None], j), rows @ self.splines @ columns.T)
         return np.asarray(fft.rfft2(kernel))
 
     def row(self, count: int, step_um: float, axis: int) -> Spectrum:
-        """Spectrum of the response summed along the other axis, on a periodic row along x (0) or y (1)."""
+        """Return the spectrum of the response summed along the other axis, on a periodic row along x (0) or y (1)."""
         basis, places = self._on(count, step_um, axis)
         kernel = np.zeros(count)
         np.add.at(kernel, places, basis @ self._line(axis))
         return np.asarray(fft.rfft(kernel))
 
     def towards(self, axis: int, sign: float) -> tuple[FloatArray, FloatArray, float]:
-        """Weights and positions (N,) of the light along a direction of an axis, and the width of each."""
+        """Weights and positions (N,) of the light along an axis in one direction, and the width of each sample."""
         return self._line(axis), sign * self._places(axis), self.pitch_um / math.sqrt(3.0)
 
     def _line(self, axis: int) -> FloatArray:
@@ -244,7 +244,7 @@ class MeasuredPixel:
         return self.first_um[axis] + self.pitch_um * np.arange(count, dtype=float)
 
     def _on(self, count: int, step_um: float, axis: int) -> tuple[FloatArray, NDArray[np.intp]]:
-        """Splines (M, N) at the points of a periodic grid in their support, times its step, and the points (M,)."""
+        """Splines (M, N) at the points of a periodic grid in their support, times the grid step; the points (M,)."""
         places = self._places(axis)
         low, high = places[0] - 2.0 * self.pitch_um, places[-1] + 2.0 * self.pitch_um
         points = np.arange(math.ceil(low / step_um), math.floor(high / step_um) + 1)
@@ -252,7 +252,7 @@ class MeasuredPixel:
         return basis, np.asarray(points % count, np.intp)
 
     def along(self, k: FloatArray, across: float, along: float) -> FloatArray:
-        """Spectrum (K,) about the centroid at wave numbers along a direction, averaged over both signs."""
+        """Return the spectrum (K,) about the centroid at wave numbers along a direction, averaged over both signs."""
         (x, y), (cx, cy) = (self._places(0), self._places(1)), self.centroid_um
         turn = [np.exp(-1j * np.outer(k * way, place)) for way, place in ((across, x - cx), (along, y - cy))]
         smooth = [np.sinc(k * way * self.pitch_um / math.tau) ** 4 for way in (across, along)]
@@ -262,24 +262,29 @@ class MeasuredPixel:
 
 @lru_cache(maxsize=8)
 def measured_pixel(response: PixelResponse, scale: float, pixels_um: tuple[float, float]) -> MeasuredPixel:
-    """A response as spline coefficients, with its lengths multiplied by ``scale``.
+    """Return a response as spline coefficients, with its lengths multiplied by ``scale``.
 
     Raises
     ------
     DataError
-        If its samples are too coarse for the pixels, or its light is not about as wide as a pixel.
+        If the samples are too coarse for the pixels, or the light is not about as wide as a pixel.
     """
     if COARSEST * response.pitch_um > min(pixels_um):
         limit = f"a pixel of {min(pixels_um):g} µm requires at least {COARSEST:g} samples"
         raise DataError(
-            "process.response.pitch_um", value=response.pitch_um, limit=limit, remedy="measure it with smaller samples"
+            "process.response.pitch_um",
+            value=response.pitch_um,
+            limit=limit,
+            remedy="measure the response with smaller samples",
         )
     made = _scaled(response, scale, pixels_um)
     least, most = (share * max(pixels_um) for share in _APART)
     if not least <= made.width_um <= most:
-        limit = f"a pixel of {max(pixels_um):g} µm has light of a standard deviation of {least:.3g} to {most:.3g} µm"
+        limit = (
+            f"the light of a pixel of {max(pixels_um):g} µm has a standard deviation of {least:.3g} to {most:.3g} µm"
+        )
         value = f"{made.width_um:.3g} µm"
-        raise DataError("process.response", value=value, limit=limit, remedy="check pitch_um: it is in µm")
+        raise DataError("process.response", value=value, limit=limit, remedy="check pitch_um, which is in µm")
     return made
 
 
@@ -290,7 +295,7 @@ def _scaled(response: PixelResponse, scale: float, pixels_um: tuple[float, float
 
 @lru_cache(maxsize=8)
 def _splines(response: PixelResponse) -> tuple[FloatArray, tuple[float, float]]:
-    """Coefficients of a response's splines, and the position of the pixel's centre from the first one, in samples."""
+    """Spline coefficients of a response, and the position of the pixel centre from the first spline, in samples."""
     light = np.pad(np.array(response.light), _PAD)
     splines = ndimage.spline_filter(light, order=3, mode="mirror")
     splines = splines / splines.sum()
@@ -304,7 +309,7 @@ def _splines(response: PixelResponse) -> tuple[FloatArray, tuple[float, float]]:
 
 @lru_cache(maxsize=8)
 def _weights(response: PixelResponse) -> FloatArray:
-    """Weights of the Gaussians whose sum is the best fit to a response's mean over directions."""
+    """Return the weights of Gaussians whose sum best fits the mean of a response over directions."""
     one = _scaled(response, 1.0, (1.0, 1.0))
     k, widths = np.linspace(0.0, 6.0 / one.width_um, _WAVES), one.width_um * _WIDTHS
     angles = math.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
@@ -316,7 +321,7 @@ def _weights(response: PixelResponse) -> FloatArray:
 
 
 def light_of_file(path: Path) -> list[list[float]]:
-    """Samples of a table of numbers, or of a single-channel picture with y up, the smallest y first.
+    """Return samples from a table of numbers, or from a single-channel image with y up; the smallest y comes first.
 
     Raises
     ------
@@ -327,7 +332,7 @@ def light_of_file(path: Path) -> list[list[float]]:
 
 
 def _of_table(path: Path) -> list[list[float]]:
-    """Rows of numbers; the whole file uses one separator and one decimal mark."""
+    """Return rows of numbers; the entire file uses one separator and one decimal mark."""
     cells = grid.of_text(load(path))
     rows = [row for row in range(len(cells.rows)) if not cells.is_blank(row)]
     widths = [cells.width(row) for row in rows]
@@ -337,7 +342,7 @@ def _of_table(path: Path) -> list[list[float]]:
         try:
             value = parse(cells.rows[row][column], mark)
         except ValueError as bad:
-            limit = f"must be rows of numbers, but this {bad}"
+            limit = f"must contain rows of numbers; this cell {bad}"
             raise cells.refused(row, column, limit, "use one separator; begin other lines with #") from None
         if math.isnan(value):
             raise cells.refused(row, column, "must be a finite number", "use a rectangle without gaps")
@@ -353,13 +358,16 @@ def _of_picture(path: Path) -> list[list[float]]:
         with Image.open(path) as picture:
             kind, pages, light = picture.mode, getattr(picture, "n_frames", 1), np.array(picture)
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as bad:
-        raise DataError(str(path), limit=f"cannot be read as a picture: {bad}", remedy="check the file") from None
+        raise DataError(str(path), limit=f"cannot be read as an image: {bad}", remedy="check the file") from None
     if kind not in _GREY:  # the values of a palette are not light
-        limit = "must be a single-channel grey picture, without colours or a palette"
-        raise DataError(str(path), value=kind, limit=limit, remedy="save it in grey, in 8, 16 or 32 bits")
+        limit = "must be a single-channel grey image, without colours or a palette"
+        raise DataError(str(path), value=kind, limit=limit, remedy="save it as grey levels, in 8, 16 or 32 bits")
     if pages > 1:
         raise DataError(
-            str(path), value=f"{pages} pages", limit="must be one picture", remedy="save only the page with the pixel"
+            str(path),
+            value=f"{pages} pages",
+            limit="must contain a single image",
+            remedy="save only the page with the pixel",
         )
     if int(light.max()) in _FULL_SCALES and np.count_nonzero(light == light.max()) > 1:
         limit = f"is overexposed: {np.count_nonzero(light == light.max()):,} samples are {light.max():g}"
@@ -369,16 +377,16 @@ def _of_picture(path: Path) -> list[list[float]]:
 
 
 def _spline(t: FloatArray) -> FloatArray:
-    """Cubic B-spline as a function of the distance in steps."""
+    """Return a cubic B-spline as a function of the distance in steps."""
     t = np.abs(t)
     return np.where(t < 1.0, 2.0 / 3.0 - t**2 + 0.5 * t**3, np.maximum(2.0 - t, 0.0) ** 3 / 6.0)
 
 
 def _own_um2(pixels_um: tuple[float, float]) -> float:
-    """Variance of a pixel's rectangle along an axis, mean of both axes."""
+    """Return the variance of a pixel rectangle along an axis, mean of both axes."""
     return sum(side**2 for side in pixels_um) / 24.0
 
 
 def _mirrored(count: int) -> NDArray[np.intp]:
-    """Indices of all frequencies of a full transform among those of a real one."""
+    """Return the index in a real transform for each frequency of a full transform."""
     return np.abs(np.rint(fft.fftfreq(count) * count)).astype(np.intp)

@@ -1,12 +1,12 @@
-"""The scales of pictures as unknowns of a calibration: one error for all lengths of a picture, not noise of each.
+"""Image scales as unknowns of a calibration: the scale error is common to all lengths of an image.
 
-The idea: a picture whose scale is off by e shows every length multiplied by 1 + e. Treated as independent noise, this
-error would average out over features, which it does not. Each picture therefore has one such unknown (for a z map, a
-second one for its heights), with the stated uncertainty as its prior. Pictures that state the same size of a pixel were
-taken with one calibration of one objective: their errors are nearly the same, and many such pictures determine the
-scale no better than one.
+If the scale of an image has the relative error e, every length in it is multiplied by 1 + e. Treated as independent
+noise, this error would average out over features, which it does not. Each image therefore has one such unknown (a z map
+has a second one for its heights), with the reported uncertainty as its prior. Images with the same pixel size were
+taken with one calibration of one objective: their errors are nearly the same, and many such images determine the scale
+no better than a single image.
 
-The interface: `Scales` of coupons; `FittedScale` is a scale after the fit.
+`Scales` contains the unknowns of coupons; `FittedScale` is a scale after the fit.
 """
 
 from collections.abc import Sequence
@@ -20,16 +20,16 @@ from solen.fabricate.process.features import MeasuredCoupon, MeasuredFeature, Sh
 
 Axis = Literal["lateral", "vertical"]
 U_SCALE = 0.03
-"""Relative standard uncertainty assumed for a scale if none is stated."""
+"""Relative standard uncertainty assumed for a scale if none is specified."""
 EXACT = 1e-6
-"""Relative uncertainty of a scale that is stated to be exact."""
+"""Relative uncertainty of a scale that is specified as exact."""
 SHARED = 0.9
-"""Fraction of the variance that pictures with the same pixel size have in common."""
+"""Fraction of the variance that images with the same pixel size have in common."""
 
 
 @dataclass(frozen=True)
 class FittedScale:
-    """Fitted scale of lengths or heights in a picture: measured over true, and its relative prior uncertainty."""
+    """Fitted scale of lengths or heights in an image: measured divided by true, and its relative prior uncertainty."""
 
     file: str
     axis: Axis
@@ -41,7 +41,7 @@ class FittedScale:
 
 @dataclass(frozen=True, eq=False)
 class Scales:
-    """Unknown errors of scales, one for each picture and axis, with their features and distances.
+    """Unknown scale errors, one for each image and axis, with their features and distances.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Scales:
 
     @classmethod
     def among(cls, coupons: Sequence[MeasuredCoupon], used: Sequence[tuple[int, MeasuredFeature]]) -> "Scales":
-        """Unknowns of the used features, each given with the number of its coupon."""
+        """Return the unknowns of the used features, each specified with the number of its coupon."""
         keys = [(number, axis_of(feature)) for number, feature in used]
         pitches: list[tuple[int, Axis]] = [
             (number, "lateral") for number, coupon in enumerate(coupons) if coupon.pitch_ratio is not None
@@ -70,7 +70,7 @@ class Scales:
         return cls(tuple(coupons), distinct, rows, places)
 
     def u_own_mm(self, used: Sequence[tuple[int, MeasuredFeature]]) -> FloatArray:
-        """Standard uncertainties (n,) of features, excluding those of their scales."""
+        """Return standard uncertainties (n,) of features, excluding those of their scales."""
         return np.array([one.own_u_mm(self._stated(number, axis_of(one)).u_relative or 0.0) for number, one in used])
 
     @property
@@ -81,12 +81,12 @@ class Scales:
         return np.asarray(u[:, None] * together * u[None, :]) if len(u) else np.zeros((0, 0))
 
     def u_before(self, key: tuple[int, Axis]) -> float:
-        """Relative standard uncertainty of a scale before the fit."""
+        """Return the relative standard uncertainty of a scale before the fit."""
         stated = self._stated(*key).u_relative
         return U_SCALE if stated is None else max(stated, EXACT)
 
     def fitted(self, errors: FloatArray, u: FloatArray) -> tuple[FittedScale, ...]:
-        """The scales as fitted."""
+        """Return the fitted scales."""
         return tuple(
             FittedScale(
                 self.coupons[key[0]].name,
@@ -111,5 +111,5 @@ class Scales:
 
 
 def axis_of(feature: MeasuredFeature) -> Axis:
-    """Axis of the scale that applies to a feature's size."""
+    """Return the axis of the scale that applies to the size of a feature."""
     return "vertical" if feature.kind == "step" else "lateral"

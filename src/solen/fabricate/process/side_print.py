@@ -1,13 +1,14 @@
 """A lens printed upright or on edge: its profile is along the printing direction and made of layers.
 
-The idea: seen from the side, a layer is a row, lit where the drawn body is at half the layer's height, with grey at the
-ends. Across the printing direction, light blurs as usual. Along it, light only travels from the window towards the
-platform. Behind an overhang it sets unintended resin (print-through), while no resin is left to set on the window side.
-A face towards the platform therefore grows and its steps are filled in, and a face towards the window keeps its steps.
-The body is assumed thick along y; shrinkage is stated for both directions.
+Seen from the side, a layer is a row of pixels, lit where the drawn body is at mid-height of the layer, with grey pixels
+at the ends. Across the printing direction, light blurs in both directions. Along it, light only travels from the window
+towards the platform. Behind an overhang it sets unintended resin (print-through), while no resin is left to set on the
+window side. A face towards the platform therefore grows and its steps are filled in, and a face towards the window
+keeps its steps. The body is assumed thick along y; shrinkage is specified separately along and across the printing
+direction.
 
-The interface: `SidePrint.of` drawn outlines; `profile_um` returns the offsets along a target's normals, and `steps`
-splits them into a smooth part and the ripple of the steps.
+`SidePrint.profile_um` returns the offsets along the normals of a target, and `SidePrint.steps` splits them into a
+smooth part and the ripple of the steps.
 """
 
 import math
@@ -33,9 +34,9 @@ from solen.fabricate.process.terms import FAINT
 Side = Literal["upright", "upright-lens-first", "on-edge"]
 STEP_UM = 1.0
 MOST_WORK = 2e10
-"""Maximum number of products for a side view: about a minute of computing."""
+"""Maximum number of products for a side view: about a minute of computing time."""
 SUBLAYERS = 5
-"""Number of heights within a layer at which its dose is computed; its logarithm is interpolated linearly in between."""
+"""Number of heights within a layer at which the dose is computed; its logarithm is interpolated linearly in between."""
 _DEPTHS = -math.log(FAINT)
 _MARGIN_UM = 1500.0
 _LAYERS_PER_KNOT = 10.0
@@ -50,11 +51,11 @@ class SidePrint:
     settings
         The process.
     side
-        Orientation: the lens printed last and away from the platform, first and on it, or to one side.
+        Orientation: the lens printed last and away from the platform, first and on the platform, or to one side.
     rows
         Fraction of the full light (layers, columns) of the layers from ``first`` on.
     first
-        Number of the first row's layer, counted from 0 at the first layer of the part.
+        Layer number of the first row, counted from 0 at the first layer of the part.
     corner_um
         Position at which the first column begins.
     platform_um
@@ -73,7 +74,7 @@ class SidePrint:
 
     @classmethod
     def of(cls, rings: Sequence[FloatArray], target: Target, settings: Settings, side: Side) -> "SidePrint":
-        """Print of closed polylines (N, 2) in mm.
+        """Return the print of closed polylines (N, 2) in mm.
 
         Raises
         ------
@@ -100,7 +101,7 @@ class SidePrint:
 
     @cached_property
     def _log_excess(self) -> FloatArray:
-        """Logarithm of dose over critical dose, (layers, sublayers, fine columns), from each layer's far side."""
+        """Logarithm of dose over critical dose, (layers, sublayers, fine columns), from the far side of each layer."""
         s, (layers, columns) = self.settings, self.rows.shape
         fine, pitch = s.pixel_light.fine, _pixel_um(s, self.side)
         k = math.tau * fft.rfftfreq(columns * fine, pitch / fine)
@@ -115,7 +116,7 @@ class SidePrint:
         return excess
 
     def _gathered(self, lit: NDArray[np.complex128], k: FloatArray, depth_um: float) -> NDArray[np.complex128]:
-        """Spectra of the dose of each layer at a depth from its window side, including later layers."""
+        """Return dose spectra of each layer at a depth from its window side, including later layers."""
         s = self.settings
         spectra, blur_um = np.zeros_like(lit), s.blur_um
         for later in range(min(len(lit), math.ceil(s.deep_Dp_um * _DEPTHS / s.layer_um) + 1)):
@@ -126,7 +127,7 @@ class SidePrint:
         return spectra
 
     def log_excess(self, places_mm: FloatArray) -> FloatArray:
-        """Logarithm of dose over critical dose at points (..., 2) of the body's own plane, before shrinkage."""
+        """Logarithm of dose over critical dose at points (..., 2) in the plane of the body, before shrinkage."""
         s, fine = self.settings, self.settings.pixel_light.fine
         at = _turned(1e3 * np.asarray(places_mm, float), self.side)
         height = (at[..., 1] - self.platform_um) / s.layer_um
@@ -144,7 +145,7 @@ class SidePrint:
         return np.asarray(np.where(outside, -1.0, excess))
 
     def profile_um(self) -> FloatArray:
-        """Deviation of the printed lens from the designed one, (N,) along its normals, including steps."""
+        """Return the deviation of the printed lens from the designed lens, (N,) along its normals, including steps."""
         s = self.settings
         across, along = s.shrinkage_percent, s.shrinkage_z_percent
         shrunk = np.array([along, across] if self.side == "on-edge" else [across, along])
@@ -166,7 +167,7 @@ class SidePrint:
 
 
 def _pixel_um(settings: Settings, side: Side) -> float:
-    """Side of a pixel along the lens: the part's x is along the printer's X, its z along Y."""
+    """Return the side of a pixel along the lens: the part's x is along the printer's X, its z along Y."""
     return settings.pixels_um[side == "on-edge"]
 
 
@@ -192,14 +193,14 @@ def _check_work(layers: int, columns: float, settings: Settings) -> None:
 
 
 def _turned(places: FloatArray, side: Side) -> FloatArray:
-    """Coordinates across and along the printing direction of points (..., 2) of the body's plane."""
+    """Return coordinates across and along the printing direction for points (..., 2) in the plane of the body."""
     x, z = places[..., 0], places[..., 1]
     across, along = {"upright": (x, -z), "upright-lens-first": (x, z), "on-edge": (z, x)}[side]
     return np.stack([across, along], axis=-1)
 
 
 def _row(rings: Sequence[FloatArray], height: float, start: float, pitch: float, columns: int) -> FloatArray:
-    """Covered share of each pixel of a row by closed polylines at a height."""
+    """Return the fraction of each pixel of a row that closed polylines cover at a height."""
     crossings = []
     for ring in rings:
         a, b = ring, np.roll(ring, -1, axis=0)

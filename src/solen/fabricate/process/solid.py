@@ -1,11 +1,12 @@
-"""The printed solid of a flat part: its outline at every height.
+"""Printed solid of a flat part: its outline at every height.
 
-The idea: all layers show the same image, and the growth of walls changes with height only near the first layers and the
-last. The part is therefore cut into slabs within which a straight wall moves by less than a tolerance; each slab has
-the outline of critical dose at its middle, after shrinkage and washing as for a lens. The ripple within a layer is
-omitted: slabs are evaluated at the middle of a layer.
+All layers show the same image, and the growth of walls changes with height only near the first and last layers. The
+part is therefore divided into slabs within which a straight wall moves by less than a tolerance; the outline of each
+slab is the line of critical dose at its mid-height, after shrinkage and washing as for a lens. The ripple within a
+layer is omitted: slabs are evaluated at mid-height of a layer.
 
-The interface: `slabs` over the heights, `outlines` at one height, `printed_solid` of drawn rings.
+`slabs` divides the height, `outlines` returns the outlines at one height, and `printed_solid` returns the solid of
+drawn rings.
 """
 
 from collections.abc import Sequence
@@ -26,15 +27,15 @@ from solen.fabricate.process.terms import terms_at
 SLAB_UM = 1.0
 """Maximum displacement of a straight wall within a slab."""
 WITHIN_UM = 1.0
-"""Maximum deviation of outlines from the line of critical dose, both by the fine grid's segments and by thinning."""
+"""Maximum deviation of outlines from the line of critical dose, due to both the grid segments and thinning."""
 OVERLAP_MM = 1e-4
-"""Overlap of a slab with the one below, to join them."""
+"""Overlap between a slab and the slab below, which joins them."""
 _THIN_UM = 0.2
 
 
 @dataclass(frozen=True)
 class Slab:
-    """Layers ``first`` to ``last``, inclusive, with walls of equal growth, which is ``edge_um`` at their middle."""
+    """Layers ``first`` to ``last``, inclusive, with walls of equal growth, which is ``edge_um`` at their mid-height."""
 
     first: int
     last: int
@@ -42,17 +43,17 @@ class Slab:
 
     @property
     def middle(self) -> int:
-        """The layer in the middle of the slab."""
+        """Layer in the middle of the slab."""
         return (self.first + self.last) // 2
 
 
 def slabs(settings: Settings, layers: int) -> tuple[Slab, ...]:
-    """Slabs of a part from the first layer up.
+    """Return the slabs of a part from the first layer upwards.
 
     Raises
     ------
     DataError
-        If no resin sets in the middle of a layer.
+        If no resin sets at mid-height of a layer.
     """
     edges = [straight_edge_um(settings, layers, _middle_um(settings, layer)) for layer in range(layers)]
     parts, first = [], 0
@@ -71,7 +72,7 @@ def outlines(
     centre: FloatArray,
     phase: tuple[float, float] = (0.0, 0.0),
 ) -> list[FloatArray]:
-    """Outlines (N, 2) in mm of the cured resin in the middle of a layer, after shrinkage, washing and taper.
+    """Return outlines (N, 2) in mm of the cured resin at mid-height of a layer, after shrinkage, washing and taper.
 
     Holes follow from how outlines enclose one another (even-odd rule).
     """
@@ -103,13 +104,13 @@ def printed_solid(
     settings
         The process.
     thickness_mm
-        Thickness of the part, which is printed as the nearest whole number of layers.
+        Thickness of the part, rounded to an integer number of layers for printing.
     centre_mm
-        Centre of the shrinkage: the middle of the lens.
+        Centre of the shrinkage: the centre of the lens.
     name
         Name of the part, for error messages.
     phase
-        Position of the drawing's origin in its pixel.
+        Position of the drawing origin in its pixel.
 
     Raises
     ------
@@ -135,7 +136,7 @@ def _middle_um(settings: Settings, layer: int) -> float:
 
 
 def _critical(image: FlatImage, settings: Settings, height_um: float) -> list[FloatArray]:
-    """Closed lines of the critical dose, in mm."""
+    """Return closed lines of the critical dose, in mm."""
     from contourpy import contour_generator
 
     dose = dose_map(image, settings, height_um)
@@ -148,7 +149,7 @@ def _critical(image: FlatImage, settings: Settings, height_um: float) -> list[Fl
 
 
 def _grown(lines: list[FloatArray], by_mm: float) -> list[FloatArray]:
-    """Lines after every wall has moved along its normal, outwards for positive."""
+    """Return lines after every wall has moved along its normal, outwards for positive values."""
     if by_mm == 0.0:
         return lines
     from manifold3d import CrossSection, FillRule, JoinType

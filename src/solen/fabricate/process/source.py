@@ -1,7 +1,7 @@
 """The process that prints a design: a file or the default, with the pixels of a printer and the cure of a resin.
 
-The interface: `ProcessOptions` select a process, `PrintOptions` also the print of a design; `process_of` returns the
-process, `with_printer` and `with_resin` adapt one.
+`ProcessOptions` select a process, and `PrintOptions` add the print of a design; `process_of` returns the process, and
+`with_printer` and `with_resin` adapt it.
 """
 
 import hashlib
@@ -32,26 +32,26 @@ class ProcessOptions(Options):
     process: Path | None = None
     """Process file; default: published settings with assumed optics."""
     cure: Path | None = None
-    """Working curve of the resin, with its lamp's spectrum if that was fitted: solen resin cure --out."""
+    """Working curve of the resin, with the lamp spectrum if fitted: solen resin cure --out."""
     printer: str | None = None
-    """Printer with the pixels to use: a name of solen print printers, or a printer's .toml."""
+    """Printer whose pixels are used: a name from solen print printers, or a printer file (.toml)."""
 
 
 class PrintOptions(ProcessOptions):
-    """Options of the print of a design."""
+    """Print options for a design."""
 
     orientation: Orientation = "flat"
     """Orientation of the part in the printer; upright prints the lens last."""
     phase_px: tuple[PixelShare, PixelShare] | None = None
     """Position of the lens vertex in its pixel along x and z, as in solen print layers; default: a corner."""
     choose_phase: bool = False
-    """Choose the position in the pixel that minimises the deviation of the lens's shape (flat parts)."""
+    """Choose the position in the pixel that minimises the deviation of the lens shape (flat parts)."""
     at: str = "middle"
-    """Height of the profile of a flat part: middle of the thickness, mean over it, or a height in mm."""
+    """Profile height for a flat part: middle of the thickness, mean over it, or a height in mm."""
 
 
 def process_of(options: ProcessOptions) -> tuple[Process, tuple[Provenance, ...]]:
-    """The selected process, with the pixels of a selected printer, and the provenance of its files."""
+    """Return the selected process, with the pixels of a selected printer, and the provenance of its files."""
     process, sources = (default_process(), ()) if options.process is None else _of_file(options.process)
     if options.cure is not None:
         process, sources = with_cure(process, options.cure), (*sources, _source(options.cure, "solen-cure"))
@@ -67,7 +67,7 @@ def _of_file(path: Path) -> tuple[Process, tuple[Provenance, ...]]:
 
 
 def files_read(process: Path | None, cure: Path | None) -> list[Path | None]:
-    """Files from which a process is read: its own, that of its pixels' light, and a working curve."""
+    """Return the files from which a process is read: process file, pixel response and working curve."""
     return [process, None if process is None else response_of_file(process), cure]
 
 
@@ -76,7 +76,7 @@ def _source(path: Path, kind: str) -> Provenance:
 
 
 def with_cure(process: Process, path: Path) -> Process:
-    """Process with the working curve of a file, using the lamp's spectrum unless the discs fit Jacobs' law better.
+    """Process with the working curve of a file, using the lamp spectrum unless the discs fit Jacobs' law better.
 
     Raises
     ------
@@ -99,12 +99,12 @@ def with_cure(process: Process, path: Path) -> Process:
 
 
 def with_printer(process: Process, name: str | None) -> Process:
-    """Process with the pixels of a printer, named or given as a file; unchanged without a printer.
+    """Return a process with the pixels of a printer, specified by name or file; unchanged without a printer.
 
     Raises
     ------
     DataError
-        If there is no such printer, it cannot print layers of the process's thickness, or the process was calibrated
+        If there is no such printer, it cannot print the layer thickness of the process, or the process was calibrated
         with other pixels.
     """
     if name is None:
@@ -117,11 +117,11 @@ def with_printer(process: Process, name: str | None) -> Process:
         limit = f"{printer.name} prints layers of {least:g} to {most:g} µm"
         raise DataError("process.layer_um", value=layer_um, limit=limit, remedy="change one of the two")
     if process.calibration is not None and not np.allclose(pixels_um, process.process.pixels_um, rtol=1e-6):
-        limit = f"the process was calibrated with pixels of {process.process.pixel_um:g} µm"
+        limit = f"the process was calibrated with {process.process.pixel_um:g} µm pixels"
         remedy = "omit --printer, or calibrate that printer"
         raise DataError("--printer", value=f"{printer.name}, {printer.pixel_text} µm", limit=limit, remedy=remedy)
     if process.process.response is not None and not np.allclose(pixels_um, process.process.pixels_um, rtol=1e-6):
-        limit = f"the process states the response of a pixel of {process.process.pixel_um:g} µm"
+        limit = f"the process contains the response of a {process.process.pixel_um:g} µm pixel"
         remedy = "omit --printer, or measure the response of that printer"
         raise DataError("--printer", value=f"{printer.name}, {printer.pixel_text} µm", limit=limit, remedy=remedy)
     changed = process.with_settings(
@@ -142,14 +142,14 @@ def curve_cautions(process: Process, design: Design) -> list[Caution]:
     return [
         look_at(
             f"the working curve of the resin {resin.name} (Dp {resin.cure.Dp_um:.4g} µm, Ec "
-            f"{resin.cure.Ec_mJ_per_cm2:.4g} mJ/cm²) is not used: the process {process.name} states a lamp, with Dp "
+            f"{resin.cure.Ec_mJ_per_cm2:.4g} mJ/cm²) is not used: the process {process.name} specifies a lamp, with Dp "
             f"{mine.Dp_um:.4g} µm at the surface and Ec {mine.Ec_mJ_per_cm2:.4g} mJ/cm²"
         )
     ]
 
 
 def with_resin(process: Process, design: Design) -> Process:
-    """Process with the working curve of the design's resin if that is measured and the process only assumes its own."""
+    """Process with the working curve of the design's resin if this is measured and the process only assumes its own."""
     resin = None if design.material.resin is None else resin_of(design.material.resin, design.resin_file)
     keys = ("Dp_um", "Ec_mJ_per_cm2")
     if resin is None or resin.cure is None or process.calibration is not None or process.process.lamp:
@@ -166,5 +166,5 @@ def with_resin(process: Process, design: Design) -> Process:
 
 
 def _of_resin(resin: Resin) -> str:
-    """Source of the numbers that a process takes from a resin."""
+    """Return the source of the parameters that a process takes from a resin."""
     return f"resin: {resin.name}"

@@ -1,12 +1,12 @@
-"""A lens printed flat whose layers show different images, near the lens.
+"""Lens region of a part printed flat whose layers show different images.
 
-The idea: resin at a height receives its own layer's exposure and those of all later ones, each blurred and attenuated
-by the layers in between (`solen.fabricate.process.terms`). With different images per layer, a dose is a sum over them:
-light of a protruding layer sets resin below it, and a layer below receding layers receives less. The sums are computed
-as spectra, as in `solen.fabricate.process.field`: the sharp light of all layers has the same blur, so its images are
+Resin at a height receives the exposure of its own layer and of all later layers, each blurred and attenuated by the
+layers in between (`solen.fabricate.process.terms`). With different images per layer, a dose is a sum over them: light
+from a protruding layer sets resin below it, and a layer below receding layers receives less. The sums are computed as
+spectra, as in `solen.fabricate.process.field`: the sharp light of all layers has the same blur, so its images are
 summed first; scattered light, whose width grows with depth, is summed in `GROUPS` groups of similar width.
 
-The interface: `Stack.of` the outlines of all layers, with `offsets_um` for one layer's face.
+`Stack.offsets_um` returns the deviation of the face of one layer.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ from solen.plane import Point
 
 Rings = Sequence[FloatArray]
 GROUPS = 8
-"""Number of groups of scattered light of similar width."""
+"""Number of groups of scattered light with similar widths."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class Stack:
     spectra
         Spectra of the distinct images, (I, rows, columns).
     image
-        Index of each layer's image, (L,), from the build plate.
+        Image index of each layer, (L,), from the build plate.
     grid
         One of the images, which defines the pixels.
     """
@@ -51,9 +51,9 @@ class Stack:
     def of(
         cls, layers: Sequence[Rings], extent: FloatArray, settings: Settings, phase: tuple[float, float] = (0.0, 0.0)
     ) -> "Stack":
-        """Stack of closed polylines (N, 2) in mm by layer, over the extent of points (M, 2) with a margin.
+        """Return a stack of closed polylines (N, 2) in mm by layer, over the extent of points (M, 2) with a margin.
 
-        Layers drawn by the same object share one image. Errors are those of `FlatImage.of`.
+        Layers drawn by the same object share one image. Raises the errors of `FlatImage.of`.
         """
         kinds = list({id(rings): rings for rings in layers}.values())
         number = {id(rings): i for i, rings in enumerate(kinds)}
@@ -67,17 +67,17 @@ class Stack:
         return len(self.image)
 
     def height_um(self, layer: int) -> float:
-        """Height of a layer's middle above the platform."""
+        """Return the mid-height of a layer above the platform."""
         return (layer + 0.5) * self.settings.layer_um
 
     def dose(self, layer: int) -> DoseMap:
-        """Dose in the middle of a layer."""
+        """Return the dose at mid-height of a layer."""
         terms = terms_at(self.settings, self.layers, self.height_um(layer))
         summed = [(self._summed(terms, some), np.ones(1), np.array([width])) for some, width in _groups(terms)]
         return fine_dose(self.grid, self.settings, summed)
 
     def offsets_um(self, layer: int, target: Target, centre: Point) -> FloatArray:
-        """Deviation of the printed face from the wanted one in the middle of a layer, (N,) along its normals."""
+        """Deviation of the printed face from the intended face at mid-height of a layer, (N,) along its normals."""
         dose, middle = self.dose(layer), np.asarray(centre)
         grown = 1.0 / (1.0 - 0.01 * self.settings.shrinkage_percent)
 
@@ -90,7 +90,7 @@ class Stack:
         )
 
     def _summed(self, terms: Terms, chosen: IntArray) -> Spectrum:
-        """Spectrum of the given terms' images, each weighted by its dose."""
+        """Return the summed spectrum of the images of the given terms, each weighted by its dose."""
         weights = np.bincount(self.image[terms.layer[chosen]], terms.dose[chosen], len(self.spectra))
         used = np.flatnonzero(weights)
         return np.tensordot(weights[used], self.spectra[used], axes=1)

@@ -1,10 +1,10 @@
 """A target face for comparison with a print: equidistant points, normals, and zeros of a field along them.
 
-The idea: a deviation is measured along the designed face's normal; it is positive for more material than designed,
-negative for less. The field of a print model (dose above the critical dose) is followed along the normals from inside
+A deviation is measured along the normal of the designed face; it is positive for excess material and negative for
+missing material. The field of a print model (dose above the critical dose) is evaluated along the normals from inside
 to outside, and its first zero is the printed wall.
 
-The interface: `Target.of` a face; `exits_um` of a field; `Deviation` for the result.
+`Target.of` samples a face, `exits_um` finds the zeros of a field, and `Deviation` is the result.
 """
 
 from collections.abc import Callable
@@ -35,13 +35,13 @@ class Target:
     Attributes
     ----------
     points_mm
-        Shape (N, 2), evenly spaced along the face, in its direction.
+        Shape (N, 2), uniformly spaced along the face, in its direction.
     outward
         Unit normals (N, 2) away from the material.
     along_mm
         Length of the face up to each point, (N,).
     centre
-        Centre of a print's shrinkage: the face's middle.
+        Centre of the shrinkage: the midpoint of the face.
     """
 
     points_mm: FloatArray
@@ -51,7 +51,7 @@ class Target:
 
     @classmethod
     def of(cls, curve: Curve, points: int) -> "Target":
-        """Points of a face with the material on its left."""
+        """Return points of a face with the material on its left."""
         u = np.linspace(0.0, 1.0, _DENSE)
         dense = curve.points(u)
         length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(dense, axis=0).T))])
@@ -63,12 +63,12 @@ class Target:
         return cls(curve.points(even), outward, np.interp(even, u, length), curve.middle_point)
 
     def moved_um(self, offset_um: FloatArray) -> FloatArray:
-        """Points (N, 2) in mm displaced by (N,) along the normals."""
+        """Return points (N, 2) in mm displaced by (N,) along the normals."""
         return np.asarray(self.points_mm + 1e-3 * np.asarray(offset_um)[:, None] * self.outward)
 
 
 def exits_um(field: Field, target: Target, step_um: float) -> FloatArray:
-    """Offsets (N,) in µm at which a field falls to 0 along the normals of a target, from inside to outside.
+    """Return offsets (N,) in µm at which a field falls to 0 along the normals of a target, from inside to outside.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def exits_um(field: Field, target: Target, step_um: float) -> FloatArray:
 
 
 def _exits(field: Field, target: Target, reach_um: float, step_um: float) -> FloatArray:
-    """Exits within a reach; NaN where the field is not positive inside and negative outside."""
+    """Return zeros within a reach; NaN where the field is not positive inside and negative outside."""
     t = np.arange(-reach_um, reach_um + step_um, step_um)
     low, high = np.full((2, len(target.points_mm)), np.nan)
     some = max(1, _AT_ONCE // len(t))
@@ -121,7 +121,7 @@ def _refuse(target: Target, exits: FloatArray) -> None:
         "printed lens",
         value=f"no wall near x = {place[0]:.3g}, z = {place[1]:.3g} mm",
         limit=f"the print has no wall within {MOST_REACH_UM:g} µm of the target face: it receives "
-        "too little light, or too much",
+        "too little or too much light",
         remedy="check exposure_s, Ec_mJ_per_cm2, sigma_um and halo_um of the process",
     )
 
@@ -135,12 +135,12 @@ class Deviation:
 
     @reported
     def rms_um(self) -> float:
-        """Root mean square over the face's length."""
+        """Root mean square over the length of the face."""
         return float(np.sqrt(np.mean(self.um**2)))
 
     @reported
     def mean_um(self) -> float:
-        """Mean over the face's length."""
+        """Mean over the length of the face."""
         return float(np.mean(self.um))
 
     @reported
@@ -160,12 +160,12 @@ class Deviation:
 
     @cached_property
     def shifted(self) -> tuple[float, "Deviation"]:
-        """Shift along z in µm that minimises the printed face's deviation, and the deviation of shape that remains."""
+        """Translation along z in µm that minimises the deviation of the printed face, and the remaining form error."""
         lean = self.target.outward[:, 1]
         shift = -float(self.um @ lean / (lean @ lean))
         return shift, Deviation(self.target, self.um + shift * lean)
 
     @property
     def points_mm(self) -> FloatArray:
-        """The printed face, (N, 2)."""
+        """Points of the printed face, (N, 2)."""
         return self.target.moved_um(self.um)

@@ -1,12 +1,12 @@
 """Light at a height of a part: sharp and scattered light from each later layer through the layers in between.
 
-The idea: resin at a height receives its own layer's exposure and those of all later layers, each attenuated by
-e^(-depth/Dp) from the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), or line by line for a lamp with a
-spectrum. A dose is therefore a sum of blurred images. A fraction of the light is scattered into a halo, whose width
-grows with depth. The halo is a Gaussian about the light of a pixel; one of standard deviation h at the window has
-sqrt(h² + (g d)²) at the depth d.
+Resin at a height receives the exposure of its own layer and of all later layers, each attenuated by e^(-depth/Dp) from
+the window (Jacobs, Rapid Prototyping & Manufacturing, 1992), or for each line separately if the lamp has a spectrum. A
+dose is therefore a sum of blurred images. A fraction of the light is scattered into a halo, whose width grows with
+depth. The halo is a Gaussian about the light of a pixel; if its standard deviation is h at the window, it is sqrt(h² +
+(g d)²) at the depth d.
 
-The interface: `terms_at` returns the `Terms` at a height.
+`terms_at` returns the `Terms` at a height.
 """
 
 import math
@@ -24,7 +24,7 @@ FAINT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Blurred images whose sum is a dose: number of the layer, dose in mJ/cm² and blur in µm, (T,) each."""
+    """Blurred images whose sum is a dose: layer number, dose in mJ/cm² and blur in µm, (T,) each."""
 
     layer: np.ndarray[tuple[int], np.dtype[np.int64]]
     dose: FloatArray
@@ -37,7 +37,7 @@ class Terms:
 
 
 def terms_at(settings: Settings, layers: int, height_um: float) -> Terms:
-    """Terms of the dose at a height above the platform, for a given number of layers.
+    """Return the terms of the dose at a height above the platform, for a given number of layers.
 
     A height between two layers counts as the far side of the later one. Below 0 there is liquid under the first layer,
     as under an overhang: it receives the light transmitted through every layer.
@@ -50,7 +50,7 @@ def terms_at(settings: Settings, layers: int, height_um: float) -> Terms:
     h = settings.layer_um
     if not height_um <= layers * h:
         limit = f"the part ends at {layers * h:g} µm"
-        raise DataError("height", value=f"{height_um:g} µm", limit=limit, remedy="choose a height within it")
+        raise DataError("height", value=f"{height_um:g} µm", limit=limit, remedy="choose a height within the part")
     first = min(max(math.floor(height_um / h), 0), layers - 1)
     number = np.arange(first, layers)
     depth = (number + 1) * h - height_um
