@@ -39,7 +39,7 @@ class Package:
 
     @property
     def command(self) -> str:
-        """Command that installs everything its extra adds, in any folder; solen itself is on no package index."""
+        """Command that installs all packages of the extra, in any folder; solen itself is on no package index."""
         return "pip install " + " ".join(f'"{text}"' for text in _requirements(self.extra) or [f".[{self.extra}]"])
 
 

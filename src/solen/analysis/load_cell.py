@@ -40,7 +40,7 @@ class LoadCell(Strict):
     gain: Positive | None = Field(None, description="With mV_per_V: the gain of its amplifier; default: 1.")
     capacity_N: Positive | None = Field(None, description="Its rated load.")
     u_sensitivity_percent: NotNegative | None = Field(
-        None, description="Standard uncertainty of the newtons per volt, including excitation and amplifier."
+        None, description="Standard uncertainty of the sensitivity, including excitation and amplifier."
     )
     nonlinearity_percent: NotNegative = Field(
         0.0, description="Non-linearity: largest distance from a straight line, in per cent of capacity_N."

@@ -139,7 +139,7 @@ def _time_s(
     channel, file = _time_column(recording, options), recording.provenance.name
     if channel is None:
         if options.rate_hz is None:
-            remedy = f"name it with {named[0]}, or state the rate with {named[1]}; {existing(recording)}"
+            remedy = f"name the time column with {named[0]}, or state the rate with {named[1]}; {existing(recording)}"
             raise DataError(file, limit="no column is recognised as the time", remedy=remedy)
         return np.arange(recording.channels[0].values.size) / options.rate_hz
     return channel.values * time_scale(channel, options.time_unit, file, warnings)

@@ -46,7 +46,7 @@ class SignalOptions(Options):
     depth.
     """
     load_cell: Path | None = None
-    """File with [load_cell] (or a rig's file): the force per volt of the force's column, with its uncertainty."""
+    """File with [load_cell], or a rig file: the sensitivity of the force column in N/V, with its uncertainty."""
     tare_s: Finite | None = Field(None, gt=0)
     """Seconds at the beginning whose mean force or depth is subtracted as zero."""
     channel: tuple[str, ...] = ()

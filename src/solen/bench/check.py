@@ -33,11 +33,13 @@ from solen.results import HIDDEN, Result, in_unit, reported
 from solen.spec.strict import Options
 
 ANSWERS_SD, ANSWERS = 6.0, 0.0004
-"""Smallest response of an input to an emitter, in standard errors of the mean and as a fraction of the range."""
+"""Smallest response of an input that counts as a response to an emitter, in standard errors of the mean and as a
+fraction of the range.
+"""
 SHORTED = 0.005
 """Fraction of the range below which a level indicates a short circuit."""
 BOTTOM = 0.05
-"""Fraction of the level with the emitters off below which a receiver is saturated."""
+"""A receiver is saturated if its level is below this fraction of its level with the emitters off."""
 GROWS = 1.5
 """Smallest factor by which a receiver's light increases in a bent sensor: 1.5 to 2.1 in the shipped designs."""
 WANTED, LEAST, MOST = 0.4, 0.12, (1.0 - BOTTOM) / GROWS
@@ -48,7 +50,7 @@ Below the least, little of the range is used; above the greatest, the receiver s
 ROOM = 0.1
 """Fraction of a signal by which ambient light may vary."""
 PIECE_S = 0.8
-"""Length in s of the pieces from which noise is computed: the hold time of the paper's protocol."""
+"""Duration in s of the segments from which noise is computed: the hold time of the paper's protocol."""
 LOOK_S = 0.1
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 

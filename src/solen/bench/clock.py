@@ -69,7 +69,7 @@ class SimulatedClock:
         return self._at_s
 
     def sleep(self, duration_s: float) -> None:
-        """Advance the time at once."""
+        """Advance the simulated time without waiting."""
         if duration_s < 0.0:
             raise BenchError("time to wait", value=duration_s, limit="must not be negative")
         self._at_s += duration_s

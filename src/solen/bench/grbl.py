@@ -127,7 +127,8 @@ class GrblStage(GcodeStage):
                 self._lines.owed = False
                 return found[1], float(places[self._place])
         raise self._refusal(
-            f"answered {line[:40]!r}, which is not a state", "check that it runs GRBL, and the baud rate"
+            f"answered {line[:40]!r}, which is not a state",
+            "check that the controller runs GRBL and that the baud rate is correct",
         )
 
     def _ends(self, line: str, text: str) -> bool:

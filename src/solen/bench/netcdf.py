@@ -350,8 +350,8 @@ def _damage(journaled: JournalContent) -> list[Caution]:
     if not journaled.damaged:
         return []
     places = ", ".join(map(str, journaled.missing[:_NAMED]))
-    more = f" and {len(journaled.missing) - _NAMED} more gaps" if len(journaled.missing) > _NAMED else ""
-    lacks = f"it lacks {places}{more}" if places else "the missing records are unknown"
+    more = f" and records in {len(journaled.missing) - _NAMED} more gaps" if len(journaled.missing) > _NAMED else ""
+    lacks = f"missing: {places}{more}" if places else "the missing records are unknown"
     kept = f"the journal is damaged and kept: {journaled.damaged_bytes} bytes cannot be read as records; {lacks}"
     return [look_at(kept)]
 

@@ -168,7 +168,7 @@ def close_journal(path: Path, target: Path) -> RecordedRun:
 @contextmanager
 def _kept(path: Path) -> Iterator[None]:
     """State what is kept of a run that is ended or fails, and how to continue."""
-    kept = f"the recorded data are in {path}: continue with --resume, or close it with solen bench recover"
+    kept = f"the recorded data are in {path}: continue with --resume, or finish the recording with solen bench recover"
     try:
         yield
     except KeyboardInterrupt as bad:

@@ -37,7 +37,9 @@ class SensorOf(BenchTable):
         description="name of the sensor: letters, digits, - _ ."
     )
     design: Text = Field(description="its design file, relative to the rig file.")
-    lens: bool = Field(True, description="Whether the sensor has its lens; false is the control without one.")
+    lens: bool = Field(
+        True, description="Whether the sensor has its lens; false for the control sensor without a lens."
+    )
     emitter: Input | None = Field(None, description="number of the board's emitter that illuminates it.")
     right: Input | None = Field(None, description="number of the board's input for its right receiver.")
     left: Input | None = Field(None, description="number of the board's input for its left receiver.")

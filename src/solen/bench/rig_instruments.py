@@ -124,7 +124,9 @@ class BoardOf(BenchTable):
 
     table: ClassVar[str] = "board"
 
-    driver: Text = Field("simulated", description="simulated, serial for a real board, or that of another package.")
+    driver: Text = Field(
+        "simulated", description="Driver: simulated, serial (a real board), or one from another package."
+    )
     port: Text | None = Field(None, description="Line to the board.")
     baud: Annotated[int, Field(strict=True, ge=1200, le=10_000_000)] = Field(1_000_000, description="Baud rate.")
     rate_hz: Annotated[Number, Field(ge=1, le=2000)] = Field(200.0, description="Periods per second.")
@@ -307,7 +309,11 @@ class MeterOf(BenchTable):
     def check_inputs(self, emitters: int, inputs: int) -> None:
         """Reject a rig whose sensors it cannot read."""
         if emitters > 1:
-            raise refused("meter", "reads while all emitters are on at once", remedy="state emitter = 1 of each sensor")
+            raise refused(
+                "meter",
+                "cannot switch emitters: it reads while all of them are on",
+                remedy="state emitter = 1 of each sensor",
+            )
         wired = {"multimeter": ("address", self.addresses), "oscilloscope": ("channels", self.channels)}
         key, names = wired.get(self.driver, ("", None))
         if names is not None and len(names) != inputs:

@@ -69,7 +69,7 @@ class Homes(Protocol):
 
 
 class EmitterBoard(Protocol):
-    """Instrument that alternates the emitters and samples the receivers, period after period.
+    """Instrument that switches the emitters on one after the other and samples the receivers, period after period.
 
     Attributes
     ----------

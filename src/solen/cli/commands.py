@@ -29,7 +29,11 @@ COMMANDS: dict[str, tuple[tuple[str, str, str], ...]] = {
         ("lens", "design.check:lens", "Show the lens of a design: shape, acceptance, magnification, focus."),
         ("sensitivity", "design.sensitivity:sensitivity", "Rank the parameters of a design by their effect."),
         ("convergence", "design.sensitivity:convergence", "Show how the error decreases with the number of rays."),
-        ("readout", "design.readout:readout", "Show receiver voltages over the motion, noise, and load advice."),
+        (
+            "readout",
+            "design.readout:readout",
+            "Show receiver voltages over the motion, their noise, and the recommended load.",
+        ),
         ("studio", "design.studio:studio", "Show a design in the browser: drag its parts, see rays and response."),
         ("export", "design.export:export", "Write the solid and drawings of a sensor: STL, 3MF, STEP, DXF, SVG."),
         ("schema", "design.schema:schema", "Print the JSON Schema of the design file, or of the result of a command."),

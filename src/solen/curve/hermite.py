@@ -33,16 +33,16 @@ def fitted(
     Parameters
     ----------
     place, velocity
-        Points (N, 2) in mm at parameters (N,), and their derivatives with respect to the parameter.
+        Functions of parameters (N,) that return points (N, 2) in mm, and their derivatives.
     tolerance_mm
-        Largest distance of the spline from the point of the same parameter.
+        Largest distance between spline and curve at the same parameter.
     breaks
-        Parameters, ascending from first to last, at which pieces must end.
+        Ascending parameters, including both ends of the range, at which pieces must end.
 
     Raises
     ------
     DesignError
-        If it would need more than 65,536 pieces, or a piece has no length or a cusp.
+        If the spline would need more than 65,536 pieces, or a piece has zero length or a cusp.
     """
     ends = np.asarray(breaks, dtype=float)
     while True:

@@ -1,4 +1,4 @@
-"""Options and result of a tuning: a measured print, the next drawing, and the prediction of its print."""
+"""Options and result of a tuning step: a measured print, the next drawing, and its predicted print."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

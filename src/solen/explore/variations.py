@@ -127,7 +127,7 @@ def deviation_of(text: str, sensor: Sensor, option: str) -> tuple[str, float]:
 
 
 def together(text: str) -> dict[str, float]:
-    """Return weights of numbers that move together, ``body.arm_width_mm+0.5*lens.half_width_mm``."""
+    """Parse a sum of numbers that vary together, ``body.arm_width_mm+0.5*lens.half_width_mm``, to their weights."""
     weights: dict[str, float] = {}
     place = 0
     while place < len(text) and (term := _TERM.match(text, place)) and bool(term[1]) == bool(place):

@@ -58,7 +58,7 @@ class LossOf(Strict):
     orientation: Text = Field(description="the build orientation.")
     absorption_per_mm: NotNegative = Field(description="absorption of power per mm, base e.")
     u_absorption_per_mm: NotNegative | None = Field(None, description="Its standard uncertainty.")
-    interval95_per_mm: Interval | None = Field(None, description="95 % interval of the absorption.")
+    interval95_per_mm: Interval | None = Field(None, description="95 % interval of the absorption coefficient.")
 
 
 class Loss(Strict):
@@ -69,7 +69,7 @@ class Loss(Strict):
 
     absorption_per_mm: NotNegative = Field(0.0, description="Absorption of power per mm, base e.")
     u_absorption_per_mm: NotNegative | None = Field(None, description="Its standard uncertainty.")
-    interval95_per_mm: Interval | None = Field(None, description="95 % interval of the absorption.")
+    interval95_per_mm: Interval | None = Field(None, description="95 % interval of the absorption coefficient.")
     wavelength_nm: Positive | None = Field(None, description="Wavelength of the measurement, in nm.")
     orientation: str = Field("", description="Build orientation of the guides; empty for all.")
     by_orientation: tuple[LossOf, ...] = Field((), description="Loss of each orientation separately.")
@@ -136,12 +136,12 @@ class Source(Strict):
 
     error: ClassVar[type[SolenError]] = DataError
 
-    of: Text = Field(description="table determined from the file.")
+    of: Text = Field(description="Table determined from the file.")
     file: str = Field("", description="Name of the file.")
     sha256: str = Field("", description="Checksum of its bytes.")
     format: str = Field("", description="Format as which it was read.")
-    instrument: str = Field("", description="As the file states it.")
-    date: str = Field("", description="As the file states it.")
+    instrument: str = Field("", description="Instrument as stated in the file.")
+    date: str = Field("", description="Date as stated in the file.")
     simulated: bool = Field(False, description="Whether its numbers were computed rather than measured.")
 
 

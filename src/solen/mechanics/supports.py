@@ -256,11 +256,11 @@ def _refuse_free(supports: Supports, own: Any) -> None:
         x, z = centre + size * np.array([-shift_z, shift_x]) / turn
         free = f"it can turn about {place_text((float(x), float(z)))}"
     else:
-        free = f"it can shift along ({shift_x:.2g}, {shift_z:.2g})"
+        free = f"it can shift in the direction ({shift_x:.2g}, {shift_z:.2g})"
     known = ", ".join(group.name for group in supports.groups) or "no holds"
     remedy = 'hold more of it: a hold is "fixed", "sliding" or "turning"'
     place = place_text((float(centre[0]), float(centre[1])))
-    raise DesignError("hold", value=known, limit=f"{free}, the body about {place}", remedy=remedy)
+    raise DesignError("hold", value=known, limit=f"{free} (body at {place})", remedy=remedy)
 
 
 def _rows(arms: FloatArray, ways: FloatArray | None) -> FloatArray:

@@ -46,7 +46,7 @@ class Lift(Sourced):
     """Movements and pauses of the plate between exposures, for the bottom layers and for all others."""
 
     bottom_height_mm: NotNegative = Field(description="lift of the bottom layers in mm.")
-    height_mm: NotNegative = Field(description="lift of the other layers in mm.")
+    height_mm: NotNegative = Field(description="lift height of the other layers in mm.")
     bottom_speed_mm_per_min: Positive = Field(description="speed of the lift of the bottom layers in mm/min.")
     speed_mm_per_min: Positive = Field(description="speed of the lift of the other layers in mm/min.")
     retract_mm_per_min: Positive = Field(description="speed of the retraction in mm/min.")

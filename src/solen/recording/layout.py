@@ -40,11 +40,11 @@ class Layout:
     units
         Unit of each column from the row of units; empty if there is no such row.
     before
-        Rows above the header that are not empty.
+        Non-empty rows above the header.
     body
         Rows of the table.
     after
-        Rows of text after it.
+        Rows of text after the table.
     again
         Number of repetitions of the header in the table, for example if a logger appended to its file.
     """

@@ -93,7 +93,7 @@ class Source:
         bad = _CONTROL.search(text)
         if bad is not None:
             line = len(_BREAK.findall(text, 0, bad.start())) + 1
-            limit = f"contains the character U+{ord(bad[0]):04X}, which is not allowed in a text"
+            limit = f"contains the character U+{ord(bad[0]):04X}, which is not allowed in a text file"
             raise self._not_text(line, limit, "export the file again")
         return lines
 

@@ -33,10 +33,10 @@ TOLERANCE_MM = 2.0 * END_TOLERANCE_MM
 between.
 """
 ROUNDING = 1e-14
-"""The same tolerance relative to the largest coordinate; it is the larger of the two for coordinates above 2 m.
+"""Tolerance relative to the largest coordinate; it exceeds `TOLERANCE_MM` for coordinates above 2 m.
 
-Sines and motions have rounding errors of about 1e-15 of a coordinate. The centre of an arc counts as a coordinate,
-because the ends of a flat arc are no more accurate than its centre.
+Trigonometric functions and rigid motions have rounding errors of about 1e-15 of a coordinate. The centre of an arc
+counts as a coordinate, because the ends of a flat arc are no more accurate than its centre.
 """
 APART_RAD = 1e-3
 """Curves whose directions at a vertex differ by less than this are ordered by their directions a little further

@@ -33,7 +33,7 @@ DRAWS = 8
 DRAWN_TOLERANCE = 1e-3
 """Tolerance of the integration through a drawn outline, as a fraction of the emitted power."""
 DRAWN_RAYS = 2**14
-"""Number of rays of a chip through a drawn outline, for an accuracy of about 5e-4 in the contrast."""
+"""Number of rays traced from a chip through a drawn outline; it gives the contrast to about 5e-4."""
 
 
 @dataclass(frozen=True)

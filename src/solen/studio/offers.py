@@ -27,7 +27,7 @@ from solen.studio.signature import Parameter, described, parameters_of
 from solen.studio.storage import safe_name
 
 INJECTED = ("progress", "figure", "set_")
-"""Parameters that neither a page nor an offer states."""
+"""Parameters that the studio supplies itself, which therefore appear neither on a page nor in an offer."""
 FIGURE = "figure.svg"
 
 

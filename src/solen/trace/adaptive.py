@@ -165,12 +165,12 @@ class Points:
         self._receivers = len(scene.receivers)
 
     def powers(self, places: Sequence[float]) -> np.ndarray:
-        """Return fractions (n, receivers) for positions (n,), 0 at the right end of the source and 1 at its left end.
+        """Return power fractions (n, receivers) for positions (n,) from 0 at the right end to 1 at the left one.
 
         Raises
         ------
         DesignError
-            If the tolerance is not reached at one of them.
+            If the tolerance is not reached at one of the positions.
         """
         rows = []
         for place in places:

@@ -64,8 +64,8 @@ class Slope:
 class Derivative(Result):
     """Derivatives of each receiver's power, as fractions of the emitted power per unit of the parameter.
 
-    ``step`` is the larger of the two steps. ``reached`` is False if the pieces could not be followed, because the paths
-    of the light change at this value of the parameter; ``why`` states it.
+    ``step`` is the larger of the two finite-difference steps. ``reached`` is False if the light paths change at this
+    value of the parameter, so that the pieces of the source cannot be followed; ``why`` gives the reason.
     """
 
     detectors: dict[str, Slope]

@@ -186,7 +186,9 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
     """Warnings about the limits of a sensor's calibration."""
     warnings = []
     if check is None:
-        warnings.append(look_at("two cycles: at least three are needed to check the calibration on a cycle left out"))
+        warnings.append(
+            look_at("only two cycles: at least three are needed to check the calibration on a held-out cycle")
+        )
     elif check.whole.ambiguous > _MANY:
         share = 100 * check.whole.ambiguous
         several = f"several {sensor.stimulus.plural} that match them"

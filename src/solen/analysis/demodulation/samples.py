@@ -33,7 +33,7 @@ class DemodulationOptions(Options):
     channel: tuple[str, ...] = ()
     """Column of a receiver; repeatable. Default: all columns in V."""
     time: str | None = None
-    """Column of the time; default: the column with a header for time."""
+    """Time column; default: the column whose header denotes time."""
     state: str | None = None
     """Column that states which emitter is on: 0 or off for none. Default: a column called state, emitter or led."""
     rate_hz: Finite | None = Field(None, gt=0)

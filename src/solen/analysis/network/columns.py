@@ -90,7 +90,7 @@ def _scales(units: dict[str, str], source: str) -> tuple[str, list[float]]:
     for name, unit in units.items():
         scale = factor(unit, common) if unit not in {"", "1"} else None
         if scale is None:
-            limit = f"cannot be converted to {common}, the unit of other powers"
+            limit = f"cannot be converted to {common}, the unit of the other powers"
             remedy = "state units of the same quantity for all powers, as in a.end_mV"
             raise DataError(f"{source}: {name}", value=unit or "no unit", limit=limit, remedy=remedy)
         scales.append(scale)

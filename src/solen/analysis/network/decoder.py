@@ -141,7 +141,7 @@ class NetworkDecoder:
         return self._judged(fits)
 
     def _lowest(self, flat: FloatArray) -> FloatArray:
-        """Nodes of the table (n, STARTS) that match the readings better than their neighbours, best first."""
+        """Indices (n, STARTS) of table nodes that match the readings better than their neighbours, best first."""
         beside = flat - self._middle
         squares = (beside[:, :, None] * beside[:, None, :]).reshape(len(flat), -1)
         total = squares @ self._weights.reshape(len(self._grid), -1).T - 2.0 * beside @ self._pulled.T + self._own

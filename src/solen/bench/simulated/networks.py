@@ -150,7 +150,7 @@ def _traced(
 
 
 def _read(kept: Path, key: str) -> tuple[tuple[FloatArray, ...], FloatArray] | None:
-    """Read the powers of a file; None if it belongs to another network, or does not exist."""
+    """Read the powers from a file; None if the file belongs to another network or does not exist."""
     try:
         with np.load(kept, allow_pickle=False) as file:
             if str(file["key"]) != key:

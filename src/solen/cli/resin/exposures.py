@@ -21,5 +21,5 @@ def _(trends: ExposureTrends) -> Iterator[str]:
 
 def _slope(line: Trend) -> str:
     ends = line.interval95_slope_per_s
-    interval = "no interval from two samples" if ends is None else f"{ends[0]:+.2g} to {ends[1]:+.2g}, 95 %"
+    interval = "two samples give no interval" if ends is None else f"{ends[0]:+.2g} to {ends[1]:+.2g}, 95 %"
     return f"{line.slope_per_s:+.3g} per s ({interval})"

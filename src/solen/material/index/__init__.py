@@ -1,7 +1,7 @@
 """The index of a printed layer: n and k with uncertainty from spectrophotometer or refractometer measurements.
 
-An index is never read off a curve that carries no information about it. Each method of determining an index is a route
-with a name; it states its assumptions, and masks with a reason what it cannot determine. Wavelengths are in nm,
+An index is never read off a curve that carries no information about it. Each method of determining an index is a named
+route; it states its assumptions, and masks values that it cannot determine, with the reason. Wavelengths are in nm,
 thicknesses in µm; reflectance and transmittance are fractions; arrays may have any shapes that broadcast.
 
 The interface is `index_of_layer`, which converts a recording to a `LayerIndex`. It uses the forward model in

@@ -101,7 +101,7 @@ FITS: Mapping[str, Mapping[int, Callable[[FloatArray], Form]]] = {
     "cauchy": {terms: partial(CauchyForm, terms=terms) for terms in (1, 2, 3)},
     "sellmeier": {1: OnePole, 2: TwoPoles},
 }
-"""Forms of each formula, by name and number of terms."""
+"""Functional forms by the name of the formula and the number of terms."""
 
 _TRIED = {"cauchy": (2, 3), "sellmeier": (1, 2)}
 _PER_TERM = {"cauchy": 1, "sellmeier": 2}

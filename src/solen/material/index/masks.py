@@ -60,7 +60,7 @@ class Why(IntEnum):
     SMALL = 10, "not resolved: k is below three of its standard uncertainties"
     DARK = 11, "not resolved: T is within three standard uncertainties of 0, so k has only a lower bound"
     ASSUMED = 12, "not measured: this route assumes k = 0"
-    PUBLISHED = 13, "no measurement: R was computed from T alone"
+    PUBLISHED = 13, "not measured: R was computed from T alone"
     NO_FIT = 14, "no index from 1 to 3 produces this T and R on this substrate"
     INDISTINCT = 15, "two indices fit T and R on this substrate within three standard uncertainties"
     BRIGHT = 16, "more light came out than went in, by more than three standard uncertainties"

@@ -88,7 +88,7 @@ class IndexOptions(RowOptions):
     side: Side | None = None
     """Side that the light meets first; default: layer."""
     r_baseline: Baseline | None = None
-    """Reference of the 100 % of R: air (a calibrated mirror, the default) or the bare substrate."""
+    """Reference that defines 100 % reflectance: air (a calibrated mirror, the default) or the bare substrate."""
     fit: Literal["cauchy", "sellmeier", "none"] | None = None
     """Formula fitted to n, weighted, with its covariance; default: cauchy."""
     terms: int | None = None

@@ -47,7 +47,7 @@ def levels_dB(readings: ArrayLike, unit: str, dark: float | None = None) -> Floa
     readings
         Shape (n,).
     unit
-        ``dBm`` or ``dB`` if they are logarithms; any other unit is assumed proportional to power.
+        ``dBm`` or ``dB`` for logarithmic readings; readings in any other unit are assumed proportional to power.
     dark
         Reading without light, in the same unit. If all readings are below it, the receiver pulls its voltage down as
         the light gets brighter, and the signal is the drop.

@@ -23,7 +23,7 @@ R = TypeVar("R", DesignStudy, LoadedStudy, NetworkStudy)
 def run(
     file: Path, /, *, out: Path, set_: Set = None, progress: ProgressBar = None
 ) -> Outcome[DesignStudy | LoadedStudy | NetworkStudy]:
-    """Simulate a design over its motions: lens, body, response with and without lens, figures, tables, report.
+    """Simulate a design over its range of motion: lens, body, response with and without lens, figures, tables, report.
 
     Parameters
     ----------

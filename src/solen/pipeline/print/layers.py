@@ -145,7 +145,7 @@ def printed_by(slicing: Slicing) -> Process | None:
 
 
 def exposed_as_printed(slicing: Slicing) -> Slicing:
-    """Return a slicing with layer heights and exposures of its process."""
+    """Return slicing options with the layer heights and exposures of their process."""
     process = None if slicing.process is None else printed_by(slicing)
     return slicing if process is None else slicing.exposed_as(process.process)
 

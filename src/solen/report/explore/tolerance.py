@@ -78,7 +78,7 @@ def _costs(axes: Axes, result: Tolerances) -> None:
     axes.set_yticks(range(len(rows)), [row.key for row in rows])
     axes.invert_yaxis()
     axes.set_xlim(0, 100)
-    axes.set_xlabel("yield in % if exact (line: as it is)")
+    axes.set_xlabel("yield in % if this number were exact (line: as varied)")
 
 
 def _deviations(axes: Axes, result: Tolerances) -> None:

@@ -21,8 +21,8 @@ from solen.scene.rayoptics.fields import LARGEST, UnreadError
 Blend = Literal["images", "lengths", "units"]
 
 STEP, FIRST, BEYOND = 0.1000001, 0.05, 0.09
-"""Step along the base of a curve over a line, offset of the first point, and largest distance of the last one beyond
-the end.
+"""Sampling step of a curve given by a formula over a line, offset of its first point, and largest distance of its last
+point beyond the end of the line.
 """
 UNLIKE = 10.0
 """Ratio of lengths from which neighbouring chords of a parametric curve are not blended."""

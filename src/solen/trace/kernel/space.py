@@ -25,7 +25,7 @@ class Vector(NamedTuple):
 
 
 class Coherency(NamedTuple):
-    """Powers along e and perpendicular to it, and the correlation of the two fields."""
+    """Powers of the fields along e and perpendicular to it, and the correlation of these fields."""
 
     i1: float
     i2: float
