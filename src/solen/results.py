@@ -307,7 +307,7 @@ def _object_schema(kind: type) -> dict[str, Any]:
         kinds[name] = typing.get_type_hints(getter).get("return", Any) if getter is not None else Any
     words = described(kind)
     properties = {
-        name: schema_of(one) | ({"description": words[name]} if name in words else {}) for name, one in kinds.items()
+        name: schema_of(kind) | ({"description": words[name]} if name in words else {}) for name, kind in kinds.items()
     }
     schema: dict[str, Any] = {"type": "object", "properties": properties, "required": list(properties)}
     text = inspect.getdoc(kind) if kind.__doc__ else None

@@ -110,7 +110,7 @@ def ageing_of(
     receivers = {}
     for place, name in enumerate(names):
         rows = [volts[begin : begin + every, :, place] for begin in begins]
-        swings, levels = ([of(one) for one in rows] for of in (lambda one: swing(ways.angle_deg, one), _level))
+        swings, levels = ([of(row) for row in rows] for of in (lambda one: swing(ways.angle_deg, one), _level))
         receivers[name] = ReceiverAgeing(
             *_columns(swings), *_columns(levels), noise[:, place], *_slope(middle, swings), *_slope(middle, levels)
         )
@@ -129,8 +129,8 @@ def _level(rows: FloatArray) -> Estimate:
 
 
 def _columns(values: Sequence[Estimate]) -> tuple[FloatArray, FloatArray]:
-    return np.array([one.value for one in values]), np.array([one.u for one in values])
+    return np.array([value.value for value in values]), np.array([value.u for value in values])
 
 
 def _slope(middle: FloatArray, values: Sequence[Estimate]) -> Estimate:
-    return line_fit(middle, np.array([one.value for one in values]))
+    return line_fit(middle, np.array([value.value for value in values]))

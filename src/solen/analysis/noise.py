@@ -53,8 +53,8 @@ def pooled_noise(scatters: Sequence[Scatter]) -> FloatArray:
     """Standard deviation of a reading (m,): at rest, or from second differences if nothing rests; else NaN."""
     with np.errstate(invalid="ignore", divide="ignore"):
         rest, moving = (
-            np.sqrt(np.sum([one[0] for one in parts], axis=0) / np.sum([one[1] for one in parts], axis=0))
-            for parts in ([one.rest for one in scatters], [one.moving for one in scatters])
+            np.sqrt(np.sum([part[0] for part in parts], axis=0) / np.sum([part[1] for part in parts], axis=0))
+            for parts in ([scatter.rest for scatter in scatters], [scatter.moving for scatter in scatters])
         )
     return np.asarray(np.where(np.isfinite(rest), rest, moving))
 

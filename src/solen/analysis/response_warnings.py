@@ -38,7 +38,7 @@ def timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse], sign
     speed, adds = max(timing.speeds_deg_per_s), timing.timing_deg
     if timing.separated or timing.timing_deg == 0.0:
         return []
-    if not any(one.hysteresis_V > 3.0 * one.u_hysteresis_V for one in receivers.values()):
+    if not any(receiver.hysteresis_V > 3.0 * receiver.u_hysteresis_V for receiver in receivers.values()):
         return []
     speeds = " and ".join(f"{one:.3g}" for one in timing.speeds_deg_per_s)
     known, remedy = (

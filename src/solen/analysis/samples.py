@@ -84,7 +84,7 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
         stimulus=ANGLE if drive is None else drive.stimulus,
         cell=None if drive is None else drive.cell,
         clipped=np.column_stack(flags)[base.order] if any(flag.any() for flag in flags) else None,
-        ambient_subtracted=all(companion(recording, one, "ambient") is not None for one in channels.values()),
+        ambient_subtracted=all(companion(recording, channel, "ambient") is not None for channel in channels.values()),
         window_s=_window_s(recording),
         warnings=(*base.warnings, *warnings),
     )
@@ -196,7 +196,9 @@ def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None
 
 def _passed_over(recording: Recording, channels: Iterable[str]) -> list[Caution]:
     """Warnings about columns with the name of a receiver but an unknown unit, if other receivers are in V."""
-    rest = {one.name: _BRACKETED.search(one.name) for one in recording.channels if one.name not in channels}
+    rest = {
+        channel.name: _BRACKETED.search(channel.name) for channel in recording.channels if channel.name not in channels
+    }
     return [
         look_at(f'{name} is not used, because "{unit[1]}" is not a known unit; --channel NAME=COLUMN uses it')
         for name, unit in rest.items()
@@ -206,7 +208,7 @@ def _passed_over(recording: Recording, channels: Iterable[str]) -> list[Caution]
 
 def receivers_unit(channels: Iterable[Channel]) -> str:
     """Unit of the receivers: V, unless one receiver states a unit that cannot be converted to it."""
-    units = [one.unit for one in channels if one.unit and one.unit != "1"]
+    units = [channel.unit for channel in channels if channel.unit and channel.unit != "1"]
     return next((unit for unit in units if factor(unit, "V") is None), "V")
 
 

@@ -221,7 +221,7 @@ def sensor_response(
     ageing = None
     if options.every is not None:
         ageing = ageing_of(
-            ways, [one for run in runs for one in _cycle_scatters(run)], first.receivers, sides, options.every
+            ways, [scatter for run in runs for scatter in _cycle_scatters(run)], first.receivers, sides, options.every
         )
     cell = least_certain(signals.cell for signals in recordings)
     warnings += cell_warnings(first.stimulus, cell)

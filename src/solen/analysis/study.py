@@ -168,11 +168,11 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     found = _read(files, options)
     sensors, bare = found.sensors, found.bare
     _check_controls(options, sensors)
-    units = {one.unit for signals in sensors.values() for one in signals}
+    units = {signal.unit for signals in sensors.values() for signal in signals}
     if len(units) > 1:
         limit = f"contain receivers in {' and in '.join(sorted(units))}"
         raise DataError("recordings", limit=limit, remedy="analyse each unit separately")
-    stimuli = {one.stimulus.name for signals in sensors.values() for one in signals}
+    stimuli = {signal.stimulus.name for signals in sensors.values() for signal in signals}
     if len(stimuli) > 1:
         limit = f"are driven by {' and by '.join(sorted(stimuli))}"
         raise DataError("recordings", limit=limit, remedy="choose one that all of them contain with --against")

@@ -41,8 +41,8 @@ class Surface:
         """
         from scipy.interpolate import NdBSpline, make_interp_spline
 
-        ends = np.array([[one[0], one[-1]] for one in nodes]).reshape(-1, 2)
-        moved = tuple(place for place, one in enumerate(nodes) if len(one) > 1)
+        ends = np.array([[node[0], node[-1]] for node in nodes]).reshape(-1, 2)
+        moved = tuple(place for place, node in enumerate(nodes) if len(node) > 1)
         coefficients = values.reshape([len(nodes[place]) for place in moved] + [values.shape[-1]])
         knots, degrees = [], []
         for axis, place in enumerate(moved):

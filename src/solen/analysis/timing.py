@@ -104,13 +104,13 @@ def timing_of(
     """
     bound_s, source = bound
     fastest = float(cycles_deg_per_s.max())
-    slope = np.gradient(np.column_stack([one.mean_V for one in receivers.values()]), passes.angle_deg, axis=0)
+    slope = np.gradient(np.column_stack([receiver.mean_V for receiver in receivers.values()]), passes.angle_deg, axis=0)
     volts = np.where(passes.clipped, np.nan, passes.volts)
     apart = volts[:, 0] - volts[:, 1]
     lag_s, u_lag_s = _lag(apart, slope, cycles_deg_per_s)
     found = {}
-    for place, (name, one) in enumerate(receivers.items()):
-        own, percent = slope[:, place], 100.0 / one.range_V if one.range_V else math.nan
+    for place, (name, receiver) in enumerate(receivers.items()):
+        own, percent = slope[:, place], 100.0 / receiver.range_V if receiver.range_V else math.nan
         steepest = float(np.nanmax(np.abs(own), initial=0.0))
         adds = 2.0 * fastest * bound_s * steepest
         beyond = apart[..., place] + 2.0 * lag_s * cycles_deg_per_s[:, None] * own

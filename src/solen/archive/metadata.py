@@ -76,7 +76,8 @@ def dumps(
 ) -> str:
     """Return the text of the metadata file."""
     people = [
-        {"@id": f"https://orcid.org/{one.orcid}" if one.orcid else f"#author-{i}"} for i, one in enumerate(authors)
+        {"@id": f"https://orcid.org/{author.orcid}" if author.orcid else f"#author-{i}"}
+        for i, author in enumerate(authors)
     ]
     root = {
         "@id": "./", "@type": "Dataset", "name": name, "description": description,
@@ -87,7 +88,7 @@ def dumps(
         {"@id": NAME, "@type": "CreativeWork", "about": {"@id": "./"}, "conformsTo": {"@id": PROFILE}},
         root,
         {"@id": licence, "@type": "CreativeWork", "name": licence_name(licence)},
-        *({"@type": "Person", "name": one.name} | place for one, place in zip(authors, people, strict=True)),
+        *({"@type": "Person", "name": author.name} | place for author, place in zip(authors, people, strict=True)),
         {"@id": "#solen", "@type": "SoftwareApplication", "name": "solen", "version": version},
         {"@id": "#packed", "@type": "CreateAction", "instrument": {"@id": "#solen"}, "result": {"@id": "./"}},
     ]
@@ -157,7 +158,7 @@ def loads(text: str, what: str) -> Contents:
         first = bad.errors()[0]
         key, limit = ".".join(map(str, first["loc"])), first["msg"].lower()
         raise DataError(f"{what}: {key}", limit=limit, remedy="pack the files again with solen project pack") from None
-    people = [entities.get(one.id, {}).get("name", one.id) for one in stated.authors]
+    people = [entities.get(author.id, {}).get("name", author.id) for author in stated.authors]
     items = tuple(
         Item(
             path, one.kind, one.size_bytes, one.sha256, one.media_type,

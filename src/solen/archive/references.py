@@ -34,7 +34,10 @@ def references(file: Path) -> dict[str, Reference]:
         rig = load_rig(file)
     except SolenError:
         return {}
-    return {f"sensor[{i}].design": Reference(one.design, file.parent / one.design) for i, one in enumerate(rig.sensor)}
+    return {
+        f"sensor[{i}].design": Reference(sensor.design, file.parent / sensor.design)
+        for i, sensor in enumerate(rig.sensor)
+    }
 
 
 def renamed(file: Path, names: Mapping[str, str]) -> str:

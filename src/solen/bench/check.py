@@ -189,8 +189,12 @@ def judged(rig: Rig, levels: InputReadings) -> RigCheck:
     signal = levels.signal
     mean, error = signal.mean(axis=0), signal.std(axis=0) / math.sqrt(max(len(signal), 1))
     answers = np.abs(mean) > np.maximum(ANSWERS_SD * error, ANSWERS * (levels.high_V - levels.low_V))
-    inputs = {one.name: {name: _input(rig, one, name, levels) for name in one.read_on} for one in rig.sensor}
-    faults = [line for one in rig.sensor for line in _faults(rig, one, inputs[one.name], levels, mean, answers)]
+    inputs = {
+        sensor.name: {name: _input(rig, sensor, name, levels) for name in sensor.read_on} for sensor in rig.sensor
+    }
+    faults = [
+        line for sensor in rig.sensor for line in _faults(rig, sensor, inputs[sensor.name], levels, mean, answers)
+    ]
     if dark := [str(number) for number, seen in enumerate(answers.any(axis=1).tolist(), 1) if not seen]:
         wire = "check its wire, its transistor and its supply"
         faults.append(do_not_use(f"no input responds to emitter {' and '.join(dark)}; {wire}"))

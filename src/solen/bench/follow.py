@@ -61,14 +61,14 @@ class Following:
 
     def readings(self, sensor: str) -> Iterator[Fresh]:
         """Return the readings of a sensor that are new since the last call, one piece for each part of the run."""
-        view = next(one for one in views_of(self.header) if one.name == sensor)
+        view = next(view for view in views_of(self.header) if view.name == sensor)
         for rows in self._fresh():
             found = self._under(*self._with_before(rows), view)  # right before left
             yield Fresh(found.time_s, found.volts[:, ::-1], found.clipped[:, ::-1])
 
     def turns(self, sensor: str) -> Iterator[Fresh]:
         """Return the new cycles of a network's emitters since the last call, one piece for each part of the run."""
-        views = [one for one in views_of(self.header) if one.sensor["name"] == sensor]
+        views = [view for view in views_of(self.header) if view.sensor["name"] == sensor]
         for rows in self._fresh():
             both, time_s, new = self._with_before(rows)
             signal = np.full((len(rows), len(views), len(views[0].inputs)), np.nan)

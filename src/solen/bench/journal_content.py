@@ -114,9 +114,9 @@ class JournalContent:
         dtypes = dtypes_of(self.header, self.path)
         number, dtype = list(dtypes).index(stream), dtypes[stream]
         with self.path.open("rb") as file:
-            for one in self.records:
-                if (one.kind, one.stream) == (ROWS, number):
-                    yield np.frombuffer(one.payload(file), dtype)
+            for record in self.records:
+                if (record.kind, record.stream) == (ROWS, number):
+                    yield np.frombuffer(record.payload(file), dtype)
 
 
 def described(dtype: np.dtype[np.void]) -> list[list[Any]]:

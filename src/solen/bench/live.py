@@ -90,7 +90,7 @@ class InputReadings:
     def joined(cls, parts: Sequence["InputReadings"]) -> "InputReadings":
         """Concatenate live readings."""
         time_s, signal, off, clipped = (
-            np.concatenate([getattr(one, name) for one in parts]) for name in ("time_s", "signal", "off", "clipped")
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("time_s", "signal", "off", "clipped")
         )
         return cls(time_s, signal, off, clipped, parts[0].low_V, parts[0].high_V)
 

@@ -62,8 +62,8 @@ class Finder:
         if numbers is None:
             return []
         return [
-            (int(number), np.asarray(one, float).reshape(4, 2))
-            for number, one in zip(np.ravel(numbers), corners, strict=True)
+            (int(number), np.asarray(corner, float).reshape(4, 2))
+            for number, corner in zip(np.ravel(numbers), corners, strict=True)
         ]
 
 

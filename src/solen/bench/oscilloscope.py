@@ -60,7 +60,7 @@ class Dialect:
 DIALECTS = {
     "KEYSIGHT": Dialect(
         (":TRIG:SWE AUTO", ":WAV:FORM BYTE", ":WAV:UNS 1"),
-        lambda channels: ((":DIG " + ",".join(f"CHAN{one}" for one in channels), True),),
+        lambda channels: ((":DIG " + ",".join(f"CHAN{channel}" for channel in channels), True),),
         "*OPC?",
         "1",
         lambda byte, increment, origin, reference: (byte - reference) * increment + origin,

@@ -165,7 +165,7 @@ def _scattered(
     places: Mapping[str, Sequence[float]], count: int, begin: Mapping[str, float]
 ) -> Iterator[dict[str, float]]:
     """Return states of a Halton sequence over the ranges of positions, each the nearest one to the previous state."""
-    low, high = (np.array([end(one) for one in places.values()]) for end in (min, max))
+    low, high = (np.array([end(place) for place in places.values()]) for end in (min, max))
     left = low + (high - low) * _halton(count, len(places))
     here = np.array(list(begin.values()))
     while len(left):
@@ -246,7 +246,7 @@ class Protocol(BenchTable):
     def places(self) -> dict[str, tuple[float, float]]:
         """Lowest and highest position of each motion; a single motion has no name, and forces have no positions."""
         found: dict[str, list[float]] = {}
-        for step in (one for one in self.steps if one.to_N is None):
+        for step in (step for step in self.steps if step.to_N is None):
             for name, place in step.targets.items():
                 found.setdefault(name, []).append(place)
         return {name: (min(places), max(places)) for name, places in found.items()}
@@ -274,7 +274,7 @@ class Protocol(BenchTable):
     def shortest_s(self) -> float:
         """Shortest duration in s, for a stage that accelerates at once."""
         here, way_s = self.steps[-1].targets, 0.0
-        for step in (one for one in self.steps if one.to_N is None):
+        for step in (step for step in self.steps if step.to_N is None):
             way_s += max(abs(to - here.get(name, to)) for name, to in step.targets.items()) / step.velocity
             here = here | step.targets
         holds_s = self.all_cycles * sum(step.hold_s for step in self.steps)

@@ -218,7 +218,7 @@ def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_fil
             if not low <= target <= high:
                 limit = f"is outside the travel of {rig_file}, {low:g} to {high:g} {unit}"
                 raise BenchError(f"{protocol_file}: step[{number}]", value=target, limit=limit)
-    stops = any(one.driver in DRIVERS and DRIVERS[one.driver].stops for one in rig.axes.values())
+    stops = any(axis.driver in DRIVERS and DRIVERS[axis.driver].stops for axis in rig.axes.values())
     if stops:
         _check_stops(protocol, protocol_file)
     if protocol.forces_N:
@@ -227,7 +227,7 @@ def _check_compatible(protocol: Protocol, rig: Rig, protocol_file: Path, rig_fil
         limit = "is 0: the load cell's voltage without load is measured at rest before the first cycle"
         remedy = "set it to 0.5 s, or state load_cell.zero_V"
         raise BenchError(f"{protocol_file}: rest_s", value=0.0, limit=limit, remedy=remedy)
-    if rig.simulated and {rig.sampler.driver, *(one.driver for one in rig.axes.values())} != {"simulated"}:
+    if rig.simulated and {rig.sampler.driver, *(axis.driver for axis in rig.axes.values())} != {"simulated"}:
         raise BenchError(
             str(rig_file), limit="has one real and one simulated instrument", remedy="make both real or both simulated"
         )
@@ -294,7 +294,11 @@ def _header(protocol: Protocol, rig: Rig, folder: Path, simulated_time: bool) ->
         "rig": rig.model_dump(mode="json"),
         "designs": designs,
         "sensors": [sensor.model_dump(mode="json") for sensor in rig.sensor],
-        **({"motions": {name: _driven(one) for name, one in rig.stages.items()}} if rig.stages else _driven(rig.stage)),
+        **(
+            {"motions": {name: _driven(stage) for name, stage in rig.stages.items()}}
+            if rig.stages
+            else _driven(rig.stage)
+        ),
         "load_cell": None if rig.load_cell is None else rig.load_cell.model_dump(mode="json"),
         "signal_unit": rig.unit,
         "top_count": 2**rig.board.bits - 1,

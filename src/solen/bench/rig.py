@@ -143,7 +143,7 @@ class Rig(BenchTable):
     @model_validator(mode="after")
     def _wired_once(self) -> Self:
         for what, used in (
-            ("name", [one.name for one in self.sensor]),
+            ("name", [sensor.name for sensor in self.sensor]),
             ("input", [one for sensor in self.sensor for one in sensor.read_on.values()]),
         ):
             twice = [value for value, times in Counter(used).items() if times > 1]
@@ -176,7 +176,7 @@ class Rig(BenchTable):
 
         Keys that several stages do not support are also rejected.
         """
-        networks = [one.name for one in self.sensor if one.is_network]
+        networks = [sensor.name for sensor in self.sensor if sensor.is_network]
         if networks and not self.stages:
             limit = f"missing: the motions of {networks[0]} need stages of their own"
             raise refused("stages", limit, remedy="state [stages.NAME] for each motion")
@@ -189,19 +189,19 @@ class Rig(BenchTable):
             raise refused("stage", "cannot be combined with [stages.NAME]", remedy="omit it")
         if self.load_cell is not None:
             raise refused("load_cell", "does not apply with [stages.NAME]", remedy="omit it")
-        for name, one in self.stages.items():
-            if one.drives != "angle":
+        for name, stage in self.stages.items():
+            if stage.drives != "angle":
                 limit = "a motion of a network is an angle"
-                raise refused(f"stages.{name}.drives", limit, value=one.drives, remedy="omit it")
-        if len({one.moves_in for one in self.stages.values()}) > 1:
+                raise refused(f"stages.{name}.drives", limit, value=stage.drives, remedy="omit it")
+        if len({stage.moves_in for stage in self.stages.values()}) > 1:
             raise refused("stages", "move in deg and in mm", remedy="use stages of one kind")
         ports = Counter(
-            one.port or one.driver for one in self.stages.values() if one.driver not in {"simulated", "hand"}
+            stage.port or stage.driver for stage in self.stages.values() if stage.driver not in {"simulated", "hand"}
         )
         if ports and (most := ports.most_common(1)[0])[1] > 1:
             limit = "makes two motions; each motion needs a stage with its own line"
             raise refused("stages", limit, value=most[0], remedy="connect them apart")
-        if len({one.driver == "simulated" for one in self.stages.values()}) > 1:
+        if len({stage.driver == "simulated" for stage in self.stages.values()}) > 1:
             raise refused("stages", "are partly simulated", remedy="use stages of one kind")
 
     def _check_cell(self, cell: LoadCell) -> None:
@@ -249,7 +249,7 @@ class Rig(BenchTable):
     @property
     def simulated(self) -> bool:
         """Whether any of its data are simulated."""
-        return "simulated" in {self.sampler.driver, *(one.driver for one in self.axes.values())}
+        return "simulated" in {self.sampler.driver, *(axis.driver for axis in self.axes.values())}
 
     @property
     def axes(self) -> dict[str, StageOf]:

@@ -105,7 +105,7 @@ def network_files(design: Design, file: str) -> dict[str, str]:
     if not network.motion:
         raise SpecError("network.motion", limit="missing: nothing moves", remedy="add [[network.motion]]")
     wired = {key: _numbered([one.name for one in getattr(network, key)]) for key in ("emitters", "receivers")}
-    stages = "".join(f"[stages.{one.name}]\n" for one in network.motion)
+    stages = "".join(f"[stages.{motion.name}]\n" for motion in network.motion)
     rig = {"name": design.name.replace('"', "'"), "file": file, "stages": stages}
     return {
         "rig": _RIG.format(**rig, emitters=wired["emitters"], inputs=wired["receivers"]),
@@ -122,16 +122,16 @@ def _places(network: Network) -> list[str]:
     """Return positions of each motion over its range, both ends included, with a limited number of combinations."""
     most = max(2, int(MOST_STATES ** (1.0 / len(network.motion)) + 1e-9))
     rows = []
-    for one in network.motion:
-        places = np.linspace(one.from_deg, one.to_deg, min(one.steps + 1, most))
-        rows.append(f"{one.name} = [{', '.join(f'{place:.6g}' for place in places.tolist())}]")
+    for motion in network.motion:
+        places = np.linspace(motion.from_deg, motion.to_deg, min(motion.steps + 1, most))
+        rows.append(f"{motion.name} = [{', '.join(f'{place:.6g}' for place in places.tolist())}]")
     return rows
 
 
 def _visits(network: Network) -> list[str]:
     rng = np.random.default_rng(1)
-    low, high = np.array([(one.from_deg, one.to_deg) for one in network.motion]).T
+    low, high = np.array([(motion.from_deg, motion.to_deg) for motion in network.motion]).T
     states = np.round(rng.uniform(low, high, (VISITS, len(network.motion))), 3).tolist()
-    names = [one.name for one in network.motion]
+    names = [motion.name for motion in network.motion]
     rows = (", ".join(f"{name} = {place:g}" for name, place in zip(names, state, strict=True)) for state in states)
     return [_STEP.format(to=row) for row in rows]

@@ -316,7 +316,7 @@ def _glow(time_s: FloatArray, level: FloatArray) -> tuple[float, ...]:
     times = [0.5 * (time_s[on - 1] + time_s[on])]
     if last < len(lit) - 1:
         times.append(0.5 * (time_s[last] + time_s[last + 1]))
-    return tuple(float(one) for one in times)
+    return tuple(float(time) for time in times)
 
 
 def _offset(options: VideoOptions, glow_s: tuple[float, ...], interval_s: float, warnings: list[Caution]) -> float:

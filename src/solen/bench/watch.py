@@ -94,9 +94,9 @@ def _left_s(options: WatchOptions, since_s: float) -> float:
 def _by_sensor(rig: Rig, volts: FloatArray) -> dict[str, dict[str, float]]:
     """Return the values by receiver for each sensor, or each emitter of a network, from those of all inputs."""
     return {
-        ".".join(filter(None, (one.name, own))): {
-            name: float(volts[emitter - 1, number - 1]) for name, number in one.read_on.items()
+        ".".join(filter(None, (sensor.name, own))): {
+            name: float(volts[emitter - 1, number - 1]) for name, number in sensor.read_on.items()
         }
-        for one in rig.sensor
-        for own, emitter in one.lit_by.items()
+        for sensor in rig.sensor
+        for own, emitter in sensor.lit_by.items()
     }

@@ -24,7 +24,7 @@ MOST_REACH = 8.0
 
 def chips_of(design: Design, axes: Sequence[Axis]) -> tuple[Chip, ...]:
     """Return widths and decentres of a grid to be traced together; empty if that is impossible or saves no time."""
-    values = {one.key: one.values for one in axes}
+    values = {axis.key: axis.values for axis in axes}
     own = Sensor.of(design)
     widths = values.get(KEYS[0], (own.light.width_mm,))
     offsets = values.get(KEYS[1], (own.design.emitter.offset_mm,))
@@ -38,7 +38,7 @@ def chips_of(design: Design, axes: Sequence[Axis]) -> tuple[Chip, ...]:
 
 def chips_last(axes: Sequence[Axis]) -> list[int]:
     """Return the numbers of the points of a grid, ordered so that the chips of each design follow one another."""
-    numbers = np.arange(math.prod(len(one.values) for one in axes)).reshape([len(one.values) for one in axes])
-    of_chips = [one.key in KEYS for one in axes]
+    numbers = np.arange(math.prod(len(axis.values) for axis in axes)).reshape([len(axis.values) for axis in axes])
+    of_chips = [axis.key in KEYS for axis in axes]
     order: list[int] = numbers.transpose(np.argsort(of_chips, kind="stable").tolist()).ravel().tolist()
     return order

@@ -69,7 +69,7 @@ class ContrastMerits:
 
     def warnings(self, points: Sequence[Point]) -> Iterator[str]:
         """See `Measure`."""
-        traced = [one for one in points if one.is_traced]
+        traced = [point for point in points if point.is_traced]
         changes = [unresolved_change(one.response(self.angle_deg[: len(one.power)])) for one in traced]
         if wide := sum(change > 0.0 for change in changes):
             of = f" at {wide} of {len(points)} points" if len(points) > 1 else ""

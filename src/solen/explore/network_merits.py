@@ -123,12 +123,12 @@ class NetworkMerits:
                 "network", value=twice, limit="would be the name of two merits", remedy="rename a part or a reading"
             )
         self.names = tuple(self._stated())
-        rest = {one.name: one.at_deg for one in self.network.motion}
+        rest = {motion.name: motion.at_deg for motion in self.network.motion}
         self.angle_deg = np.array([[state.get(name, at) for name, at in rest.items()] for state in self.states])
         self.labels: Mapping[str, tuple[str, ...]] = {
             "motion": tuple(rest),
-            "emitter": tuple(one.name for one in self.network.emitters),
-            "receiver": tuple(one.name for one in self.network.receivers),
+            "emitter": tuple(emitter.name for emitter in self.network.emitters),
+            "receiver": tuple(receiver.name for receiver in self.network.receivers),
         }
 
     def merits(self, point: Point) -> dict[str, float]:
@@ -153,7 +153,9 @@ class NetworkMerits:
 
     def denser(self, design: Design) -> Design:
         """Return the design with half the step between states."""
-        return design.set({f"network.motion[{i}].steps": 2 * one.steps for i, one in enumerate(self.network.motion)})
+        return design.set(
+            {f"network.motion[{i}].steps": 2 * motion.steps for i, motion in enumerate(self.network.motion)}
+        )
 
     def _light(self, power: FloatArray, u_power: FloatArray) -> Iterator[tuple[str, tuple[float, float]]]:
         """Yield the smallest light from any emitter at all receivers combined, and that of each channel."""
@@ -169,7 +171,7 @@ class NetworkMerits:
         return [*([max(rows)] if rows else []), *rows]
 
     def _of_motions(self) -> list[str]:
-        names = [f"sd_{word(one.name)}_deg" for one in self.network.motion]
+        names = [f"sd_{word(motion.name)}_deg" for motion in self.network.motion]
         return [*(["worst_sd_deg"] if names else []), *names]
 
     def _stated(self) -> Iterator[str]:

@@ -162,15 +162,15 @@ class Prints:
         """Return a mask of merits (N,) that meet all requirements."""
         size = next(iter(merits.values())).size
         met = np.ones(size, bool)
-        for one in requirements:
-            met &= one.met(merits, self.base)
+        for requirement in requirements:
+            met &= requirement.met(merits, self.base)
         return met
 
     def yields(self, requirements: Sequence[Requirement]) -> Iterator[Yield]:
         """Yield the yield of each requirement, and that of all together."""
         groups = [("", requirements)] if requirements else []
         if len(requirements) > 1:
-            groups = [*((one.text, [one]) for one in requirements), *groups]
+            groups = [*((requirement.text, [requirement]) for requirement in requirements), *groups]
         for text, group in groups:
             after = () if self.adjusted is None else self.adjusted.share(group)
             calibrated = self.share(group, calibrated=True) if self.calibrated else (None, None)
@@ -202,28 +202,28 @@ class Prints:
 
     def varied(self, sensor: Sensor, requirements: Sequence[Requirement]) -> list[VariedNumber]:
         """Return the numbers that vary and their cost in yield, the costliest first."""
-        named = {name for one in requirements for name in one.merits}
+        named = {name for requirement in requirements for name in requirement.merits}
         if not all(np.isfinite(self.merits[name]).all() for name in named):
             requirements = []  # surrogates cannot predict missing merits
         of_all = self._factor(requirements, range(len(self.variations)))
         rows = [
             VariedNumber(
-                key=one.key,
-                value=number(sensor, one.key) if one.key in one.weights else None,
-                distribution=one.kind,
-                deviation=(one.first, one.second),
-                source=one.source,
+                key=variation.key,
+                value=number(sensor, variation.key) if variation.key in variation.weights else None,
+                distribution=variation.kind,
+                deviation=(variation.first, variation.second),
+                source=variation.source,
                 share_if_exact=self._scaled(requirements, [place], 0.0) if requirements else None,
                 factor_alone=self._factor(requirements, [place]),
                 factor_together=of_all,
             )
-            for place, one in enumerate(self.variations)
+            for place, variation in enumerate(self.variations)
         ]
         return sorted(rows, key=lambda row: row.share_if_exact or 0.0, reverse=True)
 
     def spreads(self) -> Iterator[MeritSpread]:
         """Yield the variation of each merit that has a surrogate, except for merits of single channels of a network."""
-        keys = [one.key for one in self.variations]
+        keys = [variation.key for variation in self.variations]
         for name in (name for name in shown(self.merits) if name in self.surrogates):
             made = self.surrogates[name]
             values = self.merits[name][np.isfinite(self.merits[name])]
@@ -248,7 +248,7 @@ class Prints:
         alone, as the base of a requirement, is estimated from its surrogate. Changes of the fraction are computed from
         the many samples of the surrogates.
         """
-        named = list(dict.fromkeys(name for one in requirements for name in one.merits))
+        named = list(dict.fromkeys(name for requirement in requirements for name in requirement.merits))
         merits = dict(self.merits)
         if self.surrogates.keys() >= {*named, *self.calibrated[:1]}:
             nothing = np.full(len(self.modelled), np.nan)
@@ -293,7 +293,7 @@ class Prints:
     def _by_surrogates(
         self, requirements: Sequence[Requirement], deviations: FloatArray, fold: int | None, *, calibrated: bool = False
     ) -> BoolArray:
-        named = dict.fromkeys(name for one in requirements for name in one.merits)
+        named = dict.fromkeys(name for requirement in requirements for name in requirement.merits)
         nothing = np.full(len(deviations), np.nan)
         merits = dict.fromkeys(self.merits, nothing) | {
             name: self.surrogates[name](deviations, fold)

@@ -96,7 +96,7 @@ class Sliders(Result):
 
     def _rows(self, name: str) -> FloatArray:
         none = np.full(len(self.angle_deg), math.nan)
-        return np.array([none if one is None else getattr(one.curve.response, name) for one in self.points])
+        return np.array([none if point is None else getattr(point.curve.response, name) for point in self.points])
 
 
 def sliders(design: Design, options: SlidersOptions = SlidersOptions(), progress: Progress | None = None) -> Sliders:

@@ -189,7 +189,7 @@ def tolerance(
             *_missed_by_design(requirements, base),
             *_without_effect(variations, points[0], traced),
         ),
-        deviations={one.key: column for one, column in zip(variations, deviations.T, strict=True)},
+        deviations={variation.key: column for variation, column in zip(variations, deviations.T, strict=True)},
         merits=study.merits,
         met=study.met(requirements, study.merits),
     )
@@ -208,7 +208,7 @@ def _without_effect(
     traced: Callable[[Sequence[Mapping[str, float]], Progress | None], Sequence[Point]],
 ) -> Iterator[str]:
     """Return warnings about stated numbers that change no response when varied alone."""
-    stated = [one for one in variations if one.source == STATED]
+    stated = [variation for variation in variations if variation.source == STATED]
     off = [offs([one], one.deviation(np.array([OFF])).tolist()) for one in stated]
     for one, point in zip(stated, traced(off, None), strict=True):
         if point.content == base.content:
@@ -218,11 +218,11 @@ def _without_effect(
 def _missed_by_design(requirements: Sequence[Requirement], base: Mapping[str, float]) -> Iterator[str]:
     """Return warnings about requirements that no tolerance can achieve, since the design itself misses them."""
     merits = {name: np.array([value]) for name, value in base.items()}
-    for one in requirements:
-        if not one.met(merits, base)[0]:
-            values = ", ".join(f"{name} is {base[name]:.4g}" for name in one.merits)
+    for requirement in requirements:
+        if not requirement.met(merits, base)[0]:
+            values = ", ".join(f"{name} is {base[name]:.4g}" for name in requirement.merits)
             yield (
-                f"the design itself does not meet {one.text}: its {values}; no tolerance can correct "
+                f"the design itself does not meet {requirement.text}: its {values}; no tolerance can correct "
                 "this: change the design or the requirement"
             )
 
@@ -247,7 +247,9 @@ def print_design(subject: Subject, options: ToleranceOptions) -> Design | None:
     off = offs(variations, row.tolist())
     values = {key: number(sensor, key) + step for key, step in off.items()}
     if "emitter.distance_mm" in values and sensor.has_lens:
-        grown = any(one.moved is not None and "emitter.distance_mm" in one.weights for one in variations)
+        grown = any(
+            variation.moved is not None and "emitter.distance_mm" in variation.weights for variation in variations
+        )
         why = "growth of --process moves the lens towards the emitter" if grown else "emitter.distance_mm varies"
         limit = f"{why}, and the lens of a design file is designed for the distance stated there"
         remedy = "leave --process out" if grown else "keep it constant: name only the others with --vary"

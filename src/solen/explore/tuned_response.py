@@ -46,7 +46,7 @@ def responses(
     for number, (best, *others) in enumerate((before, after)):
         sensors = [replace(sensor, cut=lens) for lens in (best, *others)]
         whole = swept(sensors[0], angles)
-        near, *away = (_sampled(one, angles) for one in sensors)
+        near, *away = (_sampled(sensor, angles) for sensor in sensors)
         made.append(_response(whole, [one - near for one in away]))
         if progress is not None:
             progress(0.5 * (number + 1))

@@ -18,8 +18,10 @@ TRIED = 3
 def unused_on_grid(axes: Sequence[Axis], points: Sequence[Point]) -> list[str]:
     """Return the keys along whose axes all points are equal; the last axis varies fastest."""
     same = {point.content: place for place, point in enumerate(points)}
-    kinds = np.array([same[point.content] for point in points]).reshape([len(one.values) for one in axes])
-    return [one.key for place, one in enumerate(axes) if len(one.values) > 1 and not np.diff(kinds, axis=place).any()]
+    kinds = np.array([same[point.content] for point in points]).reshape([len(axis.values) for axis in axes])
+    return [
+        axis.key for place, axis in enumerate(axes) if len(axis.values) > 1 and not np.diff(kinds, axis=place).any()
+    ]
 
 
 def unused_in_samples(
@@ -30,8 +32,8 @@ def unused_in_samples(
 ) -> Iterator[str]:
     """Return the keys that change none of a few samples when varied alone over a list, or to both ends of a range."""
     finished = [place for place, point in enumerate(points) if point.is_traced][:TRIED]
-    for one in axes:
-        moved = [{**values[place], one.key: value} for place in finished for value in one.values]
-        own = [points[place].content for place in finished for _ in one.values]
-        if len(one.values) > 1 and own == [point.content for point in traced(moved)]:
-            yield one.key
+    for axis in axes:
+        moved = [{**values[place], axis.key: value} for place in finished for value in axis.values]
+        own = [points[place].content for place in finished for _ in axis.values]
+        if len(axis.values) > 1 and own == [point.content for point in traced(moved)]:
+            yield axis.key

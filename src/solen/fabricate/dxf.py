@@ -90,10 +90,10 @@ def _number(space: Any, body: Body, parts: Sequence[NumberedPart]) -> None:
     from ezdxf.enums import TextEntityAlignment
 
     right_mm, top_mm = body.outline(1e-2).max(axis=0).tolist()
-    for row, one in enumerate(parts):
-        number = space.add_text(str(one.number), height=TEXT_MM, dxfattribs={"layer": "note-numbers"})
-        number.set_placement(one.place, align=TextEntityAlignment.MIDDLE_CENTER)
-        line = space.add_text(one.row, height=TEXT_MM, dxfattribs={"layer": "note-table"})
+    for row, part in enumerate(parts):
+        number = space.add_text(str(part.number), height=TEXT_MM, dxfattribs={"layer": "note-numbers"})
+        number.set_placement(part.place, align=TextEntityAlignment.MIDDLE_CENTER)
+        line = space.add_text(part.row, height=TEXT_MM, dxfattribs={"layer": "note-table"})
         line.set_placement((right_mm + 2.0 * AWAY_MM, top_mm - row * LINE_MM))
 
 

@@ -68,12 +68,14 @@ def _emitters(body: Body) -> Iterator[_Row]:
 
 
 def _receivers(design: Design, body: Body) -> Iterator[_Row]:
-    for one in design.network.receivers:
-        curve = _face(body, f"receiver-{one.name}").curve
-        where = f", end {one.node}" if one.node else ""
-        where = f", {one.side} side of {one.guide} from {one.from_mm:.4g} mm" if one.guide else where
+    for receiver in design.network.receivers:
+        curve = _face(body, f"receiver-{receiver.name}").curve
+        where = f", end {receiver.node}" if receiver.node else ""
+        where = (
+            f", {receiver.side} side of {receiver.guide} from {receiver.from_mm:.4g} mm" if receiver.guide else where
+        )
         size = f"{Measure(curve).length_mm:.4g} mm long{where}"
-        yield "receiver", one.name, size, _beside(body, f"receiver-{one.name}", inside=False)
+        yield "receiver", receiver.name, size, _beside(body, f"receiver-{receiver.name}", inside=False)
 
 
 def _face(body: Body, name: str) -> Face:

@@ -33,8 +33,8 @@ def as_svg(body: Body, label: Label, parts: Sequence[NumberedPart] = ()) -> byte
     low, high = corners.min(axis=0) - MARGIN_MM, corners.max(axis=0) + MARGIN_MM
     table = (float(high[0]) + TEXT_MM, float(high[1]) - TEXT_MM)
     if parts:
-        places = np.array([one.place for one in parts])
-        wide, tall = LETTER * TEXT_MM * max(len(one.row) for one in parts), LINE_MM * len(parts)
+        places = np.array([part.place for part in parts])
+        wide, tall = LETTER * TEXT_MM * max(len(part.row) for part in parts), LINE_MM * len(parts)
         low = np.minimum(np.minimum(low, places.min(axis=0) - TEXT_MM), [low[0], table[1] - tall])
         high = np.maximum(np.maximum(high, places.max(axis=0) + TEXT_MM), [table[0] + wide, high[1]])
     width, height = (high - low).tolist()
@@ -60,9 +60,9 @@ def _numbers(parts: Sequence[NumberedPart], table: Point) -> Iterator[str]:
     if not parts:
         return
     yield f'<g id="notes" font-family="sans-serif" font-size="{TEXT_MM:g}">'
-    for place, one in enumerate(parts):
-        yield f"{_text(one.place, 'middle')}{one.number}</text>"
-        yield f"{_text((table[0], table[1] - place * LINE_MM), 'start')}{escape(one.row)}</text>"
+    for place, part in enumerate(parts):
+        yield f"{_text(part.place, 'middle')}{part.number}</text>"
+        yield f"{_text((table[0], table[1] - place * LINE_MM), 'start')}{escape(part.row)}</text>"
     yield "</g>"
 
 

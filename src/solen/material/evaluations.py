@@ -32,13 +32,13 @@ def evaluations(recording: Recording) -> tuple[str, ...]:
 
 def _kinds(recording: Recording) -> set[str | None]:
     """Return the kinds of the spectra: T, R, A, or None for another kind."""
-    axes = {one.name for one in recording.channels if one.quantity == "wavelength"}
-    return {kind_of(one) for one in recording.channels if one.axis in axes and one.name not in axes}
+    axes = {channel.name for channel in recording.channels if channel.quantity == "wavelength"}
+    return {kind_of(channel) for channel in recording.channels if channel.axis in axes and channel.name not in axes}
 
 
 def _exposures(recording: Recording) -> bool:
     try:
-        return "T" in _kinds(recording) and len({one.exposure_s for one in samples_of(recording)}) > 1
+        return "T" in _kinds(recording) and len({sample.exposure_s for sample in samples_of(recording)}) > 1
     except DataError:
         return False
 

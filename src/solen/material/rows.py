@@ -90,7 +90,7 @@ def _sides(text: str, option: str, example: str) -> tuple[str, str]:
 
 def _renamed(recording: Recording, name: str, wanted: str) -> Recording:
     """Return the recording with a column renamed, in the unit of the new name if the file states none."""
-    optical = any(one.quantity in AXES.values() for one in recording.channels)
+    optical = any(channel.quantity in AXES.values() for channel in recording.channels)
     column, head = _column(recording, name, "--map"), heading(wanted, optical=optical)
     if head.name != column and head.name in {*recording.names, *recording.texts}:
         raise DataError(f"--map {name}={wanted}", limit=f"a column {head.name} already exists", remedy="map that too")
@@ -98,10 +98,10 @@ def _renamed(recording: Recording, name: str, wanted: str) -> Recording:
     return replace(
         recording,
         channels=tuple(
-            _as(one, head.name, head.unit, optical=optical)
-            if one.name == column
-            else replace(one, axis=head.name if one.axis == column else one.axis)
-            for one in recording.channels
+            _as(channel, head.name, head.unit, optical=optical)
+            if channel.name == column
+            else replace(channel, axis=head.name if channel.axis == column else channel.axis)
+            for channel in recording.channels
         ),
         texts=texts,
     )
@@ -132,8 +132,8 @@ def stacked_replicates(recording: Recording, names: Sequence[str], labels: Seque
         if plain(channel.name) in {plain(name) for name in names}
         or ((match := _NUMBERED.fullmatch(channel.name)) and plain(match[1]) in known)
     ]
-    numbered = [one.name for one in columns if _NUMBERED.fullmatch(one.name)]
-    alone = [one.name for one in columns if one.name not in numbered]
+    numbered = [column.name for column in columns if _NUMBERED.fullmatch(column.name)]
+    alone = [column.name for column in columns if column.name not in numbered]
     if alone and len(numbered) > 1:
         raise DataError(
             f"column {alone[0]}",
@@ -143,9 +143,13 @@ def stacked_replicates(recording: Recording, names: Sequence[str], labels: Seque
     if len(columns) < 2 or any(recording.label(label) is not None for label in labels):
         return recording
     times, first = len(columns), columns[0]
-    values = np.concatenate([one.values if one.unit == first.unit else one.to(first.unit) for one in columns])
+    values = np.concatenate(
+        [column.values if column.unit == first.unit else column.to(first.unit) for column in columns]
+    )
     beside = [
-        replace(one, values=np.tile(one.values, times), axis="") for one in recording.channels if one not in columns
+        replace(channel, values=np.tile(channel.values, times), axis="")
+        for channel in recording.channels
+        if channel not in columns
     ]
     numbers = [f"{number}" for number in range(1, times + 1) for _ in first.values]
     return replace(

@@ -222,7 +222,7 @@ def _border(problem: Problem, touch: Touch, active: BoolArray, force: FloatArray
     unknowns = problem.elements.unknowns
     nodes, finger = problem.pairs.node[active], problem.pairs.finger[active]
     normal, pushed = touch.normal[active], force[active] / touch.distance_mm[active]
-    ways = np.array([one.way for one in problem.fingers]).reshape(-1, 2)[finger]
+    ways = np.array([finger.way for finger in problem.fingers]).reshape(-1, 2)[finger]
     rows = np.repeat(np.arange(len(nodes)), 2)
     columns = (2 * nodes[:, None] + np.arange(2)).ravel()
     gaps = csc_array((normal.ravel(), (rows, columns)), shape=(len(nodes), unknowns))

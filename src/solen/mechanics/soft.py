@@ -98,7 +98,7 @@ class SoftBody:
         if not loads:
             return []
         path = Path.of(self, loads)
-        return [path.outcome(self.body, one).deformed() for one in loads]
+        return [path.outcome(self.body, load).deformed() for load in loads]
 
 
 def _without_amounts(loads: Sequence[Load]) -> tuple[Load, ...]:
@@ -183,11 +183,11 @@ class Path:
     def of(cls, soft: SoftBody, states: Sequence[Sequence[Load]]) -> "Path":
         """Create the body at rest, with a mesh that suits its loads."""
         loads = states[0]
-        if any(_without_amounts(one) != _without_amounts(loads) for one in states):
+        if any(_without_amounts(state) != _without_amounts(loads) for state in states):
             raise DesignError("loads", limit="states may differ only by their angles, depths and forces")
-        every = [[finger_of(soft.body, load) for load in one if isinstance(load, Press)] for one in states]
+        every = [[finger_of(soft.body, load) for load in state if isinstance(load, Press)] for state in states]
         fingers = {finger.press: finger for one in every for finger in one}
-        sized = (contact_sizes(soft.body, one, soft.material, soft.thickness_mm) for one in fingers.values())
+        sized = (contact_sizes(soft.body, finger, soft.material, soft.thickness_mm) for finger in fingers.values())
         options = replace(soft.mesh, finer=(*soft.mesh.finer, *chain.from_iterable(sized)))
         mesh = mesh_of(soft.body, options, cuts_of(soft.body, soft.holds, loads))
         problem = _problem(soft, mesh, loads, tuple(every[0]))

@@ -143,8 +143,8 @@ def supports_of(body: Body, mesh: BodyMesh, holds: Sequence[Hold], turns: Sequen
     lines: dict[int, Point] = {}
     groups: list[Group] = []
     rigid: list[Hold | Turn] = [*turns]
-    rigid += [one for one in holds if one.kind != "sliding"]
-    sliding = [one for one in holds if one.kind == "sliding"]
+    rigid += [hold for hold in holds if hold.kind != "sliding"]
+    sliding = [hold for hold in holds if hold.kind == "sliding"]
     for one in rigid:
         groups.append(_apart(_group(body, mesh, one), held, one, mesh.points_mm))
         held.update(dict.fromkeys(groups[-1].nodes.tolist(), one))

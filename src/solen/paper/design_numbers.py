@@ -91,7 +91,7 @@ def settings_of_print() -> dict[str, float]:
 
 def size_of(coupon: str, kind: str) -> float:
     """Return diameter or side in mm of the first feature of a kind."""
-    return next(one for one in layout(coupon).features if one.kind == kind).diameter_mm
+    return next(feature for feature in layout(coupon).features if feature.kind == kind).diameter_mm
 
 
 def wavelength_nm(printer: str) -> float | None:
@@ -140,7 +140,7 @@ def _reference(coupon: Coupon) -> dict[str, float]:
         "reference-width": coupon.size_mm[1],
         "reference-thickness": _thickness(coupon),
         "reference-pillar": pillars[0].width_mm,
-        **{f"reference-{name}": one.height_mm for name, one in zip(names, pillars, strict=True)},
+        **{f"reference-{name}": pillar.height_mm for name, pillar in zip(names, pillars, strict=True)},
     }
 
 
@@ -149,7 +149,7 @@ def _by_height(one: Feature) -> float:
 
 
 def _diameters(coupon: Coupon, kind: str) -> list[float]:
-    return sorted(one.diameter_mm for one in coupon.features if one.kind == kind)
+    return sorted(feature.diameter_mm for feature in coupon.features if feature.kind == kind)
 
 
 def _height(coupon: Coupon) -> float:

@@ -63,7 +63,7 @@ def rise_of_literature(short_nm: float, long_nm: float) -> tuple[float, float]:
 def fall_of_polymers(short_nm: float, long_nm: float) -> tuple[float, float, float]:
     """Return the fall of the index of the shipped resins: middle of their range, its uncertainty, largest fall."""
     resins = [library_resin(name) for name in library()]
-    known = [one.index for one in resins if one.index.mode == "literature"]
+    known = [resin.index for resin in resins if resin.index.mode == "literature"]
     falls = [float(np.subtract(*one.along([short_nm, long_nm])[0])) for one in known]
     low, high = min(falls), max(falls)
     return 0.5 * (low + high), (high - low) / float(np.sqrt(12.0)), high

@@ -145,7 +145,7 @@ class _Printed:
     @classmethod
     def of(cls, coupon: Coupon) -> "_Printed":
         settings = default_process().process
-        drawn = [one for one in coupon.features if one.round]
+        drawn = [feature for feature in coupon.features if feature.round]
         asked = [("hole" if one.kind == "hole" else "pillar", one.diameter_mm) for one in drawn]
         sizes = _sizes(asked)
         gaps = _sizes([("gap", gap.gap_mm) for gap in coupon.gaps])
@@ -185,7 +185,11 @@ class _Printed:
         ]
 
     def standing(self, *kinds: str) -> list[Feature]:
-        return [one for one in self.coupon.features if one.kind in kinds and self.size_mm.get(one.name, 1.0) > 0.0]
+        return [
+            feature
+            for feature in self.coupon.features
+            if feature.kind in kinds and self.size_mm.get(feature.name, 1.0) > 0.0
+        ]
 
     def areas(self, kind: str) -> list[shapely.Geometry]:
         return [self.area(one) for one in self.standing(kind)]

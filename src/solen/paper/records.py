@@ -119,7 +119,7 @@ def record_text(drawings: Sequence[Drawing], comparisons: Sequence[Comparison], 
     """Return the text of the record of a figure and its files by name."""
     data = {
         "code": code_sha256(),
-        "drawings": [one.model_dump() for one in drawings],
+        "drawings": [drawing.model_dump() for drawing in drawings],
         "sha256": {name: hashlib.sha256(content).hexdigest() for name, content in contents.items()},
         "comparisons": plain(tuple(comparisons)),
     }

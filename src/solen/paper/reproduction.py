@@ -46,7 +46,7 @@ class Reproduction(Result):
     not_made: tuple[str, ...]
 
     def _count(self, verdict: Verdict) -> int:
-        return sum(row.verdict == verdict for one in self.figures for row in one.comparisons)
+        return sum(row.verdict == verdict for figure in self.figures for row in figure.comparisons)
 
     @reported
     def agrees(self) -> int:

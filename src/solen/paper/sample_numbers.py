@@ -38,21 +38,25 @@ def depth_at(curve: MeasuredCurve, dose_mJ_per_cm2: float) -> tuple[float, float
 
 def modulus_change(measured: MeasuredStiffness) -> tuple[float, float]:
     """Return the modulus of the modified resin minus that of the pristine resin, in MPa."""
-    by_label = {one.label: one for one in measured.materials}
+    by_label = {material.label: material for material in measured.materials}
     one, other = by_label[MODIFIED], by_label[PRISTINE]
     return one.modulus_MPa - other.modulus_MPa, float(np.hypot(one.u_modulus_MPa or 0.0, other.u_modulus_MPa or 0.0))
 
 
 def mean_change_percent(listing: Listing) -> tuple[float, float]:
     """Return the mean transmittance of the modified resin minus that of the pristine resin, in per cent."""
-    by_name = {Path(trace.file).stem: one for trace, one in zip(listing.traces, listing.spectra, strict=True)}
+    by_name = {Path(trace.file).stem: spectrum for trace, spectrum in zip(listing.traces, listing.spectra, strict=True)}
     change = by_name[MODIFIED].channel.values - by_name[PRISTINE].channel.values
     return 100.0 * float(change.mean()), 100.0 * NOISE * float(np.sqrt(2.0 / change.size))
 
 
 def range_nm(listing: Listing) -> dict[str, float]:
     """Return the shortest and longest wavelength of spectra."""
-    ends = [float(end) for one in listing.spectra for end in (one.wavelength_nm.min(), one.wavelength_nm.max())]
+    ends = [
+        float(end)
+        for spectrum in listing.spectra
+        for end in (spectrum.wavelength_nm.min(), spectrum.wavelength_nm.max())
+    ]
     return {"range-low": min(ends), "range-high": max(ends)}
 
 
@@ -72,6 +76,8 @@ def smallest_um(measured: CouponMeasurement, kind: str) -> tuple[float | None, f
 
 def film_layer_sizes(coupon: Coupon) -> dict[str, float]:
     """Return base and film in mm, and layer in µm, of the coupon of a layer on its film."""
-    base, layer = (next(one for one in coupon.features if one.stage == stage.name) for stage in coupon.stages)
+    base, layer = (
+        next(feature for feature in coupon.features if feature.stage == stage.name) for stage in coupon.stages
+    )
     film_mm = coupon.stages[1].z_offset_mm - base.height_mm
     return {"base": base.height_mm, "film": film_mm, "layer": 1e3 * layer.height_mm}

@@ -61,12 +61,14 @@ def percent_without_lens(point: Sensor, with_lens: Turned) -> tuple[float, float
 
 def focus_mm(sensor: Sensor) -> float | None:
     """Return the position behind the vertex of the smallest spot of a design's lens."""
-    return next(one.best_focus_mm for one in foci_of(sensor) if one.step == 0.0)
+    return next(focus.best_focus_mm for focus in foci_of(sensor) if focus.step == 0.0)
 
 
 def mean_slope(study: Study, side: str) -> tuple[float, float]:
     """Return the slope of one receiver's voltage, averaged over the sensors with a lens, and its uncertainty."""
-    slopes = [one.receivers[side].sensitivity_V_per_deg for one in study.sensors.values() if one.lens is not False]
+    slopes = [
+        sensor.receivers[side].sensitivity_V_per_deg for sensor in study.sensors.values() if sensor.lens is not False
+    ]
     return float(np.mean(slopes)), float(np.std(slopes, ddof=1) / np.sqrt(len(slopes)))
 
 
@@ -87,7 +89,7 @@ def control_percent(study: Study) -> tuple[float, float]:
 def of_the_rig(study: Study) -> dict[str, float]:
     """Return the sensors with a lens in a recording, and the readings per second."""
     times = _first_run(study).signals.time_s
-    with_lens = sum(one.lens is not False for one in study.sensors.values())
+    with_lens = sum(sensor.lens is not False for sensor in study.sensors.values())
     return {"sensors": float(with_lens), "modulation": 1.0 / float(np.median(np.diff(times)))}
 
 

@@ -81,9 +81,9 @@ def recorded(
 
 def _named(source: Source, arrays: Sequence[Array], names: Sequence[str]) -> list[Array]:
     """Return the only matrix with as many columns as names; raise `DataError` if there is none or more than one."""
-    fitting = [one for one in arrays if np.ndim(one.values) == 2 and min(np.shape(one.values)) == len(names)]
+    fitting = [array for array in arrays if np.ndim(array.values) == 2 and min(np.shape(array.values)) == len(names)]
     if len(fitting) != 1:
-        shapes = ", ".join(f"{one.name} {' by '.join(map(str, np.shape(one.values)))}" for one in arrays)
+        shapes = ", ".join(f"{array.name} {' by '.join(map(str, np.shape(array.values)))}" for array in arrays)
         limit = f"has {len(fitting) or 'no'} matrices of {len(names)} columns; it contains {shapes}"
         raise source.refused("", limit, "name each of a matrix's columns, in their order")
     return [replace(fitting[0], columns=tuple(names))]

@@ -100,7 +100,7 @@ def _is_another(column: Channel, quantity: str) -> bool:
 
 def force_in_volts(recording: Recording) -> Channel | None:
     """Return a column in volts whose name marks it as a load cell's: ``Load cell (mV)``, ``force_V``."""
-    return next((one for one in recording.channels if _volts_of_force(one)), None)
+    return next((channel for channel in recording.channels if _volts_of_force(channel)), None)
 
 
 def _volts_of_force(column: Channel) -> bool:
@@ -145,7 +145,7 @@ def receiver_columns(columns: Sequence[Channel]) -> list[Channel]:
 
 def _sided(columns: Sequence[Channel]) -> list[Channel]:
     """Return the columns named by a side, in the unit of the first of them."""
-    sided = [one for one in columns if side_of(one.name)]
+    sided = [column for column in columns if side_of(column.name)]
     return [one for one in sided if one.unit == sided[0].unit]
 
 

@@ -179,7 +179,10 @@ def read_netcdf3(source: Source) -> Recording:
                 for name, variable in file.variables.items()
             ]
             metadata = {key: _text(value) for key, value in file._attributes.items() if isinstance(value, bytes)}
-            ends = [(one.data[-1:] if one.isrec else one.data).tobytes() for one in file.variables.values()]
+            ends = [
+                (variable.data[-1:] if variable.isrec else variable.data).tobytes()
+                for variable in file.variables.values()
+            ]
             whole = len(source.data)
             if not any(source.data[: whole - pad].endswith(end) for end in ends for pad in {0, -len(end) % 4}):
                 raise ValueError("extra bytes at the end: no array ends with the file")

@@ -75,11 +75,13 @@ def read(source: Source) -> Recording:
         if (packet.names, packet.units) != (packets[0].names, packets[0].units):
             limit = f"has other channels than the first: {', '.join(packet.names)}"
             raise source.refused(f"packet {number}", limit, "write each set of channels to a separate file")
-    time = np.concatenate([one.time + shift_s for one, shift_s in zip(packets, _shifts(source, packets), strict=True)])
-    values = np.concatenate([one.values for one in packets])
+    time = np.concatenate(
+        [packet.time + shift_s for packet, shift_s in zip(packets, _shifts(source, packets), strict=True)]
+    )
+    values = np.concatenate([packet.values for packet in packets])
     channels = [Channel("time", "time", "s", time)]
     heads = [heading(name, unit) for name, unit in zip(packets[0].names, packets[0].units, strict=True)]
-    for name, head, column in zip(unique([one.name for one in heads]), heads, values.T, strict=True):
+    for name, head, column in zip(unique([head.name for head in heads]), heads, values.T, strict=True):
         channels.append(Channel(name, head.quantity, head.unit, column))
     return Recording(tuple(along_axes(channels, ())), stated_provenance(source, "lvm", stated, ""))
 
@@ -89,7 +91,7 @@ def _shifts(source: Source, packets: Sequence[_Packet]) -> FloatArray:
     none = np.zeros(len(packets))
     if _follow(packets, none):
         return none
-    stamps = dates.seconds([one.stamp for one in packets])
+    stamps = dates.seconds([packet.stamp for packet in packets])
     if stamps is not None and np.isfinite(stamps).all() and _follow(packets, stamps - stamps[0]):
         return np.asarray(stamps - stamps[0])
     limit = "restart their times, and their Date and Time do not state how they follow one another"
@@ -99,9 +101,9 @@ def _shifts(source: Source, packets: Sequence[_Packet]) -> FloatArray:
 def _follow(packets: Sequence[_Packet], shifts_s: FloatArray) -> bool:
     """Whether each packet begins after the one before has ended."""
     ends = [
-        (one.time[0] + shift, one.time[-1] + shift)
-        for one, shift in zip(packets, shifts_s, strict=True)
-        if one.time.size
+        (packet.time[0] + shift, packet.time[-1] + shift)
+        for packet, shift in zip(packets, shifts_s, strict=True)
+        if packet.time.size
     ]
     return all(after[0] > before[1] for before, after in pairwise(ends))
 

@@ -113,13 +113,13 @@ def listing(recordings: Sequence[Recording], names: Sequence[str] = (), *, repea
     """Return the spectra of recordings, by name or all; raise `DataError` if none has a given name."""
     for name in names:
         there = [recording for recording in recordings if name in recording.names] or recordings
-        if all(there[0].channel(name).name != one.channel.name for one in spectra(there[0])):
+        if all(there[0].channel(name).name != spectrum.channel.name for spectrum in spectra(there[0])):
             raise DataError(f"trace {name}", limit="has no wavelengths", remedy="name another")
     chosen = [
-        (recording.provenance, one)
+        (recording.provenance, spectrum)
         for recording in recordings
-        for one in spectra(recording)
-        if not names or one.channel.name in names
+        for spectrum in spectra(recording)
+        if not names or spectrum.channel.name in names
     ]
     sources = tuple(recording.provenance for recording in recordings)
     return Listing(

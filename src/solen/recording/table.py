@@ -231,7 +231,7 @@ def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel
     if len(times) != 1 or not np.all(np.diff(times[0].values) >= 0):  # exposure times side by side are not an axis
         return channels
     free = {times[0].name, *labels}
-    return [replace(one, axis="" if one.name in free else times[0].name) for one in channels]
+    return [replace(channel, axis="" if channel.name in free else times[0].name) for channel in channels]
 
 
 def _with_wavelengths(channels: list[Channel]) -> list[Channel]:
@@ -256,7 +256,7 @@ def _along_waves(channels: list[Channel], labels: Collection[str]) -> list[Chann
         elif channel.name in labels or channel.quantity == "wavenumber":
             along_waves.append(channel)
         else:
-            waves = next(one for one in channels if one.name == axis).values
+            waves = next(channel for channel in channels if channel.name == axis).values
             alone = alone_note(channel.values, [f"at wavelength {wave:g}" for wave in waves.tolist()])
             along_waves.append(replace(channel, axis=axis).noted(alone))
     return along_waves
@@ -274,7 +274,9 @@ def _in_nm(channel: Channel) -> Channel:
 def _with_percent(channels: list[Channel]) -> list[Channel]:
     """Set the unit of spectra to %T if only a baseline next to them shows it, as in manually edited tables."""
     optical = any(channel.quantity == "wavelength" for channel in channels)
-    baselines = [one for one in channels if one.unit == "%" and one.name.casefold().startswith("baseline")]
+    baselines = [
+        channel for channel in channels if channel.unit == "%" and channel.name.casefold().startswith("baseline")
+    ]
     if not optical or not baselines:
         return channels
     known = {(baseline.quantity, baseline.unit) for baseline in baselines}
@@ -283,8 +285,10 @@ def _with_percent(channels: list[Channel]) -> list[Channel]:
     quantity, unit = known.pop()
     note = f"no unit is stated; assumed to be that of {baselines[0].name}"
     return [
-        replace(one, quantity=quantity, unit=unit, note=note) if not one.unit and not one.quantity else one
-        for one in channels
+        replace(channel, quantity=quantity, unit=unit, note=note)
+        if not channel.unit and not channel.quantity
+        else channel
+        for channel in channels
     ]
 
 

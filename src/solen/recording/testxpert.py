@@ -76,7 +76,7 @@ def read(grid: Grid, place: Layout, kind: str = "testxpert") -> Recording:
         if column.values is None:
             raise grid.refused(place.body[0], column.place, "is not a number", "export only the channels of the test")
         _check(grid, place, column, column.values)
-    clock = next((one for one in columns if factor(one.head.unit, "s") is not None), None)
+    clock = next((column for column in columns if factor(column.head.unit, "s") is not None), None)
     if clock is not None and clock.values is not None:
         _check_time(grid, place, clock, clock.values)
     _check_repeats(grid, place)

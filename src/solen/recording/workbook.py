@@ -95,7 +95,7 @@ def _old_sheets(source: Source, wanted: str | None) -> dict[str, list[list[str]]
 
     try:
         book = xlrd.open_workbook(file_contents=source.data, formatting_info=True, logfile=io.StringIO())
-        sheets = {one.name: [_old_row(book, one.row(n)) for n in range(one.nrows)] for one in book.sheets()}
+        sheets = {sheet.name: [_old_row(book, sheet.row(n)) for n in range(sheet.nrows)] for sheet in book.sheets()}
     except Exception as bad:  # xlrd may raise any exception at a damaged file
         no_book = "find workbook" in str(bad)
         limit = "is not an Excel workbook but another program's binary format" if no_book else "is a damaged workbook"

@@ -166,7 +166,7 @@ def index_steps(material: Optical, step: float) -> list[tuple[float, bool]]:
     """Return the offsets of the index (lower, none, higher), and whether they are its standard uncertainty."""
     size = material.u_index or step
     offsets = [one for one in (-size, 0.0, size) if material.index + one >= 1.0]
-    return [(one, bool(material.u_index) and one != 0.0) for one in offsets]
+    return [(offset, bool(material.u_index) and offset != 0.0) for offset in offsets]
 
 
 def _base(sensor: Sensor, response: Response, null_deg: float) -> Response:

@@ -308,12 +308,12 @@ def _number(state: LoadedState, what: str) -> float | None:
     if what == key:
         return state.value
     if table == "hold" and what == "moment_Nmm":
-        return next(one.moment_Nmm for one in state.deformed.reactions if one.name == name)
-    touches = [one for one in state.deformed.contacts if one.name == name]
+        return next(reaction.moment_Nmm for reaction in state.deformed.reactions if reaction.name == name)
+    touches = [contact for contact in state.deformed.contacts if contact.name == name]
     if table == "press" and what == "force_N":
-        return sum(one.force_N for one in touches)
+        return sum(touch.force_N for touch in touches)
     if table == "press" and what == "depth_mm":
-        return max((one.depth_mm for one in touches), default=0.0)
+        return max((touch.depth_mm for touch in touches), default=0.0)
     return None
 
 

@@ -130,7 +130,7 @@ def _without_effect_on(design: Design, key: str) -> str:
     parts = {"lens": design.network.lenses, "emitter": design.network.emitters}.get(table, ())
     if table == "lens" and not parts:
         return "the network has no lens"
-    own = bool(parts) and all(getattr(one, name, None) is not None for one in parts)
+    own = bool(parts) and all(getattr(part, name, None) is not None for part in parts)
     return f"every {table} of the network states its own" if own else ""
 
 

@@ -165,7 +165,7 @@ def one_lit(design: Design, emitter: str | None) -> Design:
     if emitter is not None:
         return with_values(design, {"network.lit": emitter})
     if design.body.kind == "network" and network.lit is None and len(network.emitters) > 1:
-        names = ", ".join(one.name for one in network.emitters)
+        names = ", ".join(emitter.name for emitter in network.emitters)
         raise SpecError("--emitter", limit=f"missing: the emitters are {names}", remedy="name one of them")
     return design
 

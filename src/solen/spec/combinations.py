@@ -109,12 +109,12 @@ def _check_drawn(design: "Design") -> None:
                     limit = f"does not apply {because}: the part is drawn"
                     what = f"network.{key}[{number}].{name}"
                     raise refused(what, limit, value=getattr(one, name), remedy="leave it out")
-    lit = {one.lens for one in network.emitters}
+    lit = {emitter.lens for emitter in network.emitters}
     for number, lens in enumerate(network.lenses):
         if lens.name not in lit:
             remedy = f'add lens = "{lens.name}" to the emitter in front of it'
             raise refused(f"network.lenses[{number}].name", "no emitter illuminates it", value=lens.name, remedy=remedy)
-    emitters = [one.name for one in network.emitters]
+    emitters = [emitter.name for emitter in network.emitters]
     for number, motion in enumerate(network.motion):
         if motion.kind == "bend" or motion.part not in emitters:
             limit = "would tear the drawn body: only an emitter can turn in a drawn network"

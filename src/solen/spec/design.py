@@ -124,7 +124,7 @@ class Design(Strict):
         if dotted:
             remedy = f'name its table: design.set({{"{dotted[0]}": ...}})'
             raise SpecError(key, limit=f"is a key of several tables: {', '.join(dotted)}", remedy=remedy)
-        near = nearest(key, (one for fields in keys.values() for one in fields))
+        near = nearest(key, (field for fields in keys.values() for field in fields))
         raise SpecError(key, limit="unknown key", remedy=f"did you mean {near}?" if near else "solen schema lists them")
 
     @property

@@ -292,11 +292,11 @@ class Network(Strict):
             if before:
                 limit = f"is already moved by {before[0]}"
                 raise refused(f"motion[{number}].part", limit, value=motion.part, remedy="leave one of them out")
-            lenses = {one.name: one for one in self.lenses}
+            lenses = {lens.name: lens for lens in self.lenses}
             if motion.join is not None and (motion.part not in lenses or lenses[motion.part].guide is not None):
                 limit = "applies only to a lens at the end of a guide"
                 raise refused(f"motion[{number}].join", limit, value=motion.join, remedy="leave it out")
-            if motion.pivot == "emitter" and motion.part in [one.name for one in self.guides]:
+            if motion.pivot == "emitter" and motion.part in [guide.name for guide in self.guides]:
                 raise refused(f"motion[{number}].pivot", "applies only to a lens or an emitter", value=motion.pivot)
             if isinstance(motion.pivot, tuple) and motion.part in self._on_sides():
                 limit, remedy = "is on a side", 'set pivot = "emitter", or place it at the end of a guide'
@@ -309,14 +309,18 @@ class Network(Strict):
 
     def _on_sides(self) -> set[str]:
         """Return the names of lenses on sides, and of emitters on sides or before such lenses."""
-        lenses = {one.name for one in self.lenses if one.guide is not None}
-        return lenses | {one.name for one in self.emitters if one.guide is not None or one.lens in lenses}
+        lenses = {lens.name for lens in self.lenses if lens.guide is not None}
+        return lenses | {
+            emitter.name for emitter in self.emitters if emitter.guide is not None or emitter.lens in lenses
+        }
 
     @property
     def formulas(self) -> tuple[Formula, ...]:
         """The parsed formulas of the network's readings."""
         emitters, receivers = ([one.name for one in many] for many in (self.emitters, self.receivers))
-        return tuple(Formula.of(one, emitters, receivers, f"reading[{i}].value") for i, one in enumerate(self.reading))
+        return tuple(
+            Formula.of(reading, emitters, receivers, f"reading[{i}].value") for i, reading in enumerate(self.reading)
+        )
 
     def _names(self) -> Iterator[tuple[str, str | None, str, list[str]]]:
         """Yield the keys that refer to a name, each with that name, its kind, and the names that exist."""

@@ -38,7 +38,7 @@ def lit(design: "Design", name: str | None = None) -> "Design":
     """
     network = design.network
     name = name or network.lit or network.emitters[0].name
-    (placed,) = (one for one in network.emitters if one.name == name)
+    (placed,) = (emitter for emitter in network.emitters if emitter.name == name)
     return design.with_emitter(emitter_table(design, placed), network.model_copy(update={"lit": name}))
 
 

@@ -86,7 +86,7 @@ def in_space(sensor: Sensor) -> bool:
 
 def lit_sensor(state: State, view: View) -> Sensor:
     """Return the design's sensor; for a network, with the emitter lit that a page chose, if it still exists."""
-    names = [one.name for one in state.design.network.emitters]
+    names = [emitter.name for emitter in state.design.network.emitters]
     return state.sensor if view.lit not in names else Sensor.of(lit(state.design, view.lit))
 
 
@@ -175,11 +175,11 @@ def _full_state(document: Document, state: State) -> dict[str, Any]:
         "has_lens": state.sensor.has_lens and not state.sensor.is_drawn,
         "is_measured": state.sensor.is_measured,
         "in_space": in_space(state.sensor),
-        "emitters": [one.name for one in state.design.network.emitters],
+        "emitters": [emitter.name for emitter in state.design.network.emitters],
         "lit": state.sensor.design.network.lit,
         "motions": [
-            {"name": one.name, "at_deg": one.at_deg, "range_deg": [one.from_deg, one.to_deg]}
-            for one in state.design.network.motion
+            {"name": motion.name, "at_deg": motion.at_deg, "range_deg": [motion.from_deg, motion.to_deg]}
+            for motion in state.design.network.motion
         ],
     }
 
@@ -221,10 +221,10 @@ def refined_frames(
 def tolerance_frames(state: State, view: View, stop: Callable[[], bool]) -> Iterator[bytes]:
     """Yield frames of the parameters that matter, largest first, and of all tolerances together, one more each time."""
     found: list[ToleranceEffect] = []
-    for one in tolerance_effects(shown_sensor(state, view), stop):
-        found = sorted([*found, one], key=lambda each: each.largest, reverse=True)
+    for effect in tolerance_effects(shown_sensor(state, view), stop):
+        found = sorted([*found, effect], key=lambda each: each.largest, reverse=True)
         rows = [{name: getattr(each, name) for name in ROW} for each in found]
-        yield encoded({"kind": "matters", "rows": rows}, {"angle": one.angle_deg, "band": combined_change(found)})
+        yield encoded({"kind": "matters", "rows": rows}, {"angle": effect.angle_deg, "band": combined_change(found)})
 
 
 def _comparison_frames(sensor: Sensor, own: Curve, stop: Callable[[], bool], pinned: Sensor | None) -> Iterator[bytes]:

@@ -95,9 +95,9 @@ class Call:
             if isinstance(value, Options):
                 imports.add(f"from {type(value).__module__} import {type(value).__name__}")
         arguments = [*map(_written, first), *(f"{name}={_written(value)}" for name, value in keywords.items())]
-        if any("Path(" in one for one in arguments):
+        if any("Path(" in argument for argument in arguments):
             imports.add("from pathlib import Path")
-        call = [f"found = {self.function.__name__}(", *(f"    {one}," for one in arguments), ")"]
+        call = [f"found = {self.function.__name__}(", *(f"    {argument}," for argument in arguments), ")"]
         return "\n".join([*sorted(imports), "", *call, "print(found.result)"])
 
 

@@ -102,14 +102,22 @@ class Offer:
     @cached_property
     def groups(self) -> dict[str, type[Options]]:
         """Classes of options by parameter."""
-        return {name: one.options for name, one in self.parameters.items() if one.options and name not in INJECTED}
+        return {
+            name: parameter.options
+            for name, parameter in self.parameters.items()
+            if parameter.options and name not in INJECTED
+        }
 
     @cached_property
     def plain(self) -> dict[str, Parameter]:
         """Parameters that a page states individually."""
         made = {*INJECTED, *self.written, *self.beside, *self.live, *self.hidden, self.design}
         known = {*made, *self.groups, *self.taken}
-        return {name: one for name, one in self.parameters.items() if name not in known and not one.is_path}
+        return {
+            name: parameter
+            for name, parameter in self.parameters.items()
+            if name not in known and not parameter.is_path
+        }
 
     def form(self) -> dict[str, Any]:
         """Return the form of the command as JSON Schema; paths in it are names of dropped files."""
@@ -192,7 +200,7 @@ class Offer:
                 values[name] = options(**stated | paths)
         for name in asked.keys() & self.taken.keys():
             names = asked[name] if isinstance(asked[name], list) else [asked[name]]
-            several = [path(str(one)) for one in names]
+            several = [path(str(name)) for name in names]
             taken = several if self.parameters[name].is_path else [str(one) for one in several]
             values[name] = taken if self.parameters[name].is_many else taken[0]
         values |= {name: self.plain[name].converted(asked[name]) for name in asked.keys() & self.plain.keys()}

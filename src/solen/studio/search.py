@@ -111,8 +111,8 @@ def _results(found: Front | Optimum) -> Iterator[tuple[int, Design, dict[str, An
     if isinstance(found, Optimum):
         yield 1, found.design, _goals_of(found.after)
         return
-    for one in found.designs:
-        yield one.number, one.design, _goals_of(one)
+    for design in found.designs:
+        yield design.number, design.design, _goals_of(design)
 
 
 def _command_line(document: Document, sought: SearchRequest, folder: Path) -> str:

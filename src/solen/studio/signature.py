@@ -83,7 +83,10 @@ class Parameter:
 def parameters_of(function: Callable[..., Any]) -> dict[str, Parameter]:
     """Return the parameters of a function by name."""
     hints = typing.get_type_hints(function, include_extras=True)
-    return {name: Parameter(name, hints[name], one) for name, one in inspect.signature(function).parameters.items()}
+    return {
+        name: Parameter(name, hints[name], parameter)
+        for name, parameter in inspect.signature(function).parameters.items()
+    }
 
 
 def option_name(field: str) -> str:
@@ -101,8 +104,8 @@ def _inside(hint: Any) -> Iterator[Any]:
     yield hint
     if origin := typing.get_origin(hint):
         yield origin
-    for one in typing.get_args(hint):
-        yield from _inside(one)
+    for arg in typing.get_args(hint):
+        yield from _inside(arg)
 
 
 def described(function: Callable[..., Any]) -> dict[str, str]:

@@ -98,7 +98,7 @@ class Storage:
             try:
                 found = json.loads(path.read_text(encoding="utf-8"))
                 files = [Path(one) for one in found["news"]["files"].values()]
-                whole = all(one.exists() and one.resolve().is_relative_to(home) for one in files)
+                whole = all(file.exists() and file.resolve().is_relative_to(home) for file in files)
             except (OSError, ValueError, KeyError, TypeError, AttributeError):
                 continue
             if whole:

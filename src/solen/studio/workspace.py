@@ -42,8 +42,8 @@ class Workspace:
     def forms(self, name: str) -> dict[str, Any]:
         """Return the forms that a tab offers and the available files; a process is prepared for its commands."""
         offers = tabs.offers_of(name)
-        self.document.jobs.warm(["solen.report.canvas", *dict.fromkeys(one.module for one in offers)])
-        return {"tab": name, "offers": [one.form() for one in offers], "files": self.storage.names()}
+        self.document.jobs.warm(["solen.report.canvas", *dict.fromkeys(offer.module for offer in offers)])
+        return {"tab": name, "offers": [offer.form() for offer in offers], "files": self.storage.names()}
 
     def commands_for(self, tab: str, name: str) -> dict[str, Any]:
         """Return which commands of a tab accept a file, or why none does."""

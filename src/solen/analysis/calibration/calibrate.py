@@ -85,8 +85,8 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
     options = options or CalibrationOptions()
     sensors, warnings = _chosen(study, options)
     whole = study.stimulus is not ANGLE and not options.pool
-    trainings = [training_of(one, whole=whole) for one in sensors]
-    ones = [calibrated(one) for one in trainings]
+    trainings = [training_of(sensor, whole=whole) for sensor in sensors]
+    ones = [calibrated(training) for training in trainings]
     if options.pool:
         checks = [leave_one_sensor_out(trainings, ones)]
         few = look_at(f"{len(ones)} prints: at least three are needed to check the calibration on a print left out")
@@ -138,9 +138,9 @@ def _file(
     )
     motions = [run.motion for run in runs]
     reached = {
-        "low_deg": min(one.low_deg for one in motions),
-        "high_deg": max(one.high_deg for one in motions),
-        "speed_deg_per_s": sorted(one.speed_deg_per_s for one in motions)[len(motions) // 2],
+        "low_deg": min(motion.low_deg for motion in motions),
+        "high_deg": max(motion.high_deg for motion in motions),
+        "speed_deg_per_s": sorted(motion.speed_deg_per_s for motion in motions)[len(motions) // 2],
     }
     cell = _cell(runs) if study.stimulus is FORCE else None
     checked = None if check is None else Checked(whole=check.whole, parts=check.parts)

@@ -63,7 +63,7 @@ def leave_one_sensor_out(trainings: Sequence[Training], ones: Sequence[Calibrati
     for place, training in enumerate(trainings):
         others = [one for number, one in enumerate(ones) if number != place]
         found.append(_held(pooled(others), _thinned(training.samples, len(ones))))
-    return _check([one.label for one in trainings], found)
+    return _check([training.label for training in trainings], found)
 
 
 def _thinned(samples: Samples, folds: int) -> Samples:

@@ -69,7 +69,8 @@ def _cycles(motion: Motion, ramps: tuple[Ramp, ...]) -> tuple[Cycle, ...]:
     begins = {old.start: new.start for old, new in zip(motion.ramps, ramps, strict=True)}
     ends = {old.stop: new.stop for old, new in zip(motion.ramps, ramps, strict=True)}
     return tuple(
-        replace(one, start=begins.get(one.start, one.start), stop=ends.get(one.stop, one.stop)) for one in motion.cycles
+        replace(cycle, start=begins.get(cycle.start, cycle.start), stop=ends.get(cycle.stop, cycle.stop))
+        for cycle in motion.cycles
     )
 
 

@@ -144,7 +144,7 @@ def other_columns(recording: Recording, options: DemodulationOptions) -> dict[st
     time = _time(recording, options)
     time_s = time.to("s") if time.unit else time.values
     kept = np.isfinite(time_s)
-    used = {time.name, *(one.name for one in _channels(recording, options, time))}
+    used = {time.name, *(channel.name for channel in _channels(recording, options, time))}
     state = recording.find(*_state_names(options)) if options.rate_hz is None else None
     used |= {state.name} if state is not None else set()
     columns = {}

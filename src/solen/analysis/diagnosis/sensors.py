@@ -198,11 +198,11 @@ def diagnosed_sensors(
     options = options or DiagnosisOptions()
     sensors = _chosen(study, options)
     stated = None if options.design is None else load(options.design)
-    carried = [_carried(one) for one in sensors]
-    designs = [_design(one, stated, own.design) for one, own in zip(sensors, carried, strict=True)]
-    low = min(float(one.passes.angle_deg[0]) for one in sensors) - BEYOND_DEG
-    high = max(float(one.passes.angle_deg[-1]) for one in sensors) + BEYOND_DEG
-    kinds = [(design, one.lens is not False) for one, design in zip(sensors, designs, strict=True)]
+    carried = [_carried(sensor) for sensor in sensors]
+    designs = [_design(sensor, stated, own.design) for sensor, own in zip(sensors, carried, strict=True)]
+    low = min(float(sensor.passes.angle_deg[0]) for sensor in sensors) - BEYOND_DEG
+    high = max(float(sensor.passes.angle_deg[-1]) for sensor in sensors) + BEYOND_DEG
+    kinds = [(design, sensor.lens is not False) for sensor, design in zip(sensors, designs, strict=True)]
     distinct = [kind for n, kind in enumerate(kinds) if kind not in kinds[:n]]
     responses = [
         _response(*kind, low, high, options.spreads, part_of(progress, n, len(distinct)))

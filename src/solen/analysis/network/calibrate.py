@@ -99,7 +99,7 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
         If the recordings differ in their columns, have too few states, or the readings cannot separate the motions.
     """
     first = recordings[0]
-    alike = [first, *(_as(first, one) for one in recordings[1:])]
+    alike = [first, *(_as(first, recording) for recording in recordings[1:])]
     each = [states_of(one) for one in alike]
     file = first.provenance.name
     angle, signal = _joined(each)
@@ -182,9 +182,9 @@ def _joined(each: Sequence[States]) -> tuple[FloatArray, FloatArray]:
 def _noise(each: Sequence[States], recordings: Sequence[NetworkReadings]) -> FloatArray:
     """Noise of all recordings, at least that of a uniform distribution over the smallest step of a reading."""
     noise = np.mean([one.noise for one in each], axis=0)
-    values = np.concatenate([one.signal.reshape(len(one.signal), -1) for one in recordings])
+    values = np.concatenate([recording.signal.reshape(len(recording.signal), -1) for recording in recordings])
     steps = [np.diff(np.unique(column[np.isfinite(column)])) for column in values.T]
-    least = np.array([one.min(initial=np.inf) if len(one) else np.inf for one in steps])
+    least = np.array([step.min(initial=np.inf) if len(step) else np.inf for step in steps])
     floor = np.where(np.isfinite(least), least, 1e-9) ** 2 / 12.0
     return np.asarray(noise + np.diag(np.maximum(floor, 1e-18)))
 
@@ -207,11 +207,11 @@ def _lost(motions: Sequence[str], forward: ForwardMap, decoder: NetworkDecoder) 
 def _with_range(found: Determination, span: FloatArray) -> Determination:
     """The same, where a combination of motions whose band would contain its whole range counts as not determined."""
     combinations = []
-    for one in found.combinations:
-        reach = float(np.sqrt(np.sum((np.array(list(one.shares.values())) * span) ** 2)))
+    for combination in found.combinations:
+        reach = float(np.sqrt(np.sum((np.array(list(combination.shares.values())) * span) ** 2)))
         least = WIDE / (2.0 * reach)  # a combination is determined if it is at least twice its uncertainty
-        combinations.append(replace(one, u_singular_per_deg=max(one.u_singular_per_deg, least)))
-    kept = [one for one in combinations if one.is_determined]
+        combinations.append(replace(combination, u_singular_per_deg=max(combination.u_singular_per_deg, least)))
+    kept = [combination for combination in combinations if combination.is_determined]
     rows = np.array([[*one.shares.values()] for one in kept]).reshape(len(kept), len(span))
     scaled = rows / np.array([[one.singular_per_deg] for one in kept]).reshape(-1, 1)
     return replace(found, combinations=tuple(combinations), covariance_deg2=scaled.T @ scaled)
@@ -228,7 +228,7 @@ def _left_out(
     fold = np.random.default_rng(0).permutation(int(state.max()) + 1)[state] % FOLDS
     if np.unique(state).size < 2 * FOLDS:
         return None
-    rows = [_some(one, stop) for one, states in zip(recordings, each, strict=True) for stop in states.rows]
+    rows = [_some(recording, stop) for recording, states in zip(recordings, each, strict=True) for stop in states.rows]
     ends = np.stack([forward.low, forward.high])
     parts = []
     for number in range(FOLDS):
@@ -299,9 +299,11 @@ def _cautions(checks: Sequence[MotionCheck], lost: float, worst: Determination |
     if lost > SOME_LOST and worst is not None:
         found.append(look_at(f"in {100 * lost:.2g} % of the states, {' and '.join(in_words(worst))}"))
     found += [
-        do_not_use(f"{one.motion}: only {100 * one.within_95:.0f} % of the states left out lie within the 95 % bands")
-        for one in checks
-        if one.within_95 < FEW
+        do_not_use(
+            f"{check.motion}: only {100 * check.within_95:.0f} % of the states left out lie within the 95 % bands"
+        )
+        for check in checks
+        if check.within_95 < FEW
     ]
     return found
 

@@ -51,7 +51,7 @@ def power_columns(columns: Sequence[Channel], source: str) -> PowerColumns:
         If units cannot be converted to a common one, or a column that accompanies powers is missing or belongs to none.
     """
     columns = _in_ampere(columns)
-    names = [ENDS_IN_V.sub("", one.name) for one in columns]
+    names = [ENDS_IN_V.sub("", column.name) for column in columns]
     places: dict[Pair, int] = {}
     for place, name in enumerate(names):
         if (match := DOTTED.fullmatch(name)) and not is_companion(name):
@@ -70,13 +70,13 @@ def power_columns(columns: Sequence[Channel], source: str) -> PowerColumns:
 
 def _in_ampere(columns: Sequence[Channel]) -> Sequence[Channel]:
     """Columns in A if the names of all powers end in it, as ``a.left_A``; otherwise it is part of a name."""
-    are = [bool(DOTTED.fullmatch(one.name)) and not is_companion(one.name) for one in columns]
-    powers = [one for one, is_power in zip(columns, are, strict=True) if is_power]
-    if not powers or any(one.unit not in {"", "1"} or not one.name.endswith(ENDS_IN_A) for one in powers):
+    are = [bool(DOTTED.fullmatch(column.name)) and not is_companion(column.name) for column in columns]
+    powers = [column for column, is_power in zip(columns, are, strict=True) if is_power]
+    if not powers or any(power.unit not in {"", "1"} or not power.name.endswith(ENDS_IN_A) for power in powers):
         return columns
     return [
-        replace(one, name=one.name.removesuffix(ENDS_IN_A), unit="A") if is_power else one
-        for one, is_power in zip(columns, are, strict=True)
+        replace(column, name=column.name.removesuffix(ENDS_IN_A), unit="A") if is_power else column
+        for column, is_power in zip(columns, are, strict=True)
     ]
 
 
@@ -99,7 +99,7 @@ def _scales(units: dict[str, str], source: str) -> tuple[str, list[float]]:
 
 def _in(unit: str, columns: Sequence[Channel], names: Sequence[str]) -> list[str]:
     """Names of columns without a unit of another kind (e.g. the temperature ``ambient (K)``); empty for the latter."""
-    other = (one.unit not in {"", "1", unit} and factor(one.unit, unit or "V") is None for one in columns)
+    other = (column.unit not in {"", "1", unit} and factor(column.unit, unit or "V") is None for column in columns)
     return ["" if odd else name for odd, name in zip(other, names, strict=True)]
 
 

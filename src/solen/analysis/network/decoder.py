@@ -193,12 +193,12 @@ class NetworkDecoder:
         return _Fit(places, distance, distance + np.linalg.slogdet(covariance)[1], np.linalg.inv(normal))
 
     def _judged(self, fits: Sequence[_Fit]) -> NetworkDecoded:
-        totals = np.stack([one.total for one in fits])
-        volumes = np.stack([0.5 * np.linalg.slogdet(one.covariance)[1] for one in fits])
+        totals = np.stack([fit.total for fit in fits])
+        volumes = np.stack([0.5 * np.linalg.slogdet(fit.covariance)[1] for fit in fits])
         best = np.argmin(totals, axis=0)
         rows = np.arange(totals.shape[1])
         places, covariances, distances = (
-            np.stack([getattr(one, name) for one in fits]) for name in ("angle_deg", "covariance", "distance")
+            np.stack([getattr(fit, name) for fit in fits]) for name in ("angle_deg", "covariance", "distance")
         )
         angle, covariance, distance = places[best, rows], covariances[best, rows], distances[best, rows]
         sd = np.sqrt(np.einsum("nmm->nm", covariance))
@@ -237,7 +237,7 @@ def _spread(parts: Sequence[NetworkDecoded], good: BoolArray, motions: int) -> N
         flag = name in {"outside", "ambiguous", "at_end", "missing"}
         whole = np.full((len(good), *(() if flag else shapes.get(name, (motions,)))), False if flag else np.nan)
         if parts:
-            whole[good] = np.concatenate([getattr(one, name) for one in parts])
+            whole[good] = np.concatenate([getattr(part, name) for part in parts])
         found[name] = whole
     found["missing"] = ~good
     return NetworkDecoded(**found)

@@ -103,14 +103,14 @@ class ForwardMap:
         places = (angle_deg - self.low) / np.maximum(self.high - self.low, 1e-12)
         mean = np.column_stack([np.ones(len(places)), places]) @ self._plane
         variance = np.zeros_like(mean)
-        for one in self._processes:
-            columns = list(one.places)
+        for process in self._processes:
+            columns = list(process.places)
             for begin in range(0, len(places), AT_ONCE):
                 rows = slice(begin, begin + AT_ONCE)
-                near = _covariance(places[rows], self._states, one.reach)
-                left = 1.0 + one.scatter - np.einsum("ij,jk,ik->i", near, one.inverse, near, optimize=True)
-                mean[rows, columns] += near @ one.weights
-                variance[rows, columns] = np.maximum(left, one.scatter)[:, None] * self.scale[columns]
+                near = _covariance(places[rows], self._states, process.reach)
+                left = 1.0 + process.scatter - np.einsum("ij,jk,ik->i", near, process.inverse, near, optimize=True)
+                mean[rows, columns] += near @ process.weights
+                variance[rows, columns] = np.maximum(left, process.scatter)[:, None] * self.scale[columns]
         return mean, variance
 
 

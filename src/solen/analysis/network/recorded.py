@@ -76,7 +76,7 @@ class NetworkReadings:
         lit = places_of("emitter", emitters, self.emitters, file)
         read = places_of("receiver", receivers, self.receivers, file)
         known = set(motions) <= set(self.motions)
-        columns = [self.motions.index(one) for one in motions] if known else []
+        columns = [self.motions.index(motion) for motion in motions] if known else []
         return replace(
             self,
             motions=tuple(motions) if known else (),
@@ -112,7 +112,9 @@ def holds_network(path: Path) -> bool:
     _, recording = next(iter(read_parts(path)))
     if header_of(recording.provenance).get("motions"):
         return True
-    dotted = [one for one in recording.channels if DOTTED.fullmatch(one.name) and not is_companion(one.name)]
+    dotted = [
+        channel for channel in recording.channels if DOTTED.fullmatch(channel.name) and not is_companion(channel.name)
+    ]
     return len(dotted) > 1 and len(_angles(recording)) > 1
 
 
@@ -158,11 +160,13 @@ def _of_bench(parts: Mapping[str, Recording], header: Mapping[str, Any], entry: 
     known = rows >= 0
 
     def matrix(values: Sequence[FloatArray]) -> FloatArray:
-        found = [np.where(ok[:, None], one[at], np.nan) for one, at, ok in zip(values, rows.T, known.T, strict=True)]
+        found = [
+            np.where(ok[:, None], value[at], np.nan) for value, at, ok in zip(values, rows.T, known.T, strict=True)
+        ]
         return np.stack(found, axis=1)
 
     first = parts[f"{entry['name']}.{next(iter(entry['emitters']))}"]
-    unit = next(one.unit for one in first.channels if one.name == receivers[0])
+    unit = next(channel.unit for channel in first.channels if channel.name == receivers[0])
     return NetworkReadings(
         sensor=entry["name"],
         motions=motions,
@@ -182,7 +186,7 @@ def _lit(recording: Recording, motions: Sequence[str], receivers: Sequence[str])
     """Readings with one emitter on, from its group."""
 
     def column(name: str) -> FloatArray:
-        found = next((one for one in recording.channels if one.name == name), None)
+        found = next((channel for channel in recording.channels if channel.name == name), None)
         if found is None:
             raise DataError(f"{recording.provenance.file}: {name}", limit="no such column", remedy=existing(recording))
         return found.values
@@ -201,19 +205,19 @@ def _turns(times: Sequence[FloatArray]) -> Any:
     usual_s = float(np.median(np.diff(first))) if len(first) > 1 else np.inf
     ends = np.append(first[1:], np.inf)
     rows = [np.arange(len(first))]
-    for one in times[1:]:
-        after = np.searchsorted(one, first)
-        there = np.minimum(after, max(len(one) - 1, 0))
-        good = (after < len(one)) & (len(one) > 0)
-        near = np.minimum(ends, first + _TURN * usual_s) if len(one) else first
-        rows.append(np.where(good & (one[there] < near) if len(one) else False, there, -1))
+    for time in times[1:]:
+        after = np.searchsorted(time, first)
+        there = np.minimum(after, max(len(time) - 1, 0))
+        good = (after < len(time)) & (len(time) > 0)
+        near = np.minimum(ends, first + _TURN * usual_s) if len(time) else first
+        rows.append(np.where(good & (time[there] < near) if len(time) else False, there, -1))
     return np.stack(rows, axis=1)
 
 
 def _angles(recording: Recording) -> dict[str, Channel]:
     """Columns of angles by the names of their motions."""
     found = {}
-    for one in (one for one in recording.channels if not is_companion(one.name)):
+    for one in (channel for channel in recording.channels if not is_companion(channel.name)):
         if (one.unit and factor(one.unit, "deg") is not None) or one.name.endswith("_deg"):
             found[one.name.removesuffix("_deg")] = one
     return found
@@ -248,7 +252,7 @@ def _of_table(recording: Recording) -> NetworkReadings:
             limit = f"has no column {'.'.join(pair)}, but every emitter requires one for every receiver"
             raise DataError(file, limit=limit, remedy=existing(recording))
     angles = _angles(recording)
-    columns = [one.values for one in recording.channels]
+    columns = [channel.values for channel in recording.channels]
     marks = np.zeros(len(time.values))
 
     def matrix(values: Mapping[tuple[str, str], FloatArray]) -> FloatArray:
@@ -260,7 +264,9 @@ def _of_table(recording: Recording) -> NetworkReadings:
         emitters=emitters,
         receivers=receivers,
         time_s=of_time * time.values,
-        angle_deg=np.column_stack([_degrees(one) for one in angles.values()]) if angles else np.zeros((len(marks), 0)),
+        angle_deg=np.column_stack([_degrees(angle) for angle in angles.values()])
+        if angles
+        else np.zeros((len(marks), 0)),
         signal=matrix({pair: layout.scales[pair] * columns[place] for pair, place in powers.items()}),
         clipped=matrix({pair: columns[place] for pair, place in layout.clipped.items()}) > 0.5,
         unit=layout.unit,

@@ -145,29 +145,29 @@ def states_of(readings: NetworkReadings) -> States:
         limit = "has no angles of motions"
         raise DataError(file, limit=limit, remedy="add a column for each motion, as in index-bends_deg")
     flat = readings.signal.reshape(len(readings.signal), -1)
-    stops = [one for one in _stops(readings.angle_deg) if _held(flat[one]) >= SHORTEST]
+    stops = [stop for stop in _stops(readings.angle_deg) if _held(flat[stop]) >= SHORTEST]
     if not stops:
         limit = f"never rests with complete readings for {SHORTEST} turns of the emitters"
         raise DataError(file, limit=limit, remedy="hold each state for longer")
-    whole = [flat[one][np.isfinite(flat[one]).all(axis=1)] for one in stops]
+    whole = [flat[stop][np.isfinite(flat[stop]).all(axis=1)] for stop in stops]
     apart = np.concatenate([rows - rows.mean(axis=0) for rows in whole])
     noise = apart.T @ apart / (len(apart) - len(stops))
     clipped = readings.clipped.reshape(len(flat), -1)
     return States(
-        angle_deg=np.array([readings.angle_deg[one].mean(axis=0) for one in stops]),
+        angle_deg=np.array([readings.angle_deg[stop].mean(axis=0) for stop in stops]),
         signal=np.array([rows.mean(axis=0) for rows in whole]),
         u_signal=np.array([_u_mean(rows, noise) for rows in whole]),
         noise=noise,
         rows=tuple(stops),
-        clipped=np.array([clipped[one].mean(axis=0) for one in stops]),
+        clipped=np.array([clipped[stop].mean(axis=0) for stop in stops]),
     )
 
 
 def at_rest(angle_deg: FloatArray) -> BoolArray:
     """Whether each row of angles (n, motions) belongs to a stop."""
     found = np.zeros(len(angle_deg), bool)
-    for one in _stops(angle_deg):
-        found[one] = True
+    for stop in _stops(angle_deg):
+        found[stop] = True
     return found
 
 

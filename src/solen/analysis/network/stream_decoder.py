@@ -296,4 +296,4 @@ def _rows(time_s: FloatArray, decoded: NetworkDecoded) -> Iterator[str]:
         numbers, flags, probability, other = rest
         named = " ".join(name for name, flag in zip(FLAGS, flags, strict=True) if flag)
         beside = " ".join(f"{one:.5f}" for one in other) if math.isfinite(other[0]) else ""
-        yield ",".join([when, *(f"{one:.5f}" for one in numbers), named, f"{probability:.3f}", beside]) + "\n"
+        yield ",".join([when, *(f"{number:.5f}" for number in numbers), named, f"{probability:.3f}", beside]) + "\n"

@@ -48,7 +48,7 @@ def simulated_instruments(
         If a design cannot be read, cannot be built, or cannot vary as the rig states.
     """
     rng = np.random.default_rng([rig.seed, 0])
-    driven = {name: one.model_dump(include={"zero", "lever_mm", "drives"}) for name, one in rig.axes.items()}
+    driven = {name: axis.model_dump(include={"zero", "lever_mm", "drives"}) for name, axis in rig.axes.items()}
     stages = {motion: SimulatedStage(clock, protocol.unit, f"simulated stage {motion}".strip()) for motion in driven}
     for motion, stage in stages.items():
         low, high = protocol.places.get(motion, (0.0, 0.0))

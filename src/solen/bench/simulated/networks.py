@@ -163,7 +163,7 @@ def _read(kept: Path, key: str) -> tuple[tuple[FloatArray, ...], FloatArray] | N
 
 def _keep(kept: Path, key: str, angles: tuple[FloatArray, ...], fractions: FloatArray) -> None:
     content = BytesIO()
-    arrays: dict[str, Any] = {f"angles_{number}": one for number, one in enumerate(angles)}
+    arrays: dict[str, Any] = {f"angles_{number}": angle for number, angle in enumerate(angles)}
     np.savez(content, key=np.array(key), fractions=fractions, **arrays)
     with suppress(OutputError):  # in a read-only folder the network is traced again next time
         write_bytes(kept, content.getvalue())
@@ -195,7 +195,7 @@ def _nodes(wires: SensorOf, design: Design, name: str, ends: Range, middle: Mapp
     column = motions.index(name)
 
     def along(angles: FloatArray) -> FloatArray:
-        rows = np.tile([middle[one] for one in motions], (len(angles), 1))
+        rows = np.tile([middle[motion] for motion in motions], (len(angles), 1))
         rows[:, column] = angles
         return _powers(wires, design, motions, rows).reshape(len(angles), -1)
 

@@ -135,7 +135,7 @@ def simulated_networks(
         design = load(folder / wires.design)
         for end in (0, 1):
             state_of(design, {motion: reached[end] for motion, reached in visited_deg.items()})
-        motions = {one.name: (one.from_deg, one.to_deg) for one in design.network.motion}
+        motions = {motion.name: (motion.from_deg, motion.to_deg) for motion in design.network.motion}
         ranges = {motion: motions[motion] for motion in visited_deg}
         drawn = _drawn(rig, wires, design, rng)
         kept = folder / f"{wires.name}.traced.npz"

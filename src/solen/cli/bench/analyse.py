@@ -65,9 +65,9 @@ def _sensor(sensor: SensorResponse, *, simulated: bool) -> Iterator[str]:
 def _ageing(ageing: Ageing, unit: str, sign: str) -> Iterator[str]:
     groups = len(ageing.first_cycle)
     yield f"  over {groups} groups of {ageing.first_cycle[1] - 1} cycles, per 1000 cycles:"
-    for name, one in ageing.receivers.items():
-        change = _pm(1e3 * one.swing_V_per_cycle, 1e3 * one.u_swing_V_per_cycle, f" {unit}")
-        yield f"    {name}: swing {change}; noise {one.noise_V[0]:.2g} to {one.noise_V[-1]:.2g} {unit}"
+    for name, receiver in ageing.receivers.items():
+        change = _pm(1e3 * receiver.swing_V_per_cycle, 1e3 * receiver.u_swing_V_per_cycle, f" {unit}")
+        yield f"    {name}: swing {change}; noise {receiver.noise_V[0]:.2g} to {receiver.noise_V[-1]:.2g} {unit}"
     yield f"    null {_pm(1e3 * ageing.balance_deg_per_cycle, 1e3 * ageing.u_balance_deg_per_cycle, sign)}"
 
 

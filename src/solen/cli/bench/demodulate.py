@@ -33,10 +33,10 @@ def _(result: Demodulation) -> Iterator[str]:
     if result.flicker is not None:
         amplitude = short(float(result.flicker.amplitude.max()))
         yield f"flicker of lamps at {result.flicker.mains_hz:.5g} Hz, up to {amplitude}, is subtracted"
-    for name, one in result.channels.items():
-        for emitter, values in one.emitters.items():
+    for name, channel in result.channels.items():
+        for emitter, values in channel.emitters.items():
             mean = f"mean {text(values.mean)}, u of a reading {short(values.u_reading)}"
-            ambient = f"ambient {text(one.mean_ambient)}, varying by {short(one.sd_ambient)}"
+            ambient = f"ambient {text(channel.mean_ambient)}, varying by {short(channel.sd_ambient)}"
             yield f"  {name}, emitter {emitter}: {mean}; {ambient}"
     yield from map(_rejected, result.rejection)
 

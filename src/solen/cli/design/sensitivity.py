@@ -69,9 +69,10 @@ def _(result: NetworkSensitivities) -> Iterator[str]:
 def _determines(found: Determination) -> Iterator[str]:
     for name, sd, u in zip(found.motions, found.sd_deg.tolist(), found.u_sd_deg.tolist(), strict=True):
         yield f"    {name}: " + (f"to ± {short(sd)} deg, itself ± {short(u)}" if math.isfinite(sd) else "not at all")
-    for one in found.combinations:
-        by = f"{short(one.singular_per_deg)} ± {short(one.u_singular_per_deg)} times their noise per degree"
-        yield f"    readings change by {by} for {words(one)}"
+    for combination in found.combinations:
+        unit = "times their noise per degree"
+        by = f"{short(combination.singular_per_deg)} ± {short(combination.u_singular_per_deg)} {unit}"
+        yield f"    readings change by {by} for {words(combination)}"
 
 
 def _suggested(suggestions: Sequence[Suggestion], now: Determination | None) -> Iterator[str]:
@@ -81,7 +82,9 @@ def _suggested(suggestions: Sequence[Suggestion], now: Determination | None) -> 
     yield "  with another part, the least certain motion is determined"
     if now is not None:
         yield f"    {_worst(now)}: as it is"
-    yield from (f"    {_worst(one.by_voltages)}: {one.part} at {one.place}" for one in suggestions)
+    yield from (
+        f"    {_worst(suggestion.by_voltages)}: {suggestion.part} at {suggestion.place}" for suggestion in suggestions
+    )
     yield "  add the first of these to the design file:"
     yield from suggestions[0].tables.splitlines()
 

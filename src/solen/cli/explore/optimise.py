@@ -48,10 +48,10 @@ def _prints(before: Tolerances, after: Tolerances) -> Iterator[str]:
     )
     yield from varied(before, costs=False)
     yield f"{'mean, SD of prints':18}  {'before':>22}  {'after':>22}"
-    others = {one.merit: one for one in after.spreads}
-    for one in before.spreads:
-        texts = [f"{each.mean:.4g}, SD {each.sd:.2g}" if each else "" for each in (one, others.get(one.merit))]
-        yield f"{one.merit:18}  {texts[0]:>22}  {texts[1]:>22}"
+    others = {spread.merit: spread for spread in after.spreads}
+    for spread in before.spreads:
+        texts = [f"{each.mean:.4g}, SD {each.sd:.2g}" if each else "" for each in (spread, others.get(spread.merit))]
+        yield f"{spread.merit:18}  {texts[0]:>22}  {texts[1]:>22}"
     for old, new in zip(before.yields, after.yields, strict=True):
         shares = [f"{measured(100 * one.share, 100 * one.u_share, sign=False)} %" for one in (old, new)]
         yield f"yield {old.requirement or 'of all'}: {shares[0]} before, {shares[1]} after"
@@ -67,11 +67,11 @@ def _(result: Front) -> Iterator[str]:
     what = "worst over the deviations:" if result.robust else "values:"
     yield f"{what:24}  {'   '.join(f'{goal:>28}' for goal in result.goals)}"
     yield f"{'before':>24}  {_goals(result.before)}"
-    for one in result.designs:
-        missed = [text for text, met in one.meets.items() if not met]
-        yield f"{f'design {one.number}':>24}  {_goals(one)}{f'   MISSED: {missed}' if missed else ''}"
+    for design in result.designs:
+        missed = [text for text, met in design.meets.items() if not met]
+        yield f"{f'design {design.number}':>24}  {_goals(design)}{f'   MISSED: {missed}' if missed else ''}"
     for key, value in result.before.free.items():
-        yield f"  {key:>22}  {value:.6g} -> {', '.join(f'{one.free[key]:.6g}' for one in result.designs)}"
+        yield f"  {key:>22}  {value:.6g} -> {', '.join(f'{design.free[key]:.6g}' for design in result.designs)}"
 
 
 def _goals(one: FrontDesign) -> str:

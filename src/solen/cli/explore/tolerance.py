@@ -26,7 +26,7 @@ def _(result: Tolerances) -> Iterator[str]:
     if factor is not None and factor < 1.0:
         yield f"  95 % yield requires scaling all deviations by {factor:.2g}"
     yield "merits over the prints, and what their variance is due to:"
-    width = max(len(one.merit) for one in result.spreads)
+    width = max(len(spread.merit) for spread in result.spreads)
     for merit in result.spreads:
         causes = sorted(merit.total.items(), key=lambda item: item[1], reverse=True)[:SHOWN]
         due = ", ".join(f"{key} {100 * share:.0f} %" for key, share in causes if share > 0.005)

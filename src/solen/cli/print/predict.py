@@ -61,9 +61,11 @@ def _(prediction: PrintedLayers) -> Iterator[str]:
     if prediction.responses:
         angles = ", ".join(f"{angle:g}" for angle in prediction.responses[0].angle_deg)
         yield f"contrast at {angles} deg; light of both receivers"
-    for one in prediction.responses:
-        values = "  ".join(f"{value:.3f} ± {u:.1g}" for value, u in zip(one.contrast, one.u_contrast, strict=True))
-        yield f"  {one.name:<24}  {values}  {one.light:.3f} ± {one.u_light:.1g}"
+    for response in prediction.responses:
+        values = "  ".join(
+            f"{value:.3f} ± {u:.1g}" for value, u in zip(response.contrast, response.u_contrast, strict=True)
+        )
+        yield f"  {response.name:<24}  {values}  {response.light:.3f} ± {response.u_light:.1g}"
     if prediction.remaining:
         yield "contrast relative to that of the printed cylinder"
     for name, shares in prediction.remaining.items():

@@ -11,12 +11,12 @@ from solen.pipeline.project.reproduce import reproduce as reproduce
 def _(result: Reproduction) -> Iterator[str]:
     from solen.report.paper.page import number
 
-    made = sum(one.made for one in result.figures)
+    made = sum(figure.made for figure in result.figures)
     figures = "figure" if len(result.figures) == 1 else "figures"
     yield f"{len(result.figures)} {figures} of the paper: {made} made now, {len(result.figures) - made} kept"
-    for one in result.figures:
-        yield f"figure {one.name}"
-        yield from (f"  {row.verdict:17}  {row.paper}; {row.quantity}: {number(row)}" for row in one.comparisons)
+    for figure in result.figures:
+        yield f"figure {figure.name}"
+        yield from (f"  {row.verdict:17}  {row.paper}; {row.quantity}: {number(row)}" for row in figure.comparisons)
     yield f"{result.agrees} agree, {result.differs} differ, {result.cannot_be_checked} cannot be checked"
     if result.not_made:
         yield f"not requested and not made before: {', '.join(result.not_made)}"

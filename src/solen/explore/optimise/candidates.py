@@ -146,5 +146,5 @@ def least(
     size: FloatArray | float = 1.0,
 ) -> Candidate:
     """Return the best candidate for weights of the goals; of several equal ones, the first."""
-    totals = [one.total(weights, ideal, size) for one in candidates]
+    totals = [candidate.total(weights, ideal, size) for candidate in candidates]
     return candidates[int(np.argmin(totals))]

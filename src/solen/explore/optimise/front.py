@@ -195,9 +195,9 @@ def _warnings(candidates: Candidates, candidate: Candidate, retraced: Retraced) 
 def _at_ends(task: Task, designs: Sequence[FrontDesign]) -> Iterator[str]:
     """Return warnings about free numbers that reached their limits, each with the designs concerned."""
     by_text: dict[str, list[int]] = {}
-    for one in designs:
-        for text in at_ends(task, one.design):
-            by_text.setdefault(text, []).append(one.number)
+    for design in designs:
+        for text in at_ends(task, design.design):
+            by_text.setdefault(text, []).append(design.number)
     for text, numbers in by_text.items():
         yield f"design{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}: {text}"
 
@@ -207,8 +207,8 @@ def _design(candidates: Candidates, number: int, candidate: Candidate | None, re
     design = task.design if candidate is None else task.at(candidate.point)
     return FrontDesign(
         number=number,
-        goals=tuple(one.goal for one in results),
-        u_goals=tuple(one.u_goal for one in results),
+        goals=tuple(result.goal for result in results),
+        u_goals=tuple(result.u_goal for result in results),
         claimed=tuple(one.goal for one in retraced.claimed.by_goal),
         free=task.stated(Sensor.of(design)),
         meets=retraced.evaluation.meets,

@@ -150,7 +150,7 @@ def _check_goals(goals: Sequence[Goal], options: OptimiseOptions) -> None:
 
 
 def _check_worst(expressions: Sequence[Expression], options: OptimiseOptions) -> None:
-    one = next((one for one in expressions if one.worst), None)
+    one = next((expression for expression in expressions if expression.worst), None)
     if one is not None and not options.robust:
         raise one.refusal(one.text, "worst(...) needs deviations stated with --robust, and there are none", "state one")
 

@@ -143,7 +143,9 @@ class FacePrint:
     def moved_um(self, face: PrintedFace, layers: Sequence[int], phase: tuple[float, float]) -> list[FloatArray]:
         """Change in deviation (N,) of the given layers of an uncompensated face at another position in the pixel."""
         stack, alike = replace(self, phase=phase)._plain, self._representative
-        return [stack.offsets_um(alike[one], self._targets[alike[one]], VERTEX) - face.um[one] for one in layers]
+        return [
+            stack.offsets_um(alike[layer], self._targets[alike[layer]], VERTEX) - face.um[layer] for layer in layers
+        ]
 
     def compensated(self, start: PrintedFace, progress: Progress | None = None) -> PrintedFace:
         """Return the face printed from a drawing that is corrected by the print deviation until this stops changing."""

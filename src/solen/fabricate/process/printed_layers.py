@@ -129,15 +129,15 @@ class PrintedLayers(Result):
     @property
     def _remaining(self) -> dict[str, tuple[FloatArray, FloatArray]]:
         """Contrast of each lens divided by that of the printed cylinder, and its uncertainty; NaN at contrast 0."""
-        base = next((one for one in self.responses if one.name == f"{CYLINDER}, {PRINTED}"), None)
+        base = next((response for response in self.responses if response.name == f"{CYLINDER}, {PRINTED}"), None)
         if base is None:
             return {}
         below = np.where(base.contrast != 0.0, base.contrast, np.nan)
         found = {}
-        for one in self.responses:
-            share = one.contrast / below
-            u = (one.u_contrast + np.abs(share) * base.u_contrast) / np.abs(below)
-            found[one.name] = share, np.where(np.isfinite(share), 0.0, np.nan) if one is base else u
+        for response in self.responses:
+            share = response.contrast / below
+            u = (response.u_contrast + np.abs(share) * base.u_contrast) / np.abs(below)
+            found[response.name] = share, np.where(np.isfinite(share), 0.0, np.nan) if response is base else u
         return found
 
     @property

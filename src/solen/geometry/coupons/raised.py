@@ -168,13 +168,13 @@ def _on_slab(
 ) -> Coupon:
     """A coupon of rows on a slab, with its marks; the gaps are those after rounding to pixels."""
     features = [feature for row in rows for feature in row]
-    left = min(one.x_mm - 0.5 * one.width_mm for one in features)
-    right = max(one.x_mm + 0.5 * one.width_mm for one in features)
-    low = min(one.y_mm - 0.5 * one.depth_mm for one in features)
-    high = max(one.y_mm + 0.5 * one.depth_mm for one in features)
+    left = min(feature.x_mm - 0.5 * feature.width_mm for feature in features)
+    right = max(feature.x_mm + 0.5 * feature.width_mm for feature in features)
+    low = min(feature.y_mm - 0.5 * feature.depth_mm for feature in features)
+    high = max(feature.y_mm + 0.5 * feature.depth_mm for feature in features)
     middle = (0.5 * (left + right), 0.5 * (low + high))
     placed = _placed(features, middle, gaps, options)
-    tallest = max(one.to_mm for one in features)
+    tallest = max(feature.to_mm for feature in features)
     half_width, half_depth = 0.5 * (right - left), 0.5 * (high - low)
     if options.marks:
         placed += _marks(half_width, half_depth, tallest, options)

@@ -39,7 +39,7 @@ def network_body(design: Design, angle_deg: float = 0.0, lenses: Mapping[str, Le
     bare = [behind_gap(outline, design.receivers.gap_mm) for outline in outlines(walk)]
     first, *others = with_walls([faces for faces, _ in bare], design.wall)
     apart = tuple(face for _, faces in bare for face in faces)
-    tables = [(one, emitter_table(design, one)) for one in design.network.emitters]
+    tables = [(emitter, emitter_table(design, emitter)) for emitter in design.network.emitters]
     poses = {one.name: walk.emitter(one, own.distance_mm, own.offset_mm) for one, own in tables}
     lamps = tuple((one.name, replace(poses[one.name], width_mm=own.width_mm)) for one, own in tables)
     emitter = poses[design.network.lit or ""]

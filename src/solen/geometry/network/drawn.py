@@ -53,8 +53,8 @@ def drawn_network(design: Design) -> Body:
     lenses = drawn_lenses(design, named)
     lamps = {lamp.name: lamp for lamp in drawing.lamps}
     poses = {
-        one.name: _pose(design, number, lamps[_drawn(one.name)], named, lenses.get(one.lens or ""))
-        for number, one in enumerate(design.network.emitters)
+        emitter.name: _pose(design, number, lamps[_drawn(emitter.name)], named, lenses.get(emitter.lens or ""))
+        for number, emitter in enumerate(design.network.emitters)
     }
     lit = poses[design.network.lit or ""]
     return replace(named, emitter=lit, marks={}, lamps=tuple(poses.items()))
@@ -62,7 +62,7 @@ def drawn_network(design: Design) -> Body:
 
 def drawn_lenses(design: Design, body: Body) -> dict[str, DrawnLens]:
     """Lenses of a drawn network by name; raises `DesignError` if one is drawn in several places, or closed."""
-    return {one.name: _lens(one.name, body.all_faces) for one in design.network.lenses}
+    return {lens.name: _lens(lens.name, body.all_faces) for lens in design.network.lenses}
 
 
 def _drawn(name: str) -> str:
@@ -83,7 +83,7 @@ def _check_lamps(design: Design, drawing: Drawing) -> None:
             limit = f"is drawn twice, at {place_text(other.point)} and at {place_text(lamp.point)}"
             what = f"emitter-{lamp.name}" if lamp.name else "emitter"
             raise DesignError("body outline", value=what, limit=limit, remedy="give each a different name")
-    _check_listed("emitter", "emitters", [one.name for one in design.network.emitters], places)
+    _check_listed("emitter", "emitters", [emitter.name for emitter in design.network.emitters], places)
 
 
 def _check_listed(part: str, key: str, listed: Sequence[str], drawn: Iterable[str]) -> None:
@@ -160,7 +160,7 @@ def _pose(design: Design, number: int, lamp: Lamp, body: Body, lens: DrawnLens |
     elif lens is not None and lamp.end is not None and dot(heading(pose.axis_deg), minus(lens.base, pose.point)) < 0.0:
         pose = replace(pose, axis_deg=pose.axis_deg + 180.0)
     meets = _check_ahead(f"network.emitters[{number}]", placed, pose, body)
-    motion = next((one for one in design.network.motion if one.part == placed.name), None)
+    motion = next((motion for motion in design.network.motion if motion.part == placed.name), None)
     centre = pose.point
     pose = replace(pose, point=along(centre, right_of(heading(pose.axis_deg)), table.offset_mm))
     pose = replace(pose, width_mm=pose.width_mm or table.width_mm)

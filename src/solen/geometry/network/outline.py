@@ -93,8 +93,8 @@ class Walk:
         lacking = (run.curve, run.high, 1.0) if from_end else (run.curve, 0.0, run.low)
         begins_mm = Measure(lacking[0].part(*lacking[1:])).length_mm if lacking[1] < lacking[2] else 0.0
         whole = Face(f"{name}-{side}", rest, from_end=from_end, begins_mm=begins_mm)
-        on_it: list[Part] = [one for one in network.lenses if (one.guide, one.side) == key]
-        on_it += [one for one in network.receivers if (one.guide, one.side) == key]
+        on_it: list[Part] = [lens for lens in network.lenses if (lens.guide, lens.side) == key]
+        on_it += [receiver for receiver in network.receivers if (receiver.guide, receiver.side) == key]
         for emitter in network.emitters:
             if (emitter.guide, emitter.side) == key:
                 self.frames[emitter.name] = self._on_side(whole, emitter.at_mm or 0.0, 0.0, emitter)[0]
@@ -110,7 +110,7 @@ class Walk:
         if motion is None:
             return pose
         lens = self.plan.lenses[placed.lens] if placed.lens else None
-        node = next((one.node for one in self.plan.network.lenses if one.name == placed.lens), placed.node)
+        node = next((lens.node for lens in self.plan.network.lenses if lens.name == placed.lens), placed.node)
         base = frame.point((0.0, 0.0 if lens is None else lens.depth_mm))
         pivot = self._pivot(motion, node, frame.point((0.0, -distance_mm)), base)
         return pose.moved(Rigid.about(pivot, motion.at_deg))
@@ -137,7 +137,9 @@ class Walk:
         frame = _frame(base, inward, lens.depth_mm)
         motion = self._turn(placed.name, "lenses")
         if motion is not None:
-            distance_mm = next((one.distance_mm for one in self.plan.network.emitters if one.lens == placed.name), None)
+            distance_mm = next(
+                (emitter.distance_mm for emitter in self.plan.network.emitters if emitter.lens == placed.name), None
+            )
             before = frame.point((0.0, -(distance_mm or self.plan.distance_mm)))
             turn = Rigid.about(self._pivot(motion, placed.node, before, base), motion.at_deg)
             rest, frame = lens.front.moved(frame), composed(frame, turn)
@@ -259,8 +261,8 @@ class Walk:
     def _turn(self, name: str, kind: str) -> NamedMotion | None:
         """Motion that turns a part; None if the part is at rest."""
         names = {one.name for one in getattr(self.plan.network, kind)}
-        turns = [one for one in self.plan.network.motion if one.kind == "rotation" and one.part == name]
-        return next((one for one in turns if name in names and one.at_deg != 0.0), None)
+        turns = [motion for motion in self.plan.network.motion if motion.kind == "rotation" and motion.part == name]
+        return next((turn for turn in turns if name in names and turn.at_deg != 0.0), None)
 
     def _check_alone(self, number: int, node: str, placed: list[Part]) -> None:
         """Raise `DesignError` if two parts are on one end."""

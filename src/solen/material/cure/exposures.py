@@ -164,7 +164,7 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
     """
     recordings = [chosen_rows(each, options) for each in recordings]
     beside = [note for each in recordings for note in _unused(each, options)]
-    layers = sorted((one for each in recordings for one in samples_of(each)), key=lambda one: one.exposure_s)
+    layers = sorted((sample for each in recordings for sample in samples_of(each)), key=lambda one: one.exposure_s)
     seconds = np.array([layer.exposure_s for layer in layers])
     if (kinds := len(set(seconds.tolist()))) < 2:
         raise DataError("exposures", value=kinds, limit="a trend needs at least two exposures")
@@ -347,7 +347,9 @@ def _warnings(
         warnings.append(note("R was not measured: transmittance alone does not determine the change of the index"))
     elif thickness_um is None:
         warnings.append(note("the index needs --thickness-um"))
-    elif fringed := [one.name for one in layers if one.reflectance is not None and one.interferes(thickness_um)]:
+    elif fringed := [
+        layer.name for layer in layers if layer.reflectance is not None and layer.interferes(thickness_um)
+    ]:
         warnings.append(
             look_at(f"no index for {', '.join(fringed)}: fringes were detected; solen resin index fits them")
         )

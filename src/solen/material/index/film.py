@@ -110,7 +110,11 @@ def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Ki
     p, cost = min(solutions, key=lambda one: one[1])
     place = model.names["ln_optical"]
     order = 0.5 / np.sqrt(model.middle) / model.optical_um
-    rivals = [one for one in solutions if one[1] < cost + _APART and abs(one[0][place] - p[place]) > order / 4.0]
+    rivals = [
+        solution
+        for solution in solutions
+        if solution[1] < cost + _APART and abs(solution[0][place] - p[place]) > order / 4.0
+    ]
     return _film(model, p, cost, rivals)
 
 

@@ -97,7 +97,7 @@ class FilmModel:
         self.size = self.last_k + self.hats.shape[1] * bool(measured.bare)
         self.blocks = {**measured.readings, **{f"bare_{kind}": one for kind, one in measured.bare.items()}}
         self.scatter = {kind: np.full(nm.size, _STATED_U) for kind in self.blocks}
-        common = {kind: np.mean((one.u_common**2).sum(axis=0)) for kind, one in measured.readings.items()}
+        common = {kind: np.mean((reading.u_common**2).sum(axis=0)) for kind, reading in measured.readings.items()}
         self.u_off = {kind: max(float(np.sqrt(variance)), 1e-6) for kind, variance in common.items()}
 
     def start(self, phase: Phase) -> FloatArray:
@@ -293,7 +293,7 @@ class FilmModel:
             product = (both - uniform_filter1d(both, width)) * carrier
             return uniform_filter1d(product.real, width) + 1j * uniform_filter1d(product.imag, width)
 
-        read = wave({kind: one.value for kind, one in self.measured.readings.items()})
+        read = wave({kind: reading.value for kind, reading in self.measured.readings.items()})
         turn = np.unwrap(np.angle(read * np.conj(wave(spectra))))
         weight = np.abs(read)[:, None]
         turn -= 2.0 * np.pi * np.round(turn[np.argmax(weight)] / (2.0 * np.pi))
@@ -312,8 +312,8 @@ class FilmModel:
         ``widened`` is the largest `widening` still attributed to noise without repeats.
         """
         spectra = self.spectra(p)
-        left = [float(np.mean((one.value - spectra[kind]) ** 2)) for kind, one in self.blocks.items()]
-        known = [float(np.mean(one.u_random**2)) for one in self.blocks.values()]
+        left = [float(np.mean((block.value - spectra[kind]) ** 2)) for kind, block in self.blocks.items()]
+        known = [float(np.mean(block.u_random**2)) for block in self.blocks.values()]
         if any(known):
             return any(0.0 < scatter < off / _BEYOND for off, scatter in zip(left, known, strict=True))
         return self.widening(p) > widened

@@ -200,7 +200,7 @@ def _delivered(
     _check_delivered(kind, best, model, points)
     if isinstance(model, Cauchy):
         model = _with_model_uncertainty(
-            model, {count: one for count, one in models.items() if isinstance(one, Cauchy)}, scores
+            model, {count: model for count, model in models.items() if isinstance(model, Cauchy)}, scores
         )
     residuals = np.full(points.given, np.nan)
     residuals[points.order] = best.residuals

@@ -220,7 +220,7 @@ class TwoPoles(Form):
         values = np.exp(inner)
         spread = np.outer(values, values) * covariance
         order = [0, 1, 2, 3] if values[2] <= values[3] else [1, 0, 3, 2]
-        b1, b2, c1, c2 = (float(one) for one in values[order])
+        b1, b2, c1, c2 = (float(value) for value in values[order])
         return Sellmeier(
             B=(b1, b2), C_um2=(c1, c2), covariance=covariance_rows(spread[np.ix_(order, order)]), valid_nm=span_nm
         )

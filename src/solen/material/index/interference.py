@@ -118,7 +118,7 @@ def fringed(
     if not phases:
         return _spectrum(measured, fit_levels(measured, level), by_levels=False, mode=JOINT), None
     film = fit_film(measured, level, phases, kind)
-    left = {kind: one.value - film.fitted[kind] for kind, one in readings.items()}
+    left = {kind: reading.value - film.fitted[kind] for kind, reading in readings.items()}
     by_levels = bool(fringes_of(wavelength_nm, left, thickness))
     if by_levels:
         _refuse_form(measured, film, fit_film(measured, level, phases) if kind in {"cauchy", "sellmeier"} else None)
@@ -130,7 +130,7 @@ def _refuse_form(measured: Measured, film: Film, other: Film | None) -> None:
     """Raise `DataError` if a requested form of n leaves fringes and another one leaves none."""
     if other is None or other.form == film.form:
         return
-    left = {kind: one.value - other.fitted[kind] for kind, one in measured.readings.items()}
+    left = {kind: reading.value - other.fitted[kind] for kind, reading in measured.readings.items()}
     if fringes_of(measured.wavelength_nm, left, measured.thickness):
         return
     rms = [" and ".join(f"{value:.2g} in {kind}" for kind, value in one.residual.items()) for one in (film, other)]
@@ -140,7 +140,7 @@ def _refuse_form(measured: Measured, film: Film, other: Film | None) -> None:
 
 def _level(readings: Mapping[str, Reading]) -> float:
     """Return an initial index from the median levels of T and R."""
-    middle = {kind: float(np.median(one.value)) for kind, one in readings.items()}
+    middle = {kind: float(np.median(reading.value)) for kind, reading in readings.items()}
     if set(middle) == {"T", "R"}:
         n = float(invert(middle["R"], middle["T"], 25.0, 600.0).n)
     else:
@@ -172,7 +172,7 @@ def _spectrum(
     fine = np.full(nm.size, int(Why.FINE), dtype=np.int8)
     small = film.k <= k.bound(THREE_SIGMAS)
     no_k = np.where(small, Why.SMALL, fine).astype(np.int8)
-    values = {kind: one.value for kind, one in measured.readings.items()}
+    values = {kind: reading.value for kind, reading in measured.readings.items()}
     return IndexSpectrum(
         mode=mode,
         measurement=True,
@@ -233,7 +233,7 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
                 "and the fringes determine the thickness"
             )
         )
-    unknown = [kind for kind, one in measured.readings.items() if not one.u_common.any()]
+    unknown = [kind for kind, reading in measured.readings.items() if not reading.u_common.any()]
     if unknown:
         options = " and ".join(f"--u-{kind}" for kind in unknown)
         found.append(
@@ -243,4 +243,4 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
         found.append(
             look_at("R was not measured: n depends on the contrast of the fringes and on the thickness; measure R too")
         )
-    return [*found, *(remark for one in measured.readings.values() for remark in one.remarks)]
+    return [*found, *(remark for reading in measured.readings.values() for remark in reading.remarks)]

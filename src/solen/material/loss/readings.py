@@ -178,7 +178,7 @@ def _unit(channel: Channel, stated: str | None) -> tuple[str, list[Caution]]:
 def _texts(recording: Recording, complete: BoolArray, names: Sequence[str]) -> tuple[list[str], list[str] | None]:
     """Return the column that labels the rows and its texts; None if there is none or it is empty."""
     texts = recording.label(*names)
-    column = [name for name, one in recording.texts.items() if one is texts]
+    column = [name for name, text in recording.texts.items() if text is texts]
     if texts is None and (channel := recording.find(*names)) is not None:
         column, texts = [channel.name], tuple("" if math.isnan(value) else f"{value:g}" for value in channel.values)
     if texts is None or not any(texts):

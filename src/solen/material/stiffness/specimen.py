@@ -66,7 +66,7 @@ class Dimensions(Options):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         statements = [self.area_mm2, self.diameter_mm, self.cube_mm, self.strip_width_mm or self.thickness_mm]
-        if sum(one is not None for one in statements) > 1:
+        if sum(statement is not None for statement in statements) > 1:
             raise refused("area_mm2", "the cross-section is stated in more than one way", remedy="keep one of them")
         if (self.strip_width_mm is None) != (self.thickness_mm is None):
             raise refused("strip_width_mm", "a cross-section needs both --strip-width-mm and --thickness-mm")

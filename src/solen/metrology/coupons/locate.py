@@ -228,7 +228,7 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, mos
         remedy = "check --coupon and --um-per-px, and that the marks or the largest features are in the picture"
         raise DataError(what, limit=limit, remedy=remedy)
     best = guesses[0]
-    _check_clear(best, guesses, places([one for one in features if one.kind != "mark"]), what, coupon.name)
+    _check_clear(best, guesses, places([feature for feature in features if feature.kind != "mark"]), what, coupon.name)
     flipped = [guess.cost for guess in guesses if guess.pose.mirrored != best.pose.mirrored]
     oriented = not flipped or min(flipped) - best.cost >= CLEAR
     return Location(best.pose, best.bright, tuple(features[i].name for i, _ in best.pairs), oriented, best.rms_mm)

@@ -111,17 +111,17 @@ class CouponMeasurement(Result):
     @reported
     def features(self) -> list[MeasuredSize]:
         """Pillars, holes, gaps and steps, resolved or not, for the calibration of a printer."""
-        return [one for one in self.measured if one.kind in CALIBRATES and one.resolved is not None]
+        return [feature for feature in self.measured if feature.kind in CALIBRATES and feature.resolved is not None]
 
     @reported
     def undecided(self) -> list[MeasuredSize]:
         """Features that the picture does not show well enough, with the reason."""
-        return [one for one in self.measured if one.kind in CALIBRATES and one.resolved is None]
+        return [feature for feature in self.measured if feature.kind in CALIBRATES and feature.resolved is None]
 
     @reported
     def marks(self) -> list[MeasuredSize]:
         """The marks that orient the picture."""
-        return [one for one in self.measured if one.kind == "mark"]
+        return [feature for feature in self.measured if feature.kind == "mark"]
 
 
 def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
@@ -136,7 +136,7 @@ def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
     what, px_per_mm = image.provenance.file, 1e3 / image.scale.um_per_px
     _check_kind(coupon, image, what)
     blocks = not any(feature.round for feature in coupon.features)
-    columns = [one for one in coupon.features if one.kind in {"pillar", "mark"}] if z_mm is not None else []
+    columns = [feature for feature in coupon.features if feature.kind in {"pillar", "mark"}] if z_mm is not None else []
     if not isinstance(image, ZMap):
         location = locate(image.grey, coupon, px_per_mm, what)
     elif blocks:
@@ -148,7 +148,7 @@ def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
     discs, reasons, blur = ({}, {}, None) if blocks else fits.checked()
     gaps = {gap.name: fit for gap in coupon.gaps if (fit := _fitted_gap(image, gap, discs)) is not None}
     heights = {column.name: height_of(z_mm, coupon, column, location.pose) for column in columns if z_mm is not None}
-    measured = [_round(one, discs, reasons, image.scale) for one in coupon.features if one.round]
+    measured = [_round(feature, discs, reasons, image.scale) for feature in coupon.features if feature.round]
     measured += [_gap(gap, coupon, gaps, discs, reasons, image.scale) for gap in coupon.gaps]
     measured += steps_of(coupon, heights, image.u_z_relative) if isinstance(image, ZMap) else []
     ratio, u_ratio = _pitch(coupon, discs, px_per_mm)

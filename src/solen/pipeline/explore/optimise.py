@@ -72,5 +72,5 @@ def _front_files(front: Front, out: Path, stem: str) -> dict[str, Path]:
     """Return the files of a front's designs, which replace those of an earlier front."""
     for old in out.glob(f"{stem}-front-*.toml"):
         files.remove(old)
-    paths = {one.number: out / f"{stem}-front-{one.number}.toml" for one in front.designs}
-    return {f"design {one.number}": save(paths[one.number], one.design) for one in front.designs}
+    paths = {design.number: out / f"{stem}-front-{design.number}.toml" for design in front.designs}
+    return {f"design {design.number}": save(paths[design.number], design.design) for design in front.designs}

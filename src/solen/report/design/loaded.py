@@ -141,7 +141,7 @@ def _draw_strain(axes: Axes, state: LoadedState) -> TriMesh:
 
 def _draw_forces(axes: Axes, state: LoadedState) -> None:
     """Draw the forces of holds and loads on the body as arrows, each at the middle of its nodes or at its centre."""
-    sizes = [float(np.hypot(*one.force_N)) for one in state.deformed.reactions]
+    sizes = [float(np.hypot(*reaction.force_N)) for reaction in state.deformed.reactions]
     largest = max(sizes, default=0.0)
     for reaction, size in zip(state.deformed.reactions, sizes, strict=True):
         if size < 0.02 * largest or size == 0.0:

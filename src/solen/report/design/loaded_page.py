@@ -108,4 +108,7 @@ def _finger(press: Press) -> str:
 
 
 def _reactions(state: LoadedState) -> list[tuple[str | float, ...]]:
-    return [(one.name, *one.force_N, one.moment_Nmm, *one.about_mm) for one in state.deformed.reactions]
+    return [
+        (reaction.name, *reaction.force_N, reaction.moment_Nmm, *reaction.about_mm)
+        for reaction in state.deformed.reactions
+    ]

@@ -191,14 +191,14 @@ def _draw_changes(axes: Axes, result: NetworkSensitivities) -> None:
 
 def _draw_combinations(axes: Axes, found: Determination) -> None:
     """Draw the fractions of the motions in each combination, and how well it is determined."""
-    rows = np.array([list(one.shares.values()) for one in found.combinations])
+    rows = np.array([list(combination.shares.values()) for combination in found.combinations])
     axes.imshow(rows, cmap="PuOr", vmin=-1.0, vmax=1.0, aspect="auto")
     for (row, column), share in np.ndenumerate(rows):
         colour = "white" if abs(share) > DARK else INK
         axes.text(column, row, f"{share:+.2f}", ha="center", va="center", color=colour)
     sds = [
-        f"standard\ndeviation\n{one.sd_deg:.2g}°" if one.is_determined else "not\ndetermined"
-        for one in found.combinations
+        f"standard\ndeviation\n{combination.sd_deg:.2g}°" if combination.is_determined else "not\ndetermined"
+        for combination in found.combinations
     ]
     axes.set_yticks(range(len(sds)), sds)
     axes.set_xticks(range(len(found.motions)), found.motions, rotation=30, ha="right")

@@ -70,5 +70,5 @@ def _parts(study: NetworkStudy) -> list[tuple[str, str, str]]:
         if receiver.guide:
             where = f"{receiver.side} side of {receiver.guide}, {receiver.from_mm} to {receiver.to_mm} mm"
         rows.append((receiver.name, "receiver", where))
-    ranges = ((one, f"{one.from_deg:g}° to {one.to_deg:g}°") for one in network.motion)
+    ranges = ((motion, f"{motion.from_deg:g}° to {motion.to_deg:g}°") for motion in network.motion)
     return [*rows, *((one.name, "motion", f"{one.kind} of {one.part}, {angles}") for one, angles in ranges)]

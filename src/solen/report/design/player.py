@@ -24,8 +24,13 @@ LARGEST = 32_000
 
 def html(found: Sliders) -> str:
     """Return the page of a grid of sliders."""
-    pictures = [one for point in found.points if point is not None for one in point.pictures]
-    reach = max(float(np.abs(part).max()) for one in pictures for part in (one.outline, one.rays[:, :4]) if part.size)
+    pictures = [picture for point in found.points if point is not None for picture in point.pictures]
+    reach = max(
+        float(np.abs(part).max())
+        for picture in pictures
+        for part in (picture.outline, picture.rays[:, :4])
+        if part.size
+    )
     whole: list[np.ndarray[Any, Any]] = []
     points = [None if point is None else _point(point, reach / LARGEST, whole) for point in found.points]
     head = {
@@ -51,7 +56,7 @@ def _point(point: Slid, step_mm: float, whole: list[np.ndarray[Any, Any]]) -> di
         "u": np.round(response.u_contrast, 6),
         "merits": point.curve.merits,
         "misleading": point.misleading,
-        "pictures": [_picture(one, step_mm, whole) for one in point.pictures],
+        "pictures": [_picture(picture, step_mm, whole) for picture in point.pictures],
     }
 
 

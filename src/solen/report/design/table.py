@@ -26,5 +26,5 @@ def csv_text(heads: Iterable[str], rows: Iterable[Iterable[str | float]]) -> str
     writer.writerow(heads)
     for row in rows:
         cells = (one if isinstance(one, str) else float(one) for one in row)
-        writer.writerow("" if one != one else one if isinstance(one, str) else repr(one) for one in cells)
+        writer.writerow("" if cell != cell else cell if isinstance(cell, str) else repr(cell) for cell in cells)
     return text.getvalue()

@@ -126,8 +126,8 @@ def front_figure(result: Front) -> Figure:
     _designs(axes, [result.before], fmt="s", color=LEFT, ms=7, label="before")
     side = -1 if result.designs[-1].goals[1] > result.designs[0].goals[1] else 1  # the side away from the front
     look: dict[str, Any] = {"textcoords": "offset points", "ha": "right" if side < 0 else "left", "color": RIGHT}
-    for one in result.designs:
-        axes.annotate(str(one.number), (one.goals[0], one.goals[1]), xytext=(6 * side, 5), **look)
+    for design in result.designs:
+        axes.annotate(str(design.number), (design.goals[0], design.goals[1]), xytext=(6 * side, 5), **look)
     words = [goal.partition(" ") for goal in result.goals]
     axes.set_xlabel(f"{words[0][2]} ({words[0][0]})")
     axes.set_ylabel(f"{words[1][2]} ({words[1][0]})")
@@ -139,5 +139,5 @@ def front_figure(result: Front) -> Figure:
 
 def _designs(axes: Axes, designs: Sequence[FrontDesign], **look: Any) -> None:
     """Return the goals of the given designs with their uncertainties."""
-    goals, u = (np.array([getattr(one, name) for one in designs]).T for name in ("goals", "u_goals"))
+    goals, u = (np.array([getattr(design, name) for design in designs]).T for name in ("goals", "u_goals"))
     axes.errorbar(goals[0], goals[1], xerr=u[0], yerr=u[1], capsize=2, ecolor=INK, elinewidth=1.0, **look)

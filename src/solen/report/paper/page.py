@@ -18,7 +18,10 @@ def page(sections: Sequence[ReproducedFigure], missing: Sequence[str], folder: P
     verdicts = [row.verdict for section in sections for row in section.comparisons]
     return rendered(
         "reproduction.html",
-        sections=[(section, [_picture(folder / one.file, one) for one in section.drawings]) for section in sections],
+        sections=[
+            (section, [_picture(folder / drawing.file, drawing) for drawing in section.drawings])
+            for section in sections
+        ],
         counts={verdict: verdicts.count(verdict) for verdict in ("agrees", "differs", "cannot be checked")},
         missing=missing,
         number=number,

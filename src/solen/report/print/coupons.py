@@ -41,7 +41,9 @@ def _sequence(coupon: Coupon) -> Figure:
 
     Thicknesses are not to scale, but are labelled.
     """
-    base, layer = (next(one for one in coupon.features if one.stage == stage.name) for stage in coupon.stages)
+    base, layer = (
+        next(feature for feature in coupon.features if feature.stage == stage.name) for stage in coupon.stages
+    )
     film_mm = coupon.stages[1].z_offset_mm - base.height_mm
     stack = (
         ("base", f"base, {base.height_mm:g} mm", LOST, 1.0),

@@ -47,7 +47,7 @@ def fidelity_figure(measurement: CouponMeasurement) -> Figure:
     axes.set_title(title)
     for column, kind in enumerate(kinds):
         below = figure.add_subplot(grid[1, column])
-        features = [one for one in measurement.measured if one.kind == kind]
+        features = [feature for feature in measurement.measured if feature.kind == kind]
         if kind == "step":
             _steps(below, measurement.layout, features)
         else:
@@ -57,7 +57,7 @@ def fidelity_figure(measurement: CouponMeasurement) -> Figure:
 
 def _shown(measurement: CouponMeasurement) -> list[str]:
     """Return the kinds of features with varying sizes, which are drawn."""
-    measured = {one.kind for one in measurement.measured if one.measured_mm is not None}
+    measured = {feature.kind for feature in measurement.measured if feature.measured_mm is not None}
     kinds = [kind for kind in WHAT if kind in measured]
     return [kind for kind in kinds if kind != "pillar" or not measured & {"gap", "step"}]
 
@@ -91,8 +91,8 @@ def _upright(measurement: CouponMeasurement) -> tuple[FloatArray, tuple[float, f
 
 def _overlay(axes: Axes, measurement: CouponMeasurement) -> None:
     """Draw circles around discs, crosses where nothing was printed, bars over gaps, and heights."""
-    coupon, by_name = measurement.layout, {one.name: one for one in measurement.measured}
-    for feature in (one for one in coupon.features if one.round and one.name in by_name):
+    coupon, by_name = measurement.layout, {feature.name: feature for feature in measurement.measured}
+    for feature in (feature for feature in coupon.features if feature.round and feature.name in by_name):
         at, disc = (feature.x_mm, feature.y_mm), measurement.discs.get(feature.name)
         if disc is not None:
             colour = LOST if feature.kind == "mark" else RIGHT

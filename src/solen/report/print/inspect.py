@@ -90,12 +90,12 @@ def _picture(axes: Axes, inspection: LensInspection) -> None:
 def _rivals(inspection: LensInspection) -> list[ComparedDesign]:
     """Return the compared designs, without the lens's own."""
     own = inspection.outline.chosen.registration.rms_um
-    return [one for one in inspection.designs.values() if abs(one.registration.rms_um - own) >= 1e-6 * own]
+    return [design for design in inspection.designs.values() if abs(design.registration.rms_um - own) >= 1e-6 * own]
 
 
 def _own_name(inspection: LensInspection) -> str:
     """Return the design's name, and its label in the comparison: its index, if the others differ in index."""
-    rivals = {one.name for one in _rivals(inspection)}
+    rivals = {rival.name for rival in _rivals(inspection)}
     own = [name for name in inspection.designs if name not in rivals]
     return ", ".join(dict.fromkeys((inspection.nominal.name, *own)))
 

@@ -19,9 +19,9 @@ def layers_figure(prediction: PrintedLayers) -> Figure:
         faces.append(("compensated", prediction.compensated, prediction.compensated_rms_um))
     figure = Figure(figsize=(3.4 * len(faces) + 4.4, 3.9))
     axes = figure.subplots(1, len(faces) + 1, squeeze=False)[0]
-    for one, (name, face, rms_um) in zip(axes, faces, strict=False):
-        _draw_face(figure, one, prediction, face)
-        one.set_title(f"{name}: {rms_um:.3g} µm rms")
+    for axis, (name, face, rms_um) in zip(axes, faces, strict=False):
+        _draw_face(figure, axis, prediction, face)
+        axis.set_title(f"{name}: {rms_um:.3g} µm rms")
     _draw_responses(axes[-1], prediction)
     figure.suptitle(f"simulated: {prediction.name}, {prediction.layers} layers ({prediction.process})")
     return figure
@@ -47,11 +47,11 @@ def _draw_responses(axes: Axes, prediction: PrintedLayers) -> None:
         axes.set_axis_off()
         axes.text(0.5, 0.5, "no response traced", ha="center", va="center", color=LOST)
         return
-    names = list(dict.fromkeys(one.name.split(", ")[0] for one in prediction.responses))
+    names = list(dict.fromkeys(response.name.split(", ")[0] for response in prediction.responses))
     styles = {"designed": ":", "printed": "-", "compensated": "--"}
-    for one in prediction.responses:
-        lens, how = one.name.split(", ")
+    for response in prediction.responses:
+        lens, how = response.name.split(", ")
         colour = INK if lens == names[0] else series(names.index(lens))["color"]
-        axes.plot(one.angle_deg, one.contrast, color=colour, ls=styles[how], lw=1.6, label=one.name)
+        axes.plot(response.angle_deg, response.contrast, color=colour, ls=styles[how], lw=1.6, label=response.name)
     axes.set(xlabel="angle (deg)", ylabel="contrast (R − L)/(R + L)", ylim=(0.0, 1.05))
     axes.legend()

@@ -95,7 +95,7 @@ def network_check(design: Design) -> NetworkCheck:
         emitters=tuple(_emitter(sensor) for sensor in sensors),
         receivers=receivers_of(sensors),
         motions=tuple(motion.name for motion in network.motion),
-        readings={one.name: one.value for one in network.reading},
+        readings={reading.name: reading.value for reading in network.reading},
         faces=tuple(face.name for face in (*body.all_faces, *body.apart)),
         area_mm2=body.area_mm2(),
         warnings=warnings_of(sensors),

@@ -83,7 +83,7 @@ class Determination(Result):
     @reported
     def rank(self) -> int:
         """Number of combinations that the readings determine."""
-        return sum(one.is_determined for one in self.combinations)
+        return sum(combination.is_determined for combination in self.combinations)
 
     def improves_on(self, other: "Determination") -> bool:
         """Return whether it determines more combinations, or the worst motion better beyond both uncertainties."""
@@ -153,7 +153,7 @@ def determined(
         Combination(dict(zip(motions, row.tolist(), strict=True)), float(value), float(u))
         for row, value, u in zip(rows, singular, u_singular, strict=True)
     )
-    kept = np.array([one.is_determined for one in combinations], dtype=bool)
+    kept = np.array([combination.is_determined for combination in combinations], dtype=bool)
     scaled = rows[kept] / singular[kept, None]
     covariance_deg2 = scaled.T @ scaled
     variance = np.diag(covariance_deg2)
@@ -195,12 +195,16 @@ def _has_share(rows: FloatArray, singular: FloatArray, u_singular: FloatArray, k
 
 def in_words(found: Determination) -> Iterator[str]:
     """Yield sentences about combinations of motions that readings do not determine."""
-    lost = [one for one in found.combinations if not one.is_determined]
+    lost = [combination for combination in found.combinations if not combination.is_determined]
     if not lost:
         return
     shares = {name: share for name, share in lost[0].shares.items() if abs(share) >= SHOWN}
     if len(lost) > 1:
-        known = "; ".join(f"{words(one)} to ± {one.sd_deg:.2g}°" for one in found.combinations if one.is_determined)
+        known = "; ".join(
+            f"{words(combination)} to ± {combination.sd_deg:.2g}°"
+            for combination in found.combinations
+            if combination.is_determined
+        )
         count = f"{found.rank} combination{'s' * (found.rank != 1)}"
         yield f"of the {len(found.motions)} motions only {count} can be measured: {known or 'none'}"
     elif len(shares) == 1:

@@ -118,7 +118,11 @@ def _places(design: Design) -> Iterator[Trial]:
 
 def _on_sides(design: Design) -> Iterator[Trial]:
     """Yield parts that can be added to the sides of guides."""
-    lengths = [one.to_mm - one.from_mm for one in design.network.receivers if one.to_mm and one.from_mm is not None]
+    lengths = [
+        receiver.to_mm - receiver.from_mm
+        for receiver in design.network.receivers
+        if receiver.to_mm and receiver.from_mm is not None
+    ]
     width = median(lengths) if lengths else WIDTH_MM
     for name, way in at_rest(design).paths.items():
         for side, wall in way.walls.items():

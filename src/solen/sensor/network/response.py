@@ -186,7 +186,7 @@ def response_of(
         return [_traced(sensor, tolerance, lattice) for sensor in sensors]
 
     rows = on_threads(traced, designs, progress)
-    return _response(in_turn(designs[0]), [[one.at_deg for one in each.network.motion] for each in designs], rows)
+    return _response(in_turn(designs[0]), [[motion.at_deg for motion in each.network.motion] for each in designs], rows)
 
 
 def _traced(sensor: Sensor, tolerance: float, lattice: int) -> Trace:
@@ -217,7 +217,7 @@ def _response(
         emitters=names,
         receivers=receivers,
         angle_deg=np.array(angles_deg, dtype=float).reshape(len(traces), len(motions)),
-        readings=tuple(one.name for one in network.reading),
+        readings=tuple(reading.name for reading in network.reading),
         power=power,
         u_power=u_power,
         reading=reading,

@@ -69,14 +69,14 @@ def circuits_of(design: Design) -> tuple[Circuit, ...]:
     """Return each emitter's circuit with typical parts; raises the errors of `solen.readout.circuit_of`."""
     sensors = in_turn(design)
     areas = face_areas_mm2(design, sensors[0].body())
-    named = {one.name: areas[one.name] for one in design.network.receivers}
+    named = {receiver.name: areas[receiver.name] for receiver in design.network.receivers}
     return tuple(circuit_of(sensor.design, named) for sensor in sensors)
 
 
 def received_by(designs: Sequence[Design], power: FloatArray) -> FloatArray:
     """Return fractions (states, emitters, receivers) converted to current, from powers of designs at rest."""
     power = np.maximum(power, 0.0)
-    names = [one.name for one in designs[0].network.receivers]
+    names = [receiver.name for receiver in designs[0].network.receivers]
     sensors = [in_turn(design) for design in designs]
     if all(Acceptance.of(sensor).is_flat for sensor in sensors[0]):
         return power
@@ -105,12 +105,12 @@ def network_signals(designs: Sequence[Design], power: FloatArray, u_power: Float
     circuits, received = circuits_of(designs[0]), received_by(designs, power)
     stated = designs[0].readout
     ambient, warm = stated.ambient_mw_cm2, stated.temperature_c
-    each = [(one, received[:, i]) for i, one in enumerate(circuits)]
+    each = [(circuit, received[:, i]) for i, circuit in enumerate(circuits)]
     dark = np.zeros(len(circuits[0].names))
     slope = np.stack([one.slope_V(shares, ambient, warm) for one, shares in each], axis=1)
     sd_off = noise(circuits[0], dark, ambient, warm).reading_V
     return Signals(
-        emitters=tuple(one.name for one in designs[0].network.emitters),
+        emitters=tuple(emitter.name for emitter in designs[0].network.emitters),
         receivers=circuits[0].names,
         received=received,
         voltage_V=np.stack([volts(shares, one, ambient, warm) for one, shares in each], axis=1),

@@ -138,7 +138,7 @@ def network_sensitivities(
     if not rows:
         key, why = next(iter(skipped.items()))
         raise SpecError(key, limit=why, remedy="name other keys")
-    motions = {f"network.motion[{i}].at_deg": one.name for i, one in enumerate(design.network.motion)}
+    motions = {f"network.motion[{i}].at_deg": motion.name for i, motion in enumerate(design.network.motion)}
     moved = [(motions[row.key], row) for row in rows if row.key in motions]
     here, by_voltages, by_readings = _determined(design, moved, tolerance) if moved else (None, None, None)
     unread = dict.fromkeys(text for row in rows for text in unread_in(row.ends))

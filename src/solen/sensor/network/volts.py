@@ -114,8 +114,10 @@ def network_volts(design: Design, progress: Progress | None = None, tolerance: f
     in_space, dark_V = design.trace.dimension == "extruded", float(every.off_V.max())
     reasons = [
         text
-        for sensor, one in zip(sensors, circuits, strict=True)
-        for text in cautions(one, advice, sensor.light.wavelength_nm, dark_V, in_space=in_space, emitters=len(circuits))
+        for sensor, circuit in zip(sensors, circuits, strict=True)
+        for text in cautions(
+            circuit, advice, sensor.light.wavelength_nm, dark_V, in_space=in_space, emitters=len(circuits)
+        )
     ]
     coarse = [f"{name}: {text}" for name, one in by_motion.items() for text in _coarse(one)]
     return NetworkVolts(
@@ -174,7 +176,7 @@ def _of(signals: Signals, places: list[int]) -> Signals:
 
 def _as_by_first(circuits: tuple[Circuit, ...], received: FloatArray) -> FloatArray:
     """Return the fractions (states·emitters, receivers) of the first emitter's power equal to those of each."""
-    brightness = np.array([one.drive.typical_mW / circuits[0].drive.typical_mW for one in circuits])
+    brightness = np.array([circuit.drive.typical_mW / circuits[0].drive.typical_mW for circuit in circuits])
     return np.asarray((received * brightness[:, None]).reshape(-1, received.shape[-1]))
 
 
