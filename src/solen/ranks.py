@@ -59,8 +59,8 @@ def of(name: str, caution: Caution) -> Caution:
 
 def rank_of(text: str) -> str:
     """Return the rank stated in a warning, at its beginning or after its names."""
-    found = _STATED.search(text)
-    return found[1] if found else LOOK_AT
+    match = _STATED.search(text)
+    return match[1] if match else LOOK_AT
 
 
 def unranked(text: str) -> str:

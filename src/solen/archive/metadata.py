@@ -46,11 +46,11 @@ class Author:
         """Return the author of ``Name`` or ``Name <ORCID>``; raise `SpecError` if the identifier is not valid."""
         name, _, rest = text.partition("<")
         given = rest.rstrip(" >")
-        found = _ORCID.fullmatch(given.strip())
-        if not name.strip() or (given and not (found and _check_digit(found[1]))):
+        match = _ORCID.fullmatch(given.strip())
+        if not name.strip() or (given and not (match and _check_digit(match[1]))):
             limit, remedy = "must be a name, or a name with a valid ORCID", 'write "NAME" or "NAME <ORCID>"'
             raise SpecError("--author", value=text, limit=limit, remedy=remedy)
-        return cls(name.strip(), found[1] if found else "")
+        return cls(name.strip(), match[1] if match else "")
 
 
 def _check_digit(orcid: str) -> bool:

@@ -120,12 +120,12 @@ class GrblStage(GcodeStage):
             if line.startswith("ALARM:"):
                 raise self._refusal(f"raised {line}", "check the stage")
             if line.startswith("<"):
-                found = _STATUS.match(line)
-                places = found[2].split(",") if found else []
-                if found is None or len(places) <= self._place:
+                match = _STATUS.match(line)
+                places = match[2].split(",") if match else []
+                if match is None or len(places) <= self._place:
                     raise self._refusal(f"answered {line!r}", "let it report machine positions: $10=1")
                 self._lines.owed = False
-                return found[1], float(places[self._place])
+                return match[1], float(places[self._place])
         raise self._refusal(
             f"answered {line[:40]!r}, which is not a state",
             "check that the controller runs GRBL and that the baud rate is correct",

@@ -64,10 +64,10 @@ class MarlinStage(GcodeStage):
         if not self._settled():
             return math.nan
         text = " ".join(self._command("M114"))
-        found = re.search(rf"\b{self._axis}:(-?[\d.]+)", text)
-        if found is None:
+        match = re.search(rf"\b{self._axis}:(-?[\d.]+)", text)
+        if match is None:
             raise self._refusal(f"answered {text!r} to M114", "check that it runs Marlin, and the baud rate")
-        return float(found[1])
+        return float(match[1])
 
     def on_target(self) -> bool:
         """Whether the axis has come to rest at the target; raise `BenchError` if its limits prevented that."""

@@ -148,15 +148,15 @@ class ZaberStage(LineStage):
         self._send(self._line(text))
         while (line := self._lines.next().strip())[:1] in {"!", "#"}:
             pass
-        found = _REPLY.match(line)
-        if found is None or (int(found[1]), found[2]) != self._to:
+        match = _REPLY.match(line)
+        if match is None or (int(match[1]), match[2]) != self._to:
             raise self._refusal(
                 f"answered {line!r} to {text}", "check the address, the axis and the baud rate (115200)"
             )
         self._lines.owed = False
-        if found[3] == "RJ":
-            raise self._refusal(f"{text}: refused, {found[6]}", "see the protocol's manual")
-        return Reply(found[4] == "IDLE", found[5], found[6] or "")
+        if match[3] == "RJ":
+            raise self._refusal(f"{text}: refused, {match[6]}", "see the protocol's manual")
+        return Reply(match[4] == "IDLE", match[5], match[6] or "")
 
     def _line(self, text: str) -> bytes:
         address, axis = self._to

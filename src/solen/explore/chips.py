@@ -25,9 +25,9 @@ MOST_REACH = 8.0
 def chips_of(design: Design, axes: Sequence[Axis]) -> tuple[Chip, ...]:
     """Return widths and decentres of a grid to be traced together; empty if that is impossible or saves no time."""
     values = {axis.key: axis.values for axis in axes}
-    own = Sensor.of(design)
-    widths = values.get(KEYS[0], (own.light.width_mm,))
-    offsets = values.get(KEYS[1], (own.design.emitter.offset_mm,))
+    sensor = Sensor.of(design)
+    widths = values.get(KEYS[0], (sensor.light.width_mm,))
+    offsets = values.get(KEYS[1], (sensor.design.emitter.offset_mm,))
     if not all(isinstance(value, int | float) for value in (*widths, *offsets)):
         return ()
     chips = tuple((float(width), float(offset)) for width, offset in product(widths, offsets))

@@ -64,8 +64,8 @@ class ContrastMerits:
     def merits(self, point: Point) -> dict[str, float]:
         """See `Measure`."""
         ((resolution, u),) = point.sd_deg.tolist()
-        found = merits_of(point.response(self.angle_deg), (resolution, u))
-        return {name: getattr(found, name) for name in NAMES}
+        merits = merits_of(point.response(self.angle_deg), (resolution, u))
+        return {name: getattr(merits, name) for name in NAMES}
 
     def warnings(self, points: Sequence[Point]) -> Iterator[str]:
         """See `Measure`."""

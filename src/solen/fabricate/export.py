@@ -102,8 +102,8 @@ class SolidFiles:
 def solid_files(design: Design, stem: str) -> SolidFiles:
     """Return the solid files of a design in the default formats for slicing programs; their names begin with a stem."""
     try:
-        made = Export(design, Sensor.of(design).body())
-        return SolidFiles({f"{stem}{FORMATS[kind].ending}": FORMATS[kind].write(made) for kind in USUAL})
+        export = Export(design, Sensor.of(design).body())
+        return SolidFiles({f"{stem}{FORMATS[kind].ending}": FORMATS[kind].write(export) for kind in USUAL})
     except SolenError as bad:
         return SolidFiles({}, str(bad))
 

@@ -213,13 +213,13 @@ def _wire(outline: tuple[Face, ...], height_mm: float) -> tuple[Any, Named]:
     wire, named = BRepBuilderAPI_MakeWire(), []
     for i, (piece, name) in enumerate(pieces):
         curve, length = _curve(piece, height_mm)
-        made = BRepBuilderAPI_MakeEdge(curve, corners[i], corners[(i + 1) % len(corners)], 0.0, length)
-        if not made.IsDone():
+        edge = BRepBuilderAPI_MakeEdge(curve, corners[i], corners[(i + 1) % len(corners)], 0.0, length)
+        if not edge.IsDone():
             raise DesignError(
                 name, limit="the CAD kernel cannot make an edge of it", remedy="simplify the outline there"
             )
-        wire.Add(made.Edge())
-        named.append((made.Edge(), name))
+        wire.Add(edge.Edge())
+        named.append((edge.Edge(), name))
     if not wire.IsDone():
         raise DesignError(outline[0].name, limit="the CAD kernel cannot join its outline")
     return wire.Wire(), named

@@ -354,8 +354,8 @@ def _from_residuals(fit: LinearFit, x: FloatArray, each: FloatArray) -> LinearFi
     rows = np.asarray(np.linalg.solve(x.T @ weighted, weighted.T), float)
     raised = 1.0 / np.maximum(1.0 - np.sum(x * rows.T, axis=1), _EXACT)
     covariance = (rows * (fit.residuals**2 * raised)) @ rows.T
-    known = Sandwich(x, rows, each, raised)
-    return replace(fit, covariance=covariance, known_by=known, least_df=LEAST_DF * fit.error_df)
+    sandwich = Sandwich(x, rows, each, raised)
+    return replace(fit, covariance=covariance, known_by=sandwich, least_df=LEAST_DF * fit.error_df)
 
 
 def _exact(squares: float, size: float, pulled: FloatArray) -> tuple[float, FloatArray]:

@@ -109,8 +109,8 @@ class ScaleOptions(Options):
             return data | _of_bar(data["bar"])
         if data.get("scale") is None:
             return data
-        found = read_scale(Path(data["scale"]))
-        return data | {"um_per_px": found.um_per_px, "u_um_per_px": found.u_um_per_px}
+        scale = read_scale(Path(data["scale"]))
+        return data | {"um_per_px": scale.um_per_px, "u_um_per_px": scale.u_um_per_px}
 
     @classmethod
     def _check_alone(cls, data: dict[str, Any], name: str) -> None:

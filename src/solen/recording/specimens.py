@@ -200,8 +200,8 @@ def _of_each(grid: Grid, rows: Sequence[int], names: Sequence[str], *, by_name: 
 
 def _number(name: str) -> str:
     """Return the number at the end of a name, without leading zeros; empty if there is none."""
-    found = re.search(r"(\d+)\W*$", name)
-    return "" if found is None else f"{int(found[1])}"
+    match = re.search(r"(\d+)\W*$", name)
+    return "" if match is None else f"{int(match[1])}"
 
 
 def _lines(grid: Grid, lists: Sequence[tuple[int, int, dict[int, int]]], number: int) -> Iterator[list[str]]:

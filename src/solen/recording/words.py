@@ -211,8 +211,8 @@ def stated_unit(text: str) -> bool:
 
 def is_mode(text: str) -> bool:
     """Whether a text is a spectrophotometer's mode such as ``%T``, both a unit and a name."""
-    found = _PERCENT.fullmatch(text.strip())
-    return found is not None and not found[4]
+    match = _PERCENT.fullmatch(text.strip())
+    return match is not None and not match[4]
 
 
 def _split(text: str, optical: bool) -> Heading | None:

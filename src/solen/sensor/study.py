@@ -286,10 +286,10 @@ def _case(sensor: Sensor, progress: Progress | None, tolerance: float | None = N
         null, u_null = _null(sensor, null, slope)
     if progress is not None:
         progress(1.0)
-    found = Case(sensor, counted, power, curve, null, None, None, None)
+    case = Case(sensor, counted, power, curve, null, None, None, None)
     if slope is None:
-        return found
-    return replace(found, u_null_deg=u_null, slope_per_deg=slope.value, u_slope_per_deg=slope.u_value)
+        return case
+    return replace(case, u_null_deg=u_null, slope_per_deg=slope.value, u_slope_per_deg=slope.u_value)
 
 
 def _null(sensor: Sensor, null_deg: float, slope: Slope) -> tuple[float, float]:

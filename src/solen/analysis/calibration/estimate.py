@@ -146,12 +146,12 @@ def calibrated(training: Training) -> Calibration:
     chosen = np.unique(np.linspace(0, cycles - 1, min(cycles, _MOST_CYCLES)).round().astype(int))
     products, steps = np.zeros((0, 4)), np.zeros((0, 4))
     for cycle in chosen:
-        own = rows_of(training.samples, training.samples.cycle == cycle)
-        rest = _deviations(training, int(cycle), own)
-        products = np.vstack([products, np.column_stack([own.angle_deg, _squares(rest)])])
-        moved = np.flatnonzero(own.follows[1:]) + 1
+        rows = rows_of(training.samples, training.samples.cycle == cycle)
+        rest = _deviations(training, int(cycle), rows)
+        products = np.vstack([products, np.column_stack([rows.angle_deg, _squares(rest)])])
+        moved = np.flatnonzero(rows.follows[1:]) + 1
         steps = np.vstack(
-            [steps, np.column_stack([own.angle_deg[moved], 0.5 * _squares(rest[moved] - rest[moved - 1])])]
+            [steps, np.column_stack([rows.angle_deg[moved], 0.5 * _squares(rest[moved] - rest[moved - 1])])]
         )
     if len(steps) < _LEAST_SAMPLES:
         limit = f"has {len(steps)} samples in the cycles used, too few to estimate their scatter"

@@ -217,7 +217,7 @@ def _nodes(wires: SensorOf, design: Design, name: str, ends: Range, middle: Mapp
 def _powers(wires: SensorOf, design: Design, motions: list[str], states: FloatArray) -> FloatArray:
     """Return the fractions (states, emitters, receivers) that receivers convert, in the order of the wiring."""
     moved = [state_of(design, dict(zip(motions, row, strict=True))) for row in states.tolist()]
-    found = response_of(moved, TRACED)
-    lights = [found.emitters.index(name) for name in wires.lit_by]
-    places = [found.receivers.index(name) for name in wires.read_on]
-    return received_by(moved, found.power)[:, lights][:, :, places]
+    response = response_of(moved, TRACED)
+    lights = [response.emitters.index(name) for name in wires.lit_by]
+    places = [response.receivers.index(name) for name in wires.read_on]
+    return received_by(moved, response.power)[:, lights][:, :, places]

@@ -184,9 +184,9 @@ def _print(rig: Rig, wires: SensorOf, design: Design, reach_deg: float, rng: np.
         circuit = circuit.drawn(rng)
     circuit = _set(rig, circuit, fractions)
     forces = np.array([force_of(sensor, value) for value in angle_deg.tolist()]) if pressed else None
-    made = SimulatedSensor(wires, drawn | _gains(circuit), angle_deg, fractions, circuit, forces)
-    made.at(made.angle_deg[:1])  # imports are done here, not while a run waits
-    return made
+    simulated_sensor = SimulatedSensor(wires, drawn | _gains(circuit), angle_deg, fractions, circuit, forces)
+    simulated_sensor.at(simulated_sensor.angle_deg[:1])  # imports are done here, not while a run waits
+    return simulated_sensor
 
 
 def _angles(reach_deg: float) -> FloatArray:

@@ -122,9 +122,9 @@ class Printing:
         for _ in range(MOST_ROUNDS):
             outlines = self.outlines(replace(start, drawn_um=drawn))
             deviation = Deviation(self.target, self.deviation_um(outlines) + offset_um)
-            made = Compensation(outlines, drawn, start.wall_um, start.scale, deviation, ())
+            compensation = Compensation(outlines, drawn, start.wall_um, start.scale, deviation, ())
             gained = math.inf if best is None else self._inner_rms(best.printed.um) - self._inner_rms(deviation.um)
-            best = made if best is None or gained > 0.0 else best
+            best = compensation if best is None or gained > 0.0 else best
             rounds.append(best.printed.rms_um)
             share *= 1.0 if gained > 0.0 else 0.5  # halve the step if a pixel responds too strongly
             if gained < SETTLED_UM and (gained > 0.0 or share < LEAST_SHARE):

@@ -190,8 +190,8 @@ def _side_view(rings: Sequence[FloatArray], target: Target, settings: Settings, 
     def printed(other: Settings) -> FloatArray:
         return SidePrint.of(rings, target, other, side).profile_um()
 
-    made = SidePrint.of(rings, target, settings, side)
-    return *made.steps(made.profile_um()), 0.0, printed
+    side_print = SidePrint.of(rings, target, settings, side)
+    return *side_print.steps(side_print.profile_um()), 0.0, printed
 
 
 def half_difference(process: Process, key: str, u: float, printed: Callable[[Settings], FloatArray]) -> FloatArray:

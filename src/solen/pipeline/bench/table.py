@@ -24,7 +24,7 @@ def table(
     """
     known = load(calibration)
     readings = f"in {known.unit}, ambient light {known.circuit.ambient or 'treated as in the recordings'}"
-    made = BoardTable.of(
+    board_table = BoardTable.of(
         known.calibration,
         options.points,
         name=known.sensor,
@@ -32,9 +32,11 @@ def table(
         version=__version__,
         stimulus=known.stimulus_of,
     )
-    texts = {"solen_decode.py": made.python, "solen_decode.h": made.c}
+    texts = {"solen_decode.py": board_table.python, "solen_decode.h": board_table.c}
     written = files.write_new(folder, {name: text.encode() for name, text in texts.items()})
-    off, sigma = made.off_deg(known.calibration)
+    off, sigma = board_table.off_deg(known.calibration)
     low, high = known.range_deg
-    result = DecodingTable(known.sensor, len(made.pieces), low, high, off, sigma, known.simulated, known.stimulus)
+    result = DecodingTable(
+        known.sensor, len(board_table.pieces), low, high, off, sigma, known.simulated, known.stimulus
+    )
     return Outcome(result, dict(zip(texts, written, strict=True)))

@@ -106,9 +106,9 @@ class Facets(Curve):
             normal = left_of(tangent)
             stands = weight * dot(direction, normal)
             x, z = x + stands * normal[0], z + stands * normal[1]
-        own = left_of(self._blended(point)[0][1])
-        way = math.copysign(1.0, dot((x, z), own)) / (math.hypot(x, z) or math.nan)
-        return (way * x, way * z) if way == way else own
+        left = left_of(self._blended(point)[0][1])
+        way = math.copysign(1.0, dot((x, z), left)) / (math.hypot(x, z) or math.nan)
+        return (way * x, way * z) if way == way else left
 
     def _blended(self, point: Point) -> list[tuple[float, Point]]:
         """Weights and unit tangents of the chord nearest to a point and, if they are blended, of its neighbour."""
