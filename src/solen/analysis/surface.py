@@ -51,8 +51,8 @@ class Surface:
             knots.append(spline.t)
             degrees.append(degree)
             coefficients = np.moveaxis(spline.c, 0, axis)
-        spline = NdBSpline(tuple(knots), np.ascontiguousarray(coefficients), tuple(degrees)) if moved else None
-        return cls(ends[:, 0], ends[:, 1], moved, spline, coefficients)
+        surface = NdBSpline(tuple(knots), np.ascontiguousarray(coefficients), tuple(degrees)) if moved else None
+        return cls(ends[:, 0], ends[:, 1], moved, surface, coefficients)
 
     def at(self, places: FloatArray) -> FloatArray:
         """Values (N, K) at positions (N, M)."""
