@@ -141,7 +141,7 @@ VALUES: dict[str, tuple[dict[str, str], str]] = {
     "two lines of name": ({"name": '"a\\nb"'}, "one line"),
 }
 BODIES: dict[str, tuple[dict[str, str], str]] = {
-    "self-crossing body": (NEVER_PART, "crosses itself"),
+    "self-crossing body": (NEVER_PART, "intersects itself"),
     "arms that never part": ({"body.arm_width_mm": "9"}, "body.arm_width_mm = 9"),
     "arms without an angle": ({"body.stem_curve_per_mm": "0"}, "body.arm_angle_deg"),
 }

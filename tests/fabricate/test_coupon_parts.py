@@ -140,7 +140,7 @@ def test_what_a_printer_cannot_make_is_reported() -> None:
     assert "g-0.06, g-0.05, g-0.04, g-0.03, g-0.02: gaps below a pixel of 62 µm" in told
     assert cautions(layout("group-c"), CouponOptions()) == [], "25 µm divides every height"
     thick = CouponOptions(layer_um=30.0)
-    assert "whole number of layers of 30 µm" in cautions(layout("group-a", thick), thick)[0]
+    assert "a multiple of the layer thickness of 30 µm" in cautions(layout("group-a", thick), thick)[0]
 
 
 @pytest.mark.parametrize(

@@ -302,7 +302,10 @@ def test_more_layers_need_no_more_memory(tmp_path: Path) -> None:
         ({"layer_um": 5.0}, "--layer-um = 5.0; test makes layers of 10 to 2000 µm; choose another printer"),
         ({"layer_um": float("nan")}, "layer_um = nan"),
         ({"copies": 0}, "copies = 0; must be"),
-        ({"copies": 5}, "--copies = 5; test builds 60 x 50 x 100 mm, which holds at most 4 copies 2 mm apart; print fewer"),
+        (
+            {"copies": 5},
+            "--copies = 5; test builds 60 x 50 x 100 mm, which holds at most 4 copies 2 mm apart; print fewer",
+        ),
         ({"gap_mm": -1.0}, "gap_mm = -1.0; must be"),
         ({"mirror": "z"}, "mirror = 'z'; must be 'none', 'x' or 'y'"),
         ({"printer": printer(50.0, 1000, 800)}, "builds 50 x 40 x 100 mm; rotate the part with --rotate-deg 0 0 90"),

@@ -202,7 +202,10 @@ BAD = {
     "a background": ("3 3 3 3 3\n" * 3 + "3 3 9 3 3\n" + "3 3 3 3 3\n" * 3, "subtract the background"),
     "a background at one side": ("3 0 0 0 0\n" * 3 + "3 0 90 0 0\n" + "3 0 0 0 0\n" * 3, "subtract the background"),
     "two marks": ("0;0;0,5;0.5;0\n" * 6, "has another decimal mark"),
-    "two separators": ("0 0 1 0 0\n" * 5 + "0;0;1;0;0\n", "line 6, column 1 = '0;0;1;0;0'; must contain rows of numbers"),
+    "two separators": (
+        "0 0 1 0 0\n" * 5 + "0;0;1;0;0\n",
+        "line 6, column 1 = '0;0;1;0;0'; must contain rows of numbers",
+    ),
     "a gap": ("0;0;1;0;0\n" * 5 + "0;;1;0;0\n", "line 6, column 2; must be a finite number"),
     "no number": ("0 0 0 0 0\n" * 3 + "0 0 nan 0 0\n" + "0 0 0 0 0\n" * 3, "finite"),
 }

@@ -233,7 +233,7 @@ def test_prints_that_would_take_too_much_are_refused(body: Body, lens: Target) -
         FlatPrint.of(rings, lens, settings(halo_um=9000.0), 4.0)
     with pytest.raises(DataError, match="400,000 layers; the limit is 10,000"):
         FlatPrint.of(rings, lens, settings(layer_um=1.0), 400.0)
-    with pytest.raises(DataError, match="would take minutes to compute; slice thicker"):
+    with pytest.raises(DataError, match="would take minutes to compute; use thicker layers"):
         SidePrint.of(rings, lens, settings(layer_um=1.0), "on-edge")
 
 

@@ -95,15 +95,15 @@ def test_what_is_cut_is_missing_from_the_mesh() -> None:
     [
         ({"fabricate__pockets": True, "body__arm_width_mm": 2.0}, "pocket-right; would remove"),
         ({"fabricate__pockets": True, "body__thickness_mm": 1.0}, "pocket-right; would remove"),
-        ({"fabricate__pockets": True, "fabricate__pocket_depth_mm": 40.0}, "'pocket-right and pocket-left'; cut into"),
+        ({"fabricate__pockets": True, "fabricate__pocket_depth_mm": 40.0}, "'pocket-right and pocket-left'; intersect"),
         (
             {"fabricate__pockets": True, "fabricate__slots": ["receivers"], "body__thickness_mm": 1.45},
-            "'pocket-right and slot-right'; cut into one another; make the part thicker",
+            "'pocket-right and slot-right'; intersect; make the part thicker",
         ),
         ({"fabricate__slots": ["emitter"], "fabricate__slot_width_mm": 3.9}, "slot_width_mm = 3.9; must be below 3.9"),
         (
             {"fabricate__slots": ["receivers"], "fabricate__slot_length_mm": 500.0},
-            "'slot-right and slot-left'; cut into",
+            "'slot-right and slot-left'; intersect",
         ),
         ({"fabricate__slots": ["receivers"], "fabricate__film_mm": 5.0}, "would remove"),
         ({"fabricate__pockets": True, "fabricate__receiver_part": "VSMY1850"}, "is an emitter, not a receiver"),

@@ -66,7 +66,7 @@ def test_an_open_end_is_found_at_the_seam_too() -> None:
 
 def test_a_crossing_outline_is_refused_with_the_faces_and_the_place() -> None:
     line = refused(body((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (1.0, -1.0), (0.0, 4.0)))
-    assert "crosses itself" in line
+    assert "intersects itself" in line
     assert "x = 1.75, z = 0" in line or "x = 0.8, z = 0" in line
     assert "side-0 and side-2" in line or "side-0 and side-3" in line
 

@@ -156,7 +156,7 @@ def test_a_face_that_does_not_exist_carries_nothing() -> None:
 
 def test_a_fold_is_refused_with_its_place() -> None:
     body = rest()
-    with pytest.raises(DesignError, match="crosses itself"):
+    with pytest.raises(DesignError, match="intersects itself"):
         displaced(body, moves(body, lambda at: np.column_stack([-2.0 * at[:, 0] * (at[:, 1] > 15), 0 * at[:, 1]])))
 
 
@@ -211,5 +211,5 @@ def test_a_notch_that_closes_begins_where_its_walls_part() -> None:
 @pytest.mark.parametrize("field", [(0.06, 0.0), (0.08, 0.4)])
 def test_walls_that_lie_far_in_each_other_or_enclose_air_are_refused(field: tuple[float, float]) -> None:
     body = rest()
-    with pytest.raises(DesignError, match=r"crosses itself.*inner-right and inner-left"):
+    with pytest.raises(DesignError, match=r"intersects itself.*inner-right and inner-left"):
         displaced(body, squeezed(body, *field))

@@ -168,7 +168,7 @@ def test_units_of_the_header_count_and_the_design_overrules_them(tmp_path: Path)
     wrong = built(cad(tmp_path / "wrong.dxf", units=4), body={"units": "in"})
     assert wrong.area_mm2() == pytest.approx(inches.area_mm2(), rel=1e-12)
     line = refused(cad(tmp_path / "silent.dxf", units=0))
-    assert "does not state its unit" in line
+    assert "does not specify its unit" in line
     assert line.endswith('body.units = "mm"')
 
 
@@ -267,7 +267,7 @@ def test_small_gaps_are_joined_and_larger_ones_by_a_larger_tolerance(tmp_path: P
 def test_a_crossing_outline_is_refused_with_the_place(tmp_path: Path) -> None:
     crossing = (line("wall", (HALF, SAG), (-3.5, 12.0), (3.0, HEIGHT)), *SIDES[1:])
     found = refused(dxf(tmp_path / "crossing.dxf", lens, *crossing, LAMP))
-    assert found.startswith("body outline = 'crosses itself'; at x = -2.")
+    assert found.startswith("body outline = 'intersects itself'; at x = -2.")
     assert "wall.1 and wall.5 meet" in found or "wall.2 and wall.5 meet" in found
 
 
@@ -308,7 +308,7 @@ def test_receivers_and_mirrors_may_stand_in_the_air(tmp_path: Path) -> None:
     )
     assert turned.face("receiver-far") == body.face("receiver-far")
     inside = dxf(tmp_path / "inside.dxf", lens, *SIDES, line("mirror", (0.0, 5.0), (9.0, 5.0)), LAMP)
-    assert refused(inside).startswith("mirror; must be in the air, but touches the body")
+    assert refused(inside).startswith("mirror; must be in air, but touches the body")
 
 
 def test_the_emitter_turns_alone_and_a_lens_that_is_part_of_the_outline_cannot(sensor_dxf: Path) -> None:
@@ -399,7 +399,7 @@ def test_curves_of_a_path_that_go_on_smoothly_are_one_face(tmp_path: Path) -> No
 def test_an_svg_without_units_is_asked_for_them(tmp_path: Path) -> None:
     file = tmp_path / "px.svg"
     file.write_text(SVG.format(z=-10 * SAG).replace('"80mm"', '"80"').replace('"250mm"', '"250"'), encoding="utf-8")
-    assert "does not state its unit" in refused(file)
+    assert "does not specify its unit" in refused(file)
     assert built(file, body={"units": "um"}).area_mm2() > 0.0
     file.write_text(SVG.format(z=0).replace('"80mm"', '"160mm"'), encoding="utf-8")
     assert "distorts the drawing" in refused(file)
@@ -453,7 +453,7 @@ def test_json_holds_any_curve_and_is_taken_as_it_is(tmp_path: Path) -> None:
         ("a.json", "{", "not JSON"),
         ("a.json", "{}", "solen_outline is missing"),
         ("a.json", '{"solen_outline": 1, "faces": [{"name": "a"}]}', "faces[0]: curve; missing"),
-        ("a.json", '{"solen_outline": 2, "faces": []}', "this solen reads 1"),
+        ("a.json", '{"solen_outline": 2, "faces": []}', "this version of solen reads 1"),
         ("a.json", '{"solen_outline": 1, "faces": [], "emitters": [{"pt": 1}]}', "emitters[0]: pt; unknown key"),
     ],
 )

@@ -190,7 +190,7 @@ def check_random(seeds: range) -> Iterator[Body]:
         design = random_network(seed)
         plan = plan_of(design)
         if crossing(plan):
-            with pytest.raises(DesignError, match="crosses itself"):
+            with pytest.raises(DesignError, match="intersects itself"):
                 built(design)
             continue
         body = built(design)
@@ -333,7 +333,7 @@ def test_crossing_guides_are_refused_with_their_place() -> None:
     ]
     parts = {"emitters": [{"name": "e", "node": "n"}], "receivers": [{"name": "r", "node": "p"}]}
     tables = {"nodes": [{"name": name} for name in "nmop"], "guides": guides} | parts
-    with pytest.raises(SolenError, match=r"crosses itself.* x = .*, where .* meet"):
+    with pytest.raises(SolenError, match=r"intersects itself.* x = .*, where .* meet"):
         built(Design(name="arc", material={"index": 1.44}, body={"kind": "network"}, network=tables))
 
 

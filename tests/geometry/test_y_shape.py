@@ -285,7 +285,7 @@ def test_the_outline_changes_continuously_as_the_angle_goes_to_nothing() -> None
 REFUSED: list[tuple[dict[str, Any], float, str]] = [
     ({"body": {"stem_curve_per_mm": 0.0}}, 0.0, "body.arm_angle_deg"),
     ({"body": {"stem_curve_per_mm": -0.004}}, 0.0, "body.arm_angle_deg"),
-    ({"body": {"stem_curve_per_mm": -0.02, "arm_angle_deg": 60.0}}, 0.0, "cross"),
+    ({"body": {"stem_curve_per_mm": -0.02, "arm_angle_deg": 60.0}}, 0.0, "intersect"),
     ({"body": {"arm_width_mm": 9.0}}, 0.0, "body.arm_width_mm"),
     ({"emitter": {"distance_mm": 0.1}, "motion": {"pivot": [0.0, 8.0], "moves": ["emitter"]}}, 20.0, "emitter"),
     ({"body": {"stem_length_mm": 0.5, "arm_angle_deg": 20.0}}, 30.0, "motion"),

@@ -78,7 +78,7 @@ def test_the_receiver_spreads_by_three() -> None:
     ("old", "new", "words"),
     [
         ('kind = "emitter"', 'kind = "lamp"', "kind = 'lamp'; must be one of emitter, receiver, adc, trimmer"),
-        ('kind = "emitter"\n', "", "kind; must be one of emitter, receiver, adc, trimmer; add e.g. kind"),
+        ('kind = "emitter"\n', "", "kind; must be one of emitter, receiver, adc, trimmer; add for example kind"),
         ('maker = "me"\n', "", "maker; missing"),
         ("typical = 940\n", "", "peak_nm; gives no number"),
         ("typical = 940", "typical = 940\nleast = 950", "must be in order: least, typical, most"),
@@ -87,7 +87,7 @@ def test_the_receiver_spreads_by_three() -> None:
         ("[peak_nm]", "[peak]", "peak; unknown key"),
         ('basis = "measured"\nsource = "goniometer"', 'source = "goniometer"', "pattern.basis; missing"),
         ('basis = "measured"\nsource = "goniometer"', 'basis = "guess"\nsource = "x"', "pattern.basis = 'guess'"),
-        ("[0, 45, 90]", "[0, 45]", "pattern.relative = 3; must be 2"),
+        ("[0, 45, 90]", "[0, 45]", "pattern.relative = 3; must have as many values as angle_deg, 2"),
         ("[0, 45, 90]", "[5, 45, 90]", "its angles must ascend from 0"),
         ("[0, 45, 90]", "[0, 90, 45]", "its angles must ascend from 0"),
         ("[1, 0.6, 0]", "[0, 0, 0]", "cannot all be 0"),

@@ -339,7 +339,7 @@ def test_a_press_against_a_support_closes_the_crotch(plane: str, moved: object, 
     assert found.contacts[0].force_N == pytest.approx(force_N, abs=0.1)
     closes = [text for text in found.warnings if "inner-right and inner-left close their notch" in text]
     assert len(closes) == (plane == "strain")
-    with pytest.raises(DesignError, match=r"crosses itself.*z = 1[78]\..*inner-right and inner-left"):
+    with pytest.raises(DesignError, match=r"intersects itself.*z = 1[78]\..*inner-right and inner-left"):
         deform(Sensor.of(sensor.design.set({"mechanics.plane": "strain", "motion.depths_mm": [0.8]})))
 
 

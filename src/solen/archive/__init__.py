@@ -1,10 +1,10 @@
-"""One sensor as one checked archive: design, resin, print, pictures, recordings, calibration and figures, to be shared.
+"""Archive of one sensor to be shared: design, resin, print, images, recordings, calibration and figures.
 
-The idea: an archive is a folder or a zip file with a description of its contents as RO-Crate metadata: for each file
-its size, SHA-256 checksum, kind and quantities with units; for the whole its authors and licence. Each file is read
-once with solen's own readers when packed, and everything is checked again when unpacked elsewhere.
+An archive is a folder or a zip file with a description of its contents as RO-Crate metadata: size, SHA-256 checksum,
+kind and quantities with units for each file, and authors and licence for the entire archive. Each file is read once
+with solen's own readers when packed, and everything is checked again when unpacked elsewhere.
 
-The interface: `pack` collects and describes files, `Archive.save` writes them; `opened` checks a received archive, and
+`pack` collects and describes files, and `Archive.save` writes them; `opened` checks a received archive, and
 `Opened.save` unpacks it.
 """
 

@@ -44,17 +44,17 @@ class Item(Result):
     path
         Path within the archive, with forward slashes.
     kind
-        ``design``, ``resin``, ``recording``, ``picture``, a kind of solen's own results, or ``other file``.
+        ``design``, ``resin``, ``recording``, ``picture``, a kind of solen result, or ``other file``.
     size_bytes, sha256
-        Size and checksum of its bytes.
+        Size and checksum of the file.
     media_type
         Media type: ``text/csv``.
     quantities
-        Unit of each column of a recording, by the column's name; empty if the file states none.
+        Unit of each column of a recording, by column name; empty if the file contains no units.
     simulated
-        Whether it states that its numbers were computed rather than measured.
+        Whether the file states that its numbers were computed rather than measured.
     remark
-        Why it could not be read as the kind that its name suggests; empty if it could.
+        Why the file could not be read as the kind that its name suggests; empty if it could.
     """
 
     path: str
@@ -68,7 +68,7 @@ class Item(Result):
 
 
 class Contents(Result):
-    """Contents of an archive's description: its name, text, licence (SPDX name or address), authors and files."""
+    """Contents of an archive description: name, text, licence (SPDX name or address), authors and files."""
 
     name: str
     description: str
@@ -119,7 +119,7 @@ def measured(file: Path) -> tuple[int, str]:
 
 
 def _known(file: Path) -> tuple[str, dict[str, str], bool, str]:
-    """Return kind, units by quantity, whether simulated, and a remark."""
+    """Return kind, units by quantity, whether the file is simulated, and a remark."""
     ending = file.suffix.lower()
     for kind, endings in (("picture", PICTURES), ("video", VIDEOS), ("solid", SOLIDS), ("document", DOCUMENTS)):
         if ending in endings:
@@ -151,7 +151,7 @@ def _of_toml(file: Path) -> tuple[str, dict[str, str], bool, str]:
 
 
 def _of_json(file: Path) -> tuple[str, dict[str, str], bool, str]:
-    """Return the description of a JSON file; results of solen name their kind."""
+    """Return the description of a JSON file; solen results name their kind."""
     try:
         data = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as bad:

@@ -1,7 +1,7 @@
-"""The description of an archive: `ro-crate-metadata.json`, RO-Crate 1.1 (https://w3id.org/ro/crate/1.1).
+"""Description of an archive: `ro-crate-metadata.json`, RO-Crate 1.1 (https://w3id.org/ro/crate/1.1).
 
-A flat list of JSON-LD entities: the metadata file, the data set with its authors and licence, and one entity per file.
-Terms are those of schema.org; ``sha256`` and ``kind`` are added to the context.
+The file is a flat list of JSON-LD entities: the metadata file, the data set with its authors and licence, and one
+entity per file. Terms are from schema.org; ``sha256`` and ``kind`` are added to the context.
 """
 
 import datetime as dt
@@ -29,21 +29,21 @@ LICENCES = {
     "ODbL-1.0": "https://opendatacommons.org/licenses/odbl/1-0/",
     "MIT": "https://opensource.org/licenses/MIT",
 }
-"""Addresses of licences by their SPDX name; any other licence is stated by its address."""
+"""Licence addresses by SPDX name; any other licence is specified by its address."""
 SHA256 = r"^[0-9a-f]{64}$"
 _ORCID = re.compile(r"(?:https://orcid\.org/)?(\d{4}-\d{4}-\d{4}-\d{3}[\dX])")
 
 
 @dataclass(frozen=True)
 class Author:
-    """A person; ``orcid`` is empty if none is stated."""
+    """A person; ``orcid`` is empty if none is specified."""
 
     name: str
     orcid: str = ""
 
     @classmethod
     def of(cls, text: str) -> "Author":
-        """Return the author of ``Name`` or ``Name <ORCID>``; raise `SpecError` if the identifier is not valid."""
+        """Return the author in ``Name`` or ``Name <ORCID>``; raises `SpecError` if the identifier is not valid."""
         name, _, rest = text.partition("<")
         given = rest.rstrip(" >")
         match = _ORCID.fullmatch(given.strip())
@@ -54,7 +54,7 @@ class Author:
 
 
 def _check_digit(orcid: str) -> bool:
-    """Return whether the last digit of an identifier is its check digit by ISO 7064 mod 11-2."""
+    """Return whether the last digit of an identifier is its check digit according to ISO 7064 mod 11-2."""
     total = 0
     for digit in orcid.replace("-", "")[:-1]:
         total = (total + int(digit)) * 2
@@ -62,7 +62,7 @@ def _check_digit(orcid: str) -> bool:
 
 
 def licence_of(text: str) -> str:
-    """Return the address of a licence, given by its SPDX name or its address; raise `SpecError` if it is neither."""
+    """Return the address of a licence, specified by SPDX name or address; raises `SpecError` if it is neither."""
     if text in LICENCES:
         return LICENCES[text]
     if re.fullmatch(r"https?://\S+", text):
@@ -110,7 +110,7 @@ def _file(item: Item) -> Iterator[dict[str, Any]]:
 
 
 def licence_name(address: str) -> str:
-    """Return the SPDX name of a licence by its address, or the address if the name is unknown."""
+    """Return the SPDX name of a licence address, or the address if the name is unknown."""
     return next((name for name, known in LICENCES.items() if known == address), address)
 
 
@@ -143,7 +143,7 @@ class _Root(_Entity):
 
 
 def loads(text: str, what: str) -> Contents:
-    """Return the metadata in a text; raise `DataError` unless it is RO-Crate metadata with checksums from `dumps`."""
+    """Return the metadata in a text; raises `DataError` unless it is RO-Crate metadata with checksums from `dumps`."""
     try:
         graph = json.loads(text)["@graph"]
         entities: Mapping[str, Any] = {entity["@id"]: entity for entity in graph}

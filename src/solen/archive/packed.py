@@ -22,42 +22,42 @@ from solen.spec import load
 from solen.spec.strict import Options
 
 FIRST_DATE = (1980, 1, 1, 0, 0, 0)
-"""Date of all entries of a zip file, so that equal contents give equal files."""
+"""Date of all entries in a zip file, so that equal contents give equal files."""
 BESIDE = "files"
-"""Folder within the archive for files from outside the design's folder."""
+"""Archive folder for files from outside the design folder."""
 CHUNK = 1 << 20
 
 
 class PackOptions(Options):
-    """Statements of an archive about itself."""
+    """Authors, licence, title and description of an archive."""
 
     author: tuple[str, ...] = ()
     """Author, repeatable: "NAME", or "NAME <ORCID>"."""
     licence: str
-    """Licence: its SPDX name, such as CC-BY-4.0, or its address."""
+    """Licence: SPDX name, for example CC-BY-4.0, or address."""
     title: str = ""
-    """Title; default: the design's name."""
+    """Title; default: the design name."""
     description: str = ""
-    """What was made and measured, in a sentence or two."""
+    """Description of what was made and measured, in a sentence or two."""
 
 
 @dataclass(frozen=True)
 class Member:
-    """A file of an archive: its description, its location and, if that differs, its content."""
+    """A file of an archive: description, location and, if different, content."""
 
     item: Item
     file: Path
     content: bytes | None = None
 
     def copy(self, target: IO[bytes]) -> None:
-        """Write the content; raise `DataError` if it has changed since it was described."""
+        """Write the content; raises `DataError` if it has changed since it was described."""
         checksum = hashlib.sha256()
         with BytesIO(self.content) if self.content is not None else self.file.open("rb") as source:
             while chunk := source.read(CHUNK):
                 checksum.update(chunk)
                 target.write(chunk)
         if checksum.hexdigest() != self.item.sha256:
-            raise DataError(str(self.file), limit="changed while it was packed", remedy="pack again")
+            raise DataError(str(self.file), limit="changed while it was being packed", remedy="pack again")
 
 
 class Archive(Contents):
@@ -67,9 +67,9 @@ class Archive(Contents):
     members: tuple[Member, ...] = field(metadata=HIDDEN)
 
     def save(self, out: Path) -> Path:
-        """Write a zip file if the name ends in ``.zip``, else a new folder; raise `OutputError` if that fails.
+        """Write a zip file if the name ends in ``.zip``, else a new folder; raises `OutputError` if this fails.
 
-        Equal contents give equal zip files, except for the date of packing.
+        Equal contents give equal zip files, except for the packing date.
         """
         if out.suffix.lower() == ".zip":
             files.write_all({out: self._zip})
@@ -110,10 +110,10 @@ def pack(
     Parameters
     ----------
     design
-        The design file. Files that it, or another design or rig, names are included; a file from outside the design's
-        folder is put into the folder ``files``, and the name in the design is changed accordingly.
+        The design file. Files named by this design or by another included design or rig are added; a file from outside
+        the design folder is put into the folder ``files``, and the name in the design is changed accordingly.
     further
-        Files, and folders with all their files except hidden ones: print settings, pictures, recordings, calibrations,
+        Files, and folders with all their files except hidden ones: print settings, images, recordings, calibrations,
         figures.
     options
         Authors, licence, title and description.
@@ -127,10 +127,10 @@ def pack(
     SpecError
         If the design, an author or the licence is not valid.
     DataError
-        If a file is missing or damaged, or two would have one path.
+        If a file is missing or damaged, or two files would have the same path.
     """
     if not options.author:
-        raise SpecError("--author", limit="is missing", remedy='state --author "NAME" or --author "NAME <ORCID>"')
+        raise SpecError("--author", limit="is missing", remedy='specify --author "NAME" or --author "NAME <ORCID>"')
     authors, licence = [Author.of(text) for text in options.author], licence_of(options.licence)
     stated, base = load(design), design.absolute().parent
     places = _Places(base)
@@ -141,7 +141,7 @@ def pack(
     for number, (file, place) in enumerate(places.of.items(), 1):
         item, content = described(file, place), places.content(file)
         if item.kind == OTHER and file in places.named and file.suffix == ".toml":
-            raise DataError(str(file), limit=item.remark, remedy="correct it: a design or rig names it")
+            raise DataError(str(file), limit=item.remark, remedy="correct the name: a design or rig contains it")
         if content is not None:
             item = replace(item, size_bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
         members.append(Member(item, file, content))
@@ -165,7 +165,7 @@ class _Places:
         self._lower: dict[str, Path] = {}
 
     def add(self, file: Path, place: PurePosixPath) -> None:
-        """Add a file and the files that it names; raise `DataError` if its path is used or not valid everywhere."""
+        """Add a file and the files that it names; `DataError` if the path is in use or not valid on every system."""
         file = file.resolve()
         if file in self.of:
             return
@@ -200,7 +200,7 @@ def _checked(path: Path) -> Path:
 
 
 def _place(path: Path, base: Path) -> PurePosixPath:
-    """Return the path within the archive: relative to the design's folder, or in the folder for all other files."""
+    """Return the path within the archive: relative to the design folder, or in the folder for all other files."""
     try:
         return PurePosixPath(path.resolve().relative_to(base.resolve()).as_posix())
     except ValueError:

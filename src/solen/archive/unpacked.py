@@ -1,7 +1,8 @@
-"""Opening a received archive: nothing in it is trusted until it has been checked.
+"""Opening a received archive, which is not trusted until it has been checked.
 
-Paths that leave the folder, links, names that a system does not allow, more bytes than stated or allowed, missing,
-changed and unknown files, and designs that name files outside are rejected before anything is unpacked under its name.
+Before anything is unpacked under its name, an archive is rejected if it contains paths that leave the folder, links,
+names that a system does not allow, more bytes than listed or allowed, missing, changed or unlisted files, or designs
+that name files outside.
 """
 
 import hashlib
@@ -27,20 +28,20 @@ from solen.spec.strict import Options
 
 MOST_METADATA = 32 << 20
 MEGABYTE = 1_000_000
-AGAIN = "ask its sender to pack it again"
+AGAIN = "ask the sender to pack it again"
 
 
 class Limits(Options):
     """Limits for the contents of an archive."""
 
     most_files: int = Field(10_000, ge=1)
-    """Largest number of files."""
+    """Maximum number of files."""
     most_megabytes: float = Field(4000.0, gt=0.0)
-    """Largest size in megabytes, unpacked."""
+    """Maximum size in megabytes, unpacked."""
 
 
 class Opened(Contents):
-    """An archive as it describes itself; `save` checks its files and unpacks them."""
+    """A received archive with its description; `save` checks its files and unpacks them."""
 
     archive: Path
 
@@ -50,7 +51,7 @@ class Opened(Contents):
         Raises
         ------
         DataError
-            If a file's size or checksum is not the stated one, or a design or rig names a file outside the folder.
+            If the size or checksum of a file differs from the list, or a design or rig names a file outside the folder.
         OutputError
             If the folder exists or cannot be written.
         """
@@ -64,27 +65,27 @@ class Opened(Contents):
 
 
 def opened(archive: Path, limits: Limits | None = None) -> Opened:
-    """Return an archive's description, checked against its contents; nothing is unpacked.
+    """Return the description of an archive, checked against its contents; nothing is unpacked.
 
     Parameters
     ----------
     archive
         A folder or a zip file written by `solen project pack`.
     limits
-        Largest number of files and megabytes.
+        Maximum number of files and megabytes.
 
     Raises
     ------
     DataError
-        If it is not such an archive, contains other files than stated or more than the limits, or a path in it leaves
-        the folder or is not valid on every system.
+        If it is not a solen archive, contains files that are not listed or exceeds the limits, or if a path in it
+        leaves the folder or is not valid on every system.
     """
     limits = limits or Limits()
     with _source(archive) as source:
         names = source.names
         if NAME not in names:
             remedy = "name a folder or zip file that solen project pack wrote"
-            raise DataError(str(archive), limit=f"is not a solen archive: it has no {NAME}", remedy=remedy)
+            raise DataError(str(archive), limit=f"is not a solen archive: it does not contain {NAME}", remedy=remedy)
         if len(names) > limits.most_files + 1:
             limit = f"at most {limits.most_files}"
             raise DataError(f"{archive}: files", value=len(names) - 1, limit=limit, remedy="raise --most-files")
@@ -104,7 +105,7 @@ def opened(archive: Path, limits: Limits | None = None) -> Opened:
 
 
 def _check_stated(archive: Path, stated: list[str], held: set[str]) -> None:
-    """Raise `DataError` unless the files are exactly those stated, each once."""
+    """Raise `DataError` unless the files are exactly those listed, each once."""
     if len(set(stated)) < len(stated):
         raise DataError(str(archive), limit="lists two files with the same path", remedy=AGAIN)
     for paths, limit in ((set(stated) - held, "is listed but missing"), (held - set(stated), "is not described")):
@@ -119,13 +120,13 @@ def _check_path(archive: Path, path: str) -> None:
     if not path or pure.is_absolute() or ".." in pure.parts or "\\" in path or ":" in path or str(pure) != path:
         raise DataError(what, value=path, limit="must stay within the folder", remedy="do not trust this archive")
     for part in pure.parts:
-        check_name(what, part, DataError, "ask its sender to rename it and pack it again")
+        check_name(what, part, DataError, "ask the sender to rename it and pack it again")
 
 
 def _check_references(file: Path, kind: str, folder: Path) -> None:
     """Check that all files named by a design or rig are in the folder.
 
-    Raise `DataError` for a file that is not, and `SpecError` for an invalid design.
+    Raises `DataError` if a file is not, and `SpecError` if a design is invalid.
     """
     if kind == DESIGN:
         load(file)
@@ -144,7 +145,7 @@ class _Source:
     open: Callable[[str], IO[bytes]]
 
     def text(self, name: str) -> str:
-        """Return the text of a file; raise `DataError` if it is too long or not UTF-8."""
+        """Return the text of a file; raises `DataError` if it is too long or not UTF-8."""
         with self.open(name) as file:
             data = file.read(MOST_METADATA + 1)
         try:
@@ -155,7 +156,7 @@ class _Source:
             raise DataError(f"{self.archive}: {name}", limit=str(bad), remedy=AGAIN) from None
 
     def copy(self, item: Item, target: Path) -> None:
-        """Write a file; raise `DataError` if it is not the packed one, after reading no more bytes than stated."""
+        """Write a file; raises `DataError` if it is not the packed file, after reading no more bytes than listed."""
         checksum, left = hashlib.sha256(), item.size_bytes
         target.parent.mkdir(parents=True, exist_ok=True)
         with self.open(item.path) as file, target.open("xb") as written:
@@ -172,7 +173,7 @@ class _Source:
 
 @contextmanager
 def _source(archive: Path) -> Iterator[_Source]:
-    """Return the files of a folder or zip file; raise `DataError` if it is damaged, encrypted or has links."""
+    """Return the files of a folder or zip file; raises `DataError` if it is damaged, encrypted or contains links."""
     if archive.is_dir():
         yield _Source(archive, tuple(_names(archive)), lambda name: (archive / name).open("rb"))
         return
@@ -187,10 +188,10 @@ def _source(archive: Path) -> Iterator[_Source]:
                 if limit:
                     raise DataError(f"{archive}: {entry.filename}", limit=limit, remedy=AGAIN)
             yield _Source(archive, tuple(entry.filename for entry in entries), held.open)
-    # NotImplementedError is zipfile's for a compression that it does not know
+    # zipfile raises NotImplementedError for an unknown compression method
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError) as bad:
         if isinstance(bad, OSError) and bad.errno is not None and bad.filename != str(archive):
-            raise  # of what is written
+            raise  # an error while writing
         limit = "is neither a folder nor a zip file that can be read"
         raise DataError(str(archive), limit=f"{limit}: {bad}", remedy=AGAIN) from None
 
@@ -199,6 +200,6 @@ def _names(folder: Path) -> Iterator[str]:
     for file in sorted(folder.rglob("*")):
         name = file.relative_to(folder).as_posix()
         if file.is_symlink():
-            raise DataError(f"{folder}: {name}", limit="is a link", remedy="replace it with the file")
+            raise DataError(f"{folder}: {name}", limit="is a link", remedy="replace the link with the file")
         if not file.is_dir():
             yield name

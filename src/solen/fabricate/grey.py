@@ -61,7 +61,7 @@ class Greys:
             return np.arange(FULL + 1, dtype=np.uint8)
         fine = np.linspace(0.0, 1.0, _FINE)
         light = Greys(self.answer).light_of(fine)
-        last = np.append(np.diff(light) > 0.0, True)  # the last grey of a range with constant light
+        last = np.append(np.diff(light) > 0.0, True)  # the last grey level of a range with constant light
         greys = np.interp(shares, light[last], fine[last])
         greys[0] = 0.0
         return np.asarray(np.rint(FULL * greys), np.uint8)

@@ -108,7 +108,7 @@ class Part:
             ):
                 remedy = "make the part thicker, or omit one of the cuts"
                 raise DesignError(
-                    self.name, value=f"{one_cut.name} and {other_cut.name}", limit="cut into one another", remedy=remedy
+                    self.name, value=f"{one_cut.name} and {other_cut.name}", limit="intersect", remedy=remedy
                 )
         for cut in self.cuts:
             self._check_cut(cut)

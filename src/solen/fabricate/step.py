@@ -310,7 +310,7 @@ def _head(model: Any, label: Label) -> None:
     head.SetTimeStamp(_text(TIME))
     entities = (model.Entity(number) for number in range(1, model.NbEntities() + 1))
     products = [entity for entity in entities if isinstance(entity, StepBasic_Product)]
-    for number, product in enumerate(products):  # the first is the whole, the others are its bodies if it has several
+    for number, product in enumerate(products):  # the first is the entire part, the others its bodies if it has several
         own = _text(f"{label.name} {number}") if number else name
         product.SetId(own)
         product.SetName(own)

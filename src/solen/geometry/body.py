@@ -191,13 +191,13 @@ class Body:
             if solid.intersects(line):
                 place = solid.intersection(line).representative_point()
                 limit = f"must be in air, but touches the body at {place_text((place.x, place.y))}"
-                raise DesignError(face.name, limit=limit, remedy="move it away, or reduce the rotation angle")
+                raise DesignError(face.name, limit=limit, remedy="move it away, or reduce the motion angle")
         if not self.embedded and solid.intersects(shapely.Point(self.emitter.point)):
             raise DesignError(
                 "emitter",
                 value=f"inside the body at {place_text(self.emitter.point)}",
                 limit="must be in front of the lens",
-                remedy="increase emitter.distance_mm or reduce the rotation angle",
+                remedy="increase emitter.distance_mm or reduce the motion angle",
             )
 
     def _crosses(self, place: Point | None = None, reason: str = "") -> DesignError:
@@ -208,7 +208,7 @@ class Body:
             where = f"at {place_text(place)}" + (f", where {' and '.join(near)} meet" if near else "")
         return DesignError(
             "body outline",
-            value="crosses itself",
+            value="intersects itself",
             limit=where,
             remedy=REMEDY_OF_THE_Y if "crotch" in self.marks else "correct the drawing there, or reduce the motion",
         )

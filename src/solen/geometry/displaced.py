@@ -1,13 +1,13 @@
-"""A body displaced point by point, as a load deforms it: its walls as exact curves, with its parts carried along.
+"""A body deformed by a load, displaced point by point: its walls remain exact curves and carry its parts along.
 
-The displacement is known at points along every wall. A cubic spline through them, over the wall's length, is added to
-the exact wall. The sum is a smooth curve, which is stored as a spline within `SPLINE_MM`, like a bent wall. A wall that
-moves as a rigid body remains the same kind of curve: a lens in a clamp stays an exact oval. Walls stay upright: the
-displacement is in the plane and the same at every height. A notch that closes begins where its walls part
+The displacement is specified at points along every wall. A cubic spline through them, as a function of wall length, is
+added to the exact wall. The sum is a smooth curve, which is stored as a spline within `SPLINE_MM`, like a bent wall. A
+wall that moves as a rigid body remains the same kind of curve: a clamped lens stays an exact oval. Walls stay upright:
+the displacement is in the plane and the same at every height. A notch that closes begins where its walls separate
 (`solen.geometry.notches`).
 
-Receivers behind a gap move with the arms' ends, and the emitter with the faces that carry it, each by the rigid motion
-that best fits theirs.
+Receivers behind a gap move with the arm ends, and the emitter moves with the faces that carry it, each by the
+best-fitting rigid motion of the faces.
 """
 
 from collections.abc import Mapping, Sequence
@@ -42,13 +42,13 @@ GROUND = "ground"
 NEAR = 1e-6
 """Minimum distance from the ends of a curve, as a fraction of its parameter range, for a point to become a joint."""
 QUARTERS = np.array([[3.0, 6.0, -1.0], [-1.0, 6.0, 3.0]]) / 8.0
-"""Weights of an edge's first, middle and last node in a quadratic at a quarter and three quarters of the edge."""
+"""Weights of an edge's first, middle and last nodes for a quadratic at a quarter and three quarters of the edge."""
 
 
 class Moves(Protocol):
     """Displacement of one face: parameters (N,) on its curve, ascending from 0 to 1, and displacements (N, 2) in mm.
 
-    The points are the nodes of quadratic elements: every second one is the middle of an edge.
+    The points are the nodes of quadratic elements: every second node is the midpoint of an edge.
     """
 
     @property
@@ -60,7 +60,7 @@ class Moves(Protocol):
 
 @dataclass(frozen=True)
 class Touch:
-    """Part of a face between two parameters of its curve at rest, and the number of its wall table."""
+    """Part of a face between two parameters of its undeformed curve, and the index of its wall table."""
 
     face: str
     u_from: float
@@ -96,14 +96,14 @@ class Displaced:
 def displaced(
     body: Body, moves: Mapping[str, Moves], emitter_on: str = LENS, touches: Sequence[Touch] = ()
 ) -> Displaced:
-    """Displace a body from its state at rest.
+    """Displace a body from its undeformed state.
 
     Parameters
     ----------
     body
-        The body at rest.
+        The undeformed body.
     moves
-        Displacements along each face, by the face's name; neighbours must agree at their corner.
+        Displacements along each face, by face name; neighbours must agree at their corner.
     emitter_on
         Faces, by name or pattern, that carry the emitter; ``ground`` if it is fixed in space.
     touches
@@ -112,7 +112,8 @@ def displaced(
     Raises
     ------
     DesignError
-        If no face has a given name, the displaced outline crosses itself, or a lens that is not a cylinder is deformed.
+        If no face has a given name, the displaced outline intersects itself, or a lens that is not a cylinder is
+        deformed.
     """
     walls = {face.name: DisplacedCurve(face.curve, moves[face.name]) for face in body.all_faces}
     front = _front(body, walls)
@@ -135,7 +136,7 @@ def displaced(
 
 
 class DisplacedCurve:
-    """A face's curve with its displacement, as a spline over its length."""
+    """The curve of a face with its displacement, as a spline over its length."""
 
     def __init__(self, curve: Curve, moves: Moves) -> None:
         self.curve, self.u, self.moves_mm = curve, np.asarray(moves.u), np.asarray(moves.displacement_mm)
@@ -143,20 +144,20 @@ class DisplacedCurve:
 
     @cached_property
     def rigid(self) -> Rigid | None:
-        """The rigid motion of the face; None if it is deformed."""
+        """Rigid motion of the face; None if it is deformed."""
         at = self.curve.points(self.u)
         motion = Rigid.nearest(at, at + self.moves_mm)
         return motion if np.abs(motion.points(at) - at - self.moves_mm).max() <= RIGID_MM else None
 
     @cached_property
     def places(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Points (N, 2) along the curve, their displaced positions (N, 2), and the length (N,) at each point."""
+        """Return points (N, 2) along the curve, displaced positions (N, 2), and the length (N,) at each point."""
         at = self.curve.points(self.u)
         return at, at + self.moves_mm, np.gradient(self.measure.lengths_at(self.u))
 
     @cached_property
     def off_mm(self) -> float:
-        """Maximum deviation of the spline from the elements' quadratics, at the quarters of every edge."""
+        """Maximum deviation of the spline from the element quadratics, at the quarter points of every edge."""
         if self.rigid is not None:
             return 0.0
         ends, moves = self.measure.lengths_at(self.u[::2]), self.moves_mm
@@ -167,7 +168,7 @@ class DisplacedCurve:
         return float(np.hypot(off[..., 0], off[..., 1]).max())
 
     def between(self, first: Point, last: Point, cuts: FloatArray) -> list[Curve]:
-        """The displaced curve between two corners, divided at parameters of the curve at rest."""
+        """Return the displaced curve between two corners, divided at parameters of the undeformed curve."""
         moves = self.moves_mm.copy()
         moves[0], moves[-1] = np.subtract(first, self.curve.start), np.subtract(last, self.curve.end)
         spline = self._spline(self.u, moves)
@@ -207,7 +208,7 @@ def motion_of(body: Body, walls: Mapping[str, DisplacedCurve], pattern: str, key
 
 
 def _front(body: Body, walls: Mapping[str, DisplacedCurve]) -> Front | None:
-    """Moved front of a lens that is not a cylinder and stays rigid."""
+    """Return the moved front of a lens that is not a cylinder and stays rigid."""
     if body.front is None:
         return None
     at, goal, length = walls[body.front.interface].places
@@ -218,13 +219,13 @@ def _front(body: Body, walls: Mapping[str, DisplacedCurve]) -> Front | None:
             "lens.shape",
             value=body.front.lens.shape,
             limit=f"is deformed by {off_mm:.2g} mm, but a surface in space must be rigid to {FRONT_MM:g} mm",
-            remedy='hold the lens, or set lens.shape = "cartesian-oval", whose walls stay upright',
+            remedy='clamp the lens, or set lens.shape = "cartesian-oval", whose walls stay upright',
         )
     return replace(body.front, motion=motion)
 
 
 def _beside(face: Face, body: Body, walls: Mapping[str, DisplacedCurve]) -> Face:
-    """A receiver behind a gap, carried by the arm's end; any other separate object is fixed."""
+    """Return a receiver behind a gap, carried by the end of the arm; any other separate object is fixed."""
     end = face.name.replace("receiver", "end", 1)
     if face.part != "receiver" or not any(called(other, end) for other in body.all_faces):
         return face
@@ -238,7 +239,7 @@ def _outline(
     touches: Sequence[Touch],
     notches: list[ClosedNotch],
 ) -> tuple[Face, ...]:
-    """Displaced closed outline, with exactly shared corners; notches that have closed are added to the list."""
+    """Return a displaced closed outline with exactly shared corners; notches that have closed are added to the list."""
     motions = [
         front.motion if front is not None and face.name == front.interface else walls[face.name].rigid for face in faces
     ]
@@ -255,7 +256,7 @@ def _outline(
 
 
 def _joined(before: Face, after: Face, last: list[Face], first: list[Face]) -> ClosedNotch | None:
-    """The notch between two faces if it has closed; their displaced pieces are cut to the remaining parts."""
+    """Return the notch between two faces if it has closed; the displaced segments are cut to the remaining parts."""
     if cross(before.curve.velocity_at(1.0), after.curve.velocity_at(0.0)) >= 0.0:
         return None
     found = close_notch((before.name, after.name), last[-1].curve, first[0].curve)
@@ -266,7 +267,7 @@ def _joined(before: Face, after: Face, last: list[Face], first: list[Face]) -> C
 
 
 def _pieces(face: Face, curves: list[Curve], ends: list[float], touches: list[Touch]) -> list[Face]:
-    """Pieces of a displaced face, numbered from the origin of its lengths, each with the wall table of its contact."""
+    """Segments of a displaced face, numbered from the origin of its lengths, with the wall tables of their contacts."""
     if len(curves) == 1 and not touches:
         return [replace(face, curve=curves[0])]
     pieces, count = [], len(curves)
@@ -280,7 +281,7 @@ def _pieces(face: Face, curves: list[Curve], ends: list[float], touches: list[To
 
 
 def _corner(face: Face, wall: DisplacedCurve, motion: Rigid | None) -> Point:
-    """Displaced start of a face, moved with a rigid neighbour or by the face's own displacement."""
+    """Return the displaced start of a face, moved with a rigid neighbour or by the displacement of the face itself."""
     if motion is not None:
         return motion.point(face.curve.start)
     x, z = np.asarray(face.curve.start) + wall.moves_mm[0]

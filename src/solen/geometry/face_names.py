@@ -16,7 +16,7 @@ NEAR = 0.79
 
 
 def check_names(drawing: Drawing) -> None:
-    """Raise `DesignError` for a name that nearly matches a reserved one and is probably misspelt."""
+    """Raise `DesignError` for a name that nearly matches a reserved name and is probably misspelt."""
     named = [(stroke.name, "a bare wall") for stroke in drawing.strokes]
     named += [(name, "a point without meaning") for name, _ in drawing.points]
     for name, otherwise in named:
@@ -27,7 +27,7 @@ def check_names(drawing: Drawing) -> None:
 
 
 def _meant(name: str) -> str | None:
-    """The intended name of a misspelling; None if its first word is reserved, or unlike all reserved words."""
+    """Return the intended name of a misspelling; None if its first word is reserved, or unlike all reserved words."""
     word = Face.part_of(name)
     if word in WORDS or word in ORDINARY:
         return None

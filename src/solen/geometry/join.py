@@ -2,7 +2,7 @@
 
 Ends within ``join_mm`` of each other form one corner, and the curves are made to meet there: lines, arcs and free-form
 curves are deformed slightly, other curves stay unchanged and determine the corner. Open ends, branches and duplicates
-raise errors with their location. Receivers, mirrors and black faces may be separate objects in the air.
+raise errors with their location. Receivers, mirrors and black faces may be separate objects in air.
 """
 
 import cmath
@@ -27,7 +27,7 @@ QUARTERS = (0.25, 0.5, 0.75)
 
 
 class Joints:
-    """The ends of strokes, grouped by corner."""
+    """Stroke ends, grouped by corner."""
 
     def __init__(self, strokes: Sequence[Stroke], join_mm: float) -> None:
         self.strokes = [stroke for stroke in strokes if not _is_crumb(stroke.curve, join_mm)]
@@ -39,7 +39,7 @@ class Joints:
             self.members.setdefault(int(label), []).append(end)
 
     def chains(self) -> list[list[int]]:
-        """Connected groups of strokes, by number."""
+        """Return connected groups of strokes, by number."""
         left, rows = set(range(len(self.strokes))), []
         while left:
             group, waiting = set[int](), [min(left)]
@@ -61,18 +61,18 @@ class Joints:
         return (float(x), float(z))
 
     def joined(self, stroke: int) -> Curve:
-        """The curve of a stroke from corner to corner."""
+        """Return the curve of a stroke from corner to corner."""
         first, last = (self.point(int(self.label[2 * stroke + side])) for side in (0, 1))
         return _between(self.strokes[stroke].curve, first, last)
 
 
 def closed_outlines(strokes: Sequence[Stroke], join_mm: float) -> tuple[list[list[Face]], list[Face]]:
-    """Closed outlines, each with its faces in order, and the separate faces.
+    """Return closed outlines, each with its faces in order, and the separate faces.
 
     Raises
     ------
     DesignError
-        If an outline is open or branches, or a stroke is drawn twice; the message states the place.
+        If an outline is open or branches, or a stroke is drawn twice; the message reports the position.
     """
     if not strokes:
         raise DesignError("body outline", value="no strokes", limit="the drawing is empty", remedy="check its layers")
@@ -94,12 +94,12 @@ def closed_outlines(strokes: Sequence[Stroke], join_mm: float) -> tuple[list[lis
 
 
 def _is_crumb(curve: Curve, join_mm: float) -> bool:
-    """Whether a whole curve would collapse into one corner."""
+    """Return whether an entire curve would collapse into one corner."""
     return math.dist(curve.start, curve.end) <= join_mm and Measure(curve).length_mm <= 2.0 * join_mm
 
 
 def _labels(ends: FloatArray, join_mm: float) -> NDArray[np.int32]:
-    """Group numbers (N,), equal for coinciding ends."""
+    """Return group numbers (N,), equal for coinciding ends."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
@@ -125,7 +125,7 @@ def _check_twice(joints: Joints) -> None:
                     "body outline",
                     value=f"{second.name} drawn twice",
                     limit=f"{first.what} and {second.what} coincide at {place_text(second.curve.middle_point)}",
-                    remedy="delete one of them",
+                    remedy="delete one of the two",
                 )
         seen[key].append(i)
 
@@ -141,7 +141,7 @@ def _quarters(curve: Curve) -> FloatArray:
 
 
 def _walked(joints: Joints, chain: list[int]) -> list[Face]:
-    """Faces of a closed chain in order."""
+    """Return the faces of a closed chain in order."""
     faces: list[Face] = []
     stroke, side = chain[0], 0
     for _ in chain:
@@ -155,7 +155,7 @@ def _walked(joints: Joints, chain: list[int]) -> list[Face]:
 
 
 def _fault(joints: Joints, faulty: list[int]) -> DesignError:
-    """Error for a chain that does not close: reports a free end if there is one, otherwise a branch."""
+    """Return the error for a chain that does not close: it reports a free end if there is one, otherwise a branch."""
     single = [label for label in faulty if len(joints.members[label]) == 1]
     if not single:
         members = joints.members[faulty[0]]
@@ -163,7 +163,7 @@ def _fault(joints: Joints, faulty: list[int]) -> DesignError:
         return DesignError(
             "body outline",
             value=f"{len(members)} curves meet at {place_text(joints.point(faulty[0]))}",
-            limit=f"an outline continues with a single curve, but here are {names}",
+            limit=f"an outline continues with a single curve, but these curves meet here: {names}",
             remedy="delete the extra curves, or draw notes on a layer whose name begins with _",
         )
     end = joints.members[single[0]][0]
@@ -175,14 +175,14 @@ def _fault(joints: Joints, faulty: list[int]) -> DesignError:
     return DesignError(
         "body outline",
         value=f"open at the end of {joints.strokes[end // 2].name}",
-        limit=f"a gap of {apart[other]:.4g} mm from {place_text((float(at[0]), float(at[1])))} to the end of "
+        limit=f"there is a gap of {apart[other]:.4g} mm from {place_text((float(at[0]), float(at[1])))} to the end of "
         f"{joints.strokes[other // 2].name}",
         remedy="close it, or increase body.join_mm",
     )
 
 
 def _between(curve: Curve, first: Point, last: Point) -> Curve:
-    """The curve with its ends moved to two corners."""
+    """Return the curve with its ends moved to two corners."""
     if math.dist(curve.start, first) <= GAP_MM / 4 and math.dist(curve.end, last) <= GAP_MM / 4:
         return curve
     if isinstance(curve, Segment):
@@ -202,7 +202,7 @@ def _between(curve: Curve, first: Point, last: Point) -> Curve:
 
 
 def _arc(arc: Arc, first: Point, last: Point) -> Arc:
-    """The arc of the same angle between two corners: turned and scaled."""
+    """Return the arc of the same angle between two corners: rotated and scaled."""
     if math.dist(first, last) == 0.0:
         return arc
     chord, wanted = complex(*minus(arc.end, arc.start)), complex(*minus(last, first))
@@ -213,7 +213,7 @@ def _arc(arc: Arc, first: Point, last: Point) -> Arc:
 
 
 def _shifted(points: tuple[Point, ...], first: Point, last: Point) -> tuple[Point, ...]:
-    """Control points after shifting both ends together with their handles."""
+    """Return control points after moving both ends together with their handles."""
     start, end = minus(first, points[0]), minus(last, points[-1])
     before = (points[1][0] + start[0], points[1][1] + start[1])
     behind = (points[-2][0] + end[0], points[-2][1] + end[1])

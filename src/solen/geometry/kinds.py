@@ -1,12 +1,11 @@
-"""Kinds of bodies, selected by ``body.kind`` of a design.
+"""Body kinds, selected by ``body.kind`` of a design.
 
 A new kind is a function that builds a body from a design, or (with `drawn_kind`) a function that draws it from numbers.
-Another package adds it as an entry point of ``solen.body_kinds``, a script with `register`::
+Another package adds a kind as an entry point of ``solen.body_kinds``; a script calls `register`::
 
     register("cross", BodyKind(cross_body, unused_keys={"body": ("file", "units", "join_mm")}))
 
-Everything that depends on the kind is defined by this registry: how the body is built, and whether solen computes its
-lens.
+This registry defines everything that depends on the kind: how the body is built, and whether solen computes its lens.
 """
 
 from collections.abc import Callable, Mapping
@@ -26,17 +25,18 @@ from solen.spec.body import UNUSED_KEYS, Keys
 
 @dataclass(frozen=True)
 class BodyKind:
-    """One kind of body.
+    """A kind of body.
 
     Attributes
     ----------
     build
-        Function that returns the checked body of a design with its lens in the motion's state at an angle in degrees;
-        raises `DesignError` if it cannot be built. The lens is None if it is drawn.
+        Function that returns the checked body of a design with its lens, moved to an angle in degrees; raises
+        `DesignError` if it cannot be built. The lens is None if it is drawn.
     unused_keys
-        Keys of the design that do not apply to this kind, by table.
+        Design keys that do not apply to this kind, by table.
     lens_is_drawn
-        Whether the lenses are parts of the body, as in a drawing or a network, rather than one computed lens before it.
+        Whether the lenses are parts of the body, as in a drawing or a network, rather than one computed lens in front
+        of it.
     parameters
         Names and defaults of the parameters in ``[body.parameters]``.
     """
@@ -47,7 +47,7 @@ class BodyKind:
     parameters: Mapping[str, float] = field(default_factory=dict)
 
     def numbers(self, design: Design) -> dict[str, float]:
-        """Parameters of a design's body, stated or default; raises `DesignError` for an unknown name."""
+        """Return the parameters of a design's body, specified or default; raises `DesignError` for an unknown name."""
         stated = design.body.parameters.values if design.body.parameters else {}
         for name in stated:
             if name not in self.parameters:
@@ -57,10 +57,10 @@ class BodyKind:
 
 
 def drawn_kind(draw: Callable[[Mapping[str, float]], Drawing], parameters: Mapping[str, float]) -> BodyKind:
-    """Kind of body drawn by a function from its parameters, in mm, including the lens.
+    """Return a kind of body that a function draws from its parameters, in mm, including the lens.
 
-    The drawing consists of closed strokes, one emitter and optionally a pivot; names of strokes define the faces, as in
-    a file: ``wall``, ``lens``, ``receiver-right``, ``receiver-left``.
+    The drawing consists of closed strokes, one emitter and optionally a pivot; stroke names define the faces, as in a
+    file: ``wall``, ``lens``, ``receiver-right``, ``receiver-left``.
     """
 
     def build(design: Design, _lens: Lens | None, angle_deg: float) -> Body:
@@ -94,13 +94,13 @@ BODY_KINDS: registry.Registry[BodyKind] = registry.Registry(
 
 
 def register(name: str, kind: BodyKind) -> None:
-    """Register a kind of body under a name."""
+    """Register a body kind under a name."""
     BODY_KINDS.own[name] = kind
     UNUSED_KEYS[name] = kind.unused_keys
 
 
 def body_of(design: Design, lens: Lens | None, angle_deg: float = 0.0) -> Body:
-    """Checked body of a design in the motion's state at ``angle_deg``, built by its kind, which may raise errors."""
+    """Return the checked body of a design moved to ``angle_deg``, built by its kind, which may raise errors."""
     kind = BODY_KINDS[design.body.kind]
     kind.numbers(design)  # rejects a parameter that the kind does not have
     return kind.build(design, lens, angle_deg)

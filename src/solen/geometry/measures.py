@@ -10,7 +10,7 @@ from solen.geometry.body import Face
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 ACCURACY = 1e-13
-"""Tolerated change on halving a panel, relative to the curve's bounding box."""
+"""Tolerated change when a panel is halved, relative to the bounding box of the curve."""
 MOST_ROUNDS = 30
 
 
@@ -20,18 +20,18 @@ def area_mm2(outlines: Sequence[Sequence[Face]]) -> float:
 
 
 def perimeter_mm(outlines: Sequence[Sequence[Face]]) -> float:
-    """Length of outlines in mm."""
+    """Return the length of outlines in mm."""
     return sum(Measure(face.curve).length_mm for outline in outlines for face in outline)
 
 
 def _enclosed(outline: Sequence[Face]) -> float:
-    """Area of one outline, relative to its first point to avoid cancellation far from the origin."""
+    """Return the area of one outline, relative to its first point to avoid cancellation far from the origin."""
     origin = np.asarray(outline[0].curve.start)
     return sum(_swept(face.curve, origin) for face in outline)
 
 
 def _swept(curve: Curve, origin: FloatArray) -> float:
-    """Area swept by the line from the origin to a point that moves along the curve."""
+    """Return the area swept by the line from the origin to a point that moves along the curve."""
     if isinstance(curve, Segment):
         return _cross(np.array([curve.a]) - origin, np.array([curve.b]) - origin).item() / 2
     ends = np.linspace(0.0, 1.0, (len(curve.controls) if isinstance(curve, CubicChain) else 1) + 1)
@@ -48,7 +48,7 @@ def _swept(curve: Curve, origin: FloatArray) -> float:
 
 
 def _panels(curve: Curve, origin: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """Swept areas (N,) between parameters (N,)."""
+    """Return swept areas (N,) between parameters (N,)."""
     half = 0.5 * (high - low)
     u = ((0.5 * (low + high))[:, None] + half[:, None] * NODES).ravel()
     rate = _cross(curve.points(u) - origin, curve.velocities(u)).reshape(len(low), -1)

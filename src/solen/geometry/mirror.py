@@ -1,7 +1,7 @@
 """Test whether two bodies are mirror images about the axis x = 0.
 
-If a sensor's body at every angle is the mirror image of that at the opposite angle, its readings are mirrored as well:
-only one side needs to be traced, and the results are exactly symmetric.
+If the sensor body at every angle is the mirror image of the body at the opposite angle, the receiver readings are
+mirrored too: only one side needs to be traced, and the results are exactly symmetric.
 """
 
 import re
@@ -12,13 +12,13 @@ from solen.geometry.body import Body, Face
 from solen.plane import Point
 
 SAME_MM, SAME_DEG = 1e-9, 1e-9
-"""Tolerance of positions and directions of mirror images."""
+"""Tolerances for positions and directions of mirror images."""
 PLACES = np.linspace(0.0, 1.0, 9)
 OTHER = {"right": "left", "left": "right"}
 
 
 def are_mirrored(one: Body, other: Body) -> bool:
-    """Whether one body mirrors another, with faces, walls and emitter; right and left swap in the names."""
+    """Whether one body mirrors another, with faces, walls and emitter; right and left are swapped in the names."""
     there = {face.name: face for face in (*other.all_faces, *other.apart)}
     faces = (*one.all_faces, *one.apart)
     return (
@@ -37,7 +37,7 @@ def _opposite(one: Point, other: Point) -> bool:
 
 
 def _reflects(face: Face, image: Face | None) -> bool:
-    """Whether a face is the mirror image of another, which runs in the opposite direction."""
+    """Return whether a face is the mirror image of another, which has the opposite direction."""
     if image is None or face.wall != image.wall:
         return False
     apart = face.curve.points(PLACES) * (-1.0, 1.0) - image.curve.points(PLACES[::-1])

@@ -1,9 +1,9 @@
-"""Notches closed by a load: two walls that cross again beyond their common corner are joined at the crossing.
+"""Notches closed by a load: two walls that intersect beyond their common corner are joined at the intersection.
 
-A body that is squeezed closes a sharp notch from its corner. The contact forces between its walls are not solved; the
-walls overlap by micrometres instead. Up to an overlap of `DEEPEST_MM` the outline is joined at the crossing, as for
-soft walls in full contact. Beyond it, or if walls meet away from their corner and enclose air, the outline stays
-crossed and is rejected.
+When a body is compressed, a sharp notch closes from its corner. The contact forces between its walls are not solved;
+the walls overlap by micrometres instead. Up to an overlap of `DEEPEST_MM` the outline is joined at the intersection, as
+for soft walls in full contact. If the overlap is larger, or if walls meet away from their corner and enclose air, the
+outline still intersects itself and is rejected.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 DEEPEST_MM = 0.02
 """Maximum overlap of the walls of a closed notch."""
 SHORTEST_MM = 1e-6
-"""A crossing closer to the corner than this counts as the corner."""
+"""An intersection closer to the corner than this counts as the corner."""
 FLAT_MM = 1e-6
 MOST_STEPS = 20
 
@@ -34,7 +34,7 @@ class ClosedNotch:
     Attributes
     ----------
     faces
-        Names of its two walls, in the order of the outline.
+        Names of the two walls, in the order of the outline.
     at_mm
         Position at which the notch begins after closing.
     length_mm
@@ -50,7 +50,7 @@ class ClosedNotch:
 
 
 def close_notch(names: tuple[str, str], before: Curve, after: Curve) -> tuple[Spline, Spline, ClosedNotch] | None:
-    """Remaining parts of two walls into and out of a corner, cut at their crossing; None if they do not cross."""
+    """Return the remaining parts of two walls at a corner, cut at their intersection; None if they do not intersect."""
     import shapely
 
     if not (isinstance(before, Spline) and isinstance(after, Spline)):
@@ -71,21 +71,21 @@ def close_notch(names: tuple[str, str], before: Curve, after: Curve) -> tuple[Sp
 
 
 def _crossing(first: "shapely.LineString", second: "shapely.LineString") -> tuple[float, float] | None:
-    """Lengths from the common corner at which two lines cross again; None if they do not, or more than once."""
+    """Return the lengths from the common corner at which two lines intersect; None unless they do so exactly once."""
     shared = first.intersection(second)
     places = [p for p in getattr(shared, "geoms", [shared]) if first.project(p) > SHORTEST_MM]
     return (first.project(places[0]), second.project(places[0])) if len(places) == 1 else None
 
 
 def _start(line: "shapely.LineString", length_mm: float) -> FloatArray:
-    """Points (N, 2) on the first part of a line."""
+    """Return points (N, 2) on the first part of a line."""
     from shapely.ops import substring
 
     return np.asarray(substring(line, 0.0, length_mm).coords)
 
 
 def _refined(before: Spline, after: Spline, first_mm: float, second_mm: float) -> tuple[float, float]:
-    """Parameters at which two curves cross, near given lengths along them, by Newton's method."""
+    """Return the parameters at which two curves intersect, near given lengths along them, by Newton's method."""
     at = np.array([Measure(before).u_at(first_mm), Measure(after).u_at(second_mm)])
     for _ in range(MOST_STEPS):
         off = np.subtract(before.point_at(at[0]), after.point_at(at[1]))

@@ -1,8 +1,8 @@
 """A drawn body: closed outlines from a file, with emitter and receivers by name, in any state of motion.
 
 Faces have the names of their layers or elements, numbered if names repeat (``wall.2``). A face whose name begins with
-``receiver`` detects, with ``mirror`` reflects, with ``black`` absorbs; any other is a bare wall. Outlines inside others
-are holes, or bodies in holes. The axis of a bend is x = 0.
+``receiver`` detects, with ``mirror`` reflects, with ``black`` absorbs; any other face is a bare wall. Outlines inside
+others are holes, or bodies in holes. The axis of a bend is x = 0.
 """
 
 import math
@@ -23,21 +23,21 @@ from solen.spec import Design
 
 JOIN_MM = 1e-3
 PIVOTS = ("pivot", "stem-base")
-"""Names of a drawn pivot of the motion; the drawing's origin is the default pivot."""
+"""Names of a drawn pivot of the motion; the drawing origin is the default pivot."""
 FLAT_MM = 1e-4
 PARTS = {"lens": "lens", "receivers": "receiver", "mirrors": "mirror"}
-"""First words of the faces that belong to the parts named by a motion."""
+"""First words of the names of faces that belong to the parts selected by a motion."""
 
 
 def outline_body(design: Design, angle_deg: float = 0.0) -> Body:
-    """Checked body of a drawn design in the motion's state at ``angle_deg``.
+    """Return the checked body of a drawn design, moved to ``angle_deg``.
 
     Raises
     ------
     DataError
         If the drawing cannot be read.
     DesignError
-        If outlines are open or cross, there is no emitter, or the motion would tear them.
+        If outlines are open or intersect, there is no emitter, or the motion would tear them.
     """
     if design.outline_file is None:
         raise DesignError("body.file", limit="missing")
@@ -45,7 +45,7 @@ def outline_body(design: Design, angle_deg: float = 0.0) -> Body:
 
 
 def drawn_body(design: Design, drawing: Drawing, angle_deg: float = 0.0) -> Body:
-    """Body of an outline, as returned by `outline_body`, from a drawing in memory."""
+    """Return the body of an outline, like `outline_body`, from a drawing in memory."""
     check_numbers("angle_deg", angle_deg)
     rest = _rest(design, drawing)
     moved = _bent(design, rest, angle_deg) if design.motion.kind == "bend" else _turned(design, rest, angle_deg)
@@ -53,12 +53,12 @@ def drawn_body(design: Design, drawing: Drawing, angle_deg: float = 0.0) -> Body
 
 
 def _rest(design: Design, drawing: Drawing) -> Body:
-    """Body as drawn, with its emitter at rest."""
+    """Return the body as drawn, with its emitter unmoved."""
     return drawn_rest(design, drawing, lambda faces: _emitter(design, drawing, faces))
 
 
 def drawn_rest(design: Design, drawing: Drawing, emitter_before: Callable[[tuple[Face, ...]], Pose]) -> Body:
-    """Body as drawn, with divided walls; a function of its faces returns the emitter."""
+    """Return the body as drawn, with divided walls; a function of its faces returns the emitter."""
     check_names(drawing)
     found, alone = closed_outlines(drawing.strokes, JOIN_MM if design.body.join_mm is None else design.body.join_mm)
     ordered = [_from_lens(outline) for outline in _oriented(found)]
@@ -74,7 +74,7 @@ def drawn_rest(design: Design, drawing: Drawing, emitter_before: Callable[[tuple
 
 
 def _oriented(outlines: list[list[Face]]) -> list[list[Face]]:
-    """Outlines with the material on their left, the largest first; the parity of surrounding outlines decides."""
+    """Outlines with material on their left, largest first; an odd number of surrounding outlines makes a hole."""
     import shapely
 
     rings = [polyline(tuple(outline), FLAT_MM) for outline in outlines]
@@ -88,13 +88,13 @@ def _oriented(outlines: list[list[Face]]) -> list[list[Face]]:
 
 
 def _from_lens(outline: list[Face]) -> list[Face]:
-    """The outline rotated to start at its first face of the lens, if it has one."""
+    """Return the outline rotated to start at its first lens face, if it has one."""
     starts = [i for i, face in enumerate(outline) if face.part == "lens" and outline[i - 1].part != "lens"]
     return outline[starts[0] :] + outline[: starts[0]] if starts else outline
 
 
 def _names(names: list[str]) -> Iterator[str]:
-    """Names in order, numbered if they repeat."""
+    """Return names in order, numbered if they repeat."""
     several, seen = Counter(names), Counter[str]()
     for name in names:
         seen[name] += 1
@@ -102,7 +102,7 @@ def _names(names: list[str]) -> Iterator[str]:
 
 
 def _facing(face: Face, walls: Iterable[Face]) -> Face:
-    """A face in air, oriented with its left towards the nearest visible wall."""
+    """Return a face in air, oriented with its left towards the nearest visible wall."""
     at = face.curve.middle_point
     normal = face.curve.normal_at(at)
     backwards = _nearest_mm(at, (-normal[0], -normal[1]), walls) < _nearest_mm(at, normal, walls)
@@ -114,7 +114,7 @@ def _nearest_mm(at: Point, direction: Point, faces: Iterable[Face]) -> float:
 
 
 def _emitter(design: Design, drawing: Drawing, faces: tuple[Face, ...]) -> Pose:
-    """The emitter of the drawing, or that of the design, decentred by its offset."""
+    """Return the emitter of the drawing or the design, decentred by its offset."""
     stated = design.emitter
     if stated.point_mm is not None:
         pose = Pose(stated.point_mm, 0.0)
@@ -128,7 +128,7 @@ def _emitter(design: Design, drawing: Drawing, faces: tuple[Face, ...]) -> Pose:
             "emitter",
             value=f"{len(drawing.lamps)} drawn",
             limit=limit,
-            remedy='state emitter.point_mm = [x, z], or set body.kind = "network" for several in turn',
+            remedy='specify emitter.point_mm = [x, z], or set body.kind = "network" for several emitters used in turn',
         )
     if stated.axis_deg is not None:
         pose = replace(pose, axis_deg=stated.axis_deg)
@@ -136,7 +136,7 @@ def _emitter(design: Design, drawing: Drawing, faces: tuple[Face, ...]) -> Pose:
 
 
 def lamp_pose(lamp: Lamp, faces: tuple[Face, ...]) -> Pose:
-    """Pose of an emitter; a line faces along its normal to the side of the nearer face."""
+    """Return the pose of an emitter; a line faces along its normal towards the nearer face."""
     if lamp.end is None:
         return Pose(lamp.point, lamp.axis_deg or 0.0, lamp.width_mm)
     middle = (0.5 * (lamp.point[0] + lamp.end[0]), 0.5 * (lamp.point[1] + lamp.end[1]))
@@ -149,12 +149,12 @@ def lamp_pose(lamp: Lamp, faces: tuple[Face, ...]) -> Pose:
     direction = min(sees, key=sees.__getitem__)
     if math.isinf(sees[direction]):
         limit = "faces past the body on both sides"
-        raise DesignError("emitter", value=f"a line at {place_text(middle)}", limit=limit, remedy="turn or move it")
+        raise DesignError("emitter", value=f"a line at {place_text(middle)}", limit=limit, remedy="rotate or move it")
     return Pose(middle, math.degrees(math.atan2(-direction[0], direction[1])), math.hypot(*across))
 
 
 def _turned(design: Design, rest: Body, angle_deg: float) -> Body:
-    """Body with its moving parts turned about the pivot."""
+    """Return the body with its moving parts rotated about the pivot."""
     pivot, moves = design.motion.pivot, design.motion.moves
     if pivot == "stem-base":
         pivot = rest.marks["stem-base"]
@@ -166,7 +166,7 @@ def _turned(design: Design, rest: Body, angle_deg: float) -> Body:
     if missing:
         limit = f"the drawing has no face that begins with {min(missing)}"
         raise DesignError(
-            "motion.moves", value=list(moves), limit=limit, remedy="omit it, or name the layer accordingly"
+            "motion.moves", value=list(moves), limit=limit, remedy="omit the part, or name the layer accordingly"
         )
 
     def moved(faces: tuple[Face, ...]) -> tuple[Face, ...]:
@@ -182,12 +182,12 @@ def _turned(design: Design, rest: Body, angle_deg: float) -> Body:
 
 
 def undecentred(design: Design, emitter: Pose) -> Point:
-    """Position of the emitter without its decentre, which is an error of the position."""
+    """Return the position of the emitter without its decentre, which is a position error."""
     return along(emitter.point, right_of(heading(emitter.axis_deg)), -design.emitter.offset_mm)
 
 
 def _check_whole(body: Body, words: set[str]) -> None:
-    """Raise `DesignError` if a turn would tear an outline: only whole outlines can turn."""
+    """Raise `DesignError` if a rotation would tear an outline: only complete outlines can rotate."""
     for outline in body.outlines:
         stays = next((face for face in outline if face.part not in words), None)
         turns = next((face for face in outline if face.part in words), None)
@@ -196,12 +196,12 @@ def _check_whole(body: Body, words: set[str]) -> None:
                 "motion.moves",
                 value=sorted(words),
                 limit=f"would tear {turns.name} from {stays.name}: they are parts of one outline",
-                remedy='turn the emitter alone, or bend the body with motion.kind = "bend"',
+                remedy='rotate the emitter alone, or bend the body with motion.kind = "bend"',
             )
 
 
 def _bent(design: Design, rest: Body, angle_deg: float) -> Body:
-    """Body bent between two heights; separate objects move along."""
+    """Return the body bent between two heights; separate objects move along."""
     low_mm, high_mm = design.motion.bend_mm or (0.0, 1.0)
     bend = bend_of(design.motion.centre_line, low_mm, high_mm, angle_deg)
 
@@ -217,7 +217,7 @@ def _bent(design: Design, rest: Body, angle_deg: float) -> Body:
 
 
 def _pieces(face: Face, bend: Bend) -> list[Face]:
-    """A bent face, divided into numbered pieces if the bent segment begins or ends within it."""
+    """Return a bent face, divided into numbered segments if the bend begins or ends within it."""
     curves = bent(face.curve, bend)
     if len(curves) == 1:
         return [replace(face, curve=curves[0])]

@@ -1,7 +1,7 @@
 """Sections of a body at a height, as in one layer of a printer.
 
-A body whose lens varies with height is a prism beyond the stem's base. Before the base, a section is bounded by the
-lens's curve at that height and by the straight sides of the aperture; if that curve ends beyond the base, the stem
+Beyond the base of the stem, a body whose lens varies with height is a prism. In front of the base, a section is bounded
+by the lens curve at that height and by the straight sides of the aperture; if that curve ends beyond the base, the stem
 begins there.
 """
 
@@ -14,12 +14,12 @@ from solen.plane import Point
 
 
 def section(body: Body, y_mm: float) -> Body:
-    """Upright body at rest with the outline at a height y from the middle; for a prism, the body itself."""
+    """Return the upright unmoved body with the outline at a height y from mid-height; for a prism, the body itself."""
     return body if body.front is None else fronted(body, body.front.lens.section(y_mm))
 
 
 def fronted(body: Body, front: Curve) -> Body:
-    """Upright body at rest, with the lens replaced by another curve across the aperture, from left to right."""
+    """Return the upright unmoved body, with the lens replaced by another curve across the aperture, left to right."""
     if body.front is None:
         raise AssertionError("a prism has one outline")
     lens, (_, *rest) = body.front.lens, body.faces
@@ -33,13 +33,13 @@ def fronted(body: Body, front: Curve) -> Body:
 
 
 def _side(name: str, start: Point, end: Point) -> list[Face]:
-    """Straight face between two points; none if they coincide."""
+    """Return the straight face between two points; none if they coincide."""
     apart = abs(start[0] - end[0]) + abs(start[1] - end[1])
     return [Face(name, Segment(start, end))] if apart > GAP_MM else []
 
 
 def _begun(face: Face, depth_mm: float, *, ends: bool) -> Face:
-    """Side of the stem, trimmed to begin or end at a depth."""
+    """Return a side of the stem, trimmed to begin or end at a depth."""
     curve = face.curve
     if isinstance(curve, Parabola):
         share = (depth_mm - curve.start[1]) / (curve.end[1] - curve.start[1])

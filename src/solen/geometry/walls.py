@@ -12,15 +12,15 @@ from solen.geometry.body import Face
 from solen.spec import Wall
 
 SHORTEST_MM = 1e-6
-"""Minimum length of a divided piece and of the range of a wall table."""
+"""Minimum length of a divided segment and of the range of a wall table."""
 DARK = ("receiver", "mirror", "black")
 """Parts whose faces are not walls."""
 
 
 def behind_gap(faces: tuple[Face, ...], gap_mm: float | None) -> tuple[tuple[Face, ...], tuple[Face, ...]]:
-    """Faces with a bare ``end`` for every receiver, and receivers ``gap_mm`` in front of them; None changes nothing.
+    """Faces with a bare ``end`` for every receiver, and receivers ``gap_mm`` in front of them; unchanged for None.
 
-    A receiver's left side faces the end; it is as wide as the end.
+    The left side of a receiver faces the end; it is as wide as the end.
     """
     if gap_mm is None:
         return faces, ()
@@ -39,7 +39,7 @@ def _before(face: Face, gap_mm: float) -> Segment:
     end = face.curve
     if not isinstance(end, Segment):
         limit = "only a straight receiver can be behind an air gap"
-        remedy = 'draw it in the air, beside the outline, and set receivers.coupling = "matched"'
+        remedy = 'draw it in air, next to the outline, and set receivers.coupling = "matched"'
         raise DesignError("receivers.coupling", value=f"air-gap before {face.name}", limit=limit, remedy=remedy)
     nx, nz = end.normal_at(end.start)
 
@@ -52,7 +52,7 @@ def _before(face: Face, gap_mm: float) -> Segment:
 def with_walls(
     outlines: Sequence[tuple[Face, ...]], walls: Sequence[Wall], elsewhere: Sequence[str] = ()
 ) -> tuple[tuple[Face, ...], ...]:
-    """Outlines divided at the limits of wall tables, each face with the number of the last table that covers it.
+    """Outlines divided at the limits of wall tables, each face with the index of the last table that applies to it.
 
     A table may name a face that the body has ``elsewhere``: at other angles of its motion.
 
@@ -69,12 +69,12 @@ def with_walls(
 
 
 def matches(face: Face, wall: Wall) -> bool:
-    """Whether a wall table applies to a face, named with or without its number; the face must be a wall."""
+    """Return whether a wall table applies to a face, named with or without its number; the face must be a wall."""
     return face.part not in DARK and called(face, wall.face)
 
 
 def called(face: Face, pattern: str) -> bool:
-    """Whether a pattern matches a face's name, with or without the number of the piece."""
+    """Return whether a pattern matches a face name, with or without the segment number."""
     return any(fnmatchcase(name, pattern) for name in (face.name, re.sub(r"\.\d+$", "", face.name)))
 
 
@@ -88,7 +88,9 @@ def _check_named(faces: tuple[Face, ...], number: int, wall: Wall) -> None:
         limit = f"must be below {longest_mm:.4g} mm, the length of {wall.face}"
         raise DesignError(f"wall[{number}].from_mm", value=wall.from_mm, limit=limit)
     if wall.to_mm is not None and wall.to_mm - wall.from_mm < SHORTEST_MM:
-        limit = f"must be at least {SHORTEST_MM:g} mm above from_mm = {wall.from_mm:g}: a shorter range is rounding"
+        limit = (
+            f"must be at least {SHORTEST_MM:g} mm above from_mm = {wall.from_mm:g}: a shorter range is due to rounding"
+        )
         raise DesignError(f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="make the range longer")
     if wall.to_mm is not None and wall.to_mm > longest_mm + SHORTEST_MM:
         limit = f"must be at most {longest_mm:.4g} mm, the length of {wall.face}"
@@ -96,7 +98,7 @@ def _check_named(faces: tuple[Face, ...], number: int, wall: Wall) -> None:
 
 
 def _divided(face: Face, walls: Sequence[Wall]) -> list[Face]:
-    """Pieces of one face in the order of the outline; the face itself if nothing divides it."""
+    """Return segments of one face in the order of the outline; the face itself if nothing divides it."""
     covering = [(number, wall) for number, wall in enumerate(walls) if matches(face, wall)]
     if not covering:
         return [face]

@@ -1,24 +1,24 @@
-"""The Y-shaped waveguide: stem, two arms, the lens at the stem's base, in any state of its motion.
+"""The Y-shaped waveguide: stem, two arms and the lens at the base of the stem, in any state of its motion.
 
-The stem flares: half its width is ``half_width_mm + stem_curve_per_mm u²`` at u above its base. The arms leave the
-fork's corners at ``arm_angle_deg`` to the axis; by default they continue the stem's edge there (its tangent), which is
-an assumption: the paper's figure with the exact geometry is not public. The arms' inner edges run parallel to the outer
-ones at the arms' width and meet on the axis, in the crotch.
+The stem flares: its half width is ``half_width_mm + stem_curve_per_mm u²`` at u above its base. The arms leave the
+corners of the fork at ``arm_angle_deg`` to the axis; by default they continue the edge of the stem there (its tangent),
+which is an assumption: the paper's figure with the exact geometry is not public. The inner edges of the arms are
+parallel to the outer edges at the arm width and meet on the axis, in the crotch.
 
-How a turned lens joins the stem is chosen by ``motion.join`` of the design; each choice keeps the outline closed and
-simple and changes continuously with the angle:
+``motion.join`` of the design selects how a rotated lens joins the stem; each option keeps the outline closed and simple
+and changes continuously with the angle:
 
-- ``bridge``: if the lens's edge has moved below the stem's base, a straight bridge joins it to the stem's corner; if it
-  has moved into the stem, the stem's side begins at the edge's height and a short step joins the two. At 3° about the
-  centre of the base the step is 2.7 µm wide.
+- ``bridge``: if the edge of the lens has moved below the base of the stem, a straight bridge joins it to the stem
+  corner; if it has moved into the stem, the side of the stem begins at the height of the edge and a short step joins
+  the two. For a rotation of 3° about the centre of the base the step is 2.7 µm wide.
 - ``seam``: a straight seam joins each edge to its corner, even if it has moved into the stem.
-- ``smooth``: the stem's side bends. A cubic Bézier curve leaves the edge along the lens's own axis and joins the
-  side tangentially, half a lens's width above the edge; at rest it is the side itself.
+- ``smooth``: the side of the stem bends. A cubic Bézier curve leaves the edge along the lens axis and joins the
+  side tangentially, half a lens width above the edge; without rotation it is the side itself.
 
-A sensor without a lens has a flat face that belongs to the stem: it stays fixed while the emitter turns.
+A sensor without a lens has a flat face that belongs to the stem: it stays fixed while the emitter rotates.
 
-A bend (see `solen.geometry.bend`) curves the stem between its base and its fork; the lens then meets the stem as at
-rest, and no join is needed.
+A bend (see `solen.geometry.bend`) curves the stem between its base and its fork; the lens then meets the stem as in the
+unbent sensor, and no join is needed.
 """
 
 import math
@@ -36,10 +36,10 @@ from solen.spec import Body as BodyTable
 from solen.spec import Design, Join, Motion, Wall
 
 JOINS = ("join-right", "join-left")
-"""Names of the join faces of a turned lens."""
+"""Names of the join faces of a rotated lens."""
 SHORTEST_MM, STEP_MM = 1e-8, 1e-6
-"""A step between lens and stem shorter than the first is replaced by one along the stem, as long as the second. Such a
-step is left by an edge that has moved up by less than some micrometres, as a measured lens's may have.
+"""A step between lens and stem shorter than the first value is replaced by a step along the stem with the second
+length. Such a step occurs if an edge has moved up by less than a few micrometres, as in a measured lens.
 """
 
 
@@ -56,9 +56,9 @@ class _Half:
 
 @dataclass(frozen=True)
 class _Plan:
-    """The part of a design that determines its Y: designs that differ elsewhere share cached bodies.
+    """The part of a design that determines its Y: designs that differ only elsewhere share cached bodies.
 
-    ``emitter`` is the position of the emitter at rest.
+    ``emitter`` is the position of the unmoved emitter.
     """
 
     lens: Lens
@@ -75,7 +75,7 @@ class _Plan:
 
 
 def y_body(design: Design, lens: Lens, angle_deg: float = 0.0) -> Body:
-    """Checked body of a design in the motion's state at ``angle_deg``; raises `DesignError` if it cannot be built.
+    """Return the checked body of a design moved to ``angle_deg``; raises `DesignError` if it cannot be built.
 
     The last 256 bodies are cached.
     """
@@ -89,7 +89,7 @@ def _built(plan: _Plan, angle_deg: float) -> Body:
 
 
 def _turned(plan: _Plan, angle_deg: float) -> Body:
-    """Body with its moving parts turned about the pivot."""
+    """Return the body with its moving parts rotated about the pivot."""
     lens = plan.lens
     moves, turn = plan.motion.moves, Rigid.about(_pivot(plan), angle_deg)
     emitter = Pose(plan.emitter, 0.0)
@@ -118,7 +118,7 @@ def _turned(plan: _Plan, angle_deg: float) -> Body:
 
 
 def _bent(plan: _Plan, angle_deg: float) -> Body:
-    """Body with its stem bent between base and fork; lens and emitter are carried along, and the arms stay fixed."""
+    """Return the body with its stem bent from base to fork; lens and emitter are carried along, the arms stay fixed."""
     rest = _turned(plan, 0.0)
     base_mm = plan.lens.depth_mm
     bend = bend_of(plan.motion.centre_line, base_mm, base_mm + plan.body.stem_length_mm, angle_deg)
@@ -140,7 +140,7 @@ def _bent(plan: _Plan, angle_deg: float) -> Body:
 
 
 def arm_angle_deg(design: Design) -> float:
-    """The arms' angle to the axis: as stated, otherwise the slope of the stem's edge at the fork."""
+    """Return the angle of the arms to the axis: as specified, otherwise the slope of the stem edge at the fork."""
     return _arm_angle_deg(design.body)
 
 
@@ -151,7 +151,7 @@ def _arm_angle_deg(body: BodyTable) -> float:
 
 
 def _pivot(plan: _Plan) -> Point:
-    """Centre of the motion; the emitter's position excludes its decentre, which is an error of the position."""
+    """Return the centre of the motion; the emitter position excludes its decentre, which is a position error."""
     pivot = plan.motion.pivot
     if pivot == "stem-base":
         return (0.0, plan.lens.depth_mm)
@@ -172,14 +172,14 @@ def _half(plan: _Plan, side: int) -> _Half:
 
 
 def _crotch(body: BodyTable, right: _Half) -> Point:
-    """Point on the axis where the inner edges meet."""
+    """Return the point on the axis where the inner edges meet."""
     angle_deg = _arm_angle_deg(body)
     if not angle_deg > 0.0:
         raise DesignError(
             "body.stem_curve_per_mm",
             value=body.stem_curve_per_mm,
-            limit="must be above 0 if the arms continue the stem's edge, or they never separate",
-            remedy="increase it or state body.arm_angle_deg",
+            limit="must be above 0 if the arms continue the edge of the stem, or they never separate",
+            remedy="increase it or specify body.arm_angle_deg",
         )
     x, z = right.inner_end
     if x <= 0.0:
@@ -189,29 +189,29 @@ def _crotch(body: BodyTable, right: _Half) -> Point:
             "body.arm_width_mm",
             value=body.arm_width_mm,
             limit=f"{parts}: the arms do not separate before their ends",
-            remedy="narrow the arms, lengthen them, increase their angle or widen the stem",
+            remedy="make the arms narrower, lengthen them, increase their angle or widen the stem",
         )
     return (0.0, z - x / math.tan(math.radians(angle_deg)))
 
 
 @dataclass(frozen=True)
 class _Join:
-    """Joint between the lens's edges and the stem; ``axis`` is the lens's own."""
+    """Joint between the lens edges and the stem; ``axis`` is the axis of the lens."""
 
     kind: Join
     axis: Point
 
     def wall(self, whole: Parabola, edge: Point) -> Parabola:
-        """Remaining part of a side of the stem."""
+        """Return the remaining part of a side of the stem."""
         risen_mm = 0.0 if self.kind == "seam" else max(0.0, edge[1] - whole.vertex[1])
         if self.kind == "smooth":
             risen_mm += abs(whole.vertex[0])
         if risen_mm >= whole.to_mm:
             raise DesignError(
                 "motion",
-                value=f"the lens's edge joins the stem {risen_mm:.3g} mm above its base",
+                value=f"the lens edge joins the stem {risen_mm:.3g} mm above its base",
                 limit=f"the stem is {whole.to_mm:g} mm long",
-                remedy="turn by a smaller angle",
+                remedy="reduce the rotation angle",
             )
         wall = replace(whole, from_mm=risen_mm)
         if GAP_MM < math.dist(edge, wall.start) < SHORTEST_MM:  # the step is too short to be a face
@@ -219,7 +219,7 @@ class _Join:
         return wall
 
     def face(self, edge: Point, wall: Parabola) -> Curve:
-        """Face between the lens's edge and the side of the stem."""
+        """Return the face between the lens edge and the side of the stem."""
         if self.kind != "smooth":
             return Segment(edge, wall.start)
         third_mm = (wall.start[1] - max(edge[1], wall.vertex[1])) / 3.0
@@ -228,16 +228,16 @@ class _Join:
 
 
 def _side(name: str, half: _Half, lens_edge: Point, crotch: Point, join: _Join) -> tuple[Face, ...]:
-    """Faces from the lens's edge to the crotch, upwards along the stem and back along the arm."""
+    """Return faces from the lens edge to the crotch, upwards along the stem and back along the arm."""
     apart_mm = math.dist(lens_edge, half.wall.start)
     wall = half.wall if apart_mm <= GAP_MM else join.wall(half.wall, lens_edge)
     gap_mm = min(apart_mm, math.dist(lens_edge, wall.start))
     if gap_mm > abs(half.wall.vertex[0]):
         raise DesignError(
             "motion",
-            value=f"the lens's edge moves {gap_mm:.3g} mm away from the stem",
-            limit=f"the limit is the lens's half width, {abs(half.wall.vertex[0]):g} mm",
-            remedy="turn by a smaller angle, or about a nearer pivot",
+            value=f"the lens edge moves {gap_mm:.3g} mm away from the stem",
+            limit=f"the limit is the half width of the lens, {abs(half.wall.vertex[0]):g} mm",
+            remedy="reduce the rotation angle, or use a nearer pivot",
         )
     curves: list[tuple[str, Curve]] = [
         ("stem", wall),

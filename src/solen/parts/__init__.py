@@ -1,4 +1,4 @@
-"""Parts: data of emitters, receivers, converters, trimmers and printers, and the light of an emitter.
+"""Parts: data of emitters, receivers, converters, trimmers and printers, and emitter light.
 
 `solen.parts.datasheet` defines the files and the library, `solen.parts.light` the light of a design's emitter, and
 `solen.parts.printer` the printers.

@@ -1,12 +1,11 @@
-"""Datasheets of emitters, receivers, converters and trimmers as files, with a small library.
+"""Datasheet files of emitters, receivers, converters and trimmers, with a small library.
 
-Every number of a part has a source. Its file is TOML with ``schema = 1``, a ``name``, a ``kind``, the ``document`` it
-comes from, and a table for every quantity: ``typical``, ``least`` and ``most``, their ``basis`` (the part's own
-datasheet, that of a similar part, the profile of a slicing program, a measurement or an estimate) and its ``source``.
-Unknown values are omitted.
+Every number in a part file has a source. The file is TOML with ``schema = 1``, a ``name``, a ``kind``, the ``document``
+that it is based on, and a table for every quantity: ``typical``, ``least`` and ``most``, their ``basis`` (the part's
+own datasheet, the datasheet of a similar part, the profile of a slicing program, a measurement or an estimate) and
+their ``source``. Unknown values are omitted.
 
-The interface is `load_part`, `library` and `library_part`, which return `EmitterPart`, `ReceiverPart`, `AdcPart` or
-`TrimmerPart`.
+`load_part`, `library` and `library_part` return `EmitterPart`, `ReceiverPart`, `AdcPart` or `TrimmerPart`.
 """
 
 from functools import cache
@@ -38,7 +37,7 @@ Angle = Annotated[Number, Field(ge=0, le=180)]
 
 
 class Sourced(Strict):
-    """A statement with its basis and source."""
+    """A value or table with its basis and source."""
 
     error: ClassVar[type[SolenError]] = DataError
 
@@ -64,7 +63,7 @@ class Quantity(Sourced):
 
     @property
     def nominal(self) -> float:
-        """Typical value or, if only limits are stated, their mean."""
+        """Typical value or, if only limits are specified, their mean."""
         stated = [value for value in (self.least, self.most) if value is not None]
         return self.typical if self.typical is not None else sum(stated) / len(stated)
 
@@ -78,7 +77,9 @@ class PatternPart(Sourced):
     @model_validator(mode="after")
     def _ascends_from_0(self) -> Self:
         if len(self.angle_deg) != len(self.relative):
-            raise refused("relative", f"must be {len(self.angle_deg)}, the same as angle_deg", value=len(self.relative))
+            raise refused(
+                "relative", f"must have as many values as angle_deg, {len(self.angle_deg)}", value=len(self.relative)
+            )
         bad = why_no_pattern(tuple(zip(self.angle_deg, self.relative, strict=True)))
         if bad:
             raise refused("", bad)
@@ -94,7 +95,7 @@ class SpectrumPart(Sourced):
     @model_validator(mode="after")
     def _ascends(self) -> Self:
         if len(self.wavelength_nm) != len(self.relative):
-            limit = f"must be {len(self.wavelength_nm)}, the same as wavelength_nm"
+            limit = f"must have as many values as wavelength_nm, {len(self.wavelength_nm)}"
             raise refused("relative", limit, value=len(self.relative))
         if len(self.wavelength_nm) < 2 or any(low >= high for low, high in pairwise(self.wavelength_nm)):
             raise refused("wavelength_nm", "must be at least 2, ascending")
@@ -108,7 +109,7 @@ class AdcRange(Sourced):
 
     low_v: Number = Field(description="lowest voltage of the range, in V.")
     high_v: Number = Field(description="highest voltage of the range, in V.")
-    noise_uv: NotNegative = Field(description="standard deviation of the converter's own noise, in µV.")
+    noise_uv: NotNegative = Field(description="standard deviation of the converter noise, in µV.")
 
     @model_validator(mode="after")
     def _is_a_range(self) -> Self:
@@ -118,7 +119,7 @@ class AdcRange(Sourced):
 
 
 class Sheet(Strict):
-    """Keys that every part states."""
+    """Keys required in every part file."""
 
     error: ClassVar[type[SolenError]] = DataError
 
@@ -129,7 +130,7 @@ class Sheet(Strict):
 
     @property
     def estimates(self) -> tuple[str, ...]:
-        """Keys whose values are estimated rather than stated or measured."""
+        """Keys whose values are estimates rather than specifications or measurements."""
         lists = {key: value if isinstance(value, tuple) else (value,) for key, value in self}
         return tuple(
             key
@@ -139,7 +140,7 @@ class Sheet(Strict):
 
 
 class Datasheet(Sheet):
-    """Keys that emitters and receivers may state."""
+    """Optional keys of emitters and receivers."""
 
     half_angle_deg: Quantity | None = Field(
         None, description="Angle from the axis at which intensity or sensitivity is half."
@@ -155,32 +156,32 @@ class EmitterPart(Datasheet):
     """A light source: pattern, spectrum and power, with their ranges."""
 
     kind: Literal["emitter"] = Field(description="emitter.")
-    peak_nm: Quantity = Field(description="a table with the wavelength of the peak.")
+    peak_nm: Quantity = Field(description="a table with the peak wavelength.")
     fwhm_nm: Quantity | None = Field(None, description="Full width of the spectrum at half maximum.")
     pattern: PatternPart = Field(description="a table with the relative intensity by angle.")
     width_mm: Quantity | None = Field(None, description="Width of the emitting chip.")
     height_mm: Quantity | None = Field(None, description="Height of the emitting chip.")
     intensity_mw_per_sr: Quantity | None = Field(None, description="Radiant intensity on the axis, in mW/sr.")
     power_mw: Quantity | None = Field(None, description="Radiant power, in mW.")
-    current_ma: Quantity | None = Field(None, description="Current at which power and intensity are stated, in mA.")
+    current_ma: Quantity | None = Field(None, description="Current at which power and intensity are specified, in mA.")
     rise_ns: Quantity | None = Field(None, description="Rise time in ns.")
     power_exponent: Quantity | None = Field(
         None, description="Exponent of the dependence of radiant power on current; 1 if proportional."
     )
-    most_current_ma: Quantity | None = Field(None, description="Largest continuous current allowed, in mA.")
+    most_current_ma: Quantity | None = Field(None, description="Maximum continuous current, in mA.")
     fall_percent_per_k: Quantity | None = Field(None, description="Decrease of the radiant power per K, in percent.")
 
 
 class ReceiverPart(Datasheet):
-    """A light receiver: its sensitivity, its spectral band and its limits."""
+    """A light receiver: sensitivity, spectral band and limits."""
 
     kind: Literal["receiver"] = Field(description="receiver.")
     current_ua_per_mw_cm2: Quantity = Field(description="a table with the current in µA at 1 mW/cm².")
     sensitivity_nm: Quantity | None = Field(None, description="Wavelength of that irradiance.")
     band_nm: Quantity | None = Field(None, description="Wavelengths of half sensitivity.")
-    most_current_ma: Quantity | None = Field(None, description="Largest current allowed, in mA.")
-    supply_v: Quantity | None = Field(None, description="Voltage at which the sensitivity is stated, in V.")
-    most_supply_v: Quantity | None = Field(None, description="Largest voltage allowed, in V.")
+    most_current_ma: Quantity | None = Field(None, description="Maximum current, in mA.")
+    supply_v: Quantity | None = Field(None, description="Voltage at which the sensitivity is specified, in V.")
+    most_supply_v: Quantity | None = Field(None, description="Maximum voltage, in V.")
     spectrum: SpectrumPart | None = Field(None, description="A table with the relative sensitivity by wavelength.")
     saturation_v: Quantity | None = Field(None, description="Saturation voltage, in V.")
     knee_v: Quantity | None = Field(
@@ -188,7 +189,7 @@ class ReceiverPart(Datasheet):
         description="Width of the knee above saturation in V, over which the shortfall of "
         "current decreases by the factor e.",
     )
-    gain: Quantity | None = Field(None, description="Collector current per photocurrent: the transistor's gain.")
+    gain: Quantity | None = Field(None, description="Collector current per photocurrent: the transistor gain.")
     dark_na: Quantity | None = Field(None, description="Dark current at 25 °C, in nA.")
     dark_doubling_k: Quantity | None = Field(None, description="Temperature rise that doubles the dark current, in K.")
     rise_percent_per_k: Quantity | None = Field(None, description="Increase of the sensitivity per K, in percent.")
@@ -215,7 +216,7 @@ class TrimmerPart(Sheet):
     drift_ppm_per_k: Quantity | None = Field(
         None, description="Change of the resistance per K, in ppm, of either sign."
     )
-    power_mw: Quantity | None = Field(None, description="Largest power allowed, in mW.")
+    power_mw: Quantity | None = Field(None, description="Maximum power, in mW.")
 
 
 Part = EmitterPart | ReceiverPart | AdcPart | TrimmerPart
@@ -228,7 +229,7 @@ KINDS: dict[str, type[EmitterPart] | type[ReceiverPart] | type[AdcPart] | type[T
 
 
 def load_part(path: Path | str) -> Part:
-    """Read the part of a file.
+    """Read a part file.
 
     Raises
     ------
@@ -245,14 +246,14 @@ def library() -> tuple[str, ...]:
 
 @cache
 def library_part(name: str) -> Part:
-    """Return a part of the library; `DataError` with the nearest name if there is none with this name."""
+    """Return a part from the library; `DataError` with the nearest name if there is no part with this name."""
     return _LIBRARY.shipped(name)
 
 
 def _part(**data: Any) -> Part:
     kind = KINDS.get(str(data.get("kind")))
     if kind is None:
-        remedy = 'add e.g. kind = "emitter"' if "kind" not in data else ""
+        remedy = 'add for example kind = "emitter"' if "kind" not in data else ""
         raise DataError("kind", value=data.get("kind"), limit=f"must be one of {', '.join(KINDS)}", remedy=remedy)
     return kind(**data)
 

@@ -1,7 +1,7 @@
 """Light of a design's emitter: from its own keys, or else from the named part.
 
-A design states the author's choices. Values from a datasheet or a file are looked up here, once, and are plain numbers
-from then on: `Light`.
+A design contains the author's choices. Values from a datasheet or a file are looked up here once and then stored as
+plain numbers in `Light`.
 """
 
 import math
@@ -17,9 +17,9 @@ from solen.spec.light import why_no_pattern
 
 FWHM_OF_SIGMA = 2.0 * math.sqrt(2.0 * math.log(2.0))
 HERMITE = ((0.0, 0.533333333333333333), (1.355626179974266, 0.222075922005612), (2.856970013872806, 0.011257411327720))
-"""Gauss–Hermite nodes in standard deviations, from the middle outwards, and their weights."""
+"""Gauss–Hermite nodes in standard deviations, from the centre outwards, and their weights."""
 FAR_NM = 40.0
-"""Difference of wavelengths above which an emitter counts as a different one."""
+"""Wavelength difference above which an emitter counts as a different one."""
 CONES_DEG = {"fan": 120.0, "uniform": 180.0, "lambertian": 180.0, "table": 360.0}
 """Default full opening angles."""
 
@@ -28,7 +28,7 @@ Kind = Literal["fan", "uniform", "lambertian", "table"]
 
 @dataclass(frozen=True)
 class Light:
-    """A design's emitter.
+    """The light of a design's emitter.
 
     Attributes
     ----------
@@ -37,17 +37,17 @@ class Light:
     spectrum
         Wavelengths in nm with their weights; empty for a single wavelength.
     pattern, exponent, table
-        Kind of the pattern, m of cos^m, and pairs of an angle in degrees and a relative intensity.
+        Kind of pattern, m of cos^m, and pairs of an angle in degrees and a relative intensity.
     cone_deg
         Full opening angle.
     width_mm, height_mm
         Size of the chip across the axis and along y.
     ray_file
-        Path of a file of rays that replaces all of these except the wavelength.
+        Path of a ray file that replaces all of these values except the wavelength.
     source
-        Origin of these values, in words.
+        Description of the origin of these values.
     warnings
-        Warning if a stated wavelength contradicts the part.
+        Warning if a specified wavelength contradicts the part.
     """
 
     wavelength_nm: float
@@ -69,7 +69,7 @@ def light_of(design: Design) -> Light:
     Raises
     ------
     DataError
-        If its part or its pattern's file cannot be found or read, or the part is not an emitter.
+        If the part or pattern file cannot be found or read, or the part is not an emitter.
     """
     emitter, part = design.emitter, _part(design)
     table = _table(design, part)
@@ -97,7 +97,7 @@ def _contradiction(part: EmitterPart | None, wavelength_nm: float) -> tuple[str,
     if part is None or abs(part.peak_nm.nominal - wavelength_nm) <= FAR_NM:
         return ()
     return (
-        f"emitter.part {part.name} emits at {part.peak_nm.nominal:g} nm, but the light is traced at the stated "
+        f"emitter.part {part.name} emits at {part.peak_nm.nominal:g} nm, but the light is traced at the specified "
         f"{wavelength_nm:g} nm: omit emitter.wavelength_nm (and spectrum), or name a part that emits there",
     )
 
@@ -121,14 +121,14 @@ def _part(design: Design) -> EmitterPart | None:
 
 
 def _middle(emitter: Emitter) -> float | None:
-    """Return the mean wavelength of a stated spectrum."""
+    """Return the mean wavelength of a specified spectrum."""
     if not emitter.spectrum:
         return None
     return sum(nm * weight for nm, weight in emitter.spectrum) / sum(weight for _, weight in emitter.spectrum)
 
 
 def _spectrum(emitter: Emitter, part: EmitterPart | None, peak_nm: float) -> tuple[tuple[float, float], ...]:
-    """Return the lines of a stated spectrum, or of a Gaussian one with the stated or the part's width."""
+    """Lines of a specified spectrum, or of a Gaussian spectrum with the specified width or that of the part."""
     if emitter.spectrum:
         return tuple(sorted(emitter.spectrum))
     fwhm_nm = emitter.fwhm_nm
@@ -138,7 +138,7 @@ def _spectrum(emitter: Emitter, part: EmitterPart | None, peak_nm: float) -> tup
 
 
 def _table(design: Design, part: EmitterPart | None) -> tuple[tuple[float, float], ...]:
-    """Return the pattern against angle: the design's table or file, or else the part's."""
+    """Return the pattern against angle: the table or file of the design, or else that of the part."""
     emitter = design.emitter
     path = design.file_of(emitter.pattern_file)
     if path is not None:
@@ -157,12 +157,12 @@ def _size(name: Literal["width_mm", "height_mm"], emitter: Emitter, part: Emitte
 
 
 def read_pattern(path: Path) -> tuple[tuple[float, float], ...]:
-    """Return angles in degrees and relative intensities of a text file: two numbers per line, ``#`` begins a comment.
+    """Return angles in degrees and relative intensities from a text file: two numbers per line, ``#`` begins a comment.
 
     Raises
     ------
     DataError
-        If the file cannot be read (the bad line is named), or the angles do not ascend from 0.
+        If the file cannot be read (the message names the bad line), or the angles do not ascend from 0.
     """
     rows: list[tuple[float, float]] = []
     for number, line in enumerate(read_text(path, DataError).splitlines(), start=1):

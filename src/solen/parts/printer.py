@@ -1,11 +1,11 @@
-"""Printers that project whole layers, as files, with a small library.
+"""Printers that project entire layers: printer files, and a small library.
 
-Slicing requires few properties of a printer: its pixels, build height and layer thickness limits; wavelength, mirroring
-of its images, lift of the plate and time between exposures are optional. Each number states its basis, as in datasheets
-of parts: `Printer.unconfirmed` names estimates.
+Slicing requires few properties of a printer: its pixels, build height and layer thickness limits; wavelength, image
+mirroring, plate lift and time between exposures are optional. As in part datasheets, each number has a basis:
+`Printer.unconfirmed` names estimates.
 
-The interface is `load_printer`, which reads a TOML file with ``schema = 1``; `printers`, which lists the library; and
-`library_printer`, which reads a printer of the library. `printer_of` accepts a name or a file, as a user types it.
+`load_printer` reads a TOML file with ``schema = 1``, `printers` lists the library, and `library_printer` reads a
+printer from the library. `printer_of` accepts a name or a file, as typed by a user.
 """
 
 import math
@@ -22,7 +22,7 @@ from solen.spec.shipped import Library
 from solen.spec.strict import NotNegative, Positive
 
 MOST_PIXELS = 20_000
-"""Largest number of pixels along one side."""
+"""Maximum number of pixels along one side."""
 SURE = ("datasheet", "profile", "measured")
 
 Axis = Literal["none", "x", "y"]
@@ -30,33 +30,33 @@ Count = Annotated[int, Field(strict=True, ge=1, le=MOST_PIXELS)]
 
 
 class Pixels(Sourced):
-    """Numbers of pixels of the projector."""
+    """Numbers of projector pixels."""
 
-    columns: Count = Field(description="pixels along X, a whole number.")
-    rows: Count = Field(description="pixels along Y, a whole number.")
+    columns: Count = Field(description="pixels along X, an integer.")
+    rows: Count = Field(description="pixels along Y, an integer.")
 
 
 class Mirror(Sourced):
-    """Axis along which images must be flipped for the printer, for example for a screen seen from below."""
+    """Axis along which images must be mirrored for the printer, for example for a screen seen from below."""
 
     axis: Axis = Field(description="x, y or none.")
 
 
 class Lift(Sourced):
-    """Movements and pauses of the plate between exposures, for the bottom layers and for all others."""
+    """Movements and pauses of the plate between exposures, for the bottom layers and for all other layers."""
 
-    bottom_height_mm: NotNegative = Field(description="lift of the bottom layers in mm.")
+    bottom_height_mm: NotNegative = Field(description="lift height of the bottom layers in mm.")
     height_mm: NotNegative = Field(description="lift height of the other layers in mm.")
-    bottom_speed_mm_per_min: Positive = Field(description="speed of the lift of the bottom layers in mm/min.")
-    speed_mm_per_min: Positive = Field(description="speed of the lift of the other layers in mm/min.")
-    retract_mm_per_min: Positive = Field(description="speed of the retraction in mm/min.")
+    bottom_speed_mm_per_min: Positive = Field(description="lift speed of the bottom layers in mm/min.")
+    speed_mm_per_min: Positive = Field(description="lift speed of the other layers in mm/min.")
+    retract_mm_per_min: Positive = Field(description="retraction speed in mm/min.")
     bottom_wait_before_s: NotNegative = Field(0.0, description="pause before an exposure of the bottom layers in s.")
     wait_before_s: NotNegative = Field(0.0, description="pause before an exposure of the other layers in s.")
     bottom_wait_after_s: NotNegative = Field(0.0, description="pause after an exposure of the bottom layers in s.")
     wait_after_s: NotNegative = Field(0.0, description="pause after an exposure of the other layers in s.")
 
     def moves(self, *, bottom: bool) -> tuple[float, float, float, float]:
-        """Return height in mm and speed in mm/min of a lift, and the pauses before and after an exposure in s."""
+        """Return the height in mm and speed in mm/min of a lift, and the pauses before and after an exposure in s."""
         if bottom:
             return (
                 self.bottom_height_mm,
@@ -67,7 +67,7 @@ class Lift(Sourced):
         return self.height_mm, self.speed_mm_per_min, self.wait_before_s, self.wait_after_s
 
     def pause_s(self, *, bottom: bool) -> float:
-        """Return the time between exposures: pauses, and lift and return at full speed."""
+        """Return the time between exposures: pauses, lift and return at full speed."""
         height, speed, before, after = self.moves(bottom=bottom)
         return before + after + 60.0 * height * (1.0 / speed + 1.0 / self.retract_mm_per_min)
 
@@ -77,32 +77,32 @@ class Printer(Sheet):
 
     pitch_um: Quantity = Field(description="a table with the side of a pixel on the plate in µm, along X.")
     pitch_y_um: Quantity | None = Field(None, description="Side of a pixel along Y in µm, if pixels are not square.")
-    pixels: Pixels = Field(description="a table with the numbers of columns and rows of pixels.")
+    pixels: Pixels = Field(description="a table with the numbers of pixel columns and rows.")
     build_height_mm: Quantity = Field(description="a table with the build height, in mm.")
-    layer_um: Quantity | None = Field(None, description="Lowest and highest thickness of a layer in µm.")
+    layer_um: Quantity | None = Field(None, description="Minimum and maximum layer thickness in µm.")
     wavelength_nm: Quantity | None = Field(None, description="Wavelength of the lamp in nm.")
     irradiance_mw_per_cm2: Quantity | None = Field(None, description="Irradiance at the window in mW/cm².")
     pause_s: Quantity | None = Field(None, description="Time between two exposures in s: separation, lift, settling.")
-    mirror: Mirror | None = Field(None, description="Axis along which images are flipped.")
-    lift: Lift | None = Field(None, description="Movements of the plate, needed for a .goo file.")
+    mirror: Mirror | None = Field(None, description="Axis along which images are mirrored.")
+    lift: Lift | None = Field(None, description="Plate movements, required for a .goo file.")
     layer_exposures: Sourced | None = Field(
-        None, description="Evidence that the printer uses the individual exposures of layers in its file."
+        None, description="Evidence that the printer uses the individual layer exposures in its file."
     )
 
     @property
     def pitches_mm(self) -> tuple[float, float]:
-        """Sides of a pixel on the plate in mm, along X and Y."""
+        """Pixel sides on the plate in mm, along X and Y."""
         across = self.pitch_um.nominal / 1000.0
         return across, across if self.pitch_y_um is None else self.pitch_y_um.nominal / 1000.0
 
     @property
     def pixel_mm2(self) -> float:
-        """Area of a pixel on the plate."""
+        """Pixel area on the plate."""
         return math.prod(self.pitches_mm)
 
     @property
     def pixel_text(self) -> str:
-        """Sides of a pixel in words, in µm."""
+        """Description of the pixel sides, in µm."""
         return " x ".join(dict.fromkeys(f"{1000.0 * side:.5g}" for side in self.pitches_mm))
 
     @property
@@ -118,7 +118,7 @@ class Printer(Sheet):
 
     @property
     def layers_um(self) -> tuple[float, float]:
-        """Thinnest and thickest layer in µm; 0 and inf if unknown."""
+        """Minimum and maximum layer thickness in µm; 0 and inf if unknown."""
         stated = self.layer_um
         if stated is None:
             return 0.0, math.inf
@@ -146,7 +146,7 @@ def printers() -> tuple[str, ...]:
 
 
 def library_printer(name: str) -> Printer:
-    """Return a printer of the library; `DataError` with the nearest name if there is none with this name."""
+    """Return a printer from the library; `DataError` with the nearest name if there is no printer with this name."""
     return _library().shipped(name)
 
 
@@ -162,15 +162,15 @@ def load_printer(path: Path | str) -> Printer:
 
 
 def printer_of(text: str) -> Printer:
-    """Return the printer of a file if ``text`` ends in .toml or contains a slash, else that of the library by name."""
+    """Return the printer in a file if ``text`` ends in .toml or contains a slash, else from the library by name."""
     is_file = text.endswith(".toml") or "/" in text or "\\" in text
     return load_printer(text) if is_file else library_printer(text)
 
 
 class PrinterSummary(Result):
-    """Properties of a printer needed for slicing: pixels, build volume, and the numbers that are estimates.
+    """Properties of a printer needed for slicing: pixels, build volume, and which numbers are estimates.
 
-    ``pitch_um`` is a pixel's side along X, ``pitch_y_um`` along Y; the layers' limits are None if none are known.
+    ``pitch_um`` is the pixel side along X and ``pitch_y_um`` along Y; the layer limits are None if they are unknown.
     """
 
     printer: str
@@ -188,7 +188,7 @@ class PrinterSummary(Result):
 
     @classmethod
     def of(cls, text: str) -> "PrinterSummary":
-        """Return the summary of a printer of the library, or of a file."""
+        """Return the summary of a printer from the library or a file."""
         printer = printer_of(text)
         rows, columns = printer.shape
         x, y, z = (round(length, 9) for length in printer.size_mm)

@@ -86,7 +86,7 @@ def encoded(image: NDArray[np.uint8]) -> bytes:
     at = places[:-1]
     data[at] = np.where(partly, 1, np.where(grey == 0, 0, 3)) << 6 | more << 4 | lengths & 15
     data[at[partly] + 1] = grey[partly]
-    for number in range(3):  # bytes of the length, the highest first
+    for number in range(3):  # bytes of the length, most significant first
         chosen = more > number
         shift = 4 + 8 * (more[chosen] - 1 - number)
         data[at[chosen] + 1 + partly[chosen] + number] = lengths[chosen] >> shift & 255

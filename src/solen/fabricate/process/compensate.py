@@ -130,7 +130,7 @@ class Printing:
             if gained < SETTLED_UM and (gained > 0.0 or share < LEAST_SHARE):
                 break
             drawn = best.drawn_um - share * self._smooth(best.printed.um)
-        assert best is not None  # noqa: S101  there is one round at least
+        assert best is not None  # noqa: S101  there is at least one round
         return replace(best, rounds_um=tuple(rounds))
 
     @cached_property

@@ -120,7 +120,7 @@ def _between(points: FloatArray, start: FloatArray, end: FloatArray, name: str) 
     first, last = _unit(points[1] - points[0]), _unit(points[-1] - points[-2])
     inner = points[1:-1]
     keep = ((inner - start) @ first > _NEAREST_MM) & ((end - inner) @ last > _NEAREST_MM)
-    if len(points) > 3:  # by the near corner only: the far half of a curved face may be behind that corner's tangent
+    if len(points) > 3:  # use the near corner only: the far half of a curved face may be behind that corner's tangent
         middle = len(inner) // 2
         keep[:middle] = ((inner - start) @ first > _NEAREST_MM)[:middle]
         keep[middle:] = ((end - inner) @ last > _NEAREST_MM)[middle:]

@@ -171,7 +171,7 @@ def read_features(path: Path) -> MeasuredCoupon:
     for number, feature in enumerate(file.features):
         if feature.measured_mm is not None and feature.u_measured_mm is None:
             limit = "missing: a measured size must have an uncertainty to be weighted"
-            raise DataError(f"{path}: features[{number}].u_measured_mm", limit=limit, remedy="state it")
+            raise DataError(f"{path}: features[{number}].u_measured_mm", limit=limit, remedy="specify it")
     scale, about = file.scale, {"coupon": file.coupon}
     return MeasuredCoupon(
         file.features,

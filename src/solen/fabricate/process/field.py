@@ -156,7 +156,7 @@ def _check_size(pixels: int, layers: int, settings: Settings) -> None:
         raise DataError("process.halo_um", value=settings.halo_um, limit=limit, remedy=remedy)
     if layers > MOST_LAYERS:
         limit = f"the part would have {layers:,} layers; the limit is {MOST_LAYERS:,}"
-        raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thicker")
+        raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="use thicker layers")
 
 
 def _merged(dose: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:

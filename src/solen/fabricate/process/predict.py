@@ -137,7 +137,7 @@ def _flat(
 ) -> _Lens:
     flat = FlatPrint.of(rings, target, settings, thickness_mm, stands)
     at_um = 0.5 * flat.thickness_um if height_um is None else height_um
-    middle_um = (flat.layer_at(at_um) + 0.5) * settings.layer_um  # of one layer: fast, for differences
+    middle_um = (flat.layer_at(at_um) + 0.5) * settings.layer_um  # a single layer is faster, for the differences
 
     def printed(other: Settings, phase: tuple[float, float] = stands) -> FloatArray:
         return FlatPrint.of(rings, target, other, thickness_mm, phase).offsets_um(middle_um)

@@ -250,7 +250,7 @@ def _check(options: PrintOptions, *, part: bool) -> None:
     if part:
         raise SpecError("--solid", limit=why, remedy="export the printed layers: lens.profile of a layered design")
     if options.choose_phase:
-        raise SpecError("--choose-phase", limit=why, remedy="state --phase-px")
+        raise SpecError("--choose-phase", limit=why, remedy="specify --phase-px")
     if options.at != "middle":
         raise SpecError("--at", value=options.at, limit=f"{why}: all heights are predicted", remedy="omit it")
     if options.phase_px is not None and options.phase_px[0] not in MIDDLE_PIXELS:

@@ -47,13 +47,13 @@ HOT = 8.0
 """Ratio of a sample to its brightest neighbour above which it is probably a camera defect."""
 COARSEST = 4.0
 """Minimum number of samples along the side of a pixel."""
-_GREY = ("L", "F", "I", "I;16", "I;16B", "I;16L", "I;16N")  # picture modes whose values are light
+_GREY = ("L", "F", "I", "I;16", "I;16B", "I;16L", "I;16N")  # image modes whose values are proportional to light
 _FULL_SCALES = (255, 1023, 4095, 16383, 65535)
-_WIDTHS = np.geomspace(0.35, 2.5, 8)  # widths of the Gaussians of a mixture, over the response's own
+_WIDTHS = np.geomspace(0.35, 2.5, 8)  # widths of the Gaussians in a mixture, divided by the width of the response
 _WAVES, _DIRECTIONS, _RIDGE = 120, 16, 1e-4
 _PAD = 12  # dark samples around a table, over which its spline decays
 _FAR = 6.0  # widths of a Gaussian
-_APART = 0.1, 20.0  # a response's width over that of its pixel
+_APART = 0.1, 20.0  # response width divided by pixel width
 
 
 class PixelResponse(Strict):

@@ -178,7 +178,7 @@ def _check_fine(wanted: FloatArray, settings: Settings, pixel_um: float) -> None
         raise DataError("process.pixel_um", value=pixel_um, limit=limit, remedy="use a printer with smaller pixels")
     if size[1] < 2.0 * settings.layer_um:
         limit = f"the lens, {1e-3 * size[1]:.3g} mm along the layers, must be at least two layers high"
-        raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thinner")
+        raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="use thinner layers")
 
 
 def _check_work(layers: int, columns: float, settings: Settings) -> None:
@@ -189,7 +189,7 @@ def _check_work(layers: int, columns: float, settings: Settings) -> None:
         limit = (
             f"{layers:,} layers near the lens, each lit through {later:,.0f} later ones, would take minutes to compute"
         )
-        raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="slice thicker")
+        raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="use thicker layers")
 
 
 def _turned(places: FloatArray, side: Side) -> FloatArray:

@@ -142,7 +142,7 @@ def _critical(image: FlatImage, settings: Settings, height_um: float) -> list[Fl
     dose = dose_map(image, settings, height_um)
     floor = 1e-12 * float(dose.dose.max())
     excess = np.log(np.maximum(dose.dose, floor) / settings.Ec_mJ_per_cm2)
-    lines: list[NDArray[np.float64]] = contour_generator(z=excess).lines(0.0)  # type: ignore[assignment]  # as its default is
+    lines: list[NDArray[np.float64]] = contour_generator(z=excess).lines(0.0)  # type: ignore[assignment]  # as by default
     return [
         1e-3 * (np.asarray(dose.first_um) + np.asarray(dose.step_um) * line[:-1]) for line in lines if len(line) > 3
     ]

@@ -1,7 +1,7 @@
-"""Layouts of coupons, which are parts printed to be measured, as features with nominal positions and sizes.
+"""Coupon layouts: features with nominal positions and sizes, for parts that are printed to be measured.
 
-`COUPONS` lists them; `layout` makes one. Ambiguities of the source are options of `CouponOptions`, and a coupon states
-the chosen interpretation in its ``readings``.
+`COUPONS` lists the coupons; `layout` lays one out. Ambiguities of the source are options of `CouponOptions`, and the
+``readings`` of a coupon report the selected interpretations.
 """
 
 from collections.abc import Callable
@@ -29,14 +29,14 @@ COUPONS: dict[str, Callable[[CouponOptions], Coupon]] = {
 
 
 def layout(name: str, options: CouponOptions = CouponOptions()) -> Coupon:
-    """Coupon with a given name; raises `SpecError` if there is none or it cannot be laid out."""
+    """Return the coupon with a given name; raises `SpecError` if there is none or it cannot be laid out."""
     if name not in COUPONS:
         raise SpecError("coupon", value=name, limit=f"must be one of {', '.join(COUPONS)}")
     return COUPONS[name](options)
 
 
 def layouts(only: str | None = None, options: CouponOptions = CouponOptions()) -> list[Coupon]:
-    """Coupons by name, separated by commas, in the order of `COUPONS`; all coupons if no name is given."""
+    """Return coupons, selected by comma-separated names, in the order of `COUPONS`; all coupons by default."""
     wanted = list(COUPONS) if only is None else [name.strip() for name in only.split(",")]
     for name in wanted:
         if name not in COUPONS:

@@ -1,12 +1,12 @@
-"""A coupon: features of nominal position and size on a slab, and the interpretation of its source.
+"""A coupon: features with nominal positions and sizes on a slab, and the interpretation of the source.
 
-A coupon lies on the build plate as seen from above: x to the right, y up, its centre at the origin; heights count from
-the plate. A `Feature` is a round or rectangular column or hole; a `Gap` is the free distance between two columns, a
-`Step` the difference of height between two. A `Stage` is one run of the printer; most coupons have one. A `Reading` is
-a statement of the source and its interpretation, if the source is ambiguous or contradictory.
+A coupon lies on the build plate and is seen from above: x to the right, y up, origin at the centre; heights are
+measured from the plate. A `Feature` is a round or rectangular column or hole; a `Gap` is the free distance between two
+columns, a `Step` the height difference between two columns. A `Stage` is one print run; most coupons have a single run.
+A `Reading` contains a statement of the source and its interpretation, if the source is ambiguous or contradictory.
 
-All of these are frozen dataclasses of plain numbers; `solen.fabricate` makes solids of them, and `solen.metrology`
-matches measurements to them.
+All of these classes are frozen dataclasses of plain numbers; `solen.fabricate` makes solids from them, and
+`solen.metrology` matches measurements to them.
 """
 
 import json
@@ -45,21 +45,21 @@ class Feature(_Table):
     kind
         Kind of feature; a ``mark`` orients an image and is not evaluated.
     x_mm, y_mm
-        Position of its centre.
+        Position of the centre.
     width_mm, depth_mm
-        Its extent along x and y; both equal the diameter of a round feature.
+        Extent along x and y; both equal the diameter of a round feature.
     from_mm, to_mm
-        Heights above the plate, or above the zero of its stage; for a hole, those of the pierced material.
+        Heights above the plate, or above the zero of the stage; for a hole, heights of the pierced material.
     round
         Whether it is a circle rather than a rectangle.
     bevel_mm
-        Legs of the bevel of a rectangle's right back corner (+x, +y); 0 for none.
+        Legs of the bevel at the right back corner (+x, +y) of a rectangle; 0 for none.
     stage
         Name of the run in which it is printed.
     exposure_s
         Exposure, if different from that of the layers.
     grey
-        Grey value of its pixels as a fraction of the full value, if not full.
+        Grey level of its pixels as a fraction of the full level, if not full.
     """
 
     name: str
@@ -92,13 +92,13 @@ class Feature(_Table):
         return self.width_mm
 
     def meets(self, other: "Feature") -> bool:
-        """Whether two features must not overlap; layers of a bar may overlap at different heights."""
+        """Return whether two features must not overlap; layers of a bar may overlap at different heights."""
         if self.kind != "ledge" or other.kind != "ledge":
             return True
         return self.from_mm < other.to_mm - TOUCH_MM and other.from_mm < self.to_mm - TOUCH_MM
 
     def distance_mm(self, other: "Feature") -> float:
-        """Free distance to another feature as seen from above; negative if they overlap.
+        """Return the free distance to another feature as seen from above; negative if they overlap.
 
         The distance is exact for two circles; next to a rectangle, a circle counts as its bounding square.
         """
@@ -113,7 +113,7 @@ class Feature(_Table):
 
 @dataclass(frozen=True)
 class Gap(_Table):
-    """Free distance between two columns, given by their names."""
+    """Free distance between two columns, which are specified by name."""
 
     name: str
     between: tuple[str, str]
@@ -122,7 +122,7 @@ class Gap(_Table):
 
 @dataclass(frozen=True)
 class Step(_Table):
-    """Difference of height of two neighbouring columns, the lower one first."""
+    """Height difference between two neighbouring columns, the lower one first."""
 
     name: str
     between: tuple[str, str]
@@ -131,7 +131,7 @@ class Step(_Table):
 
 @dataclass(frozen=True)
 class Slab(_Table):
-    """Rectangular base about the origin, from the plate up, with a bevelled corner at right and back (+x, +y)."""
+    """Rectangular base about the origin, from the plate upwards, with a bevelled right back corner (+x, +y)."""
 
     width_mm: float
     depth_mm: float
@@ -141,10 +141,10 @@ class Slab(_Table):
 
 @dataclass(frozen=True)
 class Stage(_Table):
-    """One run of the printer.
+    """One print run.
 
-    ``z_offset_mm`` is the additional distance between the build platform and the vat's floor at the first layer;
-    ``note`` states the preparation.
+    ``z_offset_mm`` is the additional distance between the build platform and the floor of the vat at the first layer;
+    ``note`` describes the preparation.
     """
 
     name: str = ""
@@ -168,15 +168,15 @@ class Coupon(_Table):
     Attributes
     ----------
     name, title
-        ``group-a``, and its purpose in words.
+        ``group-a``, and a description of its purpose.
     features
         Columns and holes.
     slab
-        The base that carries or contains the features; None for separate pieces.
+        The base that carries or contains the features; None for separate parts.
     gaps, steps
         Gaps and steps between features.
     stages
-        Runs of the printer.
+        Print runs.
     readings
         Interpretations of the source.
     cautions
@@ -209,7 +209,7 @@ class Coupon(_Table):
             self._check(feature)
         if len({feature.name for feature in self.features}) < len(self.features):
             raise SpecError(
-                f"coupon {self.name}", limit="two features have the same size", remedy="state each size only once"
+                f"coupon {self.name}", limit="two features have the same size", remedy="specify each size only once"
             )
         for first, other in combinations(self.features, 2):
             if first.stage == other.stage and first.meets(other) and first.distance_mm(other) < TOUCH_MM:
@@ -234,11 +234,11 @@ class Coupon(_Table):
             raise SpecError(what, limit=f"does not fit on the slab of {size}", remedy="make it smaller")
 
     def feature(self, name: str) -> Feature:
-        """The feature with a given name; raises `KeyError` if there is none."""
+        """Return the feature with a given name; raises `KeyError` if there is none."""
         return {feature.name: feature for feature in self.features}[name]
 
     def of_kind(self, kind: Kind) -> tuple[Feature, ...]:
-        """Features of a kind."""
+        """Return the features of a kind."""
         return tuple(feature for feature in self.features if feature.kind == kind)
 
     @property
@@ -253,7 +253,7 @@ class Coupon(_Table):
 
     @property
     def measured_kinds(self) -> tuple[str, ...]:
-        """Kinds of features that an image or a z map shows: some of ``pillar``, ``hole``, ``gap``, ``step``."""
+        """Kinds of features visible in an image or a z map: some of ``pillar``, ``hole``, ``gap``, ``step``."""
         kinds = [kind for kind in ("pillar", "hole") if any(feature.kind == kind for feature in self.features)]
         return (*kinds, *(["gap"] if self.gaps else []), *(["step"] if self.steps else []))
 
@@ -266,7 +266,7 @@ def _check_sizes(what: str, *sizes_mm: float) -> None:
 
 
 def coupon_of(data: Any, what: str) -> Coupon:
-    """Coupon from parsed JSON; ``what`` names the source in errors.
+    """Return the coupon from parsed JSON; ``what`` names the source in errors.
 
     Raises
     ------
@@ -285,7 +285,7 @@ def coupon_of(data: Any, what: str) -> Coupon:
 
 
 def distinct(names: Iterable[str], suffix: Callable[[int], str] = str) -> list[str]:
-    """Names made unique by a suffix for repeated ones: ``t-1s``, ``t-1s-2``."""
+    """Make names unique by adding a suffix to repeated ones: ``t-1s``, ``t-1s-2``."""
     seen: Counter[str] = Counter()
     numbered = []
     for name in names:

@@ -1,4 +1,4 @@
-"""Coupons of separate pieces: cure discs, the single layer on film, compression cubes, guides for the cut-back."""
+"""Coupons made of separate parts: cure discs, single layer on film, compression cubes and cut-back guides."""
 
 from solen.geometry.coupons.model import Coupon, Feature, Reading, Stage, distinct
 from solen.geometry.coupons.options import CouponOptions
@@ -8,13 +8,13 @@ DISC_MM = 3.0
 FILM_BASE_MM = 0.5
 CUBE_BEVEL_MM = 0.5
 BAR_MM, BAR_DEEP_MM = 3.0, 4.0
-"""Width of the bars of ledges at their faces, and their depth."""
+"""Width of the ledge bars at their faces, and their depth."""
 APART_MM = 5.0
-"""Free distance between pieces that are taken off the plate one by one."""
+"""Free distance between parts that are removed from the plate separately."""
 
 
 def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Discs of 3 mm, each cured by one exposure on a drop of resin, for the working curve."""
+    """Return discs of 3 mm, each cured by one exposure on a drop of resin, for the working curve."""
     times = options.disc_exposures_s
     pitch, layer = DISC_MM + APART_MM, 1e-3 * options.layer_um
     names = distinct(f"t-{time:g}s" for time in times)
@@ -25,7 +25,7 @@ def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
     cautions = (
         "a disc's thickness is its cure depth, not the height of the solid: project the circle, without the "
         "build platform, onto a drop on the floor of the vat, for each time in turn",
-        "at low energies the discs are too thin and soft to be measured reliably: state this with the thickness",
+        "at low energies the discs are too thin and soft to be measured reliably: report this with the thickness",
     )
     printed = "progressively increasing exposure time"
     taken = f"{', '.join(f'{time:g}' for time in times)} s"
@@ -34,7 +34,7 @@ def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
 
 
 def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Discs of 3 mm in one picture, each with a different grey: the light that a grey pixel transmits."""
+    """Return discs of 3 mm in one image, each with a different grey level, to measure the light of grey pixels."""
     greys, pitch, layer = options.greys, DISC_MM + APART_MM, 1e-3 * options.layer_um
     names = distinct(f"g-{grey:g}" for grey in greys)
     time = options.grey_exposure_s
@@ -46,22 +46,24 @@ def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
         for i, (name, grey) in enumerate(zip(names, greys, strict=True))
     ]  # fmt: skip
     cautions = (
-        "a disc's thickness is its cure depth: project the picture once, without the build platform, onto a "
+        "a disc's thickness is its cure depth: project the image once, without the build platform, onto a "
         "drop on the floor of the vat; the first disc has the full grey",
-        "enter the thicknesses next to their greys in a table for solen print grey; measure Dp on the same day, with "
-        "the cure discs",
+        "enter the thicknesses next to their grey levels in a table for solen print grey; measure Dp on the same day, "
+        "with the cure discs",
     )
     readings = (
-        Reading("greys", "none", "added by solen: the light of an edge's pixels determines the position of a wall"),
+        Reading(
+            "greys", "none", "added by solen: the light of the pixels at an edge determines the position of a wall"
+        ),
     )
-    return Coupon("grey-steps", "discs of several greys", tuple(discs), readings=readings, cautions=cautions)
+    return Coupon("grey-steps", "discs with several grey levels", tuple(discs), readings=readings, cautions=cautions)
 
 
 def ledges(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Bars with a waist: layers recede by a ledge up to the middle and protrude again above, like a lens.
+    """Return bars with a waist: layers recede by a ledge up to mid-height and protrude again above, like a lens.
 
-    The light of later layers sets resin beneath the ledges of the upper half. The first and the last layer are
-    identical: pictures of both faces show the effect of the exposures, and one from the side shows the waist.
+    The light of later layers sets resin beneath the ledges of the upper half. The first and last layers are identical:
+    images of both faces show the effect of the exposures, and a side view shows the waist.
     """
     layer, half = 1e-3 * options.layer_um, options.ledge_layers // 2
     pitch = BAR_MM + APART_MM
@@ -75,17 +77,17 @@ def ledges(options: CouponOptions = CouponOptions()) -> Coupon:
             place = (x_mm, 0.0, width, BAR_DEEP_MM, low * layer, high * layer)
             features.append(Feature(f"ledge-{ledge_um:g}um-layer-{at + 1}", "ledge", *place, round=False))
     cautions = (
-        "take pictures of both faces and one from the side, along the bars: the upper half of the waist shows the "
+        "take images of both faces and a side view along the bars: the upper half of the waist shows the "
         "resin that later light sets below a ledge, the lower half the resin that is missing; the first bar is upright",
         "print it flat, with the layer thickness that it was made for: --layer-um",
     )
-    taken = f"{', '.join(f'{ledge:g}' for ledge in options.ledges_um)} µm a layer, over {2 * half} layers"
+    taken = f"{', '.join(f'{ledge:g}' for ledge in options.ledges_um)} µm per layer, over {2 * half} layers"
     readings = (Reading("ledges", "none", f"added by solen, for layered lenses: {taken}"),)
-    return Coupon("ledges", "bars with a waist of ledges", tuple(features), readings=readings, cautions=cautions)
+    return Coupon("ledges", "bars with a waist made of ledges", tuple(features), readings=readings, cautions=cautions)
 
 
 def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
-    """One layer on a film on a base of 0.5 mm, for measuring the index of a layer with a spectrophotometer."""
+    """Return a layer on a film on a base of 0.5 mm, for measuring the index of a layer with a spectrophotometer."""
     side, layer = options.film_side_mm, 1e-3 * options.layer_um
     stages = (
         Stage("base", 0.0, "print the base and leave it on the build platform"),
@@ -104,8 +106,8 @@ def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
         ),
     )
     cautions = (
-        "the thickness of the layer is that of the gap, which the calibration sets: measure it, do not assume it",
-        "the baseline of the spectrum is the bare film: state this to solen resin index with --baseline substrate",
+        "the layer is as thick as the gap, which the calibration sets: measure it, do not assume it",
+        "the spectrum baseline is the bare film: specify this to solen resin index with --baseline substrate",
     )
     readings = (
         Reading("size", "not stated", f"{side:g} x {side:g} mm, to cover the beam of a spectrophotometer"),
@@ -115,7 +117,7 @@ def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
 
 
 def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Cubes of 1 cm for compression tests; one upright edge is bevelled to mark the building direction."""
+    """Return cubes of 1 cm for compression tests; one upright edge is bevelled to mark the printing direction."""
     side, count = options.cube_mm, options.cubes
     bevel = min(CUBE_BEVEL_MM, 0.25 * side)
     pitch = side + APART_MM
@@ -129,14 +131,16 @@ def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
     readings = (
         Reading("number", "not stated", f"{count}"),
         Reading(
-            "mark", "none", f"an upright edge bevelled by {bevel:g} mm, which leaves a cross-section of {area:.6g} mm²"
+            "mark",
+            "none",
+            f"an upright edge is bevelled by {bevel:g} mm, which leaves a cross-section of {area:.6g} mm²",
         ),
     )
     return Coupon("cubes", "cubes for compression", pieces, readings=readings)
 
 
 def guides(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Straight guides for measuring the loss by cut-back, identified by their lengths instead of marks."""
+    """Return straight guides for measuring the loss by cut-back, identified by their lengths instead of marks."""
     wide, high = options.guide_width_mm, options.guide_height_mm
     pitch = wide + APART_MM
     lengths = options.guide_lengths_mm
@@ -146,11 +150,13 @@ def guides(options: CouponOptions = CouponOptions()) -> Coupon:
         for i, (name, length) in enumerate(zip(names, lengths, strict=True))
     ]
     readings = (
-        Reading("guides", "none", "added by solen: a single layer cannot show the loss of a guide of centimetres"),
+        Reading(
+            "guides", "none", "added by solen: a single layer cannot show the loss of a guide several centimetres long"
+        ),
     )
     cautions = (
         "print the guides along the sensor's own direction, and another set across it, because "
         "layers scatter differently",
-        "guides have no mark, which would scatter; label them when taking them off the plate",
+        "guides have no mark, which would scatter; label them when removing them from the plate",
     )
-    return Coupon("guides", "guides for the cut-back", tuple(pieces), readings=readings, cautions=cautions)
+    return Coupon("guides", "cut-back guides", tuple(pieces), readings=readings, cautions=cautions)

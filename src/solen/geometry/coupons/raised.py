@@ -1,4 +1,4 @@
-"""Coupons of raised features: pillars of many diameters (group A), gaps (group B), heights (group C), z reference.
+"""Coupons with raised features: pillar diameters (group A), gaps (group B), heights (group C), and z reference.
 
 Cylinders stand on a slab of 0.8 mm. Rows are along x, with features in the order of the source. On request, three discs
 of 1 mm mark the slab: two at the left ends and one at the right front, an arrangement that no rotation or reflection
@@ -26,7 +26,7 @@ Row = list[Feature]
 
 
 def group_a(options: CouponOptions = CouponOptions(), diameters_mm: Sequence[float] = GROUP_A_MM) -> Coupon:
-    """Cylinders of 3 mm height and decreasing diameter, for the smallest that stands."""
+    """Return cylinders of 3 mm height and decreasing diameter, for finding the smallest that stands."""
     sizes = [(f"d-{size:g}", size, TALL_MM) for size in diameters_mm]
     row = _row(sizes, [options.spacing_mm] * (len(sizes) - 1), 0.0)
     readings = (
@@ -40,7 +40,7 @@ def group_b(
     gaps_mm: Sequence[float] = GROUP_B_MM,
     diameter_mm: float = GROUP_B_DIAMETER_MM,
 ) -> Coupon:
-    """Cylinders of one diameter at decreasing gaps, for the smallest gap that stays open."""
+    """Return cylinders of one diameter at decreasing gaps, for finding the smallest gap that stays open."""
     pairs = options.gap_reading == "pairs"
     rows, gaps = (_pairs if pairs else _chain)(gaps_mm, diameter_mm, options)
     taken = "separate pairs, so that a merged pair does not affect the others"
@@ -59,7 +59,7 @@ def group_c(
     rows_mm: Sequence[tuple[float, float, float]] | None = None,
     diameter_mm: float = GROUP_C_DIAMETER_MM,
 ) -> Coupon:
-    """Cylinders of increasing height, a row for each step (lowest, highest, step), for the smallest reproduced step."""
+    """Cylinders of increasing height, one row for each step (lowest, highest, step), to find the smallest step."""
     literal = options.step_reading == "literal"
     chosen = rows_mm if rows_mm is not None else GROUP_C_LITERAL_MM if literal else GROUP_C_MM
     pitch = diameter_mm + options.spacing_mm
@@ -74,7 +74,7 @@ def group_c(
         Reading(
             "steps of the second and third row",
             "heights 0.2 mm - 0.5 mm (0.5 mm steps), heights 0.2 mm - 0.5 mm (0.25 steps)",
-            "0.5 and 0.25 mm as written: the range contains one height and two"
+            "0.5 and 0.25 mm as written: the range contains one height and two heights, respectively"
             if literal
             else "0.05 and 0.025 mm: each step half of the previous one, consistent with the range "
             "and the resolved 25 µm",
@@ -84,7 +84,7 @@ def group_c(
 
 
 def z_reference(options: CouponOptions = CouponOptions()) -> Coupon:
-    """Three square pillars on a slab of 10 x 3.2 x 0.8 mm, for measuring offsets of one layer with the microscope."""
+    """Return three square pillars on a slab of 10 x 3.2 x 0.8 mm, to measure one-layer offsets with the microscope."""
     side, width, depth = 3.0, 10.0, 3.2
     pitch = side + (width - 3 * side) / 4
     heights = REFERENCE_MM[options.reference_reading]
@@ -100,8 +100,9 @@ def z_reference(options: CouponOptions = CouponOptions()) -> Coupon:
         steps += (Step("second-step", (second, third), heights[2] - heights[1]),)
     printed = "heights of 1.000 mm, 1.025 mm, and 0.025 mm"
     taken = {
-        "literal": "as written: one step of 25 µm between pillars, and one of 25 µm between the third and the slab",
-        "staircase": "the third is 1.050 mm: two steps of 25 µm between pillars",
+        "literal": "as written: one step of 25 µm between pillars, and one of 25 µm between the "
+        "third pillar and the slab",
+        "staircase": "the third height is 1.050 mm: two steps of 25 µm between pillars",
     }
     readings = (Reading("third pillar", printed, taken[options.reference_reading]),)
     slab = Slab(width, depth, BASE_MM)
@@ -112,13 +113,13 @@ def z_reference(options: CouponOptions = CouponOptions()) -> Coupon:
 
 
 def heights_mm(low: float, high: float, step: float) -> list[float]:
-    """Heights from ``low`` to at most ``high``, a step apart, without accumulated rounding."""
+    """Return heights from ``low`` to at most ``high``, a step apart, without accumulated rounding."""
     count = int((high - low) / step + 1e-9) + 1
     return [round(low + number * step, 9) for number in range(count)]
 
 
 def snapped(value_mm: float, options: CouponOptions) -> float:
-    """Position rounded to the corners of the printer's pixels, if their size is given."""
+    """Round a position to the corners of the printer's pixels, if their size is specified."""
     if options.pitch_um is None:
         return value_mm
     pitch_mm = 1e-3 * options.pitch_um
@@ -126,7 +127,7 @@ def snapped(value_mm: float, options: CouponOptions) -> float:
 
 
 def _row(sizes: Sequence[tuple[str, float, float]], gaps: Sequence[float], y_mm: float) -> Row:
-    """Cylinders (name, diameter, height) along x from 0, with the gaps between them."""
+    """Return cylinders (name, diameter, height) along x from 0, with the gaps between them."""
     row, edge = [], 0.0
     for (name, diameter, height), gap in zip(sizes, [*gaps, 0.0], strict=True):
         x_mm = edge + 0.5 * diameter
@@ -136,7 +137,7 @@ def _row(sizes: Sequence[tuple[str, float, float]], gaps: Sequence[float], y_mm:
 
 
 def _pairs(gaps_mm: Sequence[float], diameter: float, options: CouponOptions) -> tuple[list[Row], tuple[Gap, ...]]:
-    """Pairs in rows of `PAIRS_A_ROW`, in which only the pair's own gap is critical."""
+    """Return pairs in rows of `PAIRS_A_ROW`, in which only the gap within a pair is critical."""
     rows: list[Row] = []
     gaps = []
     for start in range(0, len(gaps_mm), PAIRS_A_ROW):
@@ -149,7 +150,7 @@ def _pairs(gaps_mm: Sequence[float], diameter: float, options: CouponOptions) ->
 
 
 def _chain(gaps_mm: Sequence[float], diameter: float, _: CouponOptions) -> tuple[list[Row], tuple[Gap, ...]]:
-    """One row, with one cylinder more than gaps."""
+    """Return a single row, with one more cylinder than gaps."""
     names = [f"c-{number}" for number in range(1, len(gaps_mm) + 2)]
     row = _row([(name, diameter, TALL_MM) for name in names], gaps_mm, 0.0)
     gaps = (Gap(f"g-{gap:g}", (a, b), gap) for gap, (a, b) in zip(gaps_mm, pairwise(names), strict=True))
@@ -166,7 +167,7 @@ def _on_slab(
     steps: tuple[Step, ...] = (),
     readings: tuple[Reading, ...] = (),
 ) -> Coupon:
-    """A coupon of rows on a slab, with its marks; the gaps are those after rounding to pixels."""
+    """Return a coupon with rows on a slab and its marks; the gaps are those after rounding to pixels."""
     features = [feature for row in rows for feature in row]
     left = min(feature.x_mm - 0.5 * feature.width_mm for feature in features)
     right = max(feature.x_mm + 0.5 * feature.width_mm for feature in features)
@@ -185,7 +186,7 @@ def _on_slab(
 
 
 def _placed(features: Row, middle: tuple[float, float], gaps: tuple[Gap, ...], options: CouponOptions) -> Row:
-    """Features relative to the middle and rounded to pixels; a feature at a stated gap moves with its neighbour."""
+    """Features relative to the centre, rounded to pixels; a feature at a specified gap moves with its neighbour."""
     leads = {gap.between[1]: gap.between[0] for gap in gaps}
     by: dict[str, float] = {}
     placed = []
@@ -201,7 +202,7 @@ def _mark_y(half_depth: float) -> float:
 
 
 def _marks(half_width: float, half_depth: float, top_mm: float, options: CouponOptions) -> list[Feature]:
-    """Three discs as high as the highest feature, which keeps them in focus together."""
+    """Return three discs as high as the highest feature, which keeps them in focus together."""
     x, y = half_width + options.spacing_mm + 0.5 * MARK_MM, _mark_y(half_depth)
     places = (("mark-1", -x, y), ("mark-2", -x, -y), ("mark-3", x, -y))
     return [
@@ -211,7 +212,7 @@ def _marks(half_width: float, half_depth: float, top_mm: float, options: CouponO
 
 
 def _own(options: CouponOptions) -> tuple[Reading, ...]:
-    """Additions by solen to the source's coupon."""
+    """Return what solen adds to the coupon of the source."""
     added = ["three round marks of 1 mm"] if options.marks else []
     added += [f"a corner bevelled by {options.bevel_mm:g} mm"] if options.bevel_mm else []
     return (Reading("marks", "none", f"{' and '.join(added)}, to orient an image"),) if added else ()

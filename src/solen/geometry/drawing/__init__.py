@@ -1,4 +1,4 @@
-"""Drawings of outlines: DXF, SVG and JSON as named strokes in mm, x to the right and z up.
+"""Outline drawings: DXF, SVG and JSON as named strokes in mm, x to the right and z up.
 
 Drawings are read as single strokes; `solen.geometry.join` chains them into closed outlines. The name of a face is the
 layer in a DXF file, the label, class or id of an SVG element, or the name in a JSON file.
@@ -19,18 +19,18 @@ READERS = {".dxf": read_dxf, ".svg": read_svg, ".json": read_json}
 
 
 def read_drawing(path: Path, units: str | None = None) -> Drawing:
-    """Read the drawing of a file; ``units`` overrides the unit stated in the file.
+    """Read a drawing from a file; ``units`` overrides the unit in the file.
 
     Raises
     ------
     DataError
-        If the file cannot be read, has unsupported content, or does not state its unit.
+        If the file cannot be read, has unsupported content, or does not specify its unit.
     """
     if path.suffix.lower() not in READERS:
         raise DataError(
             str(path),
-            limit=f"the name of an outline must end in {', '.join(READERS)}",
-            remedy="export it in one of these formats",
+            limit=f"the file name of an outline must end in {', '.join(READERS)}",
+            remedy="export the drawing in one of these formats",
         )
     try:
         state = path.stat()
@@ -40,5 +40,5 @@ def read_drawing(path: Path, units: str | None = None) -> Drawing:
 
 
 @lru_cache(maxsize=16)
-def _read(path: Path, changed_ns: int, size: int, units: str | None) -> Drawing:  # noqa: ARG001  they name the content
+def _read(path: Path, changed_ns: int, size: int, units: str | None) -> Drawing:  # noqa: ARG001  part of the cache key
     return READERS[path.suffix.lower()](path, units)

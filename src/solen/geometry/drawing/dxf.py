@@ -1,9 +1,9 @@
-"""Drawings of CAD programs: DXF, with faces named by layers and the unit in the header.
+"""Drawings from CAD programs: DXF, with faces named by layers and the unit in the header.
 
-Lines, arcs, circles, ellipses, polylines with bulges, splines and blocks are supported. A spline without weights, up to
-degree 3, is read exactly as its Bézier pieces; an ellipse, a rational spline or one of higher degree becomes a spline
-within `SHAPE_TOLERANCE_MM`. Texts, dimensions and hatches are ignored, and so are layers that are switched off or
-frozen.
+Lines, arcs, circles, ellipses, polylines with bulges, splines and blocks are supported. A non-rational spline of up to
+degree 3 is read exactly as its Bézier segments; an ellipse, a rational spline or a spline of higher degree becomes a
+spline within `SHAPE_TOLERANCE_MM`. Texts, dimensions and hatches are ignored, and so are layers that are switched off
+or frozen.
 """
 
 import math
@@ -51,7 +51,7 @@ INSUNITS_MM = {
     15: 1e4,
     16: 1e5,
 }
-"""Millimetres per unit of the header's $INSUNITS; 0 means unitless (Autodesk's DXF reference)."""
+"""Millimetres per unit of $INSUNITS in the header; 0 means unitless (Autodesk's DXF reference)."""
 NOTES = frozenset(
     {"TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LEADER", "MULTILEADER", "MLEADER", "HATCH", "ATTRIB", "ATTDEF"}
     | {"TOLERANCE", "VIEWPORT", "IMAGE", "WIPEOUT", "XLINE", "RAY", "ACAD_TABLE"}
@@ -63,7 +63,7 @@ MOST_BLOCKS = 16
 
 
 def read_dxf(path: Path, units: str | None) -> Drawing:
-    """Read the drawing of a DXF file, text or binary; errors are those of `read_drawing`."""
+    """Read the drawing from a text or binary DXF file; raises the errors of `read_drawing`."""
     need("ezdxf", what=str(path), doing="reading DXF", error=DataError)
     from ezdxf import recover
     from ezdxf.lldxf.const import DXFError
@@ -76,17 +76,17 @@ def read_dxf(path: Path, units: str | None) -> Drawing:
 
 
 def _scale(path: Path, insunits: int, units: str | None) -> float:
-    """Millimetres per unit of the drawing."""
+    """Return millimetres per drawing unit."""
     if units is not None:
         return UNITS_MM[units]
     if insunits not in INSUNITS_MM:
-        limit = "does not state its unit" if insunits == 0 else f"has an unsupported unit ({insunits})"
+        limit = "does not specify its unit" if insunits == 0 else f"has an unsupported unit ({insunits})"
         raise DataError(f"{path}: $INSUNITS", value=insunits, limit=limit, remedy=NO_UNITS_REMEDY)
     return INSUNITS_MM[insunits]
 
 
 class _Reader:
-    """Collects the visible content of the modelspace."""
+    """Reader that collects the visible content of the modelspace."""
 
     def __init__(self, document: Any, scale: float) -> None:
         self._document, self._scale = document, scale
@@ -95,13 +95,13 @@ class _Reader:
         self._points: list[tuple[str, Point]] = []
 
     def drawing(self) -> Drawing:
-        """All visible content."""
+        """Return all visible content."""
         for entity, layer in self._shown(self._document.modelspace(), "0", 0):
             self._collect(entity, face_name(layer))
         return Drawing(tuple(self._strokes), tuple(self._lamps), tuple(self._points))
 
     def _shown(self, entities: Iterable[Any], inherited: str, depth: int) -> Iterator[tuple[Any, str]]:
-        """Entities on visible layers with the layer's name; blocks and polylines are exploded."""
+        """Yield entities on visible layers with the layer name; blocks and polylines are exploded."""
         for entity in entities:
             layer = inherited if entity.dxf.layer == "0" else entity.dxf.layer
             if entity.dxftype() in NOTES or not self._visible(layer) or is_aside(face_name(layer)):
@@ -136,7 +136,7 @@ class _Reader:
             )
 
     def _curve(self, entity: Any) -> Curve | None:
-        """Curve of an entity; None if its length is zero."""
+        """Return the curve of an entity; None if its length is zero."""
         kind, dxf = entity.dxftype(), entity.dxf
         if kind == "LINE":
             a, b = self._at(dxf.start), self._at(dxf.end)
@@ -157,7 +157,7 @@ class _Reader:
         )
 
     def _arc(self, entity: Any) -> Arc:
-        """Arc, mirrored if its plane faces away from the viewer."""
+        """Return an arc, mirrored if its plane faces away from the viewer."""
         dxf, across = entity.dxf, entity.dxf.extrusion
         if abs(across.x) > UPRIGHT or abs(across.y) > UPRIGHT:
             limit = "is not drawn in the x-y plane"
@@ -171,7 +171,7 @@ class _Reader:
         return Arc(center, self._scale * dxf.radius, start, sweep)
 
     def _spline(self, tool: Any) -> Curve | None:
-        """Spline as its Bézier pieces if it is unweighted and at most cubic, otherwise fitted between its knots."""
+        """Bézier segments of a non-rational, at most cubic spline; otherwise fit a spline between its knots."""
         if tool.degree <= 3 and not tool.is_rational and tool.is_clamped:
             return beziers([[self._at(point) for point in piece] for piece in tool.bezier_decomposition()])
         knots = sorted({knot for knot in tool.knots() if tool.knots()[tool.degree] <= knot <= tool.knots()[tool.count]})
@@ -191,6 +191,6 @@ class _Reader:
 
 
 def _what(entity: Any) -> str:
-    """Name of an entity in error messages; parts of blocks and polylines have no handle."""
+    """Return the name of an entity in error messages; parts of blocks and polylines have no handle."""
     handle = f" {entity.dxf.handle}" if entity.dxf.handle else ""
     return f"{entity.dxftype()}{handle} on layer {entity.dxf.layer}"

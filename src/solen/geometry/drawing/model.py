@@ -1,4 +1,4 @@
-"""Contents of a drawing, independent of its file's format."""
+"""Contents of a drawing, independent of the file format."""
 
 import re
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ EMITTER = "emitter"
 WALL = "wall"
 """Name of an unnamed face."""
 UNITS_MM = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
-NO_UNITS_REMEDY = 'state it, for example body.units = "mm"'
+NO_UNITS_REMEDY = 'specify it, for example body.units = "mm"'
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,13 @@ class Drawing:
 
 
 def face_name(text: str) -> str:
-    """Name of a face from that of a layer or an element: lower case, without surrounding spaces."""
+    """Return the face name for a layer or element name: lower case, without surrounding spaces."""
     name = re.sub(r"\s+", "-", text.strip().lower())
     return WALL if name in ("", "0") else name
 
 
 def is_aside(name: str) -> bool:
-    """Whether strokes with this name are construction lines or notes and are ignored."""
+    """Return whether strokes with this name are construction lines or notes and are ignored."""
     return name.startswith(("_", "construction", "note", "dimension", "defpoints"))
 
 
@@ -60,5 +60,5 @@ def is_named(name: str, what: str) -> bool:
 
 
 def lamp_name(name: str) -> str:
-    """Name of an emitter from that of its layer or element: ``tip`` for ``emitter-tip``."""
+    """Return the emitter name for a layer or element name: ``tip`` for ``emitter-tip``."""
     return name.removeprefix(EMITTER).lstrip("-_ .")

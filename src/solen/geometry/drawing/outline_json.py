@@ -1,8 +1,8 @@
-"""Outlines as JSON: ``{"solen_outline": 1, "faces": [{"name": "lens", "curve": {"kind": "arc", …}}, …]}``, in mm.
+"""JSON outlines: ``{"solen_outline": 1, "faces": [{"name": "lens", "curve": {"kind": "arc", …}}, …]}``, in mm.
 
-Curves are encoded as in a scene's JSON. ``emitters`` are objects with a ``point`` and optionally ``axis_deg`` and
-``width_mm``, or with the ends of a line, ``point`` and ``end``; several emitters each have a ``name``. ``points`` names
-points: ``{"pivot": [0, 2]}``.
+Curves are encoded as in scene JSON. ``emitters`` are objects with a ``point`` and optionally ``axis_deg`` and
+``width_mm``, or with the ends of a line, ``point`` and ``end``; if there are several emitters, each has a ``name``.
+``points`` names points: ``{"pivot": [0, 2]}``.
 """
 
 from pathlib import Path
@@ -18,16 +18,18 @@ SCHEMA = 1
 
 
 def read_json(path: Path, units: str | None) -> Drawing:
-    """Read the drawing of a JSON file, whose lengths are always in mm; errors are those of `read_drawing`."""
+    """Read a drawing from a JSON file, whose lengths are always in mm; raises the errors of `read_drawing`."""
     where = str(path)
     if units not in (None, "mm"):
         raise DataError("body.units", value=units, limit="an outline in JSON is in mm", remedy="omit it")
     data = parsed(read_text(path, DataError), where)
     if not isinstance(data, dict) or "solen_outline" not in data:
-        raise DataError(where, limit="not an outline of solen: the key solen_outline is missing")
+        raise DataError(where, limit="not a solen outline: the key solen_outline is missing")
     check_keys(data, {"solen_outline", "faces", "emitters", "points"}, {"faces"}, where)
     if data["solen_outline"] != SCHEMA:
-        raise DataError(f"{where}: solen_outline", value=data["solen_outline"], limit=f"this solen reads {SCHEMA}")
+        raise DataError(
+            f"{where}: solen_outline", value=data["solen_outline"], limit=f"this version of solen reads {SCHEMA}"
+        )
     faces, lamps = (_objects(data, key, where) for key in ("faces", "emitters"))
     points = value_of(dict[str, Point], data.get("points", {}), f"{where}: points")
     return Drawing(

@@ -1,4 +1,4 @@
-"""The path data of SVG (its specification, section 9.3): commands M L H V C S Q T A Z, absolute and relative."""
+"""SVG path data (SVG specification, section 9.3): commands M L H V C S Q T A Z, absolute and relative."""
 
 import math
 import re
@@ -19,21 +19,21 @@ COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7
 
 @dataclass(frozen=True)
 class Piece:
-    """A Bézier piece given by its control points, or part of an ellipse: centre, two half axes and ``sweep``."""
+    """A Bézier segment with its control points, or an elliptical arc: centre, two half axes and ``sweep``."""
 
     points: tuple[Point, ...]
     start: float = 0.0
     sweep: float | None = None
 
     def moved(self, onto: Affine) -> "Piece":
-        """The piece transformed by an affine map."""
+        """Return the segment transformed by an affine map."""
         if self.sweep is None:
             return Piece(tuple(onto.point(point) for point in self.points))
         center, u, v = self.points
         return Piece((onto.point(center), onto.vector(u), onto.vector(v)), self.start, self.sweep)
 
     def at(self, share: float) -> Point:
-        """Point of a part of an ellipse."""
+        """Return a point of an elliptical arc."""
         center, u, v = self.points
         angle = self.start + share * (self.sweep or 0.0)
         cos, sin = math.cos(angle), math.sin(angle)
@@ -41,7 +41,7 @@ class Piece:
 
 
 def path_pieces(data: str, where: str) -> Iterator[Piece]:
-    """Pieces of a path in order; raises `DataError` if the text is not path data."""
+    """Return the segments of a path in order; raises `DataError` if the text is not path data."""
     pen = _Pen()
     for command, numbers in _commands(data, where):
         piece = pen.draw(command, numbers)
@@ -50,7 +50,7 @@ def path_pieces(data: str, where: str) -> Iterator[Piece]:
 
 
 def _commands(data: str, where: str) -> Iterator[tuple[str, list[float]]]:
-    """Every command with its numbers, including implied commands: further pairs after an M are Ls."""
+    """Yield every command with its numbers, including implied commands: further pairs after an M are Ls."""
     place, command = 0, ""
     while data[place:].strip(" \t\r\n,"):
         match = COMMAND.match(data, place)
@@ -75,7 +75,7 @@ def _numbers(data: str, place: int, command: str, where: str) -> tuple[list[floa
 
 
 def coordinate(number: float, where: str) -> float:
-    """A coordinate of a drawing; raises `DataError` if it is not a finite number, or too large."""
+    """Return a drawing coordinate; raises `DataError` if it is not a finite number, or too large."""
     if not abs(number) <= FARTHEST:
         raise DataError(where, value=number, limit=f"must be a finite number of at most ±{FARTHEST:g}")
     return number
@@ -91,7 +91,7 @@ class _Pen:
         self._quadratic: Point | None = None
 
     def draw(self, command: str, numbers: list[float]) -> Piece | None:
-        """Piece drawn by a command; None if nothing is drawn."""
+        """Return the segment drawn by a command; None if nothing is drawn."""
         kind, before = command.upper(), self._at
         offset = before if command.islower() else (0.0, 0.0)
         cubic, quadratic = self._cubic, self._quadratic
@@ -130,7 +130,7 @@ def _mirrored(handle: Point, at: Point) -> Point:
 
 
 def _arc(a: Point, numbers: list[float], b: Point) -> Piece | None:
-    """Part of an ellipse between two points (SVG, appendix B.2.4); radii that are too small are enlarged."""
+    """Return an elliptical arc between two points (SVG, appendix B.2.4); radii that are too small are enlarged."""
     rx, ry, turn = abs(numbers[0]), abs(numbers[1]), math.radians(numbers[2])
     large, positive = numbers[3] != 0.0, numbers[4] != 0.0
     if rx == 0.0 or ry == 0.0 or a == b:
@@ -146,7 +146,7 @@ def _arc(a: Point, numbers: list[float], b: Point) -> Piece | None:
     cx, cy = (
         away * y,
         -away * x,
-    )  # centre relative to the middle of the chord, in coordinates in which the ellipse is the unit circle
+    )  # centre relative to the midpoint of the chord, in coordinates in which the ellipse is the unit circle
     start, end = math.atan2(y - cy, x - cx), math.atan2(-y - cy, -x - cx)
     sweep = (end - start) % math.tau
     sweep = sweep if positive else sweep - math.tau

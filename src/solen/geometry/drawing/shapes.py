@@ -1,4 +1,4 @@
-"""Shapes of drawing programs as curves: ellipses, and Bézier pieces up to degree 3."""
+"""Shapes of drawing programs as curves: ellipses, and Bézier segments up to degree 3."""
 
 import math
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ from solen.plane import Point, cross, dot, minus
 SHAPE_TOLERANCE_MM = 1e-8
 """Tolerance of the spline that replaces an ellipse, a rational spline or a spline of degree above 3."""
 CIRCULAR = 1e-9
-"""Half axes are those of a circle if they are equal and perpendicular within this fraction of their length."""
+"""Half axes count as equal and perpendicular, as in a circle, within this fraction of their length."""
 DEGENERATE = 1e-9
-"""A handle closer to its end than this fraction of the piece defines no direction there."""
+"""A handle closer to its end than this fraction of the segment defines no direction there."""
 CUT_OFF = 1e-4
-"""Fraction of a piece without direction that becomes a straight bit; the deviation is of third order in it."""
+"""Fraction of a segment without direction that becomes a short straight line; the deviation is of third order in it."""
 
 Control = tuple[Point, Point, Point, Point]
 
@@ -42,7 +42,7 @@ def ellipse(center: Point, u: Point, v: Point, start: float, sweep: float) -> Cu
 
 
 def beziers(pieces: Sequence[Sequence[Point]]) -> Curve | None:
-    """Curve of connected Bézier pieces of degree 1 to 3; None if its length is zero."""
+    """Return the curve of connected Bézier segments of degree 1 to 3; None if its length is zero."""
     cubics = [cubic for piece in pieces for cubic in _moving(_raised(piece))]
     if not cubics:
         return None
@@ -52,7 +52,7 @@ def beziers(pieces: Sequence[Sequence[Point]]) -> Curve | None:
 
 
 def _raised(piece: Sequence[Point]) -> Control:
-    """The same Bézier piece as a cubic."""
+    """Return the same Bézier segment as a cubic."""
     if len(piece) == 2:
         a, d = piece
         return (a, _between(a, d, 1 / 3), _between(a, d, 2 / 3), d)
@@ -68,7 +68,7 @@ def _between(a: Point, b: Point, share: float) -> Point:
 
 
 def _moving(cubic: Control) -> list[Control]:
-    """Pieces with a direction at both ends; an end that coincides with its handle becomes a short straight bit."""
+    """Segments with a direction at both ends; an end that coincides with its handle becomes a short straight line."""
     a, b, c, d = cubic
     size = max(math.dist(a, point) for point in (b, c, d))
     if size == 0.0:
@@ -87,7 +87,7 @@ def _moving(cubic: Control) -> list[Control]:
 
 
 def _straight(cubic: Control) -> bool:
-    """Whether a piece is on its chord and monotonic along it."""
+    """Return whether a segment is on its chord and monotonic along it."""
     a, b, c, d = cubic
     chord = minus(d, a)
     square = dot(chord, chord)

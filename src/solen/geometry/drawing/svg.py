@@ -1,10 +1,10 @@
-"""Drawings of vector graphics programs: SVG, with faces named by the elements' labels, classes or ids.
+"""Drawings from vector graphics programs: SVG, with faces named by the labels, classes or ids of elements.
 
-A name is searched in an element's Inkscape label, its class and its id (unless a program generated the id, such as
-``path12``), and then in those of the enclosing groups. Paths (all commands), lines, polylines, polygons, rectangles,
-circles and ellipses are supported, with groups, transforms and clones. Lines, circular arcs and Bézier pieces are read
-exactly, and smoothly joined Bézier pieces of a path as one spline; an ellipse becomes a spline within
-`SHAPE_TOLERANCE_MM`. The y axis of SVG, which points down, becomes −z.
+The name of a face is taken from the Inkscape label of an element, its class or its id (unless a program generated the
+id, for example ``path12``), otherwise from those of the enclosing groups. Paths (all commands), lines, polylines,
+polygons, rectangles, circles and ellipses are supported, with groups, transforms and clones. Lines, circular arcs and
+Bézier segments are read exactly, and smoothly joined Bézier segments of a path as one spline; an ellipse becomes a
+spline within `SHAPE_TOLERANCE_MM`. The y axis of SVG, which points down, becomes −z.
 """
 
 import math
@@ -47,13 +47,15 @@ PIXEL_MM = 25.4 / 96
 """Length of a user unit in a drawing without a view box."""
 MOST_CLONES = 16
 SMOOTH = 1e-3
-"""Maximum angle in radians of a smooth joint between Bézier pieces; smooth nodes written by programs are within it."""
+"""Maximum angle in radians of a smooth joint between Bézier segments; smooth nodes written by programs are within
+it.
+"""
 
 
 def read_svg(path: Path, units: str | None) -> Drawing:
-    """Read the drawing of an SVG file; errors are those of `read_drawing`."""
+    """Read the drawing from an SVG file; raises the errors of `read_drawing`."""
     try:
-        root = ET.fromstring(read_text(path, DataError))  # noqa: S314  expat bounds what entities grow to
+        root = ET.fromstring(read_text(path, DataError))  # noqa: S314  expat limits the expansion of entities
     except ET.ParseError as bad:
         raise DataError(str(path), limit=f"not SVG: {bad}") from None
     if _tag(root) != "svg":
@@ -63,7 +65,7 @@ def read_svg(path: Path, units: str | None) -> Drawing:
 
 
 def _scale(path: Path, root: ET.Element, units: str | None) -> float:
-    """Millimetres per user unit, from the width in mm or inches and the view box."""
+    """Return millimetres per user unit, from the width in mm or inches and the view box."""
     if units is not None:
         return UNITS_MM[units]
     box = [float(number) for number in NUMBER.findall(root.get("viewBox", ""))]
@@ -76,7 +78,7 @@ def _scale(path: Path, root: ET.Element, units: str | None) -> float:
                 raise DataError(f"{path}: viewBox", value=root.get("viewBox"), limit="must have a size above 0")
             scale.append(whole_mm / box[place] if len(box) == 4 else PIXEL_MM)
     if not scale:
-        limit = "does not state its unit: neither width nor height is in mm, cm, in or pt"
+        limit = "does not specify its unit: neither width nor height is in mm, cm, in or pt"
         raise DataError(f"{path}: width", value=root.get("width"), limit=limit, remedy=NO_UNITS_REMEDY)
     if abs(scale[0] - scale[-1]) > 1e-3 * scale[0]:
         limit = "distorts the drawing: width and height are scaled differently from the view box"
@@ -85,7 +87,7 @@ def _scale(path: Path, root: ET.Element, units: str | None) -> float:
 
 
 class _Reader:
-    """Collects the visible content of an SVG file."""
+    """Reader that collects the visible content of an SVG file."""
 
     def __init__(self, root: ET.Element, where: str) -> None:
         self._root, self._where = root, where
@@ -95,7 +97,7 @@ class _Reader:
         self._points: list[tuple[str, Point]] = []
 
     def drawing(self, onto: Affine) -> Drawing:
-        """All visible content, in the coordinates to which user units are mapped."""
+        """Return all visible content, in the coordinates to which user units are mapped."""
         self._children(self._root, onto, WALL, 0)
         return Drawing(tuple(self._strokes), tuple(self._lamps), tuple(self._points))
 
@@ -148,7 +150,7 @@ class _Reader:
 
 
 def _curve(run: list[Piece]) -> Curve | None:
-    """Curve of smoothly joined Bézier pieces, or of one piece of another kind; None if its length is zero."""
+    """Curve of smoothly joined Bézier segments, or of one segment of another kind; None if its length is zero."""
     piece = run[0]
     if piece.sweep is None:
         return beziers([piece.points for piece in run])
@@ -157,7 +159,7 @@ def _curve(run: list[Piece]) -> Curve | None:
 
 
 def _runs(pieces: list[Piece]) -> list[list[Piece]]:
-    """Pieces of a path grouped into runs that each form one curve: curved Bézier pieces while they join smoothly."""
+    """Group path segments into runs that each form one curve: curved Bézier segments as long as they join smoothly."""
     runs: list[list[Piece]] = []
     for piece in pieces:
         if runs and _goes_on(runs[-1][-1], piece):
@@ -180,7 +182,7 @@ def _goes_on(before: Piece, after: Piece) -> bool:
 
 
 def _pieces(element: ET.Element, where: str) -> list[Piece]:
-    """Pieces of a shape, in its own coordinates."""
+    """Return the segments of a shape, in its own coordinates."""
     tag, data = _tag(element), element.attrib
     if tag == "path":
         return list(path_pieces(data.get("d", ""), where))
@@ -207,7 +209,7 @@ def _between(corners: list[Point], *, closed: bool) -> list[Piece]:
 
 
 def _rectangle(data: Mapping[str, str]) -> Iterator[Piece]:
-    """Sides of a rectangle and its rounded corners."""
+    """Return the sides of a rectangle and its rounded corners."""
     x, y, width, height = (_number(data, key) for key in ("x", "y", "width", "height"))
     rx, ry = _number(data, "rx") or _number(data, "ry"), _number(data, "ry") or _number(data, "rx")
     rx, ry = min(rx, width / 2), min(ry, height / 2)
@@ -225,7 +227,7 @@ def _rectangle(data: Mapping[str, str]) -> Iterator[Piece]:
 
 
 def _name(element: ET.Element) -> str | None:
-    """Name that was given to an element."""
+    """Return the name of an element, if it was named."""
     classes = element.get("class", "").split()
     for text in (element.get(LABEL), classes[0] if classes else None, element.get("id")):
         if text and not GENERATED.fullmatch(text.strip()):
@@ -239,7 +241,7 @@ def _hidden(element: ET.Element) -> bool:
 
 
 def _number(data: Mapping[str, str], key: str) -> float:
-    """Number of an attribute in user units, 0 if it is missing."""
+    """Return the number in an attribute in user units, 0 if it is missing."""
     text = data.get(key, "0").strip().removesuffix("px")
     try:
         number = float(text)

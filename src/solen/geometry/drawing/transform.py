@@ -23,7 +23,7 @@ class Affine:
 
     @classmethod
     def of(cls, text: str, where: str) -> "Affine":
-        """Map of a transform attribute; raises `DataError` if the text is not a transform."""
+        """Return the map of a transform attribute; raises `DataError` if the text is not a transform."""
         affine, place = cls(), 0
         while place < len(text.rstrip()):
             call = CALL.match(text, place)
@@ -38,23 +38,23 @@ class Affine:
         return affine
 
     def after(self, first: "Affine") -> "Affine":
-        """Composition: ``first`` is applied, then this map."""
+        """Return the composition: ``first`` is applied, then this map."""
         return Affine(
             *self.vector((first.a, first.b)), *self.vector((first.c, first.d)), *self.point((first.e, first.f))
         )
 
     def point(self, p: Point) -> Point:
-        """Image of a point."""
+        """Return the image of a point."""
         x, y = self.vector(p)
         return (x + self.e, y + self.f)
 
     def vector(self, v: Point) -> Point:
-        """Image of a vector."""
+        """Return the image of a vector."""
         return (self.a * v[0] + self.c * v[1], self.b * v[0] + self.d * v[1])
 
 
 def _one(name: str, numbers: list[float]) -> Affine:
-    """Map of one function in a transform attribute."""
+    """Return the map of one function in a transform attribute."""
     if name == "rotate":
         angle, *about = numbers
         turn = _turn(math.radians(angle))

@@ -1,4 +1,4 @@
-"""A body that is a network of guides: nodes, guides between them, and the parts on their ends and sides."""
+"""A network of guides: nodes, guides between them, and the parts on guide ends and sides."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -18,14 +18,14 @@ __all__ = ["DrawnLens", "Plan", "at_rest", "drawn_lenses", "network_body", "netw
 
 
 def network_body(design: Design, angle_deg: float = 0.0, lenses: Mapping[str, Lens] | None = None) -> Body:
-    """Checked body of a network with its motions at their angles and its active emitter.
+    """Return the checked body of a network with its motions at their angles and its active emitter.
 
-    ``lenses`` by name, if given, replace those computed for the design.
+    ``lenses`` by name, if specified, replace those computed for the design.
 
     Raises
     ------
     DesignError
-        If parts do not fit or cross, a motion would tear them, or a single angle is given.
+        If parts do not fit or intersect, a motion would tear them, or a single angle is specified.
     """
     if angle_deg != 0.0:
         limit = "a network has several named motions instead of a single angle"
@@ -48,5 +48,5 @@ def network_body(design: Design, angle_deg: float = 0.0, lenses: Mapping[str, Le
 
 
 def network_lenses(design: Design) -> dict[str, Lens]:
-    """Lenses of a network by name that are computed for its design; empty if the network is drawn."""
+    """Return the lenses of a network, by name, that are computed for its design; empty if the network is drawn."""
     return {} if design.outline_file is not None else at_rest(design).lenses

@@ -16,7 +16,7 @@ from solen.geometry.body import GAP_MM, place_text
 from solen.plane import Point, along, cross, dot, left_of, minus, right_of, unit
 
 PIECES = 64
-"""Number of pieces into which two curves are divided for the first search for crossings."""
+"""Number of segments into which two curves are divided for the first search for intersections."""
 NEWTON_STEPS = 30
 STRAIGHT = 1e-12
 """Sine of the smallest angle between walls that form a corner."""
@@ -26,7 +26,7 @@ STRAIGHT = 1e-12
 class Run:
     """One side of a guide in the direction of the outline, and the part of it that remains.
 
-    ``low`` and ``high`` are parameters of its curve, ``first`` and ``last`` the points there if a corner determines
+    ``low`` and ``high`` are parameters of its curve; ``first`` and ``last`` are the points there if a corner determines
     them.
     """
 
@@ -38,9 +38,9 @@ class Run:
     first: Point | None = None
     last: Point | None = None
     heading_deg: float | None = None
-    """direction of the guide, if it is straight, of constant width, and its direction was stated"""
+    """direction of the guide, if it is straight, has a constant width, and its direction was specified"""
     back_mm: float = 0.0
-    """length by which a straight wall may be extended back beyond its guide's first section to meet another straight
+    """length by which a straight wall may be extended beyond the first section of its guide to meet another straight
     wall
     """
 
@@ -70,7 +70,7 @@ class Run:
 
 
 def joined(arriving: Run, departing: Run, fillet_mm: float, node: str, at: Point) -> tuple[Run, Run, Curve | None]:
-    """Two walls cut at their intersection, and the curve between them: a fillet, or a straight one if they do not meet.
+    """Return two walls cut at their intersection, and the curve between them: a fillet, or a line if they do not meet.
 
     If a guide ends wider than the next one begins, there is a shoulder along its last section.
 
@@ -90,9 +90,9 @@ def joined(arriving: Run, departing: Run, fillet_mm: float, node: str, at: Point
 
 
 def cut_at(run: Run, base: Point, ahead: Point, height_mm: float, *, at_end: bool) -> Run:
-    """A wall without the part below a height over the section through a base; `DesignError` if nothing remains.
+    """Return a wall without the part below a height over the section through a base; `DesignError` if nothing remains.
 
-    The section is at the wall's end if ``at_end`` is set, otherwise at its start.
+    The section is at the end of the wall if ``at_end`` is set, otherwise at its start.
     """
     from scipy.optimize import brentq
 
@@ -102,14 +102,14 @@ def cut_at(run: Run, base: Point, ahead: Point, height_mm: float, *, at_end: boo
     near, far = (run.high, run.low) if at_end else (run.low, run.high)
     if above(far) <= 0.0:
         limit = f"is shorter than the {height_mm:.3g} mm over which a lens joins it, at {place_text(base)}"
-        raise DesignError(f"guide {run.guide}", limit=limit, remedy="turn by a smaller angle, or lengthen it")
+        raise DesignError(f"guide {run.guide}", limit=limit, remedy="reduce the rotation angle, or lengthen the guide")
     u = float(brentq(above, near, far, xtol=1e-15)) if above(near) < 0.0 else near
     place = run.curve.point_at(u)
     return replace(run, high=u, last=place) if at_end else replace(run, low=u, first=place)
 
 
 def _shouldered(arriving: Run, departing: Run, at: Point) -> tuple[Run, Run, Curve | None]:
-    """Two walls that do not meet, and the straight face between them."""
+    """Return two walls that do not meet, and the straight face between them."""
     last, first = _section(arriving, arriving.end, at), _section(departing, at, departing.start)
     if last is not None and (met := _crossing(last, departing)) is not None and met[0] > 0.0:
         return arriving, replace(departing, low=met[1], first=met[2]), Segment(arriving.end, met[2])
@@ -123,7 +123,7 @@ def _section(run: Run, start: Point, end: Point) -> Run | None:
 
 
 def _crossing(a: Run, b: Run) -> tuple[float, float, Point] | None:
-    """Parameters of the crossing nearest to the end of one wall and the start of the next, and its position."""
+    """Parameters of the intersection nearest to the end of one wall and the start of the next; its position."""
     if isinstance(a.curve, Segment) and isinstance(b.curve, Segment):
         return _crossing_of_lines(a, b, a.curve, b.curve)
     ends = np.linspace(0.0, 1.0, PIECES + 1)
@@ -148,7 +148,7 @@ def _crossing_of_lines(a: Run, b: Run, one: Segment, other: Segment) -> tuple[fl
 
 
 def _of_mirror_images(a: Run, b: Run, one: Segment, other: Segment) -> Point | None:
-    """Crossing of two lines that are mirror images about an upright line, placed exactly on it to preserve symmetry."""
+    """Intersection of two lines mirrored about an upright line, placed exactly on it to preserve symmetry."""
     if a.heading_deg is None or b.heading_deg is None or a.heading_deg != -b.heading_deg or one.a[1] != other.b[1]:
         return None
     middle = 0.5 * (one.a[0] + other.b[0])
@@ -156,7 +156,7 @@ def _of_mirror_images(a: Run, b: Run, one: Segment, other: Segment) -> Point | N
 
 
 def _near_crossings(a: FloatArray, b: FloatArray) -> list[tuple[float, float]]:
-    """Approximate parameters of every crossing of two polylines (N, 2)."""
+    """Return approximate parameters of every intersection of two polylines (N, 2)."""
     p, q = np.diff(a, axis=0)[:, None], np.diff(b, axis=0)[None]
     apart = b[None, :-1] - a[:-1, None]
     area = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
@@ -170,7 +170,7 @@ def _near_crossings(a: FloatArray, b: FloatArray) -> list[tuple[float, float]]:
 
 
 def _refined(a: Curve, b: Curve, u: float, v: float) -> tuple[float, float] | None:
-    """Crossing refined by Newton's method; None if it is beyond an end."""
+    """Return an intersection refined by Newton's method; None if it is beyond an end."""
     for _ in range(NEWTON_STEPS):
         u, v = min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0)
         off = minus(b.point_at(v), a.point_at(u))
@@ -187,7 +187,7 @@ def _refined(a: Curve, b: Curve, u: float, v: float) -> tuple[float, float] | No
 
 
 def _filleted(arriving: Run, departing: Run, radius_mm: float, node: str) -> tuple[Run, Run, Curve]:
-    """A corner with a fillet: an arc tangent to both walls, centred in the air on their right."""
+    """Return a corner with a fillet: an arc tangent to both walls, centred in air on their right."""
     p, q = unit(arriving.curve.velocity_at(arriving.high)), unit(departing.curve.velocity_at(departing.low))
     turn = math.atan2(-cross(p, q), dot(p, q))
     if turn <= 0.0:
@@ -218,7 +218,7 @@ def _length_mm(run: Run) -> float:
 
 
 def _touches(a: Run, b: Run, radius_mm: float, reach_mm: float) -> tuple[Run, Run, Point] | None:
-    """Walls that end where the fillet begins, and the centre of the fillet; None if they are too short."""
+    """Return walls that end where the fillet begins, and the centre of the fillet; None if they are too short."""
     if isinstance(a.curve, Segment) and isinstance(b.curve, Segment):
         return _touches_of_lines(a, b, a.curve, b.curve, radius_mm, reach_mm)
     from scipy.optimize import root

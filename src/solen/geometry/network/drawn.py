@@ -1,8 +1,8 @@
 """A drawn network: outlines whose emitters, lenses and receivers are listed by name in the design.
 
 The layers ``emitter-tip``, ``lens-tip`` and ``receiver-tip`` are the parts called ``tip`` in the lists
-``[[network.emitters]]`` and so on. An emitter drawn as a point faces along the axis of its lens, or along +z if it has
-no lens, as in any drawing.
+``[[network.emitters]]`` etc. An emitter drawn as a point faces along the axis of its lens, or along +z if it has no
+lens, as in any drawing.
 """
 
 import math
@@ -25,7 +25,7 @@ FLAT_MM = 1e-4
 
 @dataclass(frozen=True)
 class DrawnLens:
-    """A lens as drawn: the middle of the line between its ends, its axis into the material, and its dimensions."""
+    """A lens as drawn: midpoint of the line between its ends, axis into the material, and dimensions."""
 
     base: Point
     axis: Point
@@ -35,7 +35,7 @@ class DrawnLens:
 
 
 def drawn_network(design: Design) -> Body:
-    """Body of a drawn network with its active emitter and its motions at their angles; not checked.
+    """Return the unchecked body of a drawn network with its active emitter and its motions at their angles.
 
     Raises
     ------
@@ -61,12 +61,12 @@ def drawn_network(design: Design) -> Body:
 
 
 def drawn_lenses(design: Design, body: Body) -> dict[str, DrawnLens]:
-    """Lenses of a drawn network by name; raises `DesignError` if one is drawn in several places, or closed."""
+    """Return the lenses of a drawn network by name; `DesignError` if one is drawn in several places, or closed."""
     return {lens.name: _lens(lens.name, body.all_faces) for lens in design.network.lenses}
 
 
 def _drawn(name: str) -> str:
-    """Name of a part in the form used in a drawing."""
+    """Return the name of a part in the form used in a drawing."""
     return face_name(name)
 
 
@@ -75,7 +75,7 @@ def _check_lamps(design: Design, drawing: Drawing) -> None:
     pivot = next((point for name, point in drawing.points if name in PIVOTS), None)
     if pivot is not None:
         limit = f"does not apply in a network, at {place_text(pivot)}"
-        raise DesignError("body outline", value="pivot", limit=limit, remedy="state network.motion[0].pivot")
+        raise DesignError("body outline", value="pivot", limit=limit, remedy="specify network.motion[0].pivot")
     places: dict[str, Lamp] = {}
     for lamp in drawing.lamps:
         other = places.setdefault(lamp.name, lamp)
@@ -87,7 +87,7 @@ def _check_lamps(design: Design, drawing: Drawing) -> None:
 
 
 def _check_listed(part: str, key: str, listed: Sequence[str], drawn: Iterable[str]) -> None:
-    """Raise `DesignError` if drawn and listed parts differ, or a part is listed in two spellings."""
+    """Raise `DesignError` if drawn and listed parts differ, or a part is listed with two spellings."""
     there = dict.fromkeys(drawn)
     spelt: dict[str, str] = {}
     for number, name in enumerate(listed):
@@ -109,7 +109,7 @@ def _check_listed(part: str, key: str, listed: Sequence[str], drawn: Iterable[st
 
 
 def _named(design: Design, rest: Body) -> Body:
-    """Body with the design's names of lenses and receivers; raises `DesignError` if the two differ."""
+    """Return the body with the names of lenses and receivers in the design; raises `DesignError` if the two differ."""
     names: dict[tuple[str, str], str] = {}
     faces = (*rest.all_faces, *rest.apart)
     for part, key in (("lens", "lenses"), ("receiver", "receivers")):
@@ -131,7 +131,7 @@ def _named(design: Design, rest: Body) -> Body:
 
 
 def _lens(name: str, faces: Sequence[Face]) -> DrawnLens:
-    """Lens made of consecutive faces with one name."""
+    """Return a lens made of consecutive faces with one name."""
     own = [face.curve for face in faces if face.part == "lens" and face.whose == name]
     for before, after in pairwise(own):
         if math.dist(before.end, after.start) > GAP_MM:
@@ -151,7 +151,7 @@ def _lens(name: str, faces: Sequence[Face]) -> DrawnLens:
 
 
 def _pose(design: Design, number: int, lamp: Lamp, body: Body, lens: DrawnLens | None) -> Pose:
-    """Pose of an emitter, including its decentre and its motion."""
+    """Return the pose of an emitter, including its decentre and its motion."""
     placed = design.network.emitters[number]
     table = emitter_table(design, placed)
     pose = lamp_pose(lamp, body.all_faces)
@@ -180,11 +180,11 @@ def _check_ahead(what: str, placed: PlacedEmitter, pose: Pose, body: Body) -> Po
     if not hits:
         limit, remedy = (
             f"faces past the body, {where}",
-            ("draw the emitter as a line across its axis, or state its lens"),
+            ("draw the emitter as a line across its axis, or specify its lens"),
         )
         raise DesignError(f"{what}.name", value=placed.name, limit=limit, remedy=remedy)
     t, face = min(hits, key=lambda hit: hit[0])
     if placed.lens is not None and (face.part, face.whose) != ("lens", placed.lens):
-        limit = f"is not the face in front of the emitter, {where}: that is {face.name}"
-        raise DesignError(f"{what}.lens", value=placed.lens, limit=limit, remedy="move or turn the emitter")
+        limit = f"is not the face in front of the emitter, {where}: that face is {face.name}"
+        raise DesignError(f"{what}.lens", value=placed.lens, limit=limit, remedy="move or rotate the emitter")
     return along(pose.point, ahead, t)

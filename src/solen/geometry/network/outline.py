@@ -1,8 +1,8 @@
-"""The outlines of a network: walks along its walls, with the parts on ends and sides.
+"""Network outlines: walks along the guide walls, with the parts on ends and sides.
 
 At a node, the walk continues from the right side of an arriving guide to the next guide counter-clockwise. Every side
 of every guide is therefore walked once with the material on its left, and each closed walk is one outline: the outer
-one or the hole of a loop.
+outline or the hole of a loop.
 """
 
 import math
@@ -18,22 +18,24 @@ from solen.plane import Point, Rigid, along, dot, left_of, minus, right_of, unit
 from solen.spec.network import NamedMotion, Network, Placed, PlacedEmitter, PlacedLens, PlacedReceiver
 
 Key = tuple[str, str]
-"""A side of a guide: its name, and right or left; the right side is walked from the first node to the second."""
+"""A side of a guide: guide name, and right or left; the right side is walked from the first node to the second."""
 Part = PlacedLens | PlacedReceiver
 WIDER_MM = 1e-9
-"""Tolerance for rounding by which a lens may be wider than its guide."""
+"""Rounding tolerance by which a lens may be wider than its guide."""
 
 
 @dataclass
 class Walk:
-    """The sides of guides in walking order, the side that follows each, and the curve or faces between them."""
+    """Guide sides in walking order, the side that follows each, and the curve or faces between them."""
 
     plan: Plan
     runs: dict[Key, Run]
     following: dict[Key, Key] = field(default_factory=dict)
     between: dict[Key, list[Face]] = field(default_factory=dict)
     frames: dict[str, Rigid] = field(default_factory=dict)
-    """Motion from the local frame of each lens or, for an emitter without a lens, of its wall (z = 0), by name."""
+    """Motion from the local coordinates of each lens or, for an emitter without a lens, of its wall (z = 0), by
+    name.
+    """
 
     @classmethod
     def of(cls, plan: Plan) -> "Walk":
@@ -69,7 +71,7 @@ class Walk:
             self.between[arriving] = [Face(f"{'fillet' if isinstance(curve, Arc) else 'join'}-{node}", curve)]
 
     def cap(self, path: GuidePath, node: str, number: int) -> list[Face]:
-        """Faces across the end of a guide, from the arriving side to the departing one."""
+        """Return the faces across the end of a guide, from the arriving side to the departing side."""
         network = self.plan.network
         start, end = self.runs[_arriving(path, node)].end, self.runs[_departing(path, node)].start
         base, inward = (0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])), path.inwards(node)
@@ -86,7 +88,7 @@ class Walk:
         return [Face(name.replace("open-", "end-", 1), Segment(start, end))]
 
     def faces(self, key: Key) -> list[Face]:
-        """Faces of one side of a guide with its parts, in walking direction, and those up to the next side."""
+        """Faces of one side of a guide with its parts, in walking direction, and the faces up to the next side."""
         name, side = key
         run, network = self.runs[key], self.plan.network
         rest, from_end = run.rest, side == "left"
@@ -103,7 +105,7 @@ class Walk:
         return [*self._divided(whole, on_it), *self.between[key]]
 
     def emitter(self, placed: PlacedEmitter, distance_mm: float, offset_mm: float) -> Pose:
-        """Pose of an emitter."""
+        """Return the pose of an emitter."""
         frame = self.frames[placed.lens or placed.name]
         pose = Pose(frame.point((offset_mm, -distance_mm)), frame.angle_deg)
         motion = self._turn(placed.name, "emitters")
@@ -116,7 +118,7 @@ class Walk:
         return pose.moved(Rigid.about(pivot, motion.at_deg))
 
     def _pivot(self, motion: NamedMotion, node: str | None, emitter: Point, base: Point) -> Point:
-        """Pivot of a lens or an emitter at a node, moved with that node."""
+        """Return the pivot of a lens or an emitter at a node, moved with that node."""
         if motion.pivot is None:
             return base
         if motion.pivot == "emitter":
@@ -126,7 +128,7 @@ class Walk:
     def _lens_between(
         self, placed: PlacedLens, start: Point, end: Point, base: Point, inward: Point, beside: str
     ) -> list[Face]:
-        """A lens across an end or on a side, with straight faces on both sides of it if it is narrower."""
+        """Return a lens across an end or on a side, with straight faces on both sides of it if it is narrower."""
         lens = self.plan.lenses[placed.name]
         room_mm = math.dist(start, end)
         if 2.0 * lens.half_width_mm > room_mm + WIDER_MM:
@@ -174,7 +176,7 @@ class Walk:
                 f"would tear lens {placed.name} from {place_text(place)} by {off_mm:.3g} mm; "
                 f"the limit is {most_mm:.3g} mm"
             )
-            remedy = "turn by a smaller angle, or about a nearer pivot"
+            remedy = "reduce the rotation angle, or use a nearer pivot"
             raise DesignError(f"network.motion {motion.name}", value=motion.at_deg, limit=limit, remedy=remedy)
 
     def _trimmed(
@@ -186,7 +188,7 @@ class Walk:
         base: Point,
         inward: Point,
     ) -> tuple[Run, Run]:
-        """Walls of the guide that ends in a turned lens, shortened to meet the lens according to `motion.join`."""
+        """Walls of the guide that ends in a rotated lens, shortened to meet the lens according to `motion.join`."""
         (path,), node = self.plan.at(placed.node or ""), placed.node or ""
         room_mm, lens = math.dist(*corners), self.plan.lenses[placed.name]
         if room_mm > 2.0 * lens.half_width_mm + WIDER_MM:
@@ -205,7 +207,7 @@ class Walk:
         return self.runs[keys[0]], self.runs[keys[1]]
 
     def _divided(self, whole: Face, on_it: list[Part]) -> list[Face]:
-        """A side divided by the receivers and lenses on it."""
+        """Return a side divided by the receivers and lenses on it."""
         measure = Measure(whole.curve)
         stretches = sorted(((*self._stretch(one), one) for one in on_it), key=lambda row: row[:2])
         faces: list[Face] = []
@@ -225,7 +227,7 @@ class Walk:
         return faces[::-1] if whole.from_end else faces
 
     def _standing(self, whole: Face, measure: Measure, low: float, high: float, one: Part) -> list[Face]:
-        """Faces of a receiver or a lens on a side, in the order of its lengths."""
+        """Return the faces of a receiver or a lens on a side, in order of length along it."""
         part = _part(whole, measure, low, high)
         if isinstance(one, PlacedReceiver):
             return [Face(f"receiver-{one.name}", part.curve)]
@@ -235,14 +237,14 @@ class Walk:
         return faces[::-1] if whole.from_end else faces
 
     def _stretch(self, one: Part) -> tuple[float, float]:
-        """Range of lengths of a side that a part occupies."""
+        """Return the range of lengths of a side that a part occupies."""
         if isinstance(one, PlacedReceiver):
             return one.from_mm or 0.0, one.to_mm or 0.0
         half_mm = self.plan.lenses[one.name].half_width_mm
         return (one.at_mm or 0.0) - half_mm, (one.at_mm or 0.0) + half_mm
 
     def _on_side(self, whole: Face, at_mm: float, depth_mm: float, one: Placed) -> tuple[Rigid, Point]:
-        """Frame of a part at a length along a straight side, and the direction into the guide."""
+        """Local coordinates of a part at a length along a straight side, and the direction into the guide."""
         if not isinstance(whole.curve, Segment):
             place = place_text(whole.curve.middle_point)
             limit = f"is not straight, near {place}"
@@ -259,7 +261,7 @@ class Walk:
         return _frame(base, inward, depth_mm), inward
 
     def _turn(self, name: str, kind: str) -> NamedMotion | None:
-        """Motion that turns a part; None if the part is at rest."""
+        """Return the motion that rotates a part; None if the part is not rotated."""
         names = {one.name for one in getattr(self.plan.network, kind)}
         turns = [motion for motion in self.plan.network.motion if motion.kind == "rotation" and motion.part == name]
         return next((turn for turn in turns if name in names and turn.at_deg != 0.0), None)
@@ -277,7 +279,7 @@ SIDES = ("right", "left")
 
 
 def outlines(walk: Walk) -> list[tuple[Face, ...]]:
-    """Closed outlines; the one with the first lens or first emitter's end comes first and begins there."""
+    """Return closed outlines; the outline with the end of the first lens or emitter comes first and begins there."""
     left, found = dict.fromkeys(walk.runs), []
     while left:
         key, faces = next(iter(left)), []
@@ -317,7 +319,7 @@ def _first_name(network: Network) -> str:
 
 
 def _from(faces: list[Face], name: str) -> list[Face]:
-    """Faces rotated to begin with the named one, if there is one."""
+    """Return faces rotated to begin with the named one, if there is one."""
     start = next((number for number, face in enumerate(faces) if face.name == name), 0)
     return faces[start:] + faces[:start]
 
@@ -332,17 +334,17 @@ def _run(path: GuidePath, side: str) -> Run:
 
 
 def _arriving(path: GuidePath, node: str) -> Key:
-    """Side of a guide that is walked towards a node."""
+    """Return the side of a guide that is walked towards a node."""
     return (path.guide.name, "right" if node == path.guide.nodes[1] else "left")
 
 
 def _departing(path: GuidePath, node: str) -> Key:
-    """Side of a guide that is walked away from a node."""
+    """Return the side of a guide that is walked away from a node."""
     return (path.guide.name, "right" if node == path.guide.nodes[0] else "left")
 
 
 def _in_order(plan: Plan, node: str) -> list[GuidePath]:
-    """Guides at a node, counter-clockwise by their outward directions; of parallel ones, the right one first."""
+    """Guides at a node, counter-clockwise by outward direction; of parallel guides, the right one comes first."""
     at = plan.places[node]
 
     def order(path: GuidePath) -> tuple[float, float]:
@@ -354,7 +356,7 @@ def _in_order(plan: Plan, node: str) -> list[GuidePath]:
 
 
 def _smooth(wall: Run, edge: Point, axis: Point, base: Point, inward: Point) -> Bezier:
-    """Curve from the edge of a turned lens, along the lens's axis, into the wall of its guide."""
+    """Return a curve from the edge of a rotated lens, along the lens axis, into the wall of its guide."""
     at_end = math.dist(wall.end, edge) < math.dist(wall.start, edge)
     place, u = (wall.end, wall.high) if at_end else (wall.start, wall.low)
     slope = wall.curve.velocity_at(u)
@@ -363,13 +365,13 @@ def _smooth(wall: Run, edge: Point, axis: Point, base: Point, inward: Point) -> 
 
 
 def _frame(base: Point, inward: Point, depth_mm: float) -> Rigid:
-    """Motion from the frame of a lens, with its vertex before a base, to the body's frame."""
+    """Return the motion from the coordinates of a lens, with its vertex in front of a base, to those of the body."""
     x, z = inward
     return Rigid(z, -x, along(base, inward, -depth_mm))
 
 
 def _part(whole: Face, measure: Measure, low: float, high: float) -> Face:
-    """Part of a side between two lengths along it."""
+    """Return the part of a side between two lengths along it."""
     length_mm = measure.length_mm
     low, high = low - whole.begins_mm, high - whole.begins_mm
     ends = (length_mm - high, length_mm - low) if whole.from_end else (low, high)

@@ -1,7 +1,7 @@
-"""Positions of the guides and parts of a network, at rest and with its motions at their angles.
+"""Positions of the guides and parts of a network, unmoved and with its motions at their angles.
 
-A node without a stated position is at the end of the guide that leads there. Motions propagate outwards from the fixed
-node: everything beyond a guide that bends or turns is carried along.
+A node without a specified position is at the end of the guide that leads there. Motions propagate outwards from the
+fixed node: everything beyond a guide that bends or rotates is carried along.
 """
 
 import math
@@ -23,7 +23,7 @@ from solen.spec.network import Guide, NamedMotion, Network, PlacedLens
 from solen.spec.placed import lens_table, lit
 
 MEETS_MM = 1e-9
-"""Maximum distance of a guide's end from its second node."""
+"""Maximum distance of the end of a guide from its second node."""
 
 
 @dataclass(frozen=True)
@@ -40,37 +40,37 @@ class GuidePath:
 
     @cached_property
     def walls(self) -> dict[str, Curve]:
-        """Both walls from the guide's first node to its second, by side."""
+        """Return both walls from the first node of the guide to the second, by side."""
         what = f"guide {self.guide.name}"
         return {side: self.spine.wall(getattr(self, side), what) for side in ("right", "left")}
 
     def middle(self, node: str) -> Point:
-        """Middle of the guide's section at one of its nodes."""
+        """Return the midpoint of the guide section at one of its nodes."""
         (a, b), (c, d) = (self.section(node, side) for side in ("right", "left"))
         return (0.5 * (a + c), 0.5 * (b + d))
 
     def section(self, node: str, side: str) -> Point:
-        """Corners of the guide's section at one of its nodes."""
+        """Return the corners of the guide section at one of its nodes."""
         wall = self.walls[side]
         return wall.start if node == self.guide.nodes[0] else wall.end
 
     def inwards(self, node: str) -> Point:
-        """Unit direction of the guide as it leaves a node."""
+        """Return the unit direction of the guide as it leaves a node."""
         if node == self.guide.nodes[0]:
             return self.spine.direction
         x, z = self.spine.end_direction
         return (-x, -z)
 
     def moved(self, motion: Rigid) -> "GuidePath":
-        """The guide after a rigid motion."""
+        """Return the guide after a rigid motion."""
         return self if motion == Rigid() else replace(self, spine=self.spine.moved(motion))
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Guides in their current state by name, positions of the nodes, and lenses by name.
+    """Guides in their current state by name, node positions, and lenses by name.
 
-    ``carried`` are the motions of the nodes from rest; empty if all nodes are at rest.
+    ``carried`` are the motions of the nodes from the unmoved state; empty if no node has moved.
     """
 
     network: Network
@@ -79,28 +79,28 @@ class Plan:
     lenses: dict[str, Lens]
     carried: dict[str, Rigid] = field(default_factory=dict)
     distance_mm: float = 0.0
-    """distance from its lens of an emitter that states none"""
+    """distance from its lens of an emitter for which none is specified"""
 
     def at(self, node: str) -> list[GuidePath]:
-        """Guides at a node."""
+        """Return the guides at a node."""
         return [path for path in self.paths.values() if node in path.guide.nodes]
 
 
 def plan_of(design: Design) -> Plan:
-    """Plan of a design's network with its motions at their angles.
+    """Return the plan of a design's network with its motions at their angles.
 
     Raises
     ------
     DesignError
-        If a node is not connected, a guide's position is undefined, a lens cannot be made, or a motion would tear a
-        loop.
+        If a node is not connected, the position of a guide is undefined, a lens cannot be made, or a motion would tear
+        a loop.
     """
     rest = replace(at_rest(design), network=design.network, distance_mm=design.shared_emitter.distance_mm)
     return _in_motion(rest, design.network.motion)
 
 
 def at_rest(design: Design) -> Plan:
-    """Plan of a design's network at rest."""
+    """Return the plan of a design's network without motion."""
     resting = tuple(motion.model_copy(update={"at_deg": 0.0}) for motion in design.network.motion)
     network = design.network.model_copy(update={"motion": resting, "lit": None})
     shared = design.shared_emitter
@@ -141,11 +141,11 @@ def _planned(key: _Key) -> Plan:
         if ready is None:
             number = network.guides.index(waiting[0])
             limit = "has no position: neither of its nodes has one, or its direction is missing"
-            remedy = "state direction_deg and length_mm, or at_mm of its nodes"
+            remedy = "specify direction_deg and length_mm, or at_mm of its nodes"
             raise DesignError(f"network.guides[{number}]", value=waiting[0].name, limit=limit, remedy=remedy)
         waiting.remove(ready)
         path = _placed(ready, network, places, paths)
-        assert path is not None  # noqa: S101  it was ready
+        assert path is not None  # noqa: S101  the path is complete
         paths[ready.name] = path
         _settle(path, places, network.guides.index(ready))
     order = {guide.name: paths[guide.name] for guide in network.guides}
@@ -165,7 +165,7 @@ def _check_connected(network: Network) -> None:
 
 
 def _lens(design: Design, number: int, placed: PlacedLens) -> Lens:
-    """Lens of a network, computed for its emitter, or for ``[emitter]`` if it has none."""
+    """Return a lens of a network, computed for its emitter, or for ``[emitter]`` if it has none."""
     network = design.network
     before = next((emitter.name for emitter in network.emitters if emitter.lens == placed.name), None)
     own = design if before is None else lit(design, before)
@@ -179,7 +179,7 @@ def _lens(design: Design, number: int, placed: PlacedLens) -> Lens:
 
 
 def _half_width_mm(network: Network, number: int, placed: PlacedLens) -> float | None:
-    """Half the width of the guide that ends in a lens; None for a lens on a side."""
+    """Return half the width of the guide that ends in a lens; None for a lens on a side."""
     if placed.node is None:
         return None
     guides = [guide for guide in network.guides if placed.node in guide.nodes]
@@ -195,7 +195,7 @@ def _half_width_mm(network: Network, number: int, placed: PlacedLens) -> float |
 
 
 def _origin(network: Network, lenses: dict[str, Lens], node: str) -> Point:
-    """Position of the first node: the origin, or the position that puts the vertex of its lens at the origin."""
+    """Return the position of the first node: the origin, or the position that puts its lens vertex at the origin."""
     lens = next((lenses[placed.name] for placed in network.lenses if placed.node == node), None)
     guide = next(guide for guide in network.guides if node in guide.nodes)
     if lens is None or guide.direction_deg is None or guide.nodes[0] != node:
@@ -205,7 +205,7 @@ def _origin(network: Network, lenses: dict[str, Lens], node: str) -> Point:
 
 
 def _placed(guide: Guide, network: Network, places: dict[str, Point], paths: dict[str, GuidePath]) -> GuidePath | None:
-    """A guide with its line; None while that is unknown."""
+    """Return a guide with its line; None while the line is unknown."""
     start, end = (places.get(node) for node in guide.nodes)
     half = tuple(0.5 * width for width in guide.widths)
     both = (half, tuple(-width for width in half))
@@ -228,7 +228,7 @@ def _placed(guide: Guide, network: Network, places: dict[str, Point], paths: dic
 
 
 def _flush(guide: Guide, network: Network, paths: dict[str, GuidePath]) -> GuidePath | None:
-    """A guide whose side continues that of the guide leading to its first node."""
+    """Return a guide whose side continues the side of the guide leading to its first node."""
     leading = [one for one in network.guides if one.nodes[1] == guide.nodes[0]]
     if len(leading) != 1:
         number = network.guides.index(guide)
@@ -262,7 +262,7 @@ def _settle(path: GuidePath, places: dict[str, Point], number: int) -> None:
 
 
 def _in_motion(rest: Plan, motions: tuple[NamedMotion, ...]) -> Plan:
-    """A plan with its motions at their angles."""
+    """Return a plan with its motions at their angles."""
     moving = {motion.part: motion for motion in motions if motion.at_deg != 0.0 and motion.part in rest.paths}
     if not moving:
         return rest
@@ -281,7 +281,7 @@ def _in_motion(rest: Plan, motions: tuple[NamedMotion, ...]) -> Plan:
             limit = (
                 f"would tear {path.guide.name} from {other}, at {place_text(rest.places[other])}, by {off_mm:.3g} mm"
             )
-            remedy = "a guide that bends or turns must not be part of a loop"
+            remedy = "a guide that bends or rotates must not be part of a loop"
             raise DesignError("network.motion", value=name, limit=limit, remedy=remedy)
     order = {name: paths[name] for name in rest.paths}
     places = {node: carried[node].point(place) for node, place in rest.places.items()}
@@ -289,7 +289,7 @@ def _in_motion(rest: Plan, motions: tuple[NamedMotion, ...]) -> Plan:
 
 
 def _outwards(plan: Plan, fixed: str) -> Iterator[tuple[GuidePath, str]]:
-    """Guides with their nearer nodes, ordered outwards from the fixed node."""
+    """Return guides with their nearer nodes, ordered outwards from the fixed node."""
     reached, left = [fixed], list(plan.paths.values())
     for node in reached:
         for path in [path for path in left if node in path.guide.nodes]:
@@ -299,7 +299,7 @@ def _outwards(plan: Plan, fixed: str) -> Iterator[tuple[GuidePath, str]]:
 
 
 def _driven(path: GuidePath, node: str, motion: NamedMotion | None) -> tuple[GuidePath, Rigid]:
-    """A guide bent or turned about its nearer node, and the motion of its other end."""
+    """Return a guide bent or rotated about its nearer node, and the motion of its other end."""
     if motion is None:
         return path, Rigid()
     from_end = node == path.guide.nodes[1]
@@ -321,12 +321,12 @@ def _check_tear(path: GuidePath, near: Point, turn: Rigid, motion: NamedMotion) 
             f"would tear {path.guide.name} from {place_text(near)} by {off_mm:.3g} mm; the limit "
             f"there is {half_mm:.3g} mm"
         )
-        remedy = "turn by a smaller angle, or about a nearer pivot"
+        remedy = "reduce the rotation angle, or use a nearer pivot"
         raise DesignError(f"network.motion {motion.name}", value=motion.at_deg, limit=limit, remedy=remedy)
 
 
 def composed(first: Rigid, then: Rigid) -> Rigid:
-    """The motion ``first`` followed by another."""
+    """Return the motion ``first`` followed by another."""
     if then == Rigid():
         return first
     cos, sin = then.vector((first.cos, first.sin))

@@ -1,6 +1,6 @@
-"""The centre line of a guide: straight, an arc or a spline; and curves at a distance from it.
+"""Centre line of a guide: straight, an arc or a spline; and curves at a distance from it.
 
-A wall whose distance is a polynomial of the length, up to the third degree, is exact next to a straight line: it is a
+Next to a straight line, a wall whose distance is a polynomial of the length up to the third degree is exact: it is a
 segment, a parabola or a Bézier curve. At a constant distance from an arc it is an arc. Any other wall is a spline
 within `WALL_TOLERANCE_MM`.
 """
@@ -29,10 +29,10 @@ Offset = tuple[float, ...]
 
 @dataclass(frozen=True)
 class Spine:
-    """Line from ``start`` along a unit direction, turning evenly by ``turn_deg`` over its length; or a ``free`` line.
+    """Line from ``start`` along a unit direction, curving uniformly by ``turn_deg`` over its length, or ``free`` line.
 
-    A free line may be bent: each direction is then turned by the fraction of ``bend_deg`` that equals the fraction of
-    the length up to there. ``heading_deg`` is the initial direction if it was stated as an angle.
+    A free line may be bent: each direction is then rotated by the fraction of ``bend_deg`` that equals the fraction of
+    the length up to there. ``heading_deg`` is the initial direction if it was specified as an angle.
     """
 
     start: Point
@@ -45,12 +45,12 @@ class Spine:
 
     @classmethod
     def towards(cls, start: Point, heading_deg: float, length_mm: float, turn_deg: float) -> "Spine":
-        """Line with a heading and a length."""
+        """Return a line with a heading and a length."""
         return cls(start, heading(heading_deg), length_mm, turn_deg, heading_deg=heading_deg)
 
     @classmethod
     def between(cls, start: Point, end: Point, turn_deg: float, through: Sequence[Point]) -> "Spine":
-        """Line between two points: straight, an arc, or a spline through further points."""
+        """Return a line between two points: straight, an arc, or a spline through further points."""
         if through:
             free = Spline.through([start, *through, end])
             return cls(start, unit(free.velocity_at(0.0)), Measure(free).length_mm, free=free)
@@ -80,7 +80,7 @@ class Spine:
         return Rigid(math.cos(turn), math.sin(turn)).vector(last) if turn_deg else last
 
     def moved(self, motion: Rigid) -> "Spine":
-        """The line after a rigid motion."""
+        """Return the line after a rigid motion."""
         if motion == Rigid():
             return self
         free = None if self.free is None else self.free.moved(motion)
@@ -88,7 +88,10 @@ class Spine:
         return replace(self, start=start, direction=direction, free=free, heading_deg=None)
 
     def bent(self, angle_deg: float, *, from_end: bool) -> "tuple[Spine, Rigid]":
-        """The line with its far end turned evenly by an angle, and the motion of that end; the other end is fixed."""
+        """Return the line with its far end rotated by an angle at constant added curvature, and the motion of that end.
+
+        The other end is fixed.
+        """
         if not from_end:
             bent = self._turning(angle_deg)
             return bent, carrying(self.end, bent.end, angle_deg)
@@ -98,13 +101,13 @@ class Spine:
         return bent, carrying(self.start, bent.start, angle_deg)
 
     def _turning(self, angle_deg: float) -> "Spine":
-        """The line turned by an additional angle, evenly along its length; its start and its length are unchanged."""
+        """Line rotated by an additional angle, uniformly along its length; start and length are unchanged."""
         if self.free is None:
             return replace(self, turn_deg=self.turn_deg + angle_deg)
         return replace(self, bend_deg=self.bend_deg + angle_deg)
 
     def wall(self, offset: Offset, what: str) -> Curve:
-        """Curve at a distance to the right of the line; raises `DesignError`, about ``what``, if it would fold over."""
+        """Curve at a distance to the right of the line; `DesignError`, about ``what``, if it would fold over."""
         offset = offset[: max((i + 1 for i, value in enumerate(offset) if value), default=1)]
         if self.free is not None:
             return self._beside_free(self.free, offset, what)
@@ -187,15 +190,15 @@ class Spine:
 
     @cached_property
     def _panel_points(self) -> FloatArray:
-        """Points (N, 2) of a bent free line at the ends of panels, several for each of its cubics."""
-        assert self.free is not None  # noqa: S101  asked of a free line
+        """Return points (N, 2) of a bent free line at the ends of panels, several for each of its cubics."""
+        assert self.free is not None  # noqa: S101  only called for a free line
         ends = np.linspace(0.0, 1.0, len(self.free.controls) * PANELS + 1)
         ways = np.cumsum(self._displacements(ends[:-1], ends[1:]), axis=0)
         return np.asarray(np.array(self.free.start) + np.vstack([np.zeros((1, 2)), ways]))
 
     def _displacements(self, low: FloatArray, high: FloatArray) -> FloatArray:
         """Displacements (N, 2) along a bent free line between parameters within one panel, by Gaussian quadrature."""
-        assert self.free is not None  # noqa: S101  asked of a free line
+        assert self.free is not None  # noqa: S101  only called for a free line
         half = 0.5 * (high - low)
         at = (low + half)[:, None] + half[:, None] * NODES
         measure = self._measure
@@ -205,11 +208,11 @@ class Spine:
 
     @cached_property
     def _measure(self) -> Measure:
-        assert self.free is not None  # noqa: S101  asked of a free line
+        assert self.free is not None  # noqa: S101  only called for a free line
         return Measure(self.free)
 
     def _beside(self, offset: Offset) -> tuple[Function, Function]:
-        """Points and velocities of a wall next to a straight line or an arc, by fraction of its length."""
+        """Return points and velocities of a wall next to a straight line or an arc, by fraction of its length."""
         slope, per_mm = polynomial.polyder(offset), math.radians(self.turn_deg) / self.length_mm
 
         def place(u: FloatArray) -> FloatArray:
@@ -225,7 +228,7 @@ class Spine:
         return place, velocity
 
     def _directions(self, s: FloatArray, share: float = 1.0) -> FloatArray:
-        """Unit directions (N, 2) at lengths, turned by the fraction of the turn up to there."""
+        """Return unit directions (N, 2) at lengths, each rotated in proportion to the length up to there."""
         angle = share * math.radians(self.turn_deg) / self.length_mm * s
         x, z = self.direction
         return np.column_stack([np.cos(angle) * x - np.sin(angle) * z, np.sin(angle) * x + np.cos(angle) * z])
@@ -238,18 +241,18 @@ class Spine:
         if float(np.min(1.0 + np.multiply(per_mm, beside))) <= 0.0:
             limit = "folds over: the radius of its centre line is smaller than the distance of the wall"
             raise DesignError(
-                what, limit=limit, remedy="bend it by a smaller angle or over a greater length, or narrow it"
+                what, limit=limit, remedy="bend it by a smaller angle or over a greater length, or make it narrower"
             )
 
 
 def _turned(vectors: FloatArray, angle: FloatArray) -> FloatArray:
-    """Vectors (N, 2) turned by angles (N,)."""
+    """Return vectors (N, 2) rotated by angles (N,)."""
     (x, z), cos, sin = vectors.T, np.cos(angle), np.sin(angle)
     return np.column_stack([x * cos - z * sin, x * sin + z * cos])
 
 
 def carrying(before: Point, after: Point, angle_deg: float) -> Rigid:
-    """Motion that turns by an angle and moves a point to another."""
+    """Return the motion that rotates by an angle and moves a point to another."""
     if angle_deg == 0.0 and before == after:
         return Rigid()
     angle = math.radians(angle_deg)
