@@ -19,10 +19,10 @@ export async function asked(address: string, method = "GET", body?: BodyInit): P
   try {
     answer = await fetch(address, { method, body });
   } catch {
-    throw new Refused("Not connected: the studio was ended, or is not reached.");
+    throw new Refused("Not connected: the studio has ended or cannot be reached.");
   }
   const found = answer.headers.get("content-type") === "application/json" ? await answer.json() : null;
-  if (!answer.ok) throw new Refused(found?.what ?? `The studio refused this (${answer.status}).`);
+  if (!answer.ok) throw new Refused(found?.what ?? `The studio rejected this (${answer.status}).`);
   return found;
 }
 
@@ -30,7 +30,7 @@ export const cancel = (job: Job) => void asked(`jobs/${job.number}`, "DELETE").c
 
 export function bar(job: Job, what: string): TemplateResult {
   const known = job.share > 0 || job.state !== "running";
-  return html`<div class="progress"><progress max="1" value=${known ? job.share : nothing} aria-label="Share of ${what} that is done"></progress>
+  return html`<div class="progress"><progress max="1" value=${known ? job.share : nothing} aria-label="Completed fraction of ${what}"></progress>
     <output>${known ? `${Math.floor(100 * job.share)} %` : ""}</output>
     <button type="button" ?disabled=${job.state !== "running"} @click=${() => cancel(job)}>Cancel</button></div>`;
 }

@@ -38,13 +38,13 @@ export function sign(angle: number, unit = "deg"): string {
 }
 
 const ROWS: [string, string, string, string][] = [
-  ["slope_per_deg", "slope at the null", "1/°", "Change of the contrast with the angle where both receivers get the same light."],
-  ["null_deg", "null", "°", "Angle at which both receivers get the same light."],
-  ["span", "span", "", "Contrast at the last angle less that at the first."],
-  ["linearity_percent", "off a line", "%", "Largest deviation from the best straight line, in percent of the span."],
-  ["range_deg", "range", "°", "Range about the null over which the contrast only rises or only falls."],
-  ["light", "light", "", "Least share of the emitted power at both receivers together."],
-  ["resolution_deg", "resolution", "°", "Standard deviation of an angle from one reading, where it is worst."],
+  ["slope_per_deg", "slope at the null", "1/°", "Slope of the contrast at the null."],
+  ["null_deg", "null", "°", "Angle at which both receivers receive equal light."],
+  ["span", "span", "", "Contrast at the last angle minus contrast at the first."],
+  ["linearity_percent", "nonlinearity", "%", "Largest deviation from the best straight line, in percent of the span."],
+  ["range_deg", "range", "°", "Range about the null over which the contrast is monotonic."],
+  ["light", "light", "", "Smallest fraction of the emitted power that reaches both receivers together."],
+  ["resolution_deg", "resolution", "°", "Largest standard deviation of an angle from one reading."],
 ];
 
 export function merits(own: Curve | undefined, flat: Curve | undefined | null, angles: [number, number], unit: string, pinned?: Curve): TemplateResult {

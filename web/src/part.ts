@@ -40,7 +40,7 @@ export class Part {
     }
     this.gl = canvas.getContext("webgl", { antialias: true });
     if (this.gl) this.load(this.gl, at, normal);
-    else canvas.replaceWith("This browser has no WebGL: the part is in the files on the right.");
+    else canvas.replaceWith("This browser has no WebGL: download the part from the files on the right.");
     this.hands();
     this.watch = new ResizeObserver(() => this.draw());
     this.watch.observe(canvas);

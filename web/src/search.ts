@@ -94,9 +94,9 @@ export function asked(sought: Sought, running: boolean, begin: (sought: Sought) 
   };
   return html`<form class="sought" @submit=${submit}>
     ${lines("minimise", "Make small", 1)} ${lines("maximise", "Make large", 1)}
-    ${lines("free", "What may change, KEY=LOW:HIGH", 5)} ${lines("subject_to", "What must hold", 2)}
-    ${lines("robust", "What may be off, and still count by its worst, KEY=DEVIATION", 2)}
-    <label>Process of the printer, a file beside the design <input name="process" type="text" autocomplete="off" .value=${sought.process ?? ""}></label>
+    ${lines("free", "Free parameters, KEY=LOW:HIGH", 5)} ${lines("subject_to", "What must hold", 2)}
+    ${lines("robust", "Deviations to tolerate, KEY=DEVIATION", 2)}
+    <label>Process file of the printer, in the design's folder <input name="process" type="text" autocomplete="off" .value=${sought.process ?? ""}></label>
     <label class="checked"><input name="as_printed" type="checkbox" .checked=${sought.as_printed}> Each design as this process prints it</label>
     <label>Designs tried <input name="evaluations" type="number" min="20" max="100000" .value=${String(sought.evaluations)}></label>
     <button type="submit" class="main" ?disabled=${running}>Begin</button>
@@ -104,15 +104,15 @@ export function asked(sought: Sought, running: boolean, begin: (sought: Sought) 
 }
 
 const STATES = {
-  running: "The front so far, as the search sees it.",
-  done: "Each traced again, ten times as closely.",
-  cancelled: "Cancelled: the front so far, not traced again. What was traced is kept, and the same search goes on from there.",
+  running: "The current front, with the accuracy of the search.",
+  done: "The front, traced again with a tenth of the tolerance.",
+  cancelled: "Cancelled: the current front, not traced again. The same search continues from here.",
   failed: "",
 };
 
 export function progress(search: Search): TemplateResult {
   return html`${bar(search, "the search")}
-    <p class="quality">${search.state === "running" && search.share >= 1 ? "Tracing the front again, more closely …" : STATES[search.state]}
+    <p class="quality">${search.state === "running" && search.share >= 1 ? "Tracing the front again with a smaller tolerance …" : STATES[search.state]}
       Responses are kept in ${search.folder}.</p>
     ${search.why ? html`<p class="warning" role="alert">${search.why}</p>` : nothing}
     ${(search.warnings ?? []).map((words) => html`<p class="warning">${words}</p>`)}`;

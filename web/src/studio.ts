@@ -463,7 +463,7 @@ class Studio extends LitElement implements Host {
         <td>${measured(largest, u_largest)}</td><td>${sign(at_deg)}</td></tr>`;
     });
     return html`<table class="merits matters">
-      <thead><tr><th scope="col">What matters, off by its tolerance</th><th scope="col">contrast</th><th scope="col">at</th></tr></thead>
+      <thead><tr><th scope="col">Effect of each tolerance</th><th scope="col">contrast</th><th scope="col">at</th></tr></thead>
       <tbody>${rows.length ? rows : html`<tr><td colspan="3">traced at rest …</td></tr>`}</tbody>
     </table>`;
   }
@@ -505,11 +505,11 @@ class Studio extends LitElement implements Host {
     const where = own.in_space ? "in space" : "in the plane";
     if (own.rays === null) return `Integrated ${where}.`;
     const rays = `Traced ${where}, ${own.rays.toLocaleString("en")} rays an angle`;
-    return own.finished ? `${rays}.` : own.rays < FEW ? `Roughly, ${where}; better at rest.` : `${rays}, becoming better …`;
+    return own.finished ? `${rays}.` : own.rays < FEW ? `Approximate, ${where}; refined when you pause.` : `${rays}, being refined …`;
   }
 
   private status(): string {
-    if (!this.connected) return "Not connected: the studio was ended, or is not reached. Your last save is whole.";
+    if (!this.connected) return "Not connected: the studio has ended or cannot be reached. Your last save is complete.";
     if (this.refused) return this.refused;
     if (this.late) return "Working … (the first answer after an installation takes some minutes: the tracer is compiled)";
     return this.note || (this.whole.warnings as string[] | undefined)?.[0] || "Ready";
@@ -531,7 +531,7 @@ class Studio extends LitElement implements Host {
         <nav aria-label="File">
           <button type="button" ?disabled=${!whole.can_undo} @click=${() => this.ask({ do: "undo" })} title="Ctrl+Z">Undo</button>
           <button type="button" ?disabled=${!whole.can_redo} @click=${() => this.ask({ do: "redo" })} title="Ctrl+Y">Redo</button>
-          <button type="button" class="main" ?disabled=${whole.is_saved as boolean} @click=${() => this.ask({ do: "save" })} title="Ctrl+S; comments of the file are kept">Save</button>
+          <button type="button" class="main" ?disabled=${whole.is_saved as boolean} @click=${() => this.ask({ do: "save" })} title="Ctrl+S; comments in the file are kept">Save</button>
           <button type="button" aria-expanded=${String(this.commands)} @click=${() => ((this.commands = !this.commands), this.requestUpdate())} title="The same from the command line and in Python">&gt;_</button>
           <button type="button" @click=${() => this.theme()} aria-label="Light or dark">◐</button>
           <button type="button" @click=${() => ((this.guide = !this.guide), this.requestUpdate())} aria-label="Guide" aria-expanded=${String(this.guide)}>?</button>
@@ -562,19 +562,19 @@ class Studio extends LitElement implements Host {
           <div class="stage ${this.beside ? "two" : ""}">
             <canvas role="img" aria-label="Section of the sensor with its rays in the plane, turned by ${view.angle_deg.toFixed(2)} ${this.unit}"></canvas>
             <canvas class="beside" ?hidden=${!this.beside} role="img" aria-label="The same of ${this.beside?.name ?? "no other design"}"></canvas>
-            ${this.beside ? html`<p class="beside">beside: ${this.beside.name}</p>` : nothing}
+            ${this.beside ? html`<p class="beside">compared with: ${this.beside.name}</p>` : nothing}
             ${Object.keys(this.picture?.handles ?? {}).map((name) => html`<button type="button" class="handle ${kindOf(name)}" id="handle-${name}"
               aria-label=${handled(name).join(": ")} title=${handled(name).join(": drag, or ")}
               @pointerdown=${(e: PointerEvent) => this.grab(e, name)} @keydown=${(e: KeyboardEvent) => this.nudge(e, name)} @focus=${() => this.coordinates(name)}></button>`)}
             ${this.commands && whole.same ? this.same() : nothing}
             ${whole.offered ? html`<aside class="guide offered" aria-label="Unsaved changes">
-              <p>Changes of an earlier time were not saved: they are in ${whole.offered}.</p>
+              <p>Unsaved changes from earlier are in ${whole.offered}.</p>
               <button type="button" class="main" @click=${() => this.ask({ do: "restore" })}>Open them</button>
               <button type="button" @click=${() => this.ask({ do: "leave" })}>Leave them there</button>
             </aside>` : nothing}
             ${this.guide ? html`<aside class="guide" aria-label="Guide">
-              <p>Light of the LED below enters through the lens; where the lens sends it, the right or the left arm gets more.</p>
-              <p>Turn the lens, and the contrast of the two receivers tells the angle: that is the curve on the right.</p>
+              <p>Light from the LED below enters through the lens, which directs more of it into the right or the left arm.</p>
+              <p>When the lens turns, the contrast of the two receivers changes with the angle: the curve on the right.</p>
               <p><strong>Drag the round handle below the lens</strong>, then any number on the left.</p>
               <button type="button" class="main" @click=${() => ((this.guide = false), this.requestUpdate())}>Start</button>
             </aside>` : nothing}
@@ -598,8 +598,8 @@ class Studio extends LitElement implements Host {
         <section class="answer" aria-label="Response">
           <div class="tools">
             ${this.choice("Light", light, [["plane", "plane"], ["space", "space"]], (value) => this.look({ light: value === shown ? "design" : value }), "Where the response is traced; rays are drawn in the plane")}
-            ${emitters.length ? nothing : html`<button type="button" aria-pressed=${String(view.tolerances)} @click=${() => this.tolerances()} title="What each number changes that is off by its tolerance">Tolerances</button>
-            <button type="button" aria-pressed=${String(!!whole.is_beside)} @click=${() => this.ask({ do: "pin" })} title="Show this design beside what it becomes, or no longer">Pin</button>
+            ${emitters.length ? nothing : html`<button type="button" aria-pressed=${String(view.tolerances)} @click=${() => this.tolerances()} title="Change of the response for each parameter that deviates by its tolerance">Tolerances</button>
+            <button type="button" aria-pressed=${String(!!whole.is_beside)} @click=${() => this.ask({ do: "pin" })} title="Keep the current design for comparison, or remove it">Pin</button>
             <button type="button" aria-expanded=${String(this.searching)} @click=${() => this.searches()} title="Search for designs with a straighter response">Make it straighter</button>`}
           </div>
           <div class="plot" ?hidden=${emitters.length > 0} role="img" aria-label="Contrast against the angle, with its uncertainty"></div>

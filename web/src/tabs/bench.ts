@@ -18,7 +18,7 @@ class BenchTab extends Tab {
   private asked = new Set<number>();
 
   protected hint(): string {
-    return "Drop a recording, or write the files of a simulated rig and run it; a rig of your own is described by two such files.";
+    return "Drop a recording, or write the files of a simulated rig and run it; two such files describe your own rig.";
   }
 
   take(job: Running): void {

@@ -13,7 +13,7 @@ class MicroscopeTab extends Tab {
   private picture = true;
 
   protected hint(): string {
-    return "Drop a micrograph of a printed lens, seen along y. Its scale comes from the file, or from a scale bar whose two ends you click.";
+    return "Drop a micrograph of a printed lens, seen along y. Its scale is read from the file, or from the two ends of a scale bar that you click.";
   }
 
   private get name(): string {

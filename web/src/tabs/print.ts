@@ -25,7 +25,7 @@ class PrintTab extends Tab {
   private drawn = 0;
 
   protected hint(): string {
-    return "Begin with the part: its solid and its layers are of the open design. A micrograph of a print, dropped here, gives the next drawing.";
+    return "Begin with the solid and the layers of the open design. Drop a micrograph of its print here to compute the next drawing.";
   }
 
   private layered(job: Command | undefined): boolean {
@@ -38,7 +38,7 @@ class PrintTab extends Tab {
         <p class="quality">Drag or arrow keys turn the part, wheel or + and − zoom.</p>`;
     if (!this.layered(job)) return super.stage(job, result);
     const layer = this.of === job!.number ? this.layers[this.at] : undefined;
-    return html`<div class="stage"><canvas class="layer" role="img" aria-label="Picture of layer ${this.at + 1} as it is exposed"></canvas></div>
+    return html`<div class="stage"><canvas class="layer" role="img" aria-label="Exposure image of layer ${this.at + 1}"></canvas></div>
       <div class="angle"><label for="layer">Layer</label>
         <input id="layer" type="range" min="1" max=${Math.max(this.layers.length, 1)} step="1" .value=${String(this.at + 1)}
           @input=${(event: Event) => this.turnTo(+(event.target as HTMLInputElement).value - 1)}>
