@@ -338,7 +338,7 @@ def test_a_meter_stands_alone_and_tells_nothing_of_wires(tmp_path: Path) -> None
     two = {"address": ["a", "b"]}
     with pytest.raises(BenchError, match=r"meter; cannot be combined with \[board\]"):
         Rig(name="x", stage={"driver": "hand"}, meter=two, board={"driver": "serial", "port": "x"}, sensor=(SENSOR,))
-    with pytest.raises(BenchError, match="all emitters are on at once"):
+    with pytest.raises(BenchError, match="cannot switch emitters"):
         Rig(name="x", stage={"driver": "hand"}, meter=two, sensor=(SENSOR | {"emitter": 2},))
     rig = Rig(name="x", stage={"driver": "hand"}, meter=two, sensor=(SENSOR,))
     assert not rig.simulated
