@@ -41,7 +41,7 @@ const ROWS: [string, string, string, string][] = [
   ["slope_per_deg", "slope at the null", "1/°", "Slope of the contrast at the null."],
   ["null_deg", "null", "°", "Angle at which both receivers receive equal light."],
   ["span", "span", "", "Contrast at the last angle minus contrast at the first."],
-  ["linearity_percent", "nonlinearity", "%", "Largest deviation from the best straight line, in percent of the span."],
+  ["linearity_percent", "linearity", "%", "Largest deviation from the best straight line, in percent of the span."],
   ["range_deg", "range", "°", "Range about the null over which the contrast is monotonic."],
   ["light", "light", "", "Smallest fraction of the emitted power that reaches both receivers together."],
   ["resolution_deg", "resolution", "°", "Largest standard deviation of an angle from one reading."],

@@ -505,7 +505,7 @@ class Studio extends LitElement implements Host {
     const where = own.in_space ? "in space" : "in the plane";
     if (own.rays === null) return `Integrated ${where}.`;
     const rays = `Traced ${where}, ${own.rays.toLocaleString("en")} rays an angle`;
-    return own.finished ? `${rays}.` : own.rays < FEW ? `Approximate, ${where}; refined when you pause.` : `${rays}, being refined …`;
+    return own.finished ? `${rays}.` : own.rays < FEW ? `Approximate, ${where}; refined at rest.` : `${rays}, being refined …`;
   }
 
   private status(): string {

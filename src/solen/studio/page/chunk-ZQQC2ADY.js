@@ -1,4 +1,4 @@
-import{a,c as h,d as k,e as g,f as R,i as T,m as P,p as A,q as u,r as q}from"./chunk-GBL73RSX.js";function $(i,n){let e=t=>n[t]===void 0||n[t]===null||n[t]===""||Array.isArray(n[t])&&!n[t].length;return[...i.files.filter(t=>t.required).map(t=>t.name),...i.required].filter(e)}function O(i,n,e,t,s){let r=t.filter(l=>n.result?/\.(json|toml)$/.test(l):!l.includes("/")||/\.(nc|journal)$/.test(l));if(!n.many)return a`<label class="filed">${n.label}
+import{a,c as h,d as k,e as g,f as R,i as T,m as P,p as A,q as u,r as q}from"./chunk-67VEEAK5.js";function $(i,n){let e=t=>n[t]===void 0||n[t]===null||n[t]===""||Array.isArray(n[t])&&!n[t].length;return[...i.files.filter(t=>t.required).map(t=>t.name),...i.required].filter(e)}function O(i,n,e,t,s){let r=t.filter(l=>n.result?/\.(json|toml)$/.test(l):!l.includes("/")||/\.(nc|journal)$/.test(l));if(!n.many)return a`<label class="filed">${n.label}
       <select name=${n.name} @change=${l=>s(n.name,l.target.value)}>
         <option value="" .selected=${!e}>${n.required?"drop a file":"none"}</option>
         ${r.map(l=>a`<option .selected=${l===e}>${l}</option>`)}
