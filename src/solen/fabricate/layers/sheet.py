@@ -242,8 +242,8 @@ def _pictured(s: PrintSettings) -> list[tuple[str, str]]:
         if s.greys
         else "grey, according to the covered fraction"
     )
-    rows = [("solen's pictures: edges", edges if s.anti_aliasing else "no grey pixels")]
-    return [*rows, ("solen's pictures: origin", f"at {x:g}, {y:g} of the pixel")]
+    rows = [("solen's images: edges", edges if s.anti_aliasing else "no grey pixels")]
+    return [*rows, ("solen's images: origin", f"at {x:g}, {y:g} of the pixel")]
 
 
 def _exposures(s: PrintSettings) -> list[tuple[str, str]]:
