@@ -122,7 +122,7 @@ def test_a_file_that_is_no_scene_is_refused(content: str, tmp_path: Path, capsys
 
 def test_integration_reads_no_monitors_and_says_so(own: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_command(["trace", str(own), "--sampling", "adaptive"]) == 2
-    assert "evaluates only receivers, and this scene has monitors" in capsys.readouterr().err
+    assert "evaluates only receivers, but this scene has monitors" in capsys.readouterr().err
 
 
 @pytest.fixture

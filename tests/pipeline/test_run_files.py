@@ -296,7 +296,7 @@ def test_an_extruded_design_runs_to_its_report_with_pictures_of_the_plane(design
 
 
 def test_ambient_light_in_space_is_refused(design: Path) -> None:
-    with pytest.raises(SolenError, match="also enter through top and bottom"):
+    with pytest.raises(SolenError, match="also enter through the top and bottom"):
         trace(design, ["trace.dimension=extruded", "emitter.pattern=lambertian", "ambient.power=1"])
 
 

@@ -142,7 +142,7 @@ def test_a_side_whose_media_are_the_wrong_way_round_is_named_with_a_neighbour(nu
         assert f"side-{number}" in line.split("=", maxsplit=1)[0]
         assert "media do not fit at x = " in line
         assert (line.count("names glass"), line.count("names air")) == (1, 1)
-        assert "swap left and right" in line
+        assert "swap the left and right regions" in line
 
 
 def test_a_side_of_a_wrong_medium_is_reported_with_both() -> None:
@@ -178,7 +178,7 @@ def test_an_interface_that_ends_on_the_inside_of_another_does_not_close_its_medi
     line = refused([*whole, across])
     assert "media do not fit at x = 0, z = 0.5 mm" in line
     assert "in the sector between them, level names oil and side-3 names water" in line
-    assert "divide side-3 at this place" in line
+    assert "divide side-3 at this point" in line
 
 
 def moved(interfaces: list[Interface], motion: Rigid) -> list[Interface]:
@@ -200,7 +200,7 @@ def test_bodies_may_touch_the_inside_of_a_side_from_both_sides(level: Curve, tur
     check_closed(moved([*sea, *wedge("boat", 1.0, "air"), *wedge("fish", -1.0, "water")], turn))
     line = refused(moved([*sea, *wedge("boat", 1.0, "water"), *wedge("fish", -1.0, "air")], turn))
     assert "media do not fit" in line
-    assert "divide sea-0 at this place" in line
+    assert "divide sea-0 at this point" in line
 
 
 def test_bodies_may_lie_in_bodies_and_touch_at_corners() -> None:

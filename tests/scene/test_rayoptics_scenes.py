@@ -275,8 +275,8 @@ def test_what_is_unknown_is_reported_and_the_rest_is_read() -> None:
     ("content", "told"),
     [
         ("{", "not JSON"),
-        ("[]", "not a scene of ray-optics"),
-        ('{"objs": []}', "not a scene of ray-optics"),
+        ("[]", "not a ray-optics scene"),
+        ('{"objs": []}', "not a ray-optics scene"),
         ('{"version": 4, "objs": []}', "this version of solen reads version 5; open the scene in ray-optics"),
         ('{"version": 5, "objs": [], "lengthScale": 0}', "lengthScale; must be above 0"),
         ('{"version": 5, "objs": [], "rayModeDensity": "many"}', "rayModeDensity; must be a number"),
@@ -308,7 +308,7 @@ def test_an_ideal_lens_on_glass_is_reported() -> None:
     lens = {"type": "IdealLens", "p1": point(5, -1), "p2": point(5, 1)}
     found = scene(LAMP, polygon((5, -1), (9, -1), (9, 1), (5, 1)), lens)
     assert [str(one) for one in found.not_understood] == [
-        "object 3, IdealLens: is a lens on a surface of glass, which is not supported"
+        "object 3, IdealLens: is a lens on a glass surface, which is not supported"
     ]
 
 

@@ -277,7 +277,7 @@ def test_all_sources_have_a_spectrum_or_none_has(sources: tuple[Source, ...]) ->
 def test_an_index_that_depends_on_the_wavelength_needs_one() -> None:
     line = refused(regions=(AIR, Region("glass", RESIN)))
     assert "region glass = 'depends on the wavelength'; every source needs a spectrum" in line
-    assert "give the sources a spectrum, or the region a constant index" in line
+    assert "specify a spectrum for the sources, or a constant index for the region" in line
     assert scene(regions=(AIR, Region("glass", RESIN)), sources=(RED,)).regions[1].index == RESIN
 
 

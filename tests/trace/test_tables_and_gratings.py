@@ -208,8 +208,8 @@ def test_tables_profiles_and_gratings_are_kept_in_a_scene_file() -> None:
 
 
 REFUSED: list[tuple[dict[str, object], str]] = [
-    ({"behaviour": "grating"}, "surface.grating is for gratings"),
-    ({"surface": Surface(grating=Grating(100.0, ORDERS))}, "surface.grating is for gratings"),
+    ({"behaviour": "grating"}, "surface.grating applies only to gratings"),
+    ({"surface": Surface(grating=Grating(100.0, ORDERS))}, "surface.grating applies only to gratings"),
     ({"behaviour": "absorbing", "surface": Surface(table=flat(0.5))}, "absorbing.*cannot have a table"),
     ({"behaviour": "mirror", "surface": Surface(table=flat(0.5, 0.2))}, "mirror cannot transmit"),
     ({"surface": Surface(table=flat(0.5, 0.2)), "right": "glass"}, "two sides"),

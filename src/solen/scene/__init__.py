@@ -1,4 +1,4 @@
-"""Scenes: regions, interfaces, sources and detectors, built by hand, from a sensor or from JSON."""
+"""Scenes: regions, interfaces, sources and detectors, built manually, from a sensor or from JSON."""
 
 from solen.scene.finishes import FINISHES, Finish
 from solen.scene.json import dumps, load, loads, save

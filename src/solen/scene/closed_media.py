@@ -1,16 +1,16 @@
 """The rule that media are closed: around any point where interfaces end, each region must border the next.
 
-An interface with different regions on its two sides is part of a *boundary* between media. Where it ends, others must
-begin such that the region behind each of them, counter-clockwise, is the region before the next. An interface with the
-same region on both sides (a mirror, a wall, a receiver in air) may end anywhere.
+An interface with different regions on its two sides is part of a *boundary* between media. Where it ends, other
+interfaces must begin in such a way that, going counter-clockwise, the region behind each is the region in front of the
+next. An interface with the same region on both sides (a mirror, a wall, a receiver in air) may end anywhere.
 
-All ends are grouped into vertices by sorting, and nearly all vertices can be checked by the names of their regions
-alone. The curves themselves are needed only where three or more meet, to find their order round the vertex, and where
-something does not fit: the end may then lie on the inside of another curve, which counts as leaving that vertex in both
-directions.
+All ends are grouped into vertices by sorting, and nearly all vertices can be checked from the region names alone. The
+curves themselves are needed in only two cases: where three or more curves meet, to find their order around the vertex;
+and where the regions do not fit, because the end may then lie in the interior of another curve, which counts as leaving
+that vertex in both directions.
 
-Errors that only a comparison of whole areas would show are not detected, for example a closed body inside a medium
-other than the one that its outer side names. `solen.scene.overlaps` checks that no two curves coincide or cross.
+Errors that only a comparison of complete areas would reveal are not detected, for example a closed body inside a medium
+that differs from the one named for its outer side. `solen.scene.overlaps` checks that no two curves coincide or cross.
 """
 
 import math
@@ -29,8 +29,8 @@ if TYPE_CHECKING:  # the model calls this module
     from solen.scene.model import Interface
 
 TOLERANCE_MM = 2.0 * END_TOLERANCE_MM
-"""Ends closer than this are one vertex: each of two curves reaches half of it beyond its end, so that no ray slips
-between.
+"""Ends closer together than this form one vertex: each of two curves extends half of this distance beyond its end,
+so that no ray slips between them.
 """
 ROUNDING = 1e-14
 """Tolerance relative to the largest coordinate; it exceeds `TOLERANCE_MM` for coordinates above 2 m.
@@ -39,19 +39,19 @@ Trigonometric functions and rigid motions have rounding errors of about 1e-15 of
 counts as a coordinate, because the ends of a flat arc are no more accurate than its centre.
 """
 APART_RAD = 1e-3
-"""Curves whose directions at a vertex differ by less than this are ordered by their directions a little further
+"""Curves whose directions at a vertex differ by less than this are ordered by their directions slightly further
 along.
 """
 TIED_RAD = 1e-9
-"""Curves whose directions still differ by less than this are taken as collinear: any order that fits is accepted."""
+"""Curves whose directions still differ by less than this are treated as collinear: any order that fits is accepted."""
 BACK_MM = 1.0
-"""Distance before a point at which the test ray for whether the point is on a curve starts."""
+"""Distance from the tested point at which the test ray starts when checking whether the point lies on a curve."""
 ENDS = np.array([0.0, 1.0])
 SAMPLES = np.linspace(0.0, 1.0, 33)
 
 
 class _Branch(NamedTuple):
-    """An interface as it leaves a vertex, either along its own direction or against it."""
+    """An interface that leaves a vertex, either in its own direction or in the opposite direction."""
 
     interface: "Interface"
     at: Point
@@ -60,23 +60,24 @@ class _Branch(NamedTuple):
 
     @property
     def after(self) -> str:
-        """Region on its counter-clockwise side."""
+        """Region on the counter-clockwise side of the branch."""
         return self.interface.left if self.forwards else self.interface.right
 
     @property
     def before(self) -> str:
-        """Region on its clockwise side."""
+        """Region on the clockwise side of the branch."""
         return self.interface.right if self.forwards else self.interface.left
 
     @property
     def end(self) -> str:
-        """Which end of its curve is at the vertex."""
+        """The end of the curve that is at the vertex."""
         return "start" if self.forwards else "end"
 
     def angle(self, step_mm: float) -> float:
         """Direction in which the curve leaves the vertex.
 
-        This is the direction of the chord to the point ``step_mm`` further on, or, if that is 0, of the tangent.
+        This is the direction of the chord to the point ``step_mm`` further along the curve, or of the tangent if
+        ``step_mm`` is 0.
         """
         curve = self.interface.curve
         # a closed curve may have a corner where it begins, and two normals there
@@ -93,14 +94,14 @@ class _Branch(NamedTuple):
 
 
 def check_closed(interfaces: Sequence["Interface"]) -> None:
-    """Check that the media of the interfaces are closed.
+    """Check that the interfaces enclose all media.
 
     Raises
     ------
     DesignError
-        If a boundary between media ends alone; the message states the interface, the place and the gap to the nearest
-        other end. Also if the media round a vertex do not fit; the message states two neighbours and the regions that
-        they name.
+        If a boundary between media has a free end; the message gives the interface, the location and the gap to the
+        nearest other end. Also if the media around a vertex do not fit; the message gives two neighbouring interfaces
+        and the regions that they name.
     """
     if all(_free(interface) for interface in interfaces):
         return
@@ -128,13 +129,16 @@ def _free(interface: "Interface") -> bool:
 
 
 def tolerance_of(interfaces: Sequence["Interface"], ends: FloatArray) -> float:
-    """Largest distance in mm of ends of one vertex: `TOLERANCE_MM`, or the rounding of the largest coordinate."""
+    """Maximum distance in mm between ends that form one vertex.
+
+    This is `TOLERANCE_MM`, or the rounding error of the largest coordinate if that is larger.
+    """
     centers = [abs(x) for i in interfaces if isinstance(i.curve, Arc) for x in i.curve.center]
     return max(TOLERANCE_MM, ROUNDING * max(float(np.max(np.abs(ends))), *centers, 0.0))
 
 
 def _vertices(interfaces: Sequence["Interface"], ends: FloatArray, tolerance_mm: float) -> list[list[_Branch]]:
-    """Branches, grouped by the vertex that they leave."""
+    """Return all branches, grouped by the vertex that they leave."""
     labels = _labels(ends, tolerance_mm).tolist()
     vertices: dict[int, list[_Branch]] = {}
     for k, (label, (x, z)) in enumerate(zip(labels, ends.tolist(), strict=True)):
@@ -144,10 +148,10 @@ def _vertices(interfaces: Sequence["Interface"], ends: FloatArray, tolerance_mm:
 
 
 def _labels(points: FloatArray, tolerance_mm: float) -> IndexArray:
-    """Group numbers (N,), equal for coinciding points.
+    """Return group numbers (N,), which are equal for coinciding points.
 
-    Points sorted along x are split wherever neighbours are further apart than the tolerance; each group is then split
-    along z in the same way, and so on until no group splits any more. This takes N log N steps even for collinear
+    Points sorted along x are split wherever neighbours are further apart than the tolerance. Each group is then split
+    along z in the same way, and so on until no group splits further. This takes N log N steps even for collinear
     points.
     """
     labels = np.zeros(len(points), dtype=np.intp)
@@ -163,15 +167,17 @@ def _labels(points: FloatArray, tolerance_mm: float) -> IndexArray:
 
 
 def _fits(vertex: list[_Branch]) -> bool:
-    """Whether each region around a vertex ends where the next begins; interfaces within one medium may end alone."""
+    """Whether each region around a vertex ends where the next begins; walls within one medium may have free ends."""
     if all(_free(branch.interface) for branch in vertex):
         return True
     return len(vertex) > 1 and all(a.after == b.before for a, b in _neighbours(vertex))
 
 
 def _neighbours(vertex: list[_Branch]) -> list[tuple[_Branch, _Branch]]:
-    """Pairs of each branch and the next one counter-clockwise; of collinear branches, one that fits comes first."""
-    groups = _in_order(vertex) if len(vertex) > 2 else [[branch] for branch in vertex]  # two have only one order
+    """Pairs of neighbouring branches, counter-clockwise; among collinear branches, one that fits is placed first."""
+    groups = (
+        _in_order(vertex) if len(vertex) > 2 else [[branch] for branch in vertex]
+    )  # two branches have only one order
     first = next((i for i, group in enumerate(groups) if len(group) == 1), 0)
     chain: list[_Branch] = []
     for group in (*groups[first:], *groups[:first]):
@@ -184,11 +190,11 @@ def _neighbours(vertex: list[_Branch]) -> list[tuple[_Branch, _Branch]]:
 
 
 def _in_order(vertex: list[_Branch]) -> list[list[_Branch]]:
-    """Branches in counter-clockwise order; collinear ones form one group."""
+    """Branches in counter-clockwise order, with collinear branches in one group."""
     angles = [branch.angle(0.0) for branch in vertex]
     order, gaps = _sorted(angles)
     if min(gaps) < APART_RAD:
-        # if tangents agree, curvature decides, close enough to the vertex that no curves cross before
+        # if tangents agree, curvature decides; the step is so short that no curves cross within it
         step_mm = 1e-3 * min(_size_mm(branch.interface.curve) for branch in vertex)
         order, gaps = _sorted([branch.angle(step_mm) for branch in vertex])
     groups: list[list[_Branch]] = []
@@ -217,7 +223,7 @@ def _size_mm(curve: Curve) -> float:
 def _boxes(interfaces: Sequence["Interface"], tolerance_mm: float) -> FloatArray:
     """Bounding boxes (N, 4) of the curves: lowest x and z, highest x and z.
 
-    A curve deviates from its sampled points by less than their spacing, which is the margin of its box.
+    A curve deviates from its sampled points by less than the point spacing, which is used as the margin of the box.
     """
     points = np.array([interface.curve.points(SAMPLES) for interface in interfaces])
     with np.errstate(over="ignore"):
@@ -228,7 +234,7 @@ def _boxes(interfaces: Sequence["Interface"], tolerance_mm: float) -> FloatArray
 def _passing(
     vertex: list[_Branch], interfaces: Sequence["Interface"], boxes: FloatArray, tolerance_mm: float
 ) -> list["Interface"]:
-    """Interfaces that pass through a vertex without ending there."""
+    """Return the interfaces that pass through a vertex without ending there."""
     at = vertex[0].at
     ending = {branch.interface.name for branch in vertex}
     near = np.flatnonzero(((boxes[:, :2] <= at) & (boxes[:, 2:] >= at)).all(axis=1)).tolist()
@@ -246,13 +252,13 @@ def passes_through(curve: Curve, point: Point, tolerance_mm: float) -> bool:
 
 
 def _gap(branch: _Branch, interfaces: Sequence["Interface"], partners: list[list[_Branch]]) -> DesignError:
-    """Return the error for a boundary that ends alone."""
+    """Return the error for a boundary with a free end."""
     name = branch.interface.name
     others = ([b for b in group if b is not branch and not _free(b.interface)] for group in partners)
     other = min(next(filter(None, others)), key=lambda other: math.dist(other.at, branch.at))
     gap_mm, what = math.dist(other.at, branch.at), f"{other.end} of {other.interface.name}"
     side_mm, side = _nearest_side(branch, interfaces)
-    if side_mm < 0.1 * gap_mm:  # so much closer that it was probably meant to end there
+    if side_mm < 0.1 * gap_mm:  # so much closer that the boundary was probably meant to end there
         gap_mm, what = side_mm, f"side of {side}"
     return DesignError(
         f"interface {name}",
@@ -260,12 +266,12 @@ def _gap(branch: _Branch, interfaces: Sequence["Interface"], partners: list[list
         limit=f"a gap of {gap_mm:.3g} mm at {place_text(branch.at)} to the {what}; the "
         f"interface separates {branch.interface.left} and {branch.interface.right}, so another "
         "boundary must continue from this end",
-        remedy="join the ends, name the same region on both sides, or set open_media",
+        remedy="join the ends, specify the same region on both sides, or set open_media",
     )
 
 
 def _nearest_side(branch: _Branch, interfaces: Sequence["Interface"]) -> tuple[float, str]:
-    """Smallest change of length that would let a boundary end on another one, and the name of that one."""
+    """Return the smallest change of length with which a boundary would end on another, and the name of the other."""
     angle = branch.angle(0.0)
     out = (math.cos(angle), math.sin(angle))
     nearest_side = [(math.inf, "")]
@@ -279,9 +285,9 @@ def _nearest_side(branch: _Branch, interfaces: Sequence["Interface"]) -> tuple[f
 def _misfit(vertex: list[_Branch], through: list["Interface"]) -> DesignError:
     """Return the error for media that do not fit."""
     a, b = next((a, b) for a, b in _neighbours(vertex) if a.after != b.before)
-    remedy = "swap left and right of the wrong interface, or reverse its curve"
+    remedy = "swap the left and right regions of the wrong interface, or reverse its curve"
     if through:  # a curve that passes through has the same two media on both sides of this point
-        remedy = f"divide {' and '.join(interface.name for interface in through)} at this place, or {remedy}"
+        remedy = f"divide {' and '.join(interface.name for interface in through)} at this point, or {remedy}"
     return DesignError(
         f"interfaces {a.interface.name} and {b.interface.name}",
         value=f"media do not fit at {place_text(a.at)}",
@@ -291,5 +297,5 @@ def _misfit(vertex: list[_Branch], through: list["Interface"]) -> DesignError:
 
 
 def place_text(point: Point) -> str:
-    """Return the text by which errors state a point."""
+    """Return the text that error messages use for a point."""
     return f"x = {point[0]:.6g}, z = {point[1]:.6g} mm"

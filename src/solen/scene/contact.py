@@ -1,9 +1,9 @@
-"""Pads: other media in contact with part of a wall, each with edges of its own.
+"""Pads: other media in contact with part of a wall, each with its own edges.
 
 A medium must be closed, so a medium that touches a wall is given a depth: its outer edge follows the wall at that
 distance, and straight edges join the two. These edges are either black, and absorb light that has entered the medium,
-or clear, and let it pass into the air. Neighbouring faces of one wall table share one pad if the wall is smooth there
-or turns away; pads of different tables meet at a common edge.
+or clear, and transmit it into the air. Neighbouring faces in one wall table share a pad if the wall between them is
+smooth or turns outwards; pads from different tables meet at a common edge.
 """
 
 import math
@@ -22,19 +22,21 @@ from solen.scene.model import Behaviour, Interface, Region
 from solen.spec import Wall
 
 SMOOTH = 0.02
-"""Sine of the largest angle of a smooth corner; the outer edges of both faces then meet on its bisector."""
+"""Sine of the largest corner angle that counts as smooth; the outer edges of both faces then meet on the angle
+bisector.
+"""
 OUTER_POINTS = 65
-"""Number of points of the spline along the outer edge of a curved face."""
+"""Number of points per spline along the outer edge of a curved face."""
 FLAT_MM = 1e-4
-"""Largest deviation of the polylines with which pads are checked for overlaps."""
+"""Maximum deviation of the polylines used to check pads for overlaps."""
 OVERLAP_MM2 = 1e-7
 EXACT_MM = 1e-12
-"""Largest error of the depth of an outer edge that is still taken as exact."""
+"""Maximum depth error for which an outer edge still counts as exact."""
 
 
 @dataclass(frozen=True)
 class Pad:
-    """The part of a pad on one face."""
+    """The part of a pad that lies on one face."""
 
     face: Face
     wall: Wall
@@ -42,11 +44,11 @@ class Pad:
 
     @property
     def behaviour(self) -> Literal["absorbing", "refracting"]:
-        """Behaviour of its edges."""
+        """Behaviour of the pad edges."""
         return "absorbing" if self.wall.beyond == "black" else "refracting"
 
     def edge(self, curve: Curve, what: str) -> Interface:
-        """Return an edge of the pad towards the air, with the pad on its left."""
+        """Return an edge between the pad, on its left, and the air."""
         return Interface(f"{self.face.name} {what}", curve, self.wall.outside, "air", self.behaviour)
 
 
@@ -56,7 +58,7 @@ def pad_regions(walls: Sequence[Wall]) -> tuple[Region, ...]:
     Raises
     ------
     DesignError
-        If two tables give media of the same name different indices or absorptions.
+        If two tables give different indices or absorptions for media of the same name.
     """
     regions: dict[str, Region] = {}
     for number, wall in enumerate(walls):
@@ -64,13 +66,13 @@ def pad_regions(walls: Sequence[Wall]) -> tuple[Region, ...]:
             continue
         region = Region(wall.outside, wall.index, wall.absorption_per_mm)
         if regions.setdefault(wall.outside, region) != region:
-            limit = "another wall table gives this medium another index or absorption"
+            limit = "another wall table gives this medium a different index or absorption"
             raise DesignError(f"wall[{number}].outside", value=wall.outside, limit=limit, remedy="use another name")
     return tuple(regions.values())
 
 
 def pad_edges(body: Body, walls: Sequence[Wall]) -> tuple[Interface, ...]:
-    """Return the edges of all pads of a body, without the faces that they touch."""
+    """Return the edges of all pads on a body, excluding the faces that the pads touch."""
     interfaces: list[Interface] = []
     pads: list[Pad] = []
     for outline in body.outlines:
@@ -101,7 +103,7 @@ def _touching(face: Face, walls: Sequence[Wall]) -> Wall | None:
 
 
 def _edges(before: Pad | None, pad: Pad, behind: Pad | None) -> Iterator[Interface]:
-    """Edges of the part of a pad on one face; an edge between two parts belongs to the second."""
+    """Yield the edges of the part of a pad on one face; an edge between two parts belongs to the second."""
     yield pad.edge(pad.outer, "outer edge")
     if before is None or not _joined(before, pad):
         yield pad.edge(Segment(pad.face.curve.start, pad.outer.start), "first edge")
@@ -114,7 +116,7 @@ def _edges(before: Pad | None, pad: Pad, behind: Pad | None) -> Iterator[Interfa
 
 
 def _joined(before: Pad, behind: Pad) -> bool:
-    """Whether the parts of a pad on two faces join: if the wall is smooth there, or turns away within one table."""
+    """Whether the pad parts on two faces join: if the wall is smooth there, or turns outwards within one wall table."""
     if _smooth(before.face, behind.face):
         return True
     if _turn(before.face, behind.face) < 0.0:
@@ -133,7 +135,7 @@ def _smooth(before: Face, behind: Face) -> bool:
 
 
 def _turn(before: Face, behind: Face) -> float:
-    """Sine of the angle of the left turn of the wall between two faces; ±2 if it is above 90 degrees."""
+    """Sine of the angle by which the wall turns left between two faces; ±2 if the angle exceeds 90 degrees."""
     corner = behind.curve.start
     first, last = before.curve.normal_at(corner), behind.curve.normal_at(corner)
     sine = cross(first, last)
@@ -151,7 +153,7 @@ def _corner(before: Face, behind: Face) -> Point | None:
 
 
 def _between(before: Pad, pad: Pad) -> Iterator[Interface]:
-    """The edge between two different pads on a smooth wall, and the exposed end of the deeper one."""
+    """Yield the edge between two different pads on a smooth wall, and the exposed end of the deeper one."""
     behaviour: Behaviour = "absorbing" if "absorbing" in (before.behaviour, pad.behaviour) else "refracting"
     start, near, far = pad.face.curve.start, before.outer.end, pad.outer.start
     shallow = near if before.wall.depth_mm <= pad.wall.depth_mm else far
@@ -164,10 +166,10 @@ def _between(before: Pad, pad: Pad) -> Iterator[Interface]:
 
 
 def _outer(face: Face, depth_mm: float, first: Point | None, last: Point | None) -> Curve:
-    """Return the curve ``depth_mm`` outside a face: exact for a line and an arc, else a spline through points.
+    """Return the curve ``depth_mm`` outside a face: exact for a line and an arc, otherwise a spline through points.
 
-    At a slight corner of a smooth wall, ``first`` and ``last`` state where the outer edge begins and ends; the
-    resulting deviations from the depth are distributed linearly along the face.
+    At a slight corner of a smooth wall, ``first`` and ``last`` determine where the outer edge begins and ends; the
+    resulting depth deviations are distributed linearly along the face.
     """
     curve = face.curve
     u = np.linspace(0.0, 1.0, OUTER_POINTS * (len(curve.controls) if isinstance(curve, CubicChain) else 1))
@@ -195,7 +197,7 @@ def _normals(curve: Curve, u: FloatArray) -> FloatArray:
 
 
 def _check_pads(body: Body, pads: Sequence[Pad]) -> None:
-    """Check that each pad is in the air: not in the body or another pad, nor over the emitter or a receiver."""
+    """Check that each pad is in air: not in the body or another pad, and not over the emitter or a receiver."""
     if not pads:
         return
     import shapely

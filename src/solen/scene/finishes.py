@@ -1,16 +1,15 @@
-"""Finishes of walls, by the name that a design states in ``wall.finish``.
+"""Wall finishes, by the name used in ``wall.finish`` of a design.
 
-Another package adds one with an entry point of the group ``solen.finishes``, for example a table of its own
-measurements::
+Another package adds a finish with an entry point of the group ``solen.finishes``, for example with a table of measured
+values::
 
     VELVET = Finish(
-        "mirror",
-        Surface(table=AngleTable((0.0, 60.0, 90.0), (0.02, 0.05, 0.3)), scatter=Lambertian()),
+        "mirror", Surface(table=AngleTable((0.0, 60.0, 90.0), (0.02, 0.05, 0.3)), scatter=Lambertian()),
         wavelength_nm=(840.0, 880.0),
     )
 
-A wall has the body on its left: `Surface.table` applies to light from inside it and `Surface.table_right` to light from
-the air.
+A wall has the body on its left: `Surface.table` applies to light from inside the body and `Surface.table_right` to
+light from the air.
 """
 
 from dataclasses import dataclass
@@ -31,11 +30,11 @@ class Finish:
     Attributes
     ----------
     behaviour
-        Whether light passes through, is reflected or is absorbed.
+        Whether light is transmitted, reflected or absorbed.
     surface
-        Its treatment: films, roughness, texture, coating.
+        Surface treatment: films, roughness, texture, coating.
     wavelength_nm
-        Shortest and longest wavelength of its measurement; None if it is valid at any wavelength.
+        Shortest and longest wavelength of the measurement; None if the finish is valid at any wavelength.
     """
 
     behaviour: Literal["refracting", "mirror", "absorbing"]
@@ -48,7 +47,7 @@ class Finish:
             check_range("finish wavelength_nm", self.wavelength_nm[1], self.wavelength_nm[0])
 
     def check_at(self, what: str, name: str, wavelengths_nm: tuple[float, ...]) -> None:
-        """Raise `DesignError` if the finish was not measured at one of these wavelengths."""
+        """Raise `DesignError` if the finish was not measured at all of these wavelengths."""
         for nm in wavelengths_nm:
             if self.wavelength_nm is not None and not self.wavelength_nm[0] <= nm <= self.wavelength_nm[1]:
                 low, high = self.wavelength_nm

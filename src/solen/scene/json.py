@@ -1,4 +1,4 @@
-"""Scenes as JSON, without fields that have their default; a scene read back equals the one written.
+"""Scenes as JSON, in which fields with default values are omitted; a scene that is read back equals the one written.
 
 Curves and sources are objects with their ``kind`` and the fields of their class; unknown keys are rejected.
 """
@@ -36,10 +36,10 @@ def dumps(scene: Scene) -> str:
     Raises
     ------
     DesignError
-        If it contains a curve, a source or a face in space that the format does not support.
+        If the scene contains a curve, a source or a face in space that the format does not support.
     """
     if scene.front is not None:
-        limit = "cannot be written as JSON: only a design file can describe a face in space"
+        limit = "cannot be written as JSON: a face in space can be described only in a design file"
         raise DesignError("scene front", value=scene.front.lens.shape, limit=limit, remedy="keep the design file")
     data: dict[str, Any] = {
         "solen_scene": SCHEMA,
@@ -65,7 +65,7 @@ def loads(text: str, where: str = "scene") -> Scene:
     Raises
     ------
     DataError
-        If the text is not a scene; the message states the position.
+        If the text is not a scene; the message gives the position.
     DesignError
         If the scene is invalid.
     """
@@ -108,19 +108,19 @@ def save(path: Path | str, scene: Scene) -> Path:
 def _parsed(text: str, where: str) -> dict[str, Any]:
     data = parsed(text, where)
     if not isinstance(data, dict) or "solen_scene" not in data:
-        raise DataError(where, limit="is not a scene of solen: it has no key solen_scene")
+        raise DataError(where, limit="is not a solen scene: it has no key solen_scene")
     return data
 
 
 def _fields(item: Any) -> dict[str, Any]:
-    """Fields of an object that differ from their defaults; fields common to all sources come last."""
+    """Yield the fields of an object that differ from their defaults; fields common to all sources come last."""
     ordered = sorted(dataclasses.fields(item), key=lambda field: field.kw_only is True)
     fields = {field.name: (getattr(item, field.name), field.default) for field in ordered}
     return {name: _plain(value) for name, (value, default) in fields.items() if value != default or name == "kind"}
 
 
 def _plain(value: Any) -> Any:
-    """Return a field's value for JSON; the callers convert curves and dispersions, whose kinds they know."""
+    """Return a field value for JSON; the callers convert curves and dispersions, whose kinds they know."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     if dataclasses.is_dataclass(value) and not isinstance(value, Curve):
@@ -139,7 +139,7 @@ def _region_fields(region: Region) -> dict[str, Any]:
 
 
 def _region(data: dict[str, Any], where: str) -> Region:
-    """Read a region, whose index is a number or an object with the kind of its dispersion."""
+    """Read a region; its index is a number, or an object that specifies the kind of dispersion."""
     index = data.get("index")
     if not isinstance(index, dict):
         return made(Region, data, where)

@@ -1,11 +1,12 @@
 """The scene: all input of the tracer.
 
-*Regions* are media by name. *Interfaces* are curves between two regions, one on the curve's left and one on its right,
-with a behaviour: refracting, mirror, absorbing, receiver, grating, or the ideal elements splitter and lens; a `Surface`
-adds coatings, tables, scatter and the like. *Sources* launch rays. There are two kinds of detectors. A **receiver** is
-made of interfaces and absorbs all light that arrives; light that arrives on its left side, its face, is detected and
-enters the ledger. A **monitor** is a line that measures the power crossing it, positive towards its left; it changes no
-ray and is not in the ledger. A scene can have any number of each, and it does not depend on the kind of body.
+*Regions* are named media. *Interfaces* are curves between two regions, one on the left and one on the right of the
+curve, with a behaviour: refracting, mirror, absorbing, receiver, grating, or the ideal elements splitter and lens. A
+`Surface` adds coatings, tables, scatter and other treatments. *Sources* launch rays. There are two kinds of detectors.
+A **receiver** is made of interfaces and absorbs all light that arrives; light that arrives on its left side, its face,
+is detected and enters the ledger. A **monitor** is a line that measures the power crossing it, positive towards its
+left; it does not change any ray and does not enter the ledger. A scene can have any number of each, and does not depend
+on the kind of body.
 
 Coordinates are (x, z) in mm, angles in degrees counter-clockwise from +z.
 """
@@ -31,11 +32,11 @@ BEHAVIOURS: tuple[Behaviour, ...] = get_args(Behaviour)
 
 @dataclass(frozen=True)
 class Region:
-    """A homogeneous medium: real index, a number or a dispersion, and absorption of power per mm (Beer–Lambert).
+    """A homogeneous medium with a real index (a number or a dispersion) and power absorption per mm (Beer–Lambert).
 
-    In a turbid medium rays are scattered after free paths of mean length 1/``scattering_per_mm``, with the phase
-    function of Henyey and Greenstein and the mean cosine ``anisotropy`` (Astrophys. J. 93, 70, 1941; in the plane the
-    wrapped Cauchy distribution, which has the same form). Counting includes scattering but no absorption.
+    In a turbid medium rays are scattered after free paths of mean length 1/``scattering_per_mm``, with the
+    Henyey–Greenstein phase function and the mean cosine ``anisotropy`` (Astrophys. J. 93, 70, 1941; in the plane the
+    wrapped Cauchy distribution, which has the same form). Counting mode includes scattering but not absorption.
     """
 
     name: str
@@ -59,18 +60,18 @@ class Region:
                 f"region {self.name}",
                 value="depends on the wavelength",
                 limit="every source needs a spectrum",
-                remedy="give the sources a spectrum, or the region a constant index",
+                remedy="specify a spectrum for the sources, or a constant index for the region",
             )
         return self.index.index(wavelength_nm)
 
 
 @dataclass(frozen=True)
 class Interface:
-    """A curve between the region on its left and the one on its right; part of the named ``receiver``, if any.
+    """A curve between the region on its left and the region on its right; part of the named ``receiver``, if any.
 
-    ``surface`` describes it if it is not smooth and bare. In an extruded scene an interface extends from bottom to top,
-    but a receiver only over ``height_mm`` (from y, to y) if that is given; above and below, it is a refracting
-    interface.
+    ``surface`` describes the surface if it is not smooth and bare. In an extruded scene an interface extends from
+    bottom to top. If ``height_mm`` is specified, a receiver extends only over that range of y, from the first value to
+    the second; above and below it, the interface is refracting.
     """
 
     name: str
@@ -85,7 +86,7 @@ class Interface:
 
 @dataclass(frozen=True)
 class Monitor:
-    """A straight line from ``start`` to ``end`` that measures power, if wanted in equal ``bins`` along it."""
+    """A straight line from ``start`` to ``end`` that measures power, optionally in equal ``bins`` along the line."""
 
     name: str
     start: Point
@@ -125,12 +126,12 @@ class Extrusion:
 
 @dataclass(frozen=True)
 class Scene:
-    """Regions, interfaces, sources and monitors, checked on construction; a `DesignError` names the fault.
+    """Regions, interfaces, sources and monitors, checked on construction; a `DesignError` identifies any fault.
 
     Interfaces must be separate (see `solen.scene.overlaps`) and media closed (see `solen.scene.closed_media`). With
-    ``open_media`` neither is checked, for drawings in which a medium has no outer boundary, as a half-space or an
-    endless plate: a ray that passes round an open end and meets a medium that it is not in ends there, and the trace
-    counts it as undefined. A ``front`` is a face of an extruded scene that is not upright.
+    ``open_media`` neither is checked, for drawings in which a medium has no outer boundary, such as a half-space or an
+    infinite plate: a ray that passes around an open end and meets an interface from a medium it is not in ends there,
+    and the trace counts it as undefined. A ``front`` is a face of an extruded scene that is not vertical.
     """
 
     regions: tuple[Region, ...]
@@ -164,7 +165,7 @@ class Scene:
 
     @property
     def receivers(self) -> tuple[str, ...]:
-        """Names of the receivers, in the order of their first interface."""
+        """Names of the receivers, in the order in which their first interfaces appear."""
         return tuple(dict.fromkeys(i.receiver for i in self.interfaces if i.receiver is not None))
 
     @property
@@ -183,7 +184,7 @@ class Scene:
         return math.fsum(source.power for source in self.sources)
 
     def _check_wavelengths(self) -> None:
-        """Check that all sources have a spectrum or none has, and that each region has an index at each wavelength."""
+        """Check that all sources or none have a spectrum, and that each region has an index at each wavelength."""
         silent = [source for source in self.sources if not source.spectrum]
         if self.wavelengths_nm and silent:
             limit = "either all sources of a scene must have a spectrum, or none"
@@ -202,7 +203,9 @@ class Scene:
             raise DesignError(what, value=interface.behaviour, limit=f"must be one of {', '.join(BEHAVIOURS)}")
         if (interface.behaviour == "receiver") != (interface.receiver is not None):
             raise DesignError(
-                what, value=interface.receiver, limit="receivers, and no other interfaces, must name a receiver"
+                what,
+                value=interface.receiver,
+                limit="a receiver must name its receiver, and no other interface may do so",
             )
         self._check_surface(interface)
 
@@ -220,14 +223,18 @@ class Scene:
             (
                 behaviour == "splitter" and interface.surface is None,
                 None,
-                "a splitter needs a surface with its transmitted fraction",
+                "a splitter needs a surface with a transmitted fraction",
             ),
             (is_ideal and not one_medium, behaviour, "must have the same region on both sides"),
             (focuses and not straight, "focal_mm", "an ideal element must be a straight segment"),
             (focuses and behaviour not in ("lens", "mirror"), "focal_mm", f"does not apply to behaviour {behaviour}"),
             (absorbs and (surface.is_random or coated), behaviour, "must have no scatter, texture or coating"),
             (coated and behaviour != "refracting", behaviour, "a coating needs a refracting interface"),
-            (ruled != (surface.grating is not None), behaviour, "surface.grating is for gratings, which need it"),
+            (
+                ruled != (surface.grating is not None),
+                behaviour,
+                "surface.grating applies only to gratings, which require it",
+            ),
             (ruled and (surface.scatter or surface.texture), behaviour, "a grating has no scatter or texture"),
             (tables and behaviour not in ("refracting", "mirror"), behaviour, "cannot have a table"),
             (tables and (coated or focuses), "table", "cannot be combined with coating or focal_mm"),
@@ -239,7 +246,9 @@ class Scene:
                 raise DesignError(what, value=value, limit=limit)
         if (coated or ruled) and not self.wavelengths_nm:
             limit = f"a {'coating' if coated else 'grating'} needs wavelengths"
-            raise DesignError(what, value="sources without spectrum", limit=limit, remedy="give the sources a spectrum")
+            raise DesignError(
+                what, value="sources without spectrum", limit=limit, remedy="specify a spectrum for the sources"
+            )
         if interface.height_mm is not None:
             check_numbers(f"{what} height_mm", *interface.height_mm)
             if not interface.height_mm[0] < interface.height_mm[1]:
@@ -266,7 +275,7 @@ class Scene:
                 what, value="in the plane", limit="a face in space needs an extruded scene", remedy="state an extrusion"
             )
         if wall is None or wall.behaviour != "refracting" or wall.surface is not None:
-            limit = "must replace a refracting, smooth and bare interface"
+            limit = "must replace an interface that is refracting, smooth and bare"
             raise DesignError(what, value=self.front.interface, limit=limit)
         if self.extrusion.thickness_mm != self.front.lens.thickness_mm:
             limit = f"was designed for a body {self.front.lens.thickness_mm:g} mm thick"
@@ -277,7 +286,7 @@ class Scene:
             )
 
     def _check_monitor(self, monitor: Monitor) -> None:
-        """Raise `DesignError` if a monitor overlaps an interface, since rounding would then decide what it measures."""
+        """Raise `DesignError` if a monitor overlaps an interface: rounding would then determine what it measures."""
         for interface in self.interfaces:
             if isinstance(interface.curve, Segment) and overlap_mm(interface.curve, monitor.segment) > ON_IT_MM:
                 raise DesignError(

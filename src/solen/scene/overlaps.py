@@ -1,7 +1,8 @@
 """The rule that interfaces are separate: no two may overlap, and they may cross only within one medium.
 
-Where two interfaces coincide, rounding would decide which of them a ray meets first. Where two cross, at least one of
-them borders the wrong region on one side of the crossing. Only walls and mirrors within one medium may therefore cross.
+Where two interfaces coincide, rounding would determine which of them a ray meets first. Where two interfaces cross, at
+least one of them borders the wrong region on one side of the crossing. Only walls and mirrors within one medium may
+therefore cross.
 """
 
 import math
@@ -21,15 +22,15 @@ if TYPE_CHECKING:  # the model calls this module
     from solen.scene.model import Interface
 
 REMEMBERED = 4096
-"""Number of curves, and of pairs of curves, in the cache: most of them do not change from one scene of a sweep to the
+"""Number of cached curves, and of cached pairs of curves; most of them do not change from one scene of a sweep to the
 next.
 """
 INSIDE = 1.0 / 64.0
-"""Distance from the end of a curve, as a fraction of its parameter, of the point that is tested for lying on another
-curve.
+"""Distance from the end of a curve, as a fraction of its parameter range, at which a point is tested for lying on
+another curve.
 """
 ON_IT_MM = 1e-9
-"""Distance up to which a point is taken to lie on a straight line."""
+"""A point within this distance of a straight line is taken to lie on the line."""
 
 
 def check_overlaps(interfaces: Sequence["Interface"]) -> None:
@@ -38,7 +39,7 @@ def check_overlaps(interfaces: Sequence["Interface"]) -> None:
     Raises
     ------
     DesignError
-        If two interfaces coincide along part of their length, or cross; the message states the place.
+        If two interfaces coincide along part of their length, or cross; the message gives the location.
     """
     if len(interfaces) < 2:
         return
@@ -49,7 +50,7 @@ def check_overlaps(interfaces: Sequence["Interface"]) -> None:
         at = _common(first.curve, second.curve, tolerance_mm)
         if at is not None:
             raise _error(
-                first, second, f"overlap at {place_text(at)}", "rounding would decide which of them a ray meets"
+                first, second, f"overlap at {place_text(at)}", "rounding would determine which of them a ray meets"
             )
         at = None if _may_cross(first, second) else _crossing(first.curve, second.curve, tolerance_mm)
         if at is not None:
@@ -83,7 +84,7 @@ def _may_cross(first: "Interface", second: "Interface") -> bool:
 
 
 def _neighbours(lines: Sequence[FloatArray], tolerance_mm: float) -> Iterator[tuple[int, int]]:
-    """Indices of the pairs of polylines whose bounding boxes overlap.
+    """Yield index pairs of polylines whose bounding boxes overlap.
 
     The boxes are enlarged by more than any curve deviates from its polyline.
     """
@@ -100,10 +101,10 @@ def _neighbours(lines: Sequence[FloatArray], tolerance_mm: float) -> Iterator[tu
 
 @lru_cache(maxsize=REMEMBERED)
 def _common(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
-    """Return a point of the overlap of two curves, or None if they do not overlap.
+    """Return a point in the overlap of two curves, or None if they do not overlap.
 
     An overlap begins at an end of one of the curves. Curves of different kinds cannot overlap, except that a cubic can
-    have the form of any other curve.
+    have the shape of any other curve.
     """
     if isinstance(a, Segment) and isinstance(b, Segment):
         low, high = _shared(a, b)
@@ -120,7 +121,7 @@ def _common(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
 
 @lru_cache(maxsize=REMEMBERED)
 def _crossing(a: Curve, b: Curve, tolerance_mm: float) -> Point | None:
-    """Return a point where two curves cross, other than at their ends, or None."""
+    """Return a point where two curves cross other than at their ends, or None."""
     if isinstance(a, Segment) and isinstance(b, Segment):
         sides = [cross(minus(c.b, c.a), minus(end, c.a)) for c, d in ((a, b), (b, a)) for end in (d.a, d.b)]
         if not (sides[0] * sides[1] < 0.0 and sides[2] * sides[3] < 0.0):
@@ -143,9 +144,9 @@ def _lines_cross(p: FloatArray, q: FloatArray) -> bool:
 def chords_meet(p: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Intersect the lines through the chords of two polylines (N + 1, 2) and (M + 1, 2).
 
-    Returns three arrays (N, M): the position along the chord of the first polyline (0 to 1 within it), the position
-    along that of the second, and the sine of the angle between the chords. For parallel chords the positions are
-    infinite or NaN.
+    Returns three arrays (N, M): the position along the chord of the first polyline (0 to 1 within the chord), the
+    position along the chord of the second, and the sine of the angle between the chords. For parallel chords the
+    positions are infinite or NaN.
     """
     dp, dq = np.diff(p, axis=0)[:, None, :], np.diff(q, axis=0)[None, :, :]
     between = q[None, :-1, :] - p[:-1, None, :]

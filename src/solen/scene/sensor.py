@@ -34,23 +34,24 @@ from solen.spec import Design, Wall
 AIR = Region("air", 1.0)
 BODY = "body"
 BEHAVIOURS: dict[str, Behaviour] = {"receiver": "receiver", "mirror": "mirror", "black": "absorbing"}
-"""Behaviour of faces by the first word of their name; all others refract."""
+"""Behaviour of a face by the first word of its name; all other faces refract."""
 ROOM = 1.1
-"""Radius of the circle from which ambient light comes, divided by that of the circle round the sensor."""
+"""Radius of the circle from which ambient light comes, divided by the radius of the circle around the sensor."""
 
 
 def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None = None) -> Scene:
-    """Return the scene of a body of the given material; ``rays`` overrides the design's number.
+    """Return the scene for a body of the specified material; ``rays`` overrides the ray count of the design.
 
-    A face whose name begins with ``receiver`` belongs to the receiver named by the remainder of the name: ``right`` or
-    ``left`` for a Y. With ``coupling = "matched"`` an arm's end is itself the receiver's black face: all light that
-    arrives from inside is detected. With ``"air-gap"`` the arm's end is a bare face and the receiver, as wide as the
-    arm, is ``gap_mm`` in front of it; light that reaches its back is absorbed, not detected. Parts of walls that the
-    design's wall tables name have the finish stated there, and a pad of the medium that touches them.
+    A face whose name begins with ``receiver`` belongs to the receiver named by the rest of the name: ``right`` or
+    ``left`` for a Y. With ``coupling = "matched"`` the end of each arm is itself the black face of the receiver: all
+    light that arrives from inside is detected. With ``"air-gap"`` the end of the arm is a bare face, and the receiver,
+    which is as wide as the arm, is ``gap_mm`` in front of it; light that reaches the back of the receiver is absorbed,
+    not detected. Parts of walls listed in the design's wall tables have the finish specified there, and a pad of the
+    medium that touches them.
 
-    If a wall is coated, or a film of air separates it from the medium touching it, the emitter has the design's
-    wavelength. With ``dimension = "extruded"`` the whole scene extends over the body's thickness, and light that meets
-    an arm's end above or below a lower receiver leaves there.
+    If a wall is coated, or a film of air separates it from the medium touching it, the emitter has the wavelength of
+    the design. With ``dimension = "extruded"`` the entire scene extends over the thickness of the body, and light that
+    meets the end of an arm above or below a lower receiver leaves the body there.
     """
     interfaces = [
         *(_interface(face, BODY, design.wall) for face in body.all_faces),
@@ -78,7 +79,7 @@ def sensor_scene(design: Design, body: Body, material: Optical, rays: int | None
 
 
 def _emitter(design: Design, light: Light, pose: Pose, rays: int | None) -> Source:
-    """Return the source of a light: a fan or a chip if the evenly spaced angles of the paper suffice."""
+    """Return the source of a light: a fan or a chip if the uniformly spaced angles of the paper suffice."""
     stated = design.emitter.rays if rays is None else rays
     if light.ray_file is not None:
         some = stated if rays is not None or design.emitter.states("rays") else None
@@ -102,13 +103,13 @@ def _ambient(
 ) -> tuple[Source, ...]:
     """Return ambient light from a circle that encloses all faces and the emitter, with a margin.
 
-    Its number of rays scales with ``rays`` over the design's number for its emitter.
+    The number of ambient rays is scaled by ``rays`` divided by the ray count of the design's emitter.
     """
     stated = design.ambient
     if not (stated.power > 0.0 or stated.irradiance_per_mm > 0.0):
         return ()
     if design.trace.dimension == "extruded":
-        limit = "is modelled in the plane only: in space, light would also enter through top and bottom"
+        limit = "is modelled only in the plane: in space, light would also enter through the top and bottom"
         raise DesignError("ambient", limit=limit, remedy='set trace.dimension = "2d", or omit the ambient light')
     points = np.vstack([interface.curve.flattened() for interface in interfaces] + [[emitter]])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -120,7 +121,7 @@ def _ambient(
 
 
 def _spectrum(spectrum: tuple[Line, ...], regions: tuple[Region, ...], interfaces: list[Interface]) -> tuple[Line, ...]:
-    """Return the spectrum if anything in the scene depends on it, else none: a single colour is traced faster."""
+    """Return the spectrum if anything in the scene depends on it, otherwise none, because that is traced faster."""
     surfaces = [interface.surface for interface in interfaces if interface.surface is not None]
     matters = any(isinstance(region.index, Dispersion) for region in regions) or any(
         surface.coating is not None or surface.band_nm is not None for surface in surfaces
@@ -129,7 +130,7 @@ def _spectrum(spectrum: tuple[Line, ...], regions: tuple[Region, ...], interface
 
 
 def _interface(face: Face, left: str, walls: tuple[Wall, ...]) -> Interface:
-    """Return the interface of a face with the body or the air on its left."""
+    """Return the interface of a face, with the body or the air on its left."""
     behaviour = BEHAVIOURS.get(face.part, "refracting")
     if behaviour == "receiver":
         return Interface(face.name, face.curve, left, AIR.name, behaviour, face.whose)

@@ -1,14 +1,15 @@
-"""Treatments of a surface: films on it, roughness, the texture of a print, partial reflectance.
+"""Surface treatments: films, roughness, printed texture, partial reflectance.
 
-A `Surface` belongs to an interface; without one an interface is smooth, clean and bare. A *table* states measured
-fractions by the angle of incidence; a *grating* sends light into its orders. *Scatter* sends a fraction of the light
-that leaves the surface, reflected or transmitted, into other directions; a *texture* tilts the surface itself at
-random; a *coating* is a stack of thin films between the interface's two media, computed with wave optics. Counting,
-which has no powers, includes only scatter, texture, orders, and total reflection at films thicker than the wavelength.
+A `Surface` belongs to an interface; without one the interface is smooth, clean and bare. A *table* gives measured power
+fractions as a function of the angle of incidence; a *grating* diffracts light into its orders. *Scatter* sends a
+fraction of the light that leaves the surface, reflected or transmitted, into other directions; a *texture* tilts the
+surface itself at random; a *coating* is a stack of thin films between the two media, computed with wave optics.
+Counting mode, which has no powers, includes only scatter, texture, orders, and total reflection at films thicker than
+the wavelength.
 
-Scatter is stated in direction cosines along the surface: in the plane one number from −1 to 1, in an extruded scene a
+Scatter is defined in direction cosines along the surface: in the plane one number from −1 to 1, in an extruded scene a
 point of the unit disc. A profile is centred on the direction of the smooth surface and truncated where the direction
-would leave its half-space; what remains is normalised to the stated fraction, so no power is lost.
+would leave its half-space; the remainder is normalised to the specified fraction, so no power is lost.
 """
 
 import math
@@ -38,7 +39,7 @@ class Layer:
 
 @dataclass(frozen=True)
 class Coating:
-    """Thin films, in order from the region on the interface's left to the one on its right.
+    """Thin films, in order from the region on the left of the interface to the region on its right.
 
     A film of air between a body and a medium that touches it is the gap of a frustrated total reflection.
     """
@@ -52,7 +53,7 @@ class Coating:
 
 @dataclass(frozen=True)
 class Lambertian:
-    """The ``share`` of the light that leaves the surface has the same radiance in all directions, for any incidence."""
+    """Scatter in which ``share`` of the light leaves with the same radiance in all directions, for any incidence."""
 
     share: float = 1.0
     kind: Literal["lambertian"] = "lambertian"
@@ -63,7 +64,7 @@ class Lambertian:
 
 @dataclass(frozen=True)
 class Gaussian:
-    """The ``share`` is scattered about the direction of the smooth surface: exp(−Δ²/2σ²) in direction cosines Δ."""
+    """Scatter of the fraction ``share`` about the smooth direction: exp(−Δ²/2σ²) in direction cosines Δ."""
 
     sigma: float
     share: float = 1.0
@@ -76,9 +77,9 @@ class Gaussian:
 
 @dataclass(frozen=True)
 class HarveyShack:
-    """The ``share`` is scattered with the profile (1 + (Δ/shoulder)²)^(−slope/2) in direction cosines Δ.
+    """The fraction ``share`` is scattered with the profile (1 + (Δ/shoulder)²)^(−slope/2) in direction cosines Δ.
 
-    Harvey's shift-invariant model (J. E. Harvey, 1976), with its shoulder and the slope of its wing.
+    This is Harvey's shift-invariant model (J. E. Harvey, 1976), specified by its shoulder and the slope of its wing.
     """
 
     shoulder: float
@@ -94,10 +95,10 @@ class HarveyShack:
 
 @dataclass(frozen=True)
 class ScatterTable:
-    """The ``share`` is scattered with a measured profile: ``density`` at each ``offset`` Δ in direction cosines.
+    """Scatter of the fraction ``share`` with a measured ``density`` at each ``offset`` Δ in direction cosines.
 
-    Offsets ascend from 0 to at most 2; the density is linear in between and 0 beyond the last. Densities are relative,
-    as in a measured BSDF: only their ratios matter.
+    Offsets increase from 0 to at most 2; the density is linear in between and 0 beyond the last. Densities are
+    relative, as in a measured BSDF: only their ratios matter.
     """
 
     offset: tuple[float, ...]
@@ -118,17 +119,17 @@ Scatter = Lambertian | Gaussian | HarveyShack | ScatterTable
 
 @dataclass(frozen=True)
 class AngleTable:
-    """Measured fractions of the power that a surface reflects and transmits, by the angle of incidence.
+    """Measured fractions of the power that a surface reflects and transmits, as a function of the angle of incidence.
 
     Attributes
     ----------
     angle_deg
         Angle of incidence in degrees, ascending from 0 to 90; fractions are linear in between.
     reflected, transmitted
-        Fractions at these angles; without ``transmitted``, no light is transmitted. The remainder is absorbed.
+        Fractions at these angles; without ``transmitted``, no light is transmitted. The remaining light is absorbed.
     reflected_p, transmitted_p
-        Fractions for light polarised in the plane of incidence, if they differ; the others are then those of light
-        polarised perpendicular to it.
+        Fractions for light polarised in the plane of incidence, if they differ; ``reflected`` and ``transmitted`` then
+        apply to light polarised perpendicular to that plane.
     """
 
     angle_deg: tuple[float, ...]
@@ -150,7 +151,7 @@ class AngleTable:
 
     @property
     def rows(self) -> tuple[tuple[float, float, float, float, float], ...]:
-        """Angle in degrees, fractions reflected in s and p, transmitted in s and p."""
+        """Angle in degrees, fractions reflected in s and p, fractions transmitted in s and p."""
         on = self.transmitted or (0.0,) * len(self.angle_deg)
         columns = (self.reflected, self.reflected_p or self.reflected, on, self.transmitted_p or on)
         return tuple(zip(self.angle_deg, *columns, strict=True))
@@ -179,18 +180,18 @@ def _check_column(what: str, values: tuple[float, ...], axis: tuple[float, ...],
 
 @dataclass(frozen=True)
 class Grating:
-    """A thin grating in the plane: order m changes the tangential wave number by m times that of its lines.
+    """A thin grating in the plane: order m adds m times the grating wave number to the tangential wave number.
 
-    n₂ sin θ₂ = n₁ sin θ₁ + m λ ``lines_per_mm`` towards the right of the light's direction, from either side.
+    n₂ sin θ₂ = n₁ sin θ₁ + m λ ``lines_per_mm`` towards the right of the light direction, from either side.
 
     Attributes
     ----------
     orders
-        Number of each order and its fraction of the incident light, the same at all angles; the remainder, and the
-        light of orders that do not propagate, is absorbed. Fractions that add up to more than 1, possible in a scene of
-        ray-optics, are supported only when tracing with that program's rules.
+        Number of each order and its fraction of the incident light, the same at all angles; the remaining light, and
+        the light of orders that do not propagate, is absorbed. Fractions that add up to more than 1, which a ray-optics
+        scene may contain, are supported only when tracing by the rules of that program.
     mirrored
-        Whether it reflects the orders instead of transmitting them.
+        Whether the grating reflects the orders instead of transmitting them.
     """
 
     lines_per_mm: float
@@ -212,9 +213,9 @@ class Grating:
 class Texture:
     """Sinusoidal ripple of a printed wall: amplitude (half of peak to valley) and pitch in µm.
 
-    Its crests follow one another along the interface (``"along"``), or along y, as on a part printed lying flat
-    (``"across"``: invisible in the plane). Rays meet its slopes, with a random phase for each; the pitch must be long
-    compared with the wavelength, as neither diffraction nor shadowing is computed.
+    The crests follow one another along the interface (``"along"``), or along y, as on a part printed lying flat
+    (``"across"``: invisible in the plane). Each ray meets the slopes at a random phase. The pitch must be long compared
+    with the wavelength, because neither diffraction nor shadowing is computed.
     """
 
     pitch_um: float
@@ -225,14 +226,14 @@ class Texture:
         check_numbers("texture amplitude_um", self.amplitude_um)
         check_range("texture pitch_um", self.pitch_um, above=0.0)
         if not 0.0 <= self.slope <= 1.0:
-            limit = "2 pi amplitude / pitch, its steepest slope, must be from 0 to 1"
+            limit = "2 pi amplitude / pitch, the steepest slope, must be from 0 to 1"
             raise DesignError(
                 "texture amplitude_um", value=self.amplitude_um, limit=limit, remedy="shadows would count"
             )
 
     @property
     def slope(self) -> float:
-        """Its largest slope."""
+        """Largest slope of the ripple."""
         return 2.0 * math.pi * self.amplitude_um / self.pitch_um
 
 
@@ -243,23 +244,23 @@ class Surface:
     Attributes
     ----------
     reflectance
-        For a mirror: the fraction of the power that it reflects; the remainder is absorbed.
+        For a mirror: fraction of the power that is reflected; the remainder is absorbed.
     transmitted
-        For a splitter: the fraction of the power that it transmits undeviated; the remainder is reflected.
+        For a splitter: fraction of the power that is transmitted undeviated; the remainder is reflected.
     focal_mm
-        For a thin lens or a mirror: the focal length of an ideal element, which deflects rays in proportion to their
-        height from its centre, as in paraxial optics, at any angle. Positive if it converges light.
+        For a thin lens or a mirror: focal length of an ideal element, which deflects rays in proportion to their height
+        above its centre, as in paraxial optics, at any angle. It is positive for a converging element.
     partial
-        False if refraction has no partial reflection, as under a perfect antireflection coating.
+        False if refraction has no partial reflection, as with a perfect antireflection coating.
     band_nm
-        Shortest and longest wavelength at which the behaviour applies; at others the interface is a bare refracting
-        one. If the first is larger, it applies outside the band.
+        Shortest and longest wavelength at which the behaviour applies; at other wavelengths the interface is bare and
+        refracting. If the first value is larger, the behaviour applies outside the band.
     table, table_right
-        Fractions by the angle of incidence of light from the left, and from the right if that differs. They replace the
-        reflectance of a mirror, or partial reflection at a refracting interface. If no light can be transmitted, the
-        table's transmitted fraction is reflected.
+        Power fractions as a function of the angle of incidence for light from the left, and for light from the right if
+        different. They replace the reflectance of a mirror, or partial reflection at a refracting interface. If no
+        light can be transmitted, the transmitted fraction in the table is reflected.
     coating, scatter, texture, grating
-        See there.
+        See the classes of these names.
     """
 
     reflectance: float = 1.0
@@ -285,7 +286,7 @@ class Surface:
             raise DesignError("surface table_right", limit="needs a table for the left side, too")
 
     def acts_at(self, wavelength_nm: float | None) -> bool:
-        """Whether the interface's behaviour applies at a wavelength."""
+        """Whether the behaviour of the interface applies at a wavelength."""
         if self.band_nm is None:
             return True
         if wavelength_nm is None:
@@ -296,5 +297,5 @@ class Surface:
 
     @property
     def is_random(self) -> bool:
-        """Whether its effect on a ray is random."""
+        """Whether the effect of the surface on a ray is random."""
         return self.scatter is not None or self.texture is not None or self.grating is not None

@@ -1,11 +1,11 @@
 """Integration over the launch angles of point sources, and over the positions and wavelengths of extended sources.
 
-A point source is integrated over its angles as described in `solen.trace.cone`. An extended source is a row of point
-sources. The power from each is a continuous function of its position, with kinks where a jump enters or leaves the
-cone; it is also integrated by Gauss–Kronrod quadrature, halving the panel with the largest error until the sum of all
-errors is small. At a kink both rules may agree by chance; every panel is therefore halved at least once, and a panel's
-error is taken to be at least a fraction of the change from halving the panel before it. Wavelengths are added with
-their weights.
+Point sources are integrated over their launch angles as described in `solen.trace.cone`. An extended source is a row of
+point sources. The power that reaches a receiver is a continuous function of the position of the point source, with a
+kink wherever a jump in launch angle enters or leaves the cone. This function is also integrated by Gauss–Kronrod
+quadrature, halving the panel with the largest error until the sum of all errors is small. At a kink the two rules may
+agree by chance; every panel is therefore halved at least once, and the error of each half is taken to be at least a
+fraction of the change that the halving caused. The results for all wavelengths are added with their spectral weights.
 """
 
 import math
@@ -37,29 +37,31 @@ from solen.trace.tables import Tables, compile_scene
 from solen.trace.tail import Tail
 
 INNER_SHARE, OUTER_SHARE = 0.2, 0.6
-"""Fractions of the tolerance for the integral at one position of a source, and for that over all positions."""
+"""Fractions of the tolerance: for the integral at one position of a source, and for the integral over all positions."""
 MOST_PLACES = 3000
-"""Largest number of positions at which the integral is evaluated, for each initial panel."""
+"""Maximum number of positions at which the integral is evaluated, per initial panel."""
 CHANGE_SHARE = 0.5
-"""Smallest error of half a panel, as a fraction of the change from halving it."""
+"""Minimum error of each half of a panel, as a fraction of the change caused by halving the panel."""
 LEAST_SHARE = 0.01
 EXACT_SHARE, NEGLIGIBLE = 0.7, 0.02
-"""Fractions of the tolerance: for the exact part if a tail is sampled; of light that is too weak to be sampled."""
+"""Fractions of the tolerance: allotted to the exactly followed light if a tail is sampled, and the power below which a
+tail is too weak to be worth sampling.
+"""
 FEWEST_LEGS, LEGS_TOLERANCE, GREATEST_LEGS = 1_000_000, 1e-4, 20_000_000
-"""Smallest number of ray segments, at which tolerance, and the largest number: it rises with the root of
-1/tolerance.
+"""Minimum number of ray segments, the tolerance to which it applies, and the maximum number. In between, the number of
+segments is proportional to the square root of 1/tolerance.
 """
 LAST_LEVELS = ((0.5, 3), (0.5, 1))
 FINE_LEVELS = ((1e-2, 24), *LAST_LEVELS)
-"""Minimum weight, maximum numbers of hits: over one coordinate many branches can be followed; over several, the power
-from a trapped ray is chaotic, and sampling is more efficient.
+"""Pairs of minimum weight and maximum number of interfaces met. Over one coordinate many branches can be followed; over
+several, the power of a trapped ray is chaotic, so sampling is more efficient.
 """
 ROUGH = 3e-5
-"""Tolerance from which sampling suffices for a source with a size."""
+"""Tolerance at and above which light from an extended source may be sampled early."""
 TAIL_LEGS, TAIL_SHARE, LAST_EFFORT, MANY_HITS = 120_000_000, 120, 5, 10
 LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 0.1
 POINT_TOLERANCE, EXTENDED_TOLERANCE = 1e-6, 1e-4
-"""Default tolerance of powers: for a point source in the plane at one wavelength, and for any other source."""
+"""Default power tolerances: for a point source in the plane at one wavelength, and for any other source."""
 
 
 def integrate(
@@ -75,35 +77,36 @@ def integrate(
     Parameters
     ----------
     scene
-        Its sources must consist of points: fans, chips, emitters, ambient light; their numbers of rays have no effect.
-        Nothing may scatter. In an extruded scene, emitters are integrated in space. Monitors are not evaluated. Light
-        through a lens whose walls are not upright is integrated with nets, see `solen.trace.nets`.
+        The scene to integrate. Its sources must consist of points (fans, chips, emitters or ambient light); their ray
+        counts have no effect. Nothing in the scene may scatter. In an extruded scene, emitters are integrated in space.
+        Monitors are not evaluated. Light through a lens whose walls are not vertical is integrated with nets; see
+        `solen.trace.nets`.
     mode
-        ``"count"`` or ``"power"``, as in `solen.trace.trace`; splitting and absorption included.
+        ``"count"`` or ``"power"``, as in `solen.trace.trace`; splitting and absorption are included.
     tolerance
-        Largest uncertainty of each power, as a fraction of the emitted power; 1e-12 to 0.1. For an extended source,
-        1e-4 requires some hundred of its points.
+        Maximum uncertainty of each power, as a fraction of the emitted power, from 1e-12 to 0.1. For an extended
+        source, a tolerance of 1e-4 requires a few hundred points.
     limits
-        Where following a branch exactly ends; by default the least weight is a hundredth of the tolerance. The
-        remainder is sampled, for ``max_hits`` interfaces at most (`solen.trace.tail`). If the tolerance is not reached
-        in this way, less is followed exactly and more is sampled.
+        When to stop following a branch exactly; by default the minimum weight is a hundredth of the tolerance. The
+        remaining light is sampled, over at most ``max_hits`` interfaces (`solen.trace.tail`). If this does not reach
+        the tolerance, less light is followed exactly and more is sampled.
     most_legs
-        Number of ray segments from one point, and of samples, after which the integration ends, whatever its
-        uncertainty; in space five times as many if it is close to the tolerance. By default it rises as the tolerance
-        falls. Nets have the same limit, and end after 2²¹ rays.
+        Number of ray segments per source point, and of samples, after which the integration ends, whatever its
+        uncertainty; in space this limit is five times as high if the uncertainty is close to the tolerance. By default
+        the limit rises as the tolerance falls. It also applies to nets, which in addition end after 2²¹ rays.
 
     Returns
     -------
     Trace
-        With method ``"adaptive"``: powers, one estimate of their error, and whether it is within the tolerance. Light
-        that is trapped for more than ``max_hits`` counts as truncated and is part of the uncertainty. With nets the
-        method is ``"sobol"``, and uncertainties are standard errors.
+        With method ``"adaptive"``: the powers, a common error estimate, and whether this estimate is within the
+        tolerance. Light that is trapped for more than ``max_hits`` interfaces counts as truncated and contributes to
+        the uncertainty. With nets, the method is ``"sobol"`` and the uncertainties are standard errors.
 
     Raises
     ------
     DesignError
         For a beam or a list of rays, a cone of zero width, a scene that scatters, ambient light in space, or a
-        tolerance out of range.
+        tolerance that is out of range.
     """
     return integrate_many((scene,), mode, tolerance, limits, most_legs=most_legs)[0]
 
@@ -117,7 +120,7 @@ def integrate_many(
     most_legs: int | None = None,
     threads: int | None = None,
 ) -> list[Trace]:
-    """Apply `integrate` to many scenes, such as positions of a motion or variants of a design, in threads."""
+    """Apply `integrate` in parallel threads to many scenes, such as positions of a motion or variants of a design."""
     check_mode(mode)
     if not LEAST_TOLERANCE <= tolerance <= MOST_TOLERANCE:
         limit = f"must be from {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}"
@@ -141,12 +144,12 @@ def integrate_many(
 
 
 class Points:
-    """The powers at each receiver from the individual points of a scene's only source.
+    """Powers at each receiver for individual points of the only source in a scene.
 
     Parameters
     ----------
     scene
-        As for `integrate`, with one source.
+        As for `integrate`, with exactly one source.
     tolerance
         Tolerance of each power, as a fraction of the power emitted by the point.
 
@@ -158,25 +161,27 @@ class Points:
 
     def __init__(self, scene: Scene, tolerance: float = 1e-6) -> None:
         if len(scene.sources) != 1:
-            raise DesignError("sources", value=len(scene.sources), limit="the scene must have a single source")
+            raise DesignError("sources", value=len(scene.sources), limit="the scene must have exactly one source")
         limits = Limits(min_weight=LEAST_SHARE * tolerance)
         self._light = Lights.of(scene, "power", limits).in_plane
         self._tolerance = tolerance
         self._receivers = len(scene.receivers)
 
     def powers(self, places: Sequence[float]) -> np.ndarray:
-        """Return power fractions (n, receivers) for positions (n,) from 0 at the right end to 1 at the left one.
+        """Return power fractions (n, receivers) for positions (n,) from 0 at the right end to 1 at the left end.
 
         Raises
         ------
         DesignError
-            If the tolerance is not reached at one of the positions.
+            If the tolerance is not reached at every position.
         """
         rows = []
         for place in places:
             found = self._light.point(float(place), self._tolerance, most_legs_for(self._tolerance))
             if found.u > self._tolerance:
-                limit = f"the light of a point must be integrated to {self._tolerance:g}, and its paths split too often"
+                limit = (
+                    f"the light from a point must be integrated to {self._tolerance:g}, but its paths split too often"
+                )
                 raise DesignError("emitter", value=f"place {place:.4g}", limit=limit, remedy="trace a fan")
             rows.append(found.share[: self._receivers])
         return np.array(rows).reshape(-1, self._receivers)
@@ -184,10 +189,10 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A source in a compiled scene: a row of points, each with all wavelengths.
+    """A source in a compiled scene: a row of points, each emitting at all wavelengths.
 
-    ``family`` contains the properties common to all its rays; ``colours`` are indices of wavelengths in the tables,
-    with their fractions of the power.
+    ``family`` contains the properties common to all rays of the source; ``colours`` lists wavelength indices in the
+    tables, each with its fraction of the power.
     """
 
     source: Source
@@ -200,10 +205,10 @@ class Light:
 
     @classmethod
     def of(cls, scene: Scene, source: Source, tables: Tables, rules: Rules) -> "Light":
-        """Prepare one source of a scene; `DesignError` if its cone has no width."""
+        """Prepare one source of a scene; raise `DesignError` if its cone has no width."""
         emission = source.emission()
         if emission is None:
-            raise AssertionError("a source that is not made of points was rejected before")
+            raise AssertionError("a source that is not made of points should already have been rejected")
         if not emission.whole > 0.0:
             raise DesignError("cone_deg", value=0.0, limit="must be above 0 for integration")
         ends = np.array([p for i in scene.interfaces for p in (i.curve.start, i.curve.end)]).reshape(-1, 2)
@@ -217,7 +222,7 @@ class Light:
         return cls(source, tables, ends, len(scene.receivers) + 2, emission, family, tuple(colours))
 
     def cone(self, place: float = 0.5, colour: int = 0) -> Cone:
-        """Return the point at a position from 0 to 1, at one wavelength."""
+        """Return the cone of the point at a position from 0 to 1, at one wavelength."""
         x, z, axis_deg = self.emission.at(place)
         here = self.family._replace(x=x, z=z, axis=math.radians(axis_deg), colour=colour)
         families = tuple(here._replace(**interval._asdict()) for interval in self.emission.intervals)
@@ -229,18 +234,18 @@ class Light:
         if not self.emission.panels:
             return light.point(0.5, tolerance, most_legs)
         middle = light.point(0.5, INNER_SHARE * tolerance, most_legs)
-        if middle.error + middle.gaps > tolerance:  # other positions will not be within it either
+        if middle.error + middle.gaps > tolerance:  # other positions will not reach the tolerance either
             return middle._replace(share=0.0 * middle.share, gaps=1.0)
         return over_places(
             lambda place: light.point(place, INNER_SHARE * tolerance, most_legs), self.emission.panels, tolerance
         )
 
     def levels(self, tolerance: float) -> Sequence[tuple[float, int]]:
-        """Minimum weights and maximum numbers of hits for exact following, if following everything is not feasible."""
+        """Minimum weights and maximum numbers of interfaces if it is not feasible to follow every branch exactly."""
         return LAST_LEVELS if self.emission.panels and tolerance >= ROUGH else FINE_LEVELS
 
     def tail(self, rules: Rules) -> Tail:
-        """Return the light beyond the limits for sampling: rays in the plane are rays in space without inclination."""
+        """Return the light beyond the limits, to be sampled; its rays are rays in space with zero elevation."""
         f, nothing = self.family, np.empty(0)
         family = FamilyInSpace(
             f.x, f.z, 0.0, 0.0, f.axis, 0.0, 0.0, 0.0, 0.0, 0.0, f.s, f.p, f.colour, rules, f.far, 1.0, 1.0, 1.0,
@@ -256,17 +261,17 @@ class Light:
         )
 
     def point(self, place: float, tolerance: float, most_legs: int) -> Integral:
-        """Integrate the point at a position, at all wavelengths."""
+        """Integrate over all wavelengths for the point at one position."""
         integrals = [self.cone(place, colour).integral(tolerance, most_legs) for colour, _ in self.colours]
         return integrals[0] if len(integrals) == 1 else weighted_sum(integrals, [weight for _, weight in self.colours])
 
 
 def why_not(scene: Scene) -> str:
-    """Return why a scene cannot be integrated; an empty text if it can."""
+    """Return the reason why a scene cannot be integrated, or an empty string if it can."""
     if scene.is_random:
         return "a scene that scatters"
     if scene.front is not None:
-        return "a lens whose section depends on the height"
+        return "a lens whose cross-section varies with height"
     in_space = scene.extrusion is not None
     if in_space and any(interface.behaviour == "lens" for interface in scene.interfaces):
         return "an ideal lens in space"
@@ -279,7 +284,7 @@ def why_not(scene: Scene) -> str:
 
 
 def is_extended(scene: Scene) -> bool:
-    """Whether the light comes from more than one point, or at several wavelengths."""
+    """Whether the light comes from more than one point or contains several wavelengths."""
     emissions = [source.emission() for source in scene.sources]
     return len(emissions) > 1 or any(
         emission is None or emission.panels > 0 or len(source.spectrum) > 1
@@ -288,35 +293,35 @@ def is_extended(scene: Scene) -> bool:
 
 
 def default_tolerance(scene: Scene) -> float:
-    """Return the default tolerance for a scene's powers."""
+    """Return the default power tolerance for a scene."""
     in_space = scene.extrusion is not None
     return EXTENDED_TOLERANCE if in_space or is_extended(scene) else POINT_TOLERANCE
 
 
 def most_legs_for(tolerance: float) -> int:
-    """Return the number of ray segments after which an integration ends."""
+    """Return the number of ray segments after which an integration to this tolerance ends."""
     return int(min(FEWEST_LEGS * math.sqrt(max(LEGS_TOLERANCE / tolerance, 1.0)), GREATEST_LEGS))
 
 
 def cause(found: Integral) -> str:
-    """Return the reason why an uncertainty is not smaller."""
+    """Return the reason why the uncertainty is not smaller."""
     if found.unfinished > found.error + found.gaps:
-        return f"{found.unfinished:.1e} of the light is trapped beyond the largest number of hits; raise max_hits"
-    return "light is trapped or split too often; choose a larger tolerance or a higher limit of ray segments"
+        return f"{found.unfinished:.1e} of the light meets more than max_hits interfaces; raise max_hits"
+    return "light is trapped or split too often; choose a larger tolerance or allow more ray segments"
 
 
 class Panel(NamedTuple):
-    """An interval of positions from 0 to 1, and its part of the integral."""
+    """An interval of positions between 0 and 1, with its contribution to the integral."""
 
     error: float
-    """of the quadrature over places alone"""
+    """quadrature error over the positions alone"""
     low: float
     high: float
     found: Integral
 
 
 def over_places(at: Callable[[float], Integral], panels: int, tolerance: float) -> Integral:
-    """Integrate the results of ``at`` over positions from 0 to 1, halving the panel with the largest error first."""
+    """Integrate ``at`` over positions from 0 to 1, always halving the panel with the largest error."""
     cuts, rule = np.linspace(0.0, 1.0, panels + 1).tolist(), COARSE if tolerance >= COARSE_TOLERANCE else RULE
     done = [_panel(at, rule, low, high)._replace(error=math.inf) for low, high in pairwise(cuts)]
     points, most = panels * len(rule.nodes), MOST_PLACES * panels
@@ -354,9 +359,9 @@ class Lights:
 
     @classmethod
     def of(cls, scene: Scene, mode: Mode, limits: Limits) -> "Lights":
-        """Compile a scene; `DesignError` as in `integrate`."""
+        """Compile a scene; raise `DesignError` as in `integrate`."""
         if why := why_not(scene):
-            limit = "needs one outline for all heights, a scene without random scattering, and sources made of points"
+            limit = "requires the same outline at all heights, no random scattering, and sources made of points"
             raise DesignError("adaptive integration", value=why, limit=limit, remedy="trace it with sampling sobol")
         rules = Rules(SPLITTING[mode], limits.min_weight, limits.max_hits, seed=0, first=0, step=1, turbid=False)
         tables = compile_scene(scene)
@@ -375,12 +380,12 @@ class Lights:
 
     @property
     def has_tails(self) -> bool:
-        """Whether the remainder can be sampled, which an ideal lens prevents."""
+        """Whether the remaining light can be sampled; an ideal lens prevents this."""
         return all(interface.behaviour != "lens" for interface in self.scene.interfaces)
 
     @property
     def in_plane(self) -> Light:
-        """The first source, in a scene of the plane."""
+        """The first source of a planar scene."""
         light = self.each[0]
         if isinstance(light, LightInSpace):
             raise DesignError(
@@ -420,9 +425,7 @@ class Lights:
         weights = [source.power / self.scene.emitted for source in self.scene.sources]
         whole = integrals[0] if len(integrals) == 1 else weighted_sum(integrals, weights)
         *detected, escaped, absorbed = (float(value) for value in whole.share)
-        truncated = max(
-            1.0 - math.fsum(detected) - escaped - absorbed, 0.0
-        )  # the gaps, and the light that was truncated
+        truncated = max(1.0 - math.fsum(detected) - escaped - absorbed, 0.0)  # the gaps and the truncated light
         rays, legs, undefined, pieces = (int(count) for count in whole.counts)
         by_source = np.array([weight * part.share for part, weight in zip(integrals, weights, strict=True)])
         why = f"{rays} rays reach {whole.u:.1e} instead of {tolerance:g}: {cause(whole)}"

@@ -1,7 +1,8 @@
-"""An integral over cells of two angles: the cell with the largest error is halved until a tolerance is reached.
+"""Integration over cells of two angles: the cell with the largest error is halved until the tolerance is reached.
 
-The difference of two rules on a cell is many times the error. The ratio is estimated from the changes when cells are
-halved. All light must be accounted for: the power missing from the sum also counts as error.
+The difference of two rules on a cell is many times its error. The ratio of error to difference is estimated from the
+changes observed when cells are halved. All light must be accounted for: any power missing from the sum also counts as
+error.
 """
 
 import heapq
@@ -16,25 +17,33 @@ from solen.trace.kernel.cells import LEAST_SHARE, Rule
 from solen.trace.kernel.prism import MORE_COLUMNS
 
 LEARNED, PRIOR_RATIO = 4.0, 0.35
-"""Weight and value of the prior for the ratio of error to difference, before any cell was halved."""
+"""Weight and value of the prior for the ratio of error to difference, before any cell is halved."""
 TRAPPED = 0.3
-"""Largest fraction of the segments for the first cells: beyond it, light is trapped and halving cells does not help."""
+"""Maximum fraction of the ray segments that the initial cells may use. If they use more, light is trapped and halving
+cells does not help.
+"""
 LONG_WAY = 8.0
-"""Mean number of segments per ray beyond which light is trapped: rules over so many strips agree on a wrong value."""
+"""Mean number of segments per ray above which light is considered trapped: with so many strips, rules agree on a wrong
+value.
+"""
 SPARE, FUTILE = 0.98, 0.1
-"""Fractions of the tolerance: at which no more cells are halved; at which missing power was not lost between cells."""
+"""Fractions of the tolerance: the uncertainty at which halving stops, and the quadrature error below which any missing
+power is not due to the division into cells.
+"""
 NEAR, MORE_LEGS = 3.0, 5
-"""Within this multiple of the tolerance, the limit of segments is this many times higher: sampling would be slower."""
+"""If the uncertainty is within the first factor times the tolerance, the segment limit is multiplied by the second
+factor, because sampling would be slower.
+"""
 CAUTION = 2.5
-"""Factor on the error estimated from halving, because it is a root mean square over few cells."""
+"""Safety factor on the error estimated from halving, which is a root mean square over few cells."""
 CHANGE_SHARE = 0.5
-"""Smallest difference of a half, as a fraction of the change from halving."""
+"""Minimum difference of each half, as a fraction of the change caused by halving the cell."""
 Bounds = tuple[float, float, float, float]
-"""Start and end of the projected angle, as fractions of the largest one, and of the angle t out of the plane."""
+"""Start and end of the projected angle, as fractions of its maximum, then start and end of the out-of-plane angle t."""
 
 
-# Lobatto's rules with Kronrod's extensions (Gander & Gautschi, BIT 40, 2000): the nodes at the ends of a cell
-# detect features that begin at its border.
+# Lobatto rules with Kronrod extensions (Gander & Gautschi, BIT 40, 2000): nodes at the ends of a cell detect
+# features that begin at the cell boundary.
 _FOUR, _SEVEN = (0.0, 1 / 5**0.5, (2 / 3) ** 0.5, 1.0), (16 / 35, 125 / 294, 72 / 245, 11 / 210)
 COARSE = Rule.of(_FOUR, _SEVEN, (0.0, 5 / 6, 0.0, 1 / 6), (4 / 3, 0.0, 0.0, 1 / 3))
 FINE = Rule.of(
@@ -47,14 +56,14 @@ FINE = Rule.of(
 
 
 POINT = Rule(np.zeros(1), np.full((3, 1), 2.0))
-"""Rule for a point, whose only angle besides that of its path is the one out of the plane."""
+"""Rule for a point emitter: the path covers the projected angle, so only the out-of-plane angle remains."""
 
 
 class Cell(NamedTuple):
     """A part of the domain with its integral.
 
-    ``apart`` (2, D) are differences of two rules along each coordinate and ``errors`` their estimated errors; ``inner``
-    is the error of the paths.
+    ``apart`` (2, D) contains the differences of two rules along each coordinate, ``errors`` the corresponding error
+    estimates, and ``inner`` the error of the path integrals.
     """
 
     bounds: Bounds
@@ -66,22 +75,22 @@ class Cell(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Sum of the differences of both rules."""
+        """Sum of the rule differences along both coordinates."""
         return self.errors[0] + self.errors[1]
 
     def minus(self, other: "Cell", scale: float) -> "Cell":
-        """Difference of two integrals over the same part, times ``scale``."""
+        """Difference of two integrals over the same part, multiplied by ``scale``."""
         value, apart = scale * (self.value - other.value), scale * (self.apart - other.apart)
         inner = scale * math.hypot(self.inner, other.inner)
         return Cell(self.bounds, value, apart, (_most(apart[0]), _most(apart[1])), inner, self.paths + other.paths)
 
 
 Over = Callable[[Sequence[Bounds]], list[Cell]]
-"""Integrates over cells."""
+"""Function that integrates over cells."""
 
 
 class Cells:
-    """Cells of a domain, with running sums and quick access to the cell with the largest error."""
+    """Cells of a domain, with running sums and fast access to the cell with the largest error."""
 
     def __init__(self, cells: Sequence[Cell]) -> None:
         self._heap = [(-cell.error, n, cell) for n, cell in enumerate(cells)]
@@ -93,7 +102,7 @@ class Cells:
         return (cell for _, _, cell in self._heap)
 
     def u(self, ratio: float) -> float:
-        """Error of the sum, if that of each cell is ``ratio`` times the difference of its rules."""
+        """Error of the sum, if the error of each cell is ``ratio`` times its rule difference."""
         of_rules, of_paths = np.maximum(self._squares, 0.0)
         return math.sqrt(ratio**2 * of_rules + of_paths)
 
@@ -125,7 +134,7 @@ class Cells:
 def divided(
     over: Over, first: Sequence[Bounds], tolerance: float, most_legs: int, counts: IntArray
 ) -> tuple[Cells | None, float]:
-    """Divide the domain for a tolerance into cells (None if light is trapped); also return the error of their sum."""
+    """Divide the domain into cells to reach a tolerance; return them (None for trapped light) and their total error."""
     beginning: list[Cell] = []
     for bounds in first:
         beginning += over([bounds])
@@ -134,7 +143,7 @@ def divided(
     if counts[1] > LONG_WAY * counts[0]:
         return None, 1.0
     for cells, of_cells in refined(over, beginning):
-        lacking = abs(1.0 - accounted(cells.value))  # all light has a fate: this error is known
+        lacking = abs(1.0 - accounted(cells.value))  # all light has a fate, so this error is known
         u = max(of_cells, lacking)
         most = (MORE_LEGS if u <= NEAR * tolerance else 1) * most_legs
         if u <= SPARE * tolerance or of_cells <= FUTILE * tolerance or counts[1] >= most:
@@ -143,9 +152,9 @@ def divided(
 
 
 def refined(over: Over, first: Sequence[Cell], caution: float = CAUTION) -> Iterator[tuple[Cells, float]]:
-    """Yield the cells and the error of their sum, halving the cell with the largest error each time.
+    """Yield the cells and the error of their sum, halving the cell with the largest error after each yield.
 
-    ``caution`` is the factor on the error estimated from halving.
+    ``caution`` is a safety factor on the error estimated from halving.
     """
     ratios, many, cells = LEARNED * PRIOR_RATIO**2, LEARNED, Cells(first)
     while True:
@@ -165,7 +174,7 @@ def refined(over: Over, first: Sequence[Cell], caution: float = CAUTION) -> Iter
 
 
 def halved(bounds: Bounds, along: int) -> list[Bounds]:
-    """Both halves of a cell, along its projected angle if ``along`` is 0, else along the angle out of the plane."""
+    """Return both halves of a cell, divided in the projected angle if ``along`` is 0, else in the other angle."""
     q, q_end, t, t_end = bounds
     if along == 0:
         middle = 0.5 * (q + q_end)

@@ -1,7 +1,7 @@
-"""The task of a trace, and its division into chunks of rays.
+"""The data of a trace job, and its division into chunks of rays.
 
-The size of a chunk does not depend on the machine. Rays belong to *groups*, each of which gives an estimate: the even
-and odd rays of a lattice, or sixteen independent samples.
+The chunk size does not depend on the machine. The rays are divided into *groups*, each of which gives an estimate: the
+rays of a lattice with even and with odd numbers, or sixteen independent samples.
 """
 
 import math
@@ -48,18 +48,18 @@ class Job:
 
     @classmethod
     def of(cls, scene: Scene, mode: Mode, limits: Limits, dtype: type[np.floating[Any]], **rest: Any) -> "Job":
-        """Return the job for a scene in a precision; ``rest`` are its other fields by name."""
+        """Return the job for a scene at a given precision; ``rest`` supplies the remaining fields by name."""
         return cls(scene, compile_scene(scene, dtype), Precision.of(dtype), mode, limits, **rest)
 
     def groups(self, source: Source) -> int:
-        """Number of estimates into which the rays of a source are divided."""
+        """Number of independent estimates into which the rays of a source are divided."""
         regular = self.sampling == "fan" and self.mode != "roulette" and not self.scene.is_random
         return HALVES if regular and source.copies(self.scene.extrusion is not None) == 1 else REPLICATES
 
 
 @dataclass(frozen=True, eq=False)
 class Chunk:
-    """Some rays of one source and one group: every ``step``-th from ``first``, numbered over all sources."""
+    """Every ``step``-th ray from ``first`` on, of one source and one group; rays are numbered over all sources."""
 
     source: int
     group: int
@@ -69,7 +69,7 @@ class Chunk:
 
 
 def chunks(job: Job, most: int) -> Iterator[Callable[[], Chunk]]:
-    """Yield functions that create the chunks, of at most ``most`` rays each, by source and group."""
+    """Yield functions that create the chunks, by source and group, each with at most ``most`` rays."""
     before, in_space = 0, job.scene.extrusion is not None
     for number, source in enumerate(job.scene.sources):
         if job.sampling == "fan":
@@ -94,7 +94,7 @@ def _of_a_fan(
 
 
 def _sample_size(source: Source) -> int:
-    """Number of rays of each replicate: a power of two, for which Sobol' points are balanced."""
+    """Number of rays in each replicate: a power of two, for which Sobol' points are balanced."""
     return 1 << math.ceil(math.log2(max(source.rays / REPLICATES, 1.0)))
 
 
@@ -133,7 +133,7 @@ def rows_in_space(job: Job, chunk: Chunk) -> RowsInSpace:
 
 
 def rules_of(job: Job, chunk: Chunk) -> Rules:
-    """Return the rules for following the rays of a chunk."""
+    """Return the propagation rules for the rays of a chunk."""
     least: Any = job.tables.shape.dtype.type(job.limits.min_weight)
     turbid = job.scene.is_turbid
     return Rules(SPLITTING[job.mode], least, job.limits.max_hits, job.seed, chunk.first, chunk.step, turbid)

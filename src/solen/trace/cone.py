@@ -1,20 +1,21 @@
-"""One point of a source: its rays are a one-parameter family, integrated over the launch angle.
+"""One point of a source, whose rays form a one-parameter family, integrated over the launch angle.
 
-The power at a receiver is a function of the launch angle alone, smooth wherever neighbouring rays meet the same
-interfaces, with jumps in between. The cone is therefore cut into *pieces* with the same tree of hits, and each piece is
-integrated by Gauss–Kronrod quadrature, weighted with the intensity. A pattern with corners is first cut at these.
+The power at a receiver is a function of the launch angle alone. It is smooth wherever neighbouring rays meet the same
+interfaces, with jumps in between. The cone is therefore cut into *pieces*, within which all rays have the same tree of
+hits, and each piece is integrated by Gauss–Kronrod quadrature, weighted by the intensity. If the emission pattern has
+corners, the cone is first cut at these.
 
-Equal trees at both ends of an interval prove nothing: a narrow bundle of other rays may be in between. Anything that
-could separate two neighbouring rays must start somewhere, at an end of a curve or on a curve that is wholly between
-them. An interval is therefore *whole* only if no end of any curve is inside the beam spanned by its two rays, on any of
-their segments, or next to a curved face between their ends. Beyond a caustic two rays need not span the beam between
-them: this is not a proof, and the uncertainty is an estimate. An interval that is not whole is halved until its parts
-are whole or too narrow to matter; the total width of these gaps, times the full power of a ray, is part of the
-uncertainty. A piece is cut again if a quadrature node turns out to have another tree.
+Equal trees at both ends of an interval prove nothing, because a narrow bundle of other rays may lie in between.
+Whatever separates two neighbouring rays must begin somewhere: at an end of a curve, or on a curve that lies entirely
+between them. An interval is therefore *whole* only if no curve end lies inside the beam spanned by its two rays, on any
+of their segments, or next to a curved face between the points where they meet it. Beyond a caustic two rays need not
+span the beam between them, so this is not a proof, and the uncertainty is an estimate. An interval that is not whole is
+halved until its parts are whole or too narrow to matter; the total width of these gaps, times the full power of a ray,
+contributes to the uncertainty. A piece is cut again if a quadrature node turns out to have another tree.
 
-Bisecting the jumps is common to all adaptive integrators; the quadrature is the (7, 15) pair of Kronrod (1965) as
-tabulated in QUADPACK, and so is the estimate of its error (Piessens et al., 1983). All of it is compiled: see
-`solen.trace.kernel.tree` and `solen.trace.kernel.adapt`.
+Bisection of the jumps is common to all adaptive integrators; the quadrature is the (7, 15) pair of Kronrod (1965) as
+tabulated in QUADPACK, which is also the source of the error estimate (Piessens et al., 1983). All of this is compiled:
+see `solen.trace.kernel.tree` and `solen.trace.kernel.adapt`.
 """
 
 import math
@@ -32,24 +33,24 @@ from solen.trace.kernel.tree import WIDTH as STACK_WIDTH
 from solen.trace.tables import Tables
 
 FIRST_INTERVALS, LEAST_INTERVALS = 64, 4
-"""Initial number of intervals of a whole cone, and the least number for a part of it between two corners of a
+"""Initial number of intervals for a complete cone, and minimum number for the part between two corners of an emission
 pattern.
 """
 NARROWEST_DEG = 1e-11
-"""Smallest interval that is cut: over a few mm, the width that `solen.curve.END_TOLERANCE_MM` leaves undecided at a
-corner.
+"""Width of the narrowest interval that is cut: over a few mm, it corresponds to the distance
+`solen.curve.END_TOLERANCE_MM` within which a corner is undecided.
 """
 GAP_SHARE = 0.01
-"""Width of a gap that is not cut further at first, as a fraction of the tolerance times the cone."""
+"""Width below which a gap is initially not cut further, as a fraction of the tolerance times the cone."""
 MOST_LEGS = 200_000
 MOST_LEGS_AGAIN = 20_000_000
-"""Number of ray segments after which pieces count as lost: bisecting each edge takes some eighty rays."""
+"""Number of ray segments after which pieces count as lost; bisection of each edge takes about eighty rays."""
 SLIVER = 1e-10
-"""Fraction of the cone below which a piece results from the extension of curves beyond their ends, and is ignored."""
+"""Pieces narrower than this fraction of the cone result from extending curves beyond their ends, and are ignored."""
 NEW_GAPS = 1e-11
-"""Increase of the gaps between pieces, as a fraction of the cone, up to which they count as located again."""
+"""The pieces count as located again if the gaps between them grow by no more than this fraction of the cone."""
 
-# Nodes in [−1, 1] and weights of the Kronrod rule, and of the Gauss rule on every second node.
+# Nodes in [−1, 1] and weights of the Kronrod rule; the Gauss rule uses every second node.
 _HALF_NODES = (
     0.991455371120812639206854697526329,
     0.949107912342758524526189684047851,
@@ -81,7 +82,7 @@ GAUSS[1::2] = [*_HALF_GAUSS, 0.417959183673469387755102040816327, *reversed(_HAL
 
 RULE = adapt.Rule(NODES, KRONROD, GAUSS)
 
-# Kronrod's rule of 7 nodes, with the Gauss rule of 3.
+# The 7-node Kronrod rule, with the 3-node Gauss rule.
 _NODES = (0.96049126870802028342, 0.77459666924148337704, 0.43424374934680255800)
 _KRONROD = (0.10465622602646726519, 0.26848808986833344073, 0.40139741477596222291)
 COARSE = adapt.Rule(
@@ -90,13 +91,15 @@ COARSE = adapt.Rule(
     np.array([0.0, 5.0 / 9.0, 0.0, 8.0 / 9.0, 0.0, 5.0 / 9.0, 0.0]),
 )
 COARSE_TOLERANCE = 1e-5
-"""Tolerance from which the smaller rule is used for positions and angles: it locates kinks with fewer points."""
+"""Tolerance at and above which the smaller rule is used for positions and angles: it locates kinks with fewer
+points.
+"""
 DOUBLE = Precision.of(np.float64)
 MOST_SAMPLES, MOST_KEPT_LEGS, MOST_WAITING = 1 << 15, 1 << 22, 256
 
 
 class Parts(NamedTuple):
-    """The pieces and parts of a cone after integration, by the angles (radians from the axis) of their ends."""
+    """Pieces and parts of a cone after integration, given by the angles of their ends in radians from the axis."""
 
     low: np.ndarray
     high: np.ndarray
@@ -107,7 +110,7 @@ class Parts(NamedTuple):
 
     @classmethod
     def of(cls, pieces: adapt.Pieces, many: int, parts: int, sliver: float) -> "Parts":
-        """Copy the first pieces and parts, omitting pieces narrower than a sliver."""
+        """Copy the first ``many`` pieces and ``parts`` parts, omitting pieces narrower than ``sliver``."""
         wide = pieces.high[:many] - pieces.low[:many] > sliver
         kept = wide[pieces.part_of[:parts]]
         number = np.cumsum(wide) - 1
@@ -119,10 +122,10 @@ class Parts(NamedTuple):
 class Integral(NamedTuple):
     """Result of an integration.
 
-    ``share`` (D + 2,) is the power by receiver, escaped and absorbed; ``missed`` and ``leaked`` are parts of the power
-    that escaped in space, above and below the bodies and through their top and bottom; ``error`` is the error of the
-    quadrature and ``gaps`` the power that was omitted, all as fractions of the power of the source; ``counts`` are the
-    numbers of rays, ray segments, undefined rays and pieces.
+    ``share`` (D + 2,) is the power at each receiver, followed by the escaped and the absorbed power. ``missed`` and
+    ``leaked`` are the portions of the escaped power that, in space, passed above or below the bodies or left through
+    their top or bottom. ``error`` is the quadrature error and ``gaps`` the omitted power. All are fractions of the
+    source power. ``counts`` contains the numbers of rays, ray segments, undefined rays and pieces.
     """
 
     share: np.ndarray
@@ -134,7 +137,7 @@ class Integral(NamedTuple):
 
     @property
     def missing(self) -> float:
-        """Power that was neither detected nor absorbed and did not escape."""
+        """Power that was not detected, was not absorbed and did not escape."""
         return max(1.0 - math.fsum(self.share.tolist()), 0.0)
 
     @property
@@ -144,7 +147,7 @@ class Integral(NamedTuple):
 
     @property
     def u(self) -> float:
-        """Uncertainty of each power: errors, and gaps or anything else that was not followed."""
+        """Uncertainty of each power: the quadrature error, plus the gaps or all missing power if that is more."""
         return min(self.error + max(self.gaps, self.missing), 1.0)
 
 
@@ -163,9 +166,9 @@ def weighted_sum(integrals: Sequence[Integral], weights: Sequence[float]) -> Int
 
 @dataclass(frozen=True, eq=False)
 class Cone:
-    """One point of a source at one wavelength: its rays, in intervals of angles over which their intensity is smooth.
+    """One point of a source at one wavelength: its rays, in angle intervals over which their intensity is smooth.
 
-    ``whole`` is the integral of the intensity, ``columns`` the number of values for each ray.
+    ``whole`` is the integral of the intensity, ``columns`` the number of values per ray.
     """
 
     tables: Tables
@@ -175,7 +178,7 @@ class Cone:
     whole: float
 
     def integral(self, tolerance: float, most_legs: int, parts: list[Parts] | None = None) -> Integral:
-        """Cut and integrate; if given, ``parts`` receives the pieces."""
+        """Cut the cone into pieces and integrate them; append the pieces to ``parts`` if given."""
         width = math.fsum(family.high - family.low for family in self.families)
         found = [self._interval(family, width, tolerance, most_legs, parts) for family in self.families]
         return found[0] if len(found) == 1 else weighted_sum(found, [1.0] * len(found))
@@ -183,7 +186,7 @@ class Cone:
     def _interval(
         self, family: Family, width: float, tolerance: float, most_legs: int, kept: list[Parts] | None
     ) -> Integral:
-        """Integrate one interval of angles, as its part of the source's power."""
+        """Integrate one interval of angles; return its contribution as a fraction of the source power."""
         samples, pieces = buffers_of(most_legs, self.columns)
         total, narrowest = np.zeros(self.columns), math.radians(NARROWEST_DEG)
         here = family.high - family.low
@@ -201,7 +204,7 @@ class Cone:
         return Integral(total / self.whole, error / self.whole, gaps * most / self.whole, counts)
 
     def again(self, before: Sequence[Parts]) -> np.ndarray | None:
-        """Return powers (D + 2,) over the pieces of a slightly different point; None if any cannot be located."""
+        """Return powers (D + 2,) of a slightly changed point over the same pieces; None if any cannot be located."""
         total = np.zeros(self.columns)
         for family, parts in zip(self.families, before, strict=True):
             found = self._interval_again(family, parts)
@@ -225,7 +228,7 @@ class Cone:
 
 
 class _Buffers(threading.local):
-    """Working memory of each thread, by its size."""
+    """Working memory of each thread, by size."""
 
     def __init__(self) -> None:
         self.by_size: dict[tuple[int, int], tuple[adapt.Samples, adapt.Pieces]] = {}
@@ -244,7 +247,7 @@ def buffers_of(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Piece
 
 
 def _new_buffers(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
-    """Allocate working memory; unused pages of it take no memory."""
+    """Allocate working memory; unused pages do not occupy physical memory."""
     n = MOST_SAMPLES
 
     def whole() -> np.ndarray:

@@ -1,9 +1,9 @@
 """Convergence of each sampling method towards the power at the receivers, and the reliability of its uncertainty.
 
-One scene is traced with fans and with Sobol' samples of increasing numbers of rays, and integrated to decreasing
-tolerances. The error of each is its difference from a reference value: adaptive integration to `TIGHT`. If that is not
-possible or does not reach the tolerance, the reference is the one with the smallest stated uncertainty among the last
-integral and a fan and a sample with four times the rays of the densest.
+A scene is traced with fans and with Sobol' samples of increasing ray counts, and integrated to decreasing tolerances.
+The error of each result is its difference from a reference value, which is adaptive integration to `TIGHT`. If that is
+impossible or does not reach the tolerance, the reference is the result with the smallest reported uncertainty among the
+last integral, a fan and a sample; this fan and sample have four times as many rays as the densest ones compared.
 """
 
 import math
@@ -29,9 +29,9 @@ DENSER = 4
 
 
 class Series(Result):
-    """One sampling method: numbers of rays (N,), the largest error of any receiver's power, and its stated uncertainty.
+    """One sampling method: ray counts (N,), the largest power error at any receiver, and the reported uncertainty.
 
-    Powers are fractions of the emitted power; ``u_power`` is NaN for too few rays.
+    Powers are fractions of the emitted power; ``u_power`` is NaN if there are too few rays.
     """
 
     method: Method
@@ -41,7 +41,7 @@ class Series(Result):
 
 
 class Convergence(Result):
-    """Errors by number of rays for each sampling method, and the reference trace."""
+    """Errors by ray count for each sampling method, and the reference trace."""
 
     mode: Mode
     reference: Trace
@@ -56,18 +56,19 @@ def convergence(
     most_rays: int = MOST_RAYS,
     seed: int = 0,
 ) -> Convergence:
-    """Compute the error by number of rays for a fan, for Sobol' samples and for adaptive integration.
+    """Compute the error as a function of the ray count for fans, Sobol' samples and adaptive integration.
 
     Parameters
     ----------
     scene
-        The scene to trace; the numbers of rays of its sources have no effect.
+        The scene to trace; the ray counts of its sources have no effect.
     mode
         As in `solen.trace.trace`. Roulette is compared with the integral in ``"power"``, which is its expected value.
     limits
-        Where following a ray ends; by default those of `solen.trace.trace` and of `solen.trace.integrate`.
+        When to stop following a ray; by default the limits of `solen.trace.trace` and `solen.trace.integrate`.
     most_rays
-        Number of rays of the densest fan and sample, at least 16; the others have fewer by powers of two.
+        Number of rays in the densest fan and sample, at least 16; the ray counts of the others are smaller by powers of
+        two.
     seed
         Seed of the samples and of the roulette.
 
@@ -79,7 +80,7 @@ def convergence(
     Raises
     ------
     DesignError
-        For an unknown mode, too few rays, no receiver, or a source that is a list of rays.
+        For an unknown mode, too few rays, a scene without receivers, or a source that is a list of rays.
     """
     check_mode(mode)
     check_count("most_rays", most_rays, LEAST_RAYS)
@@ -87,7 +88,7 @@ def convergence(
         raise DesignError("convergence", value="no receiver", limit="the scene needs a receiver")
     if any(isinstance(source, Rays) for source in scene.sources):
         raise DesignError(
-            "convergence", value="a list of rays", limit="the number of rays of each source must be variable"
+            "convergence", value="a list of rays", limit="the ray count of each source must be adjustable"
         )
     whole: Mode = "power" if mode == "roulette" else mode
     found = list(_integrals(scene, whole, limits))
@@ -102,7 +103,7 @@ def convergence(
 
 
 def _reference(scene: Scene, mode: Mode, limits: Limits | None, most_rays: int, found: list[Trace]) -> Trace:
-    """Return the best available value: the last integral, or a denser fan or sample."""
+    """Return the most accurate available result: the last integral, or a denser fan or sample."""
     if found and found[-1].u_power <= TIGHT:
         return found[-1]
     dense = _with_rays(scene, DENSER * most_rays)
@@ -111,7 +112,7 @@ def _reference(scene: Scene, mode: Mode, limits: Limits | None, most_rays: int, 
 
 
 def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trace]:
-    """Yield integrals to decreasing tolerances while these are reached; none for a scene that can only be sampled."""
+    """Yield integrals to decreasing tolerances until one is not reached; none for a scene that can only be sampled."""
     if scene.front is not None:
         return
     for tolerance in (*TOLERANCES, TIGHT):
@@ -125,12 +126,12 @@ def _integrals(scene: Scene, mode: Mode, limits: Limits | None) -> Iterator[Trac
 
 
 def _with_rays(scene: Scene, rays: int) -> Scene:
-    """Return the scene with this number of rays, divided evenly among its sources."""
+    """Return the scene with this many rays, divided equally among its sources."""
     return with_rays(scene, max(1, rays // len(scene.sources)))
 
 
 def _series(reference: Trace, result: list[Trace]) -> Series:
-    """Errors of traces by their number of rays; of two with the same number (samples round it up), the later one."""
+    """Return trace errors by ray count; of traces with equal counts (samples round up), the last one is used."""
     traces = list({run.rays: run for run in result}.values())
 
     def error(of: Trace) -> float:

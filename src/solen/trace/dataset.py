@@ -1,12 +1,12 @@
 """A trace as an `xarray.Dataset` with named dimensions, and as a netCDF file.
 
-Each number of a trace is a variable with its unit (``units``) and a description (``long_name``). The dimensions are
-``receiver``, ``source``, ``face`` (an interface of a receiver), ``position_bin``, ``angle_bin``, ``monitor``,
-``monitor_bin``, ``fate``, ``undefined_place``, ``truncated_place`` and ``leg``. If receivers have different numbers of
-interfaces, or monitors of bins, missing entries are NaN. Data that a trace does not have (monitors, bins, places, legs)
-has neither variable nor dimension.
+Each quantity in a trace becomes a variable with a unit (``units``) and a description (``long_name``). The dimensions
+are ``receiver``, ``source``, ``face`` (an interface of a receiver), ``position_bin``, ``angle_bin``, ``monitor``,
+``monitor_bin``, ``fate``, ``undefined_place``, ``truncated_place`` and ``leg``. If receivers differ in their number of
+interfaces, or monitors in their number of bins, missing entries are NaN. Variables and dimensions are omitted for data
+that the trace does not contain (monitors, bins, places or legs).
 
-xarray and its netCDF library are not part of the default installation: ``pip install ".[netcdf]"``.
+xarray and the netCDF library that it uses are not part of the default installation: ``pip install ".[netcdf]"``.
 """
 
 import math
@@ -30,28 +30,28 @@ Attributes = Mapping[str, str | int | float]
 _Variable = tuple[tuple[str, ...], Any, dict[str, str]]
 
 SHARE = "1"
-"""Unit of a power, which is a fraction of the emitted power, and of a count."""
+"""Unit of a count, and of a power, which is a fraction of the emitted power."""
 _LEGS = {
     "ray": (SHARE, "number of the launched ray"),
     "branch": (SHARE, "number of the branch within its ray"),
-    "parent": (SHARE, "branch that it was split from, -1 for none"),
-    "hit": (SHARE, "number of interfaces met before"),
-    "interface": (SHARE, "index of the interface at its end in the scene, -1 for none"),
-    "fate": (SHARE, "fate at its end: 0 continues, 1 detected, 2 escaped, 3 absorbed, 4 truncated"),
+    "parent": (SHARE, "parent branch from which this branch was split, -1 for none"),
+    "hit": (SHARE, "number of interfaces met before this leg"),
+    "interface": (SHARE, "scene index of the interface at the end of the leg, -1 for none"),
+    "fate": (SHARE, "fate at the end of the leg: 0 continues, 1 detected, 2 escaped, 3 absorbed, 4 truncated"),
     "x_mm": ("mm", "start, x"),
     "z_mm": ("mm", "start, z"),
     "dx": (SHARE, "direction, x"),
     "dz": (SHARE, "direction, z"),
-    "length_mm": ("mm", "length, infinite if it escapes"),
-    "power_s": (SHARE, "power at its start polarised out of the plane, as a fraction of the emitted power"),
-    "power_p": (SHARE, "power at its start polarised in the plane, as a fraction of the emitted power"),
-    "kept": (SHARE, "fraction of that power left at its end"),
-    "optical_path_mm": ("mm", "optical path from the source to its start"),
+    "length_mm": ("mm", "length, infinite if the leg escapes"),
+    "power_s": (SHARE, "power at the start of the leg polarised out of the plane, as a fraction of the emitted power"),
+    "power_p": (SHARE, "power at the start of the leg polarised in the plane, as a fraction of the emitted power"),
+    "kept": (SHARE, "fraction of that power remaining at the end of the leg"),
+    "optical_path_mm": ("mm", "optical path length from the source to the start of the leg"),
 }
 
 
 def check_installed() -> None:
-    """Raise `OutputError` if the libraries for netCDF are not installed."""
+    """Raise `OutputError` if the netCDF libraries are not installed."""
     need("xarray", "h5netcdf", "h5py", what="netCDF")
 
 
@@ -68,8 +68,8 @@ def to_dataset(trace: Trace, attributes: Attributes | None = None) -> "xr.Datase
     Returns
     -------
     xarray.Dataset
-        Variables as listed above. Its attributes state that it is simulated, the version of solen, the mode and the
-        sampling method.
+        A data set with the variables listed above. Its attributes give the version of solen, the mode and the sampling
+        method, and mark the data as simulated.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def to_dataset(trace: Trace, attributes: Attributes | None = None) -> "xr.Datase
 def save_netcdf(path: Path | str, trace: Trace, attributes: Attributes | None = None) -> Path:
     """Write a trace to a netCDF-4 file, first under a temporary name; equal traces give identical files.
 
-    Parameters are those of `to_dataset`. ``xarray.load_dataset(path, engine="h5netcdf")`` reads the file.
+    The parameters are those of `to_dataset`. ``xarray.load_dataset(path, engine="h5netcdf")`` reads the file.
 
     Raises
     ------
@@ -111,12 +111,12 @@ def save_netcdf(path: Path | str, trace: Trace, attributes: Attributes | None = 
 
 
 def writer(trace: Trace, attributes: Attributes | None = None) -> Callable[[Path], object]:
-    """Return a function that writes a trace as netCDF to a path, for `solen.files.write_all`."""
+    """Return a function that writes a trace to a netCDF file, for `solen.files.write_all`."""
     return netcdf_writer(to_dataset(trace, attributes))
 
 
 def netcdf_writer(dataset: "xr.Dataset") -> Callable[[Path], object]:
-    """Return a function that writes a data set as netCDF to a path."""
+    """Return a function that writes a data set to a netCDF file."""
     return lambda path: dataset.to_netcdf(path, engine="h5netcdf")
 
 
@@ -132,15 +132,17 @@ def _whole(trace: Trace) -> dict[str, _Variable]:
         "u_leaked": _real((), trace.u_leaked, SHARE, "uncertainty of leaked"),
         "missed": _real((), trace.missed, SHARE, "escaped power that passed above or below all bodies"),
         "reflected": _real((), trace.reflected, SHARE, "power reflected by a lens that is not cylindrical"),
-        "leaked": _real((), trace.leaked, SHARE, "escaped power that left bodies through top or bottom"),
+        "leaked": _real((), trace.leaked, SHARE, "escaped power that left bodies through their top or bottom"),
         "rays": _count((), trace.rays, "rays traced"),
-        "hits": _count((), trace.hits, "number of times that light met an interface"),
-        "undefined": _count((), trace.undefined, "rays that met an interface from a medium they were not in"),
+        "hits": _count((), trace.hits, "number of encounters between light and interfaces"),
+        "undefined": _count(
+            (), trace.undefined, "rays that met an interface from a medium other than the one they were in"
+        ),
         "truncated": _count((), trace.truncated, "branches cut off"),
-        "pieces": _count((), trace.pieces, "pieces of the cone in adaptive integration"),
+        "pieces": _count((), trace.pieces, "number of cone pieces in adaptive integration"),
         "reached": ((), trace.reached, {"long_name": "whether adaptive integration reached its tolerance"}),
         "single_error": _real(
-            (), single, SHARE, "largest difference of a power between single and double precision, NaN in double"
+            (), single, SHARE, "largest power difference between single and double precision; NaN in double precision"
         ),
     }
 
@@ -154,12 +156,12 @@ def _receivers(trace: Trace) -> dict[str, _Variable]:
         "receiver": (one, list(trace.detectors), {"long_name": "name of the receiver"}),
         "power": _real(one, [r.power for r in readings], SHARE, "power detected"),
         "power_u": _real(one, [r.u_power for r in readings], SHARE, "uncertainty of the power, NaN if unknown"),
-        "arrived": _count(one, [r.rays for r in readings], "rays or branches that arrived"),
+        "arrived": _count(one, [r.rays for r in readings], "number of rays or branches that arrived"),
         "optical_path_mm": _real(
             one,
             [r.optical_path_mm for r in readings],
             "mm",
-            "mean optical path of the light that arrived, weighted with its power",
+            "power-weighted mean optical path length of the light that arrived",
         ),
     }
     sources = max(len(r.power_by_source) for r in readings)
@@ -171,12 +173,14 @@ def _receivers(trace: Trace) -> dict[str, _Variable]:
     if bins:
         by_position = _padded([r.power_by_position for r in readings], (faces, bins))
         middle = (np.arange(bins) + 0.5) / bins
-        variables["face"] = _count(("face",), np.arange(faces), "index of the interface among those of its receiver")
+        variables["face"] = _count(("face",), np.arange(faces), "index of the interface within its receiver")
         variables["position_bin"] = _real(
-            ("position_bin",), middle, "1", "centre of the bin, 0 at the interface's start and 1 at its end"
+            ("position_bin",), middle, "1", "bin centre, from 0 at the start of the interface to 1 at its end"
         )
         dims = (*one, "face", "position_bin")
-        variables["power_by_position"] = _real(dims, by_position, SHARE, "power detected in each bin of an interface")
+        variables["power_by_position"] = _real(
+            dims, by_position, SHARE, "power detected in each position bin of an interface"
+        )
     angles = max(len(r.power_by_angle) for r in readings)
     if angles:
         middle = -90.0 + 180.0 * (np.arange(angles) + 0.5) / angles
@@ -184,11 +188,11 @@ def _receivers(trace: Trace) -> dict[str, _Variable]:
             ("angle_bin",),
             middle,
             "degree",
-            "centre of the bin of the angle of incidence, positive if light runs towards the interface's end",
+            "centre of the incidence-angle bin, positive if light travels towards the end of the interface",
         )
         by_angle = _padded([r.power_by_angle for r in readings], (angles,))
         variables["power_by_angle"] = _real(
-            (*one, "angle_bin"), by_angle, SHARE, "power detected in each bin of that angle"
+            (*one, "angle_bin"), by_angle, SHARE, "power detected in each incidence-angle bin"
         )
     return variables
 
@@ -201,14 +205,14 @@ def _monitors(trace: Trace) -> dict[str, _Variable]:
     bins = max(len(r.power_by_bin) for r in readings)
     by_bin = _padded([r.power_by_bin for r in readings], (bins,))
     maps = {
-        "monitor_bin": _count(("monitor_bin",), np.arange(bins), "index of the bin from the monitor's start"),
+        "monitor_bin": _count(("monitor_bin",), np.arange(bins), "bin index, counted from the start of the monitor"),
         "net_power_by_bin": _real((*one, "monitor_bin"), by_bin, SHARE, "net power in each bin"),
     }
     return {
         "monitor": (one, list(trace.monitors), {"long_name": "name of the monitor"}),
-        "net_power": _real(one, [r.power for r in readings], SHARE, "net power towards the monitor's left"),
+        "net_power": _real(one, [r.power for r in readings], SHARE, "net power towards the left side of the monitor"),
         "net_power_u": _real(one, [r.u_power for r in readings], SHARE, "uncertainty of the net power, NaN if unknown"),
-        "crossings": _count(one, [r.rays for r in readings], "number of times that light crossed the monitor"),
+        "crossings": _count(one, [r.rays for r in readings], "number of times light crossed the monitor"),
         **(maps if bins else {}),
     }
 
@@ -218,7 +222,7 @@ def _places(trace: Trace) -> dict[str, _Variable]:
     kinds = {"undefined": trace.undefined_at_mm, "truncated": trace.truncated_at_mm}
     for kind, places in kinds.items():
         for axis, values in zip("xz", zip(*places, strict=True), strict=False):
-            what = f"place of the first {kind} light, {axis}"
+            what = f"location of the first {kind} light, {axis}"
             variables[f"{kind}_{axis}_mm"] = _real((f"{kind}_place",), values, "mm", what)
     return variables
 
@@ -241,7 +245,7 @@ def _count(dims: tuple[str, ...], values: Iterable[int] | int, name: str) -> _Va
 
 
 def _padded(parts: list[FloatArray], shape: tuple[int, ...]) -> FloatArray:
-    """Stack arrays in one array of the largest shape, padded with NaN."""
+    """Stack arrays into one array, each padded with NaN to the common shape."""
     whole = np.full((len(parts), *shape), math.nan)
     for row, part in zip(whole, parts, strict=True):
         row[tuple(slice(size) for size in part.shape)] = part

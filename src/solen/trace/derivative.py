@@ -1,17 +1,18 @@
-"""Derivatives of received power with respect to a parameter of the scene.
+"""Derivatives of the received power with respect to a scene parameter.
 
-Received power is an integral over the launch angle whose integrand has jumps where neighbouring rays separate. When the
+The received power is an integral over the launch angle whose integrand jumps where neighbouring rays separate. When the
 scene changes, the integrand changes and the jumps move; both contribute. The derivative with respect to a wall's tilt,
-for example, comes almost entirely from the jumps: differentiation along each ray's path alone would miss it. The scene
-is therefore integrated once by `solen.trace.integrate`, which locates the pieces between the jumps. In a slightly
-changed scene each piece is located again, its edges bisected to the last digit, and integrated with nodes at the same
-relative positions: Leibniz' rule, in which the error of the quadrature cancels. Two steps, one half the other, are
-extrapolated (Richardson), and their difference bounds the error.
+for example, comes almost entirely from the jumps, and differentiation along each ray path would miss it. The scene is
+therefore integrated once by `solen.trace.integrate`, which locates the pieces between the jumps. In a slightly changed
+scene each piece is located again by bisecting its edges to the last digit, and is integrated with nodes at the same
+relative positions. By Leibniz' rule the quadrature error then cancels. Two differences, with a step and with half that
+step, are extrapolated (Richardson), and their deviation bounds the error.
 
-The power from an extended source is smooth even if that of its points is not, so simple differences of its integral
-suffice: over larger steps, with the error of the integral divided by the step. In space, neighbouring scenes are
-integrated over the same cells (`solen.trace.slopes`). Light through a lens whose walls are not upright, and light that
-is trapped in space, is sampled instead: both ends of a difference use the same samples, several times.
+The power from an extended source is smooth even if the power from each of its points is not. Simple differences of its
+integral therefore suffice, with larger steps; their error is that of the integral divided by the step. In space,
+neighbouring scenes are integrated over the same cells (`solen.trace.slopes`). Light that passes through a lens whose
+walls are not vertical, and light that is trapped in space, is sampled instead: both ends of each difference use the
+same samples, and the difference is repeated several times.
 """
 
 import math
@@ -39,33 +40,35 @@ RELATIVE_STEP, EXTENDED_STEP, CHIP_STEP = 2e-4, 1e-2, 2e-2
 MOST_HALVINGS = 6
 MOST_LEGS, SPACE_LEGS = 400_000, 15_000_000
 SEEDS, SAMPLES, MOST_DOUBLINGS = 8, 2**15, 4
-"""Number of independent differences of sampled light, of rays at each end of one, and of doublings of a step at
-most.
+"""For sampled light: number of independent differences, number of rays at each end of a difference, and maximum
+number of times that the step is doubled.
 """
 TRAPPED_SAMPLES, TRAPPED_SHARE, TRAPPED_WEIGHT, TRAPPED_DOUBLINGS = 2**17, 1e-3, 3e-4, 1
-"""For trapped light: largest number of rays at each end, error as a fraction of the largest slope, weight below which
-light is not followed, and number of doublings of a step. Over 16 % of an index the true error was four times the stated
-one.
+"""For trapped light: maximum number of rays at each end of a difference, accepted error as a fraction of the largest
+slope, weight below which light is not followed, and number of times that the step is doubled. With a
+16 % of the refractive index range, the true error was four times the reported one.
 """
 CAUTION = 1.25
-"""Factor on their standard error, because there are few differences and the step with the smallest error is chosen."""
+"""Safety factor on the standard error of the differences, because these are few and the step with the smallest error is
+chosen.
+"""
 ROUGH = 1e-2
-"""Tolerance that light in space reaches immediately, unless it is trapped."""
+"""Tolerance that light in space reaches immediately unless it is trapped."""
 
 
 @dataclass(frozen=True)
 class Slope:
-    """Change of a power per unit of the parameter, and an estimate of its error."""
+    """Change of a power per unit of the parameter, with an error estimate."""
 
     value: float
     u_value: float
 
 
 class Derivative(Result):
-    """Derivatives of each receiver's power, as fractions of the emitted power per unit of the parameter.
+    """Derivatives of the power at each receiver, as fractions of the emitted power per unit of the parameter.
 
     ``step`` is the larger of the two finite-difference steps. ``reached`` is False if the light paths change at this
-    value of the parameter, so that the pieces of the source cannot be followed; ``why`` gives the reason.
+    value of the parameter, so that the pieces of the cone cannot be located again; ``why`` gives the reason.
     """
 
     detectors: dict[str, Slope]
@@ -87,16 +90,17 @@ def derivative(
     Parameters
     ----------
     scene_at
-        Function that returns the scene for a value of the parameter, as for `solen.trace.integrate`.
+        Function that returns the scene for a parameter value, as for `solen.trace.integrate`.
     value
-        Value of the parameter at which to differentiate.
+        Parameter value at which to differentiate.
     step
-        Largest change of the parameter; by default 1e-2 of ``value`` or, at 0, 1e-2; for a chip in space 2e-2, for a
-        point in the plane 2e-4. For a point it is halved, up to six times, if the paths of the light change within it.
-        For sampled light it is doubled, up to four times, while that reduces the error.
+        Maximum change of the parameter. The default is a fraction of ``value`` (an absolute step if ``value`` is 0):
+        1e-2, but 2e-2 for a chip in space and 2e-4 for a point in the plane. For a point, the step is halved up to six
+        times if the light paths change within it. For sampled light, it is doubled up to four times as long as this
+        reduces the error.
     mode, tolerance, limits
-        As in `solen.trace.integrate`, for integrals in the plane; by default a tolerance of 1e-9, and of 1e-6 for
-        sources with a size or several wavelengths.
+        As in `solen.trace.integrate`, for integrals in the plane. The default tolerance is 1e-9, or 1e-6 for sources
+        that are extended or have several wavelengths.
 
     Returns
     -------
@@ -106,7 +110,7 @@ def derivative(
     Raises
     ------
     DesignError
-        As `solen.trace.integrate`, and if the step is not above 0 or an integral does not reach its tolerance.
+        As in `solen.trace.integrate`, and if the step is not above 0 or an integral does not reach its tolerance.
     """
     check_numbers("parameter", value)
     scene = scene_at(value)
@@ -137,7 +141,7 @@ At = Callable[[float], Lights]
 
 
 def _of_a_point(at: At, value: float, step: float, tolerance: float) -> Derivative:
-    """Differentiate for a point source at one wavelength, over pieces that are located again."""
+    """Differentiate for a point source at one wavelength, over pieces that are located again in each changed scene."""
     lights = at(value)
     parts: list[Parts] = []
     base = lights.trace_of([lights.in_plane.cone().integral(tolerance, MOST_LEGS, parts)], tolerance)
@@ -151,12 +155,12 @@ def _of_a_point(at: At, value: float, step: float, tolerance: float) -> Derivati
             return Derivative(_slopes(names, wide, close, NOISE / step), step, reached=True)
         step *= 0.5
     nothing = {name: Slope(math.nan, math.nan) for name in names}
-    why = f"the paths of light change within {step:.1e} of {value:g}"
+    why = f"the light paths change within {step:.1e} of {value:g}"
     return Derivative(nothing, step, reached=False, why=why)
 
 
 def _difference(at: At, value: float, step: float, parts: Sequence[Parts]) -> FloatArray | None:
-    """Central difference of the powers; None if a piece cannot be located again."""
+    """Return the central difference of the powers, or None if a piece cannot be located again."""
     ends = []
     for sign in (1.0, -1.0):
         powers = at(value + sign * step).in_plane.cone().again(parts)
@@ -167,7 +171,7 @@ def _difference(at: At, value: float, step: float, parts: Sequence[Parts]) -> Fl
 
 
 def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Derivative:
-    """Differentiate for sources with a size or several wavelengths, with differences of complete integrals."""
+    """Differentiate for extended sources and for several wavelengths, with differences of complete integrals."""
     differences, u = [], 0.0
     for half in (step, 0.5 * step):
         low, high = (at(value + sign * half).trace(tolerance, MOST_LEGS) for sign in (-1.0, 1.0))
@@ -180,7 +184,7 @@ def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Deriva
 
 
 def _in_space(at: At, value: float, step: float) -> Derivative | None:
-    """Differentiate in space, with a polynomial through integrals over the same cells; None if light is trapped."""
+    """Differentiate in space with a polynomial through integrals over the same cells; None if light is trapped."""
     ends = [at(value + step * offset) for offset in OFFSETS]
     names, rules = ends[0].scene.receivers, ends[0].rules
     best, bent, u = np.zeros(len(names)), np.zeros(len(names)), 0.0
@@ -198,13 +202,13 @@ def _in_space(at: At, value: float, step: float) -> Derivative | None:
 def _of_samples(
     scene_at: Callable[[float], Scene], value: float, step: float, mode: Mode, limits: Limits | None, most: int = 0
 ) -> Derivative:
-    """Differentiate with differences of samples, whose scatter over seeds is the error.
+    """Differentiate with differences of samples; their scatter between seeds gives the error.
 
-    Both ends of a difference use the same points.
+    Both ends of a difference use the same sample points.
 
-    A longer step has less noise; it is doubled while the noise exceeds the effect of the function's curvature. More
-    samples follow at the best step, up to ``most`` at each end. The change of the truncated power is part of the
-    uncertainty, because all of it might have arrived.
+    A larger step has less noise, so the step is doubled as long as the noise exceeds the effect of the function's
+    curvature. Further samples are added at the best step, up to ``most`` at each end. The change of the truncated power
+    contributes to the uncertainty, because all of it might have reached a receiver.
     """
     names = scene_at(value).receivers
 
@@ -243,7 +247,7 @@ def _of_samples(
 
 
 class _Sampled(NamedTuple):
-    """Derivative from differences over half a step and a whole one, its standard error, and the effect of curvature."""
+    """Derivative from differences over a step and half a step, its standard error, and the effect of curvature."""
 
     step: float
     value: FloatArray
@@ -262,16 +266,16 @@ class _Sampled(NamedTuple):
 
 
 def _powers(found: Trace) -> FloatArray:
-    """Power of each receiver."""
+    """Return the power at each receiver."""
     return np.array([reading.power for reading in found.detectors.values()])
 
 
 def _and_cut_off(found: Trace) -> FloatArray:
-    """Power of each receiver, followed by the truncated power."""
+    """Return the power at each receiver, followed by the truncated power."""
     return np.append(_powers(found), found.ledger.truncated)
 
 
 def _slopes(names: tuple[str, ...], wide: FloatArray, close: FloatArray, noise: float) -> dict[str, Slope]:
-    """Extrapolate two central differences; their difference and the noise of the powers bound the error."""
+    """Extrapolate two central differences; their deviation and the noise of the powers bound the error."""
     best, apart = (4.0 * close - wide) / 3.0, np.abs(close - wide) / 3.0
     return {name: Slope(float(best[i]), float(apart[i] + 5.0 / 3.0 * noise)) for i, name in enumerate(names)}

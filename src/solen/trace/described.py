@@ -1,7 +1,7 @@
 """Traces of scene files, with the names of their faces and in the units of the file.
 
-`open_scene` reads solen's JSON or that of ray-optics; `trace_scene` traces it; `face_names` and `branches` describe any
-trace with the names of a scene's faces.
+`open_scene` reads a scene in the JSON format of solen or ray-optics; `trace_scene` traces it; `face_names` and
+`branches` describe any trace with the face names of a scene.
 """
 
 import json
@@ -24,7 +24,7 @@ from solen.trace.round_robin import RoundRobin, trace_round_robin
 
 
 class Branch(Result):
-    """Path of one branch of a ray, with the names of the faces met; see `solen.trace.Path`."""
+    """Path of one branch of a ray, with the names of the faces that it meets; see `solen.trace.Path`."""
 
     ray: int
     branch: int
@@ -37,16 +37,16 @@ class Branch(Result):
 
 
 class ScreenReading(Result):
-    """Reading of a receiver, monitor or detector of a scene file, in that file's units.
+    """Reading of a receiver, monitor or detector of a scene file, in the units of that file.
 
     Attributes
     ----------
     power, u_power
-        Power, and its uncertainty; None for a single ray.
+        Power and its uncertainty, which is None for a single ray.
     rays
-        Rays or branches that arrived.
+        Number of rays or branches that arrived.
     position, irradiance
-        (bins,) start of each bin along a monitor, and power per length there; None without bins.
+        Start of each bin along a monitor and power per unit length in each bin, both (bins,); None without bins.
     """
 
     power: float
@@ -62,21 +62,21 @@ class SceneTrace(Trace, kw_only=True):
     Attributes
     ----------
     scene
-        The scene traced; not in JSON.
+        The scene that was traced; omitted from JSON.
     name, format
-        Name of the scene, and its format: ``solen`` or ``ray-optics``.
+        Name of the scene, and file format: ``solen`` or ``ray-optics``.
     length_unit, power_unit
         Units of the readings; detectors and ledger are always in fractions of the emitted power.
     emitted
-        Power of all sources, in the file's units.
+        Total power of all sources, in the unit of the file.
     in_space
         Whether rays were traced in space.
     readings
         Readings of receivers, monitors and detectors, by name.
     faces
-        Names of each receiver's interfaces, in the order of ``power_by_position``.
+        Names of the interfaces of each receiver, in the order of ``power_by_position``.
     not_understood
-        Omitted parts of a scene of ray-optics.
+        Parts of a ray-optics scene that were omitted.
     branches
         Paths of all rays, if requested.
     warnings
@@ -99,7 +99,7 @@ class SceneTrace(Trace, kw_only=True):
 
 @dataclass(frozen=True)
 class SceneFile:
-    """A scene read from a file; ``imported`` is the further content of a file of ray-optics."""
+    """A scene read from a file; ``imported`` contains further data if it is a ray-optics file."""
 
     scene: Scene
     imported: rayoptics.Imported | None = None
@@ -111,27 +111,27 @@ class SceneFile:
 
     @property
     def length_unit(self) -> str:
-        """Unit of lengths."""
+        """Length unit."""
         return "mm" if self.imported is None else "unit of the file"
 
 
 class SceneCheck(Result):
-    """Content of a valid scene file, which can be traced.
+    """Summary of a valid scene file.
 
     Attributes
     ----------
     name, format
-        Name of the scene, and its format: ``solen`` or ``ray-optics``.
+        Name of the scene, and file format: ``solen`` or ``ray-optics``.
     regions, interfaces, sources, rays
-        Their numbers.
+        Number of each.
     receivers, monitors
-        Their names; for a scene of ray-optics those of its detectors.
+        Names of receivers and monitors; for a ray-optics scene, ``monitors`` contains its detectors.
     in_space
-        Whether it is extruded.
+        Whether the scene is extruded.
     is_random
-        Whether it has random scattering, so that it can be sampled but not integrated.
+        Whether the scene scatters at random, so that it can be sampled but not integrated.
     not_understood
-        Omitted parts of a scene of ray-optics.
+        Parts of a ray-optics scene that were omitted.
     warnings
         Warnings about the readings.
     """
@@ -151,7 +151,7 @@ class SceneCheck(Result):
 
 
 def scene_check(file: SceneFile) -> SceneCheck:
-    """Return the content of a scene file."""
+    """Return a summary of a scene file."""
     scene, imported = file.scene, file.imported
     screens = imported.detectors if imported else scene.monitors
     return SceneCheck(
@@ -171,7 +171,7 @@ def scene_check(file: SceneFile) -> SceneCheck:
 
 
 def open_scene(path: Path, *, facets: bool) -> SceneFile:
-    """Open a scene file of either format; `DataError` if it is neither. For ``facets`` see `rayoptics.loads`."""
+    """Open a scene file of either format; raise `DataError` if it is neither. For ``facets`` see `rayoptics.loads`."""
     text = files.read_text(path, DataError)
     try:
         data = json.loads(text)
@@ -182,12 +182,17 @@ def open_scene(path: Path, *, facets: bool) -> SceneFile:
         return SceneFile(imported.scene, imported)
     if isinstance(data, dict) and "solen_scene" in data:
         return SceneFile(loads(text, str(path)))
-    limit = "is not a scene: neither solen's (no key solen_scene) nor ray-optics' (no list objs with a version)"
+    limit = (
+        "is not a scene: neither in solen's format (no key solen_scene) nor in ray-optics' "
+        "(no list objs with a version)"
+    )
     raise DataError(str(path), limit=limit)
 
 
 def trace_scene(file: SceneFile, options: TraceOptions = TraceOptions(), *, paths: bool = False) -> Trace:
-    """Trace a scene file, in power or the requested mode; without a mode, one of ray-optics by that program's rules.
+    """Trace a scene file in the requested mode.
+
+    Without a mode, a solen scene is traced in power mode, and a ray-optics scene by the rules of that program.
 
     Raises
     ------
@@ -200,7 +205,7 @@ def trace_scene(file: SceneFile, options: TraceOptions = TraceOptions(), *, path
 
 
 def described(file: SceneFile, trace: Trace, *, paths: bool = False) -> SceneTrace:
-    """Describe the trace of a scene file with its names and units; ``paths`` adds the branches."""
+    """Describe the trace of a scene file with the names and units of the file; if ``paths``, include the branches."""
     scene, imported = file.scene, file.imported
     return SceneTrace(
         **vars(trace),
@@ -220,25 +225,24 @@ def described(file: SceneFile, trace: Trace, *, paths: bool = False) -> SceneTra
 
 
 def _brighter(scene: Scene) -> Iterator[str]:
-    """Messages about gratings whose orders have more power than the incident light, as ray-optics allows."""
+    """Yield a message for each grating whose orders together exceed the incident power, which ray-optics permits."""
     for interface in scene.interfaces:
         ruled = None if interface.surface is None else interface.surface.grating
         total = math.fsum(share for _, share in ruled.orders) if ruled else 0.0
         if total > 1.0:
             yield (
-                f"{interface.name}: its orders add up to {total:.6g} times the incident light, "
-                "as the file states; the added power is subtracted from the ledger's truncated "
-                "power"
+                f"{interface.name}: its orders add up to {total:.6g} times the incident light in this file; "
+                "the added power is subtracted from the truncated power in the ledger"
             )
 
 
 def face_names(scene: Scene) -> dict[str, tuple[str, ...]]:
-    """Return the names of the interfaces of each receiver of a scene."""
+    """Return the interface names of each receiver in a scene."""
     return {name: tuple(i.name for i in scene.interfaces if i.receiver == name) for name in scene.receivers}
 
 
 def branches(trace: Trace, scene: Scene) -> tuple[Branch, ...]:
-    """Return the paths of a trace with legs, with the names of the faces met."""
+    """Return the paths of a trace that kept its legs, with the names of the faces met."""
     names = [interface.name for interface in scene.interfaces]
     return tuple(
         Branch(
@@ -256,7 +260,7 @@ def branches(trace: Trace, scene: Scene) -> tuple[Branch, ...]:
 
 
 def _in_turns(imported: rayoptics.Imported, options: TraceOptions, paths: bool) -> Trace:
-    """Trace by the rules of ray-optics, which offers no other sampling."""
+    """Trace by the rules of ray-optics, which has no other sampling methods."""
     for name, value in options.model_dump(exclude_defaults=True).items():
         limit = "does not apply when tracing by the rules of ray-optics"
         raise SpecError(f"--{name}", value=value, limit=limit, remedy="add --mode power to trace with solen's engine")

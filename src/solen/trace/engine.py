@@ -1,8 +1,8 @@
 """The compiled engine: scene → tables → kernel → result.
 
-Rays are traced in chunks whose size does not depend on the machine, with any number of threads, and the chunks' sums
-are added in order: the same scene gives the same numbers to the last bit with one thread and with many. Only a few
-chunks are in memory at a time, however many rays there are. A trace can be interrupted between chunks.
+Rays are traced in chunks whose size does not depend on the machine, with any number of threads, and the sums of the
+chunks are added in order. The same scene therefore gives bit-identical results with one thread and with many. Only a
+few chunks are in memory at a time, however many rays there are. A trace can be interrupted between chunks.
 """
 
 import os
@@ -44,15 +44,15 @@ if TYPE_CHECKING:
 R = TypeVar("R")
 
 CHUNK = 2**13
-"""Rays of a chunk in double precision: with fewer, the threads wait for the interpreter; more exceed the processor's
-cache. In single precision a chunk has twice as many.
+"""Rays per chunk in double precision: with fewer, the threads wait for the interpreter; more exceed the CPU cache. In
+single precision a chunk has twice as many.
 """
 CARD_CHUNK = 2**18
-"""Rays that are sent to a graphics card at a time."""
+"""Number of rays sent to a GPU at a time."""
 CARD_FEEDERS = 8
-"""Largest number of threads that prepare rays for a card: waiting rays take memory."""
+"""Maximum number of threads that prepare rays for a GPU; waiting rays occupy memory."""
 COMPARED_RAYS = 4096
-"""Rays of each source for the comparison of single with double precision."""
+"""Rays per source used to compare single with double precision."""
 
 
 def trace(
@@ -77,28 +77,30 @@ def trace(
     scene
         The scene to trace.
     mode
-        ``"count"``: refraction or total reflection, no splitting, no absorption in media. ``"power"``: Fresnel's
+        ``"count"``: refraction or total reflection, without splitting or absorption in media. ``"power"``: Fresnel's
         equations for s and p separately, both branches, absorption. ``"roulette"``: as power, but only one of the two
         branches is followed, drawn with probability proportional to its power.
     limits
-        Where following a ray ends; see `Limits`.
+        When to stop following a ray; see `Limits`.
     sampling
-        ``"fan"``: the sources' own regular rays. ``"sobol"``: sixteen independent scrambled Sobol' samples, for
-        extended emitters and spectra; a source's number of rays is rounded up to 16 times a power of two.
+        ``"fan"``: the regular rays defined by each source. ``"sobol"``: sixteen independent scrambled Sobol' samples,
+        for extended emitters and spectra; the ray count of each source is rounded up to 16 times a power of two.
     seed
-        Seed of the samples and of the roulette: the same seed gives the same numbers.
+        Seed of the samples and of the roulette; equal seeds give identical results.
     precision
-        ``"single"`` computes in float32, faster, and states the resulting error in the result's ``single_error``.
+        ``"single"`` computes in float32, which is faster; the resulting error is reported as ``single_error``.
     position_bins, angle_bins
-        Numbers of bins of the histograms at receivers; see `solen.trace.Detected`.
+        Number of bins in each receiver histogram; see `solen.trace.Detected`.
     legs
-        Whether to keep each ray segment for the ``paths()`` of all rays: some hundred bytes each.
+        Whether to store each ray segment, so that ``paths()`` can return all ray paths; a segment takes about a hundred
+        bytes.
     device
-        ``"cuda"``: a graphics card follows the rays; not possible with ``legs``; requires the extra ``cuda``.
+        ``"cuda"`` follows the rays on a GPU; it cannot be combined with ``legs`` and requires the extra ``cuda``.
     threads
-        Number of threads; by default one per core. The results do not depend on it. With a card, they prepare the rays.
+        Number of threads, by default one per core; it does not affect the results. With a GPU, the threads prepare the
+        rays.
     progress
-        Called with the number of rays done so far. Raise an exception in it to end the trace early.
+        Called with the number of rays traced so far. Raise an exception in it to end the trace early.
 
     Returns
     -------
@@ -108,21 +110,21 @@ def trace(
     Raises
     ------
     DesignError
-        For an unknown mode, sampling, precision or device, numbers out of range, a curve that the engine does not
-        support, or no graphics card for ``"cuda"``.
+        For an unknown mode, sampling, precision or device, for numbers that are out of range, for a curve that the
+        engine does not support, or if ``"cuda"`` finds no GPU.
     """
     check_mode(mode)
     check_choice("sampling", sampling, get_args(Sampling))
     check_choice("precision", precision, tuple(DTYPES))
     check_choice("device", device, get_args(Device))
     if legs and device == "cuda":
-        raise DesignError("legs", value=legs, limit="are not supported on a graphics card", remedy='use device="cpu"')
+        raise DesignError("legs", value=legs, limit="are not supported on a GPU", remedy='use device="cpu"')
     if scene.extrusion is not None:
         _check_extruded(scene, precision, device, legs)
         scene = through_face(scene, mode)
     treated = scene.is_turbid or any(interface.surface is not None for interface in scene.interfaces)
     if treated and device == "cuda":
-        limit = "cuda supports only smooth, clean and bare surfaces and clear media"
+        limit = "cuda supports only surfaces that are smooth, clean and bare, and clear media"
         raise DesignError("device", value=device, limit=limit, remedy='use device="cpu"')
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
@@ -146,16 +148,14 @@ def trace(
 
 
 def _check_extruded(scene: Scene, precision: str, device: str, legs: bool) -> None:
-    """Raise `DesignError` for features that tracing in space does not support."""
+    """Raise `DesignError` for features that are not supported when tracing in space."""
     for what, value, asked in (
         ("precision", precision, precision != "double"),
         ("device", device, device != "cpu"),
         ("legs", legs, legs),
     ):
         if asked:
-            raise DesignError(
-                what, value=value, limit="is supported only for scenes of the plane", remedy="leave it out"
-            )
+            raise DesignError(what, value=value, limit="is supported only for planar scenes", remedy="leave it out")
     for interface in scene.interfaces:
         surface = interface.surface or Surface()
         for key in ("focal_mm", "grating"):
@@ -165,7 +165,7 @@ def _check_extruded(scene: Scene, precision: str, device: str, legs: bool) -> No
 
 
 def _traced(job: Job, threads: int) -> Iterator[tuple[Chunk, tally.Sums]]:
-    """Yield the sums of the chunks, in order."""
+    """Yield the chunks in order, each with its sums."""
     if job.device == "cuda":
         card = _card(job)
 
@@ -189,7 +189,7 @@ def _traced(job: Job, threads: int) -> Iterator[tuple[Chunk, tally.Sums]]:
 def _ahead(
     work: Callable[[Callable[[], Chunk]], R], chunks: Iterator[Callable[[], Chunk]], threads: int
 ) -> Iterator[R]:
-    """Yield the results of ``work`` for the chunks, in order, computing a few of them ahead of the consumer."""
+    """Yield the results of ``work`` for the chunks in order, computing a few ahead of the consumer."""
     if threads == 1:
         yield from map(work, chunks)
         return
@@ -204,12 +204,12 @@ def _ahead(
 
 
 def _card(job: Job) -> "Card":
-    """Return the graphics card with the job's scene on it; `DesignError` if there is none."""
+    """Return the GPU, loaded with the job's scene; raise `DesignError` if there is none."""
     need("numba_cuda", what="device", value=job.device, error=DesignError)
     from solen.trace.kernel import cuda  # requires numba-cuda
 
     if not cuda.available():
-        limit = "no CUDA graphics card was found, or its driver or compiler is missing"
+        limit = "no CUDA GPU was found, or its driver or compiler is missing"
         raise DesignError("device", value=job.device, limit=limit, remedy='use device="cpu"')
     rays = min(job.scene.rays, CARD_CHUNK)
     return cuda.Card(job.constants, job.tables, empty(job), SPLITTING[job.mode], job.limits.min_weight, rays)
@@ -244,7 +244,7 @@ def _trace_in_space(job: Job, chunk: Chunk, extrusion: Extrusion) -> tally.Sums:
 
 
 def _single_error(job: Job, threads: int) -> float:
-    """Largest difference of a receiver's power between both precisions, for fans of few rays from each source."""
+    """Return the largest difference in receiver power between the two precisions, for fans with few rays per source."""
     few = replace(
         job.scene, sources=tuple(source.with_rays(min(source.rays, COMPARED_RAYS)) for source in job.scene.sources)
     )

@@ -1,12 +1,13 @@
-"""Light that enters a body by a face whose walls are not upright: a step in space before the extruded engine.
+"""Entry of light into a body through a face whose walls are not vertical: a step in space before the extruded engine.
 
-`through_face` replaces a scene's sources with the rays that they send through the face, as they continue in the body:
-with their powers after Fresnel's equations at the face, their polarisation, and their optical path up to there. The
-power that the face reflects is reported as ``reflected``; reflected light that turns back escapes, and any that
-continues, or meets a ledge, is followed, as is light that passes beside the lens. Behind the face the body is a prism,
-traced as any other.
+`through_face` replaces the sources of a scene by the rays that continue behind the face, with the power that remains
+after Fresnel's equations, their polarisation, and their optical path length up to the face. The power reflected by the
+face is reported as ``reflected``. Reflected light that turns back escapes; reflected light that continues forwards or
+meets a ledge is followed, and so is light that passes beside the lens. Behind the face the body is a prism and is
+traced like any other.
 
-Light that returns to the face from within meets the cylinder of its middle section; see `solen.trace.kernel.entry`.
+Light that returns to the face from within meets a cylinder with the face's middle section instead; see
+`solen.trace.kernel.entry`.
 """
 
 from dataclasses import dataclass, replace
@@ -30,11 +31,11 @@ if TYPE_CHECKING:
 T = TypeVar("T", bound=np.generic)
 
 REFLECTED = tally.LEAKED + 1
-"""Index of the power that a face in space reflected; the compiled loops never write to it."""
+"""Index of the power reflected by a face in space; the compiled loops never write to it."""
 
 
 def through_face(scene: Scene, mode: Mode) -> Scene:
-    """Replace the sources with the light behind the face in space; a scene without one is returned unchanged."""
+    """Replace the sources with the light behind the face in space; return a scene without such a face unchanged."""
     front, slab = scene.front, scene.extrusion
     if front is None or slab is None:
         return scene
@@ -47,17 +48,17 @@ def through_face(scene: Scene, mode: Mode) -> Scene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Entered(Source):
-    """A source's light behind a face in space."""
+    """Light from a source behind a face in space."""
 
     source: Source
     faced: entry.Faced
     motion: Rigid
     indices: tuple[float, ...]
-    """of the body, at the lines of the spectrum"""
+    """of the body, at each spectral line"""
 
     @classmethod
     def of(cls, source: Source, front: Front, body: "Region", air: "Region", mode: Mode, scene: Scene) -> "Entered":
-        """Return the light of a source behind the face of a scene."""
+        """Return the light that a source sends through the face of a scene."""
         slab = scene.extrusion
         if slab is None:
             raise AssertionError("a face in space needs a slab")
@@ -82,12 +83,12 @@ class Entered(Source):
 
     @property
     def rays(self) -> int:
-        """Number of rays of the source itself."""
+        """Number of rays that the original source emits."""
         return self.source.rays
 
     @property
     def shape_dimensions(self) -> int:
-        """The same as for the source, in the plane."""
+        """As for the original source in the plane."""
         return self.source.shape_dimensions
 
     @property
@@ -95,22 +96,22 @@ class Entered(Source):
         return len(self.faced.face.edges) > 2
 
     def dimensions(self, in_space: bool = False) -> int:
-        """The same as for the source, plus one if there are ledges."""
+        """As for the original source, plus one if there are ledges."""
         return self.source.dimensions(in_space) + self._ledges
 
     def place(self, u: FloatArray) -> Placed:  # noqa: ARG002  it has no rays in the plane
-        """Never called: a face in space has no rays in the plane."""
-        raise AssertionError("a face in space is met in space")
+        """Never called, because rays at a face in space are not in the plane."""
+        raise AssertionError("a face in space requires rays in space")
 
     def check(self) -> None:
-        """Do nothing: the scene checked the source."""
+        """Do nothing, because the scene has checked the original source."""
 
     def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:
-        """See :meth:`~solen.scene.sources.base.Source.launch_at`; rays that miss the body have y outside it."""
+        """See :meth:`~solen.scene.sources.base.Source.launch_at`; rays that miss the body have a y outside it."""
         own = self.source.dimensions(in_space)
         launch = self.source.launch_at(u[:, :own], rays, in_space)
         if launch.y_mm is None or launch.dy is None:
-            raise AssertionError("a face in space is met in space")
+            raise AssertionError("a face in space requires rays in space")
         count = len(launch)
         back = _inverse(self.motion)
         x, z = _moved(back, launch.x_mm, launch.z_mm)
@@ -133,7 +134,7 @@ class Entered(Source):
 
 
 def note_entry(sums: tally.Sums, launch: Launch) -> None:
-    """Add the powers that were lost before the rays started."""
+    """Add the power that was lost before the rays start behind the face."""
     behind = launch.behind
     if behind is None:
         return
@@ -144,18 +145,18 @@ def note_entry(sums: tally.Sums, launch: Launch) -> None:
 
 
 def _with_room(column: NDArray[T]) -> NDArray[T]:
-    """Return an array (..., N) extended with room for as many rays again."""
+    """Return an array (..., N) extended to 2N entries."""
     return np.ascontiguousarray(np.concatenate([column, np.zeros_like(column)], axis=-1))
 
 
 def _inverse(motion: Rigid) -> Rigid:
-    """Return the inverse of a motion."""
+    """Return the inverse of a rigid motion."""
     x, z = motion.shift
     c, s = motion.cos, motion.sin
     return Rigid(c, -s, (-(c * x + s * z), s * x - c * z))
 
 
 def _moved(motion: Rigid, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return points after a motion."""
+    """Return points after a rigid motion."""
     c, s, (x0, z0) = motion.cos, motion.sin, motion.shift
     return c * x - s * z + x0, s * x + c * z + z0

@@ -1,7 +1,8 @@
-"""A grid over a scene of many curves, so that a ray is tested only against those in the cells that it crosses.
+"""A grid over a scene with many curves, so that a ray is tested only against the curves in the cells it crosses.
 
-The area of the curves is divided into about twice as many cells as there are pieces. Each piece is listed in all cells
-that its polyline crosses, with a margin for its sag: too many cells cost a little time, too few would lose light.
+The area occupied by the curves is divided into about twice as many cells as there are curve pieces. Each piece is
+listed in all cells that its polyline crosses, with a margin for the sag: too many cells cost a little time, but too few
+would lose light.
 """
 
 import math
@@ -14,14 +15,14 @@ from solen.arrays import FloatArray, IntArray
 from solen.curve import Curve
 
 FEWEST = 40
-"""Number of pieces below which testing all of them for many rays at once is faster."""
+"""Number of curve pieces below which it is faster to test all of them for many rays at once."""
 CELLS_PER_PIECE = 2.0
 MOST_ALONG = 4096
 SAG = 0.1
 
 
 class Grid(NamedTuple):
-    """Arrays of `solen.trace.tables.Tables`: lowest corner, size and number of cells, and the pieces in each."""
+    """Grid arrays of `solen.trace.tables.Tables`: lowest corner, cell size, cell counts, and pieces in each cell."""
 
     low: FloatArray
     cell: FloatArray
@@ -34,7 +35,7 @@ NO_GRID = Grid(np.zeros(2), np.ones(2), np.ones(2, dtype=np.int64), np.zeros(2, 
 
 
 def grid_of(pieces: Sequence[Curve]) -> Grid:
-    """Return the grid over pieces of curves, or `NO_GRID` if there are few."""
+    """Return the grid over the curve pieces, or `NO_GRID` if there are few pieces."""
     if len(pieces) < FEWEST:
         return NO_GRID
     ends = np.array([point for curve in pieces for point in (curve.start, curve.middle_point, curve.end)])
@@ -61,7 +62,7 @@ def grid_of(pieces: Sequence[Curve]) -> Grid:
 
 
 def _sides(lines: Sequence[FloatArray], longest: float) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Sides of all polylines, cut to at most ``longest``: index of the polyline, first and last point."""
+    """Sides of all polylines, subdivided to at most ``longest``: polyline index, first point and last point."""
     starts, stops = np.vstack([line[:-1] for line in lines]), np.vstack([line[1:] for line in lines])
     owner = np.repeat(np.arange(len(lines)), [len(line) - 1 for line in lines])
     parts = np.maximum(np.ceil(np.hypot(*(stops - starts).T) / longest), 1).astype(np.int64)

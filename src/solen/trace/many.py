@@ -1,7 +1,7 @@
 """Many scenes in one call, for example positions of a motion or variants of a design, each with few rays.
 
-Their tables and rays are concatenated and traced with one compiled call per thread, without Python in between. The
-results are those of `solen.trace.trace` to the last bit, unless a source has more rays than two of its chunks.
+The tables and rays of all scenes are concatenated and traced with one compiled call per thread, without Python in
+between. The results are bit-identical to those of `solen.trace.trace`, unless a source has more rays than two chunks.
 """
 
 import os
@@ -38,10 +38,10 @@ def trace_many(
     precision: Digits = "double",
     threads: int | None = None,
 ) -> list[Trace]:
-    """Trace every ray of every source of every scene, with the sources' own regular rays.
+    """Trace the regular rays of every source in every scene.
 
-    Parameters and errors are those of `solen.trace.trace`. All rays are in memory at once, and in single precision the
-    results do not state its error: it is intended for few rays in many scenes.
+    Parameters and errors are those of `solen.trace.trace`. All rays are in memory at once, and the error of single
+    precision is not reported; the function is intended for few rays in many scenes.
     """
     check_mode(mode)
     check_choice("precision", precision, tuple(DTYPES))
@@ -51,7 +51,7 @@ def trace_many(
     if not scenes:
         return []
     if any(scene.extrusion is not None for scene in scenes):
-        limit, remedy = "trace_many is only for scenes of the plane", "trace each scene separately"
+        limit, remedy = "trace_many accepts only planar scenes", "trace each scene separately"
         raise DesignError("scenes", value="an extruded one", limit=limit, remedy=remedy)
     jobs = [Job.of(scene, mode, limits or Limits(), DTYPES[precision], seed=seed) for scene in scenes]
     tasks = [(i, make()) for i, job in enumerate(jobs) for make in chunks(job, most=job.scene.rays)]
@@ -84,13 +84,13 @@ class _Batch:
         self.sums = of_tasks(len(tasks), sum(receivers), sum(monitors), sum(bins))
 
     def shares(self, threads: int) -> list[int]:
-        """Divide the tasks among threads, with about the same number of rays each."""
+        """Divide the tasks among threads so that each thread has about the same number of rays."""
         rays = self.where.ray
         inner = np.searchsorted(rays, np.arange(1, threads) * rays[-1] / threads)
         return [0, *(int(task) for task in inner), len(self.tasks)]
 
     def trace(self, begin: int, stop: int) -> None:
-        """Trace some of the tasks, again with more memory if it is insufficient."""
+        """Trace a range of tasks, repeating it with more memory if necessary."""
         most = int(np.diff(self.where.ray[begin : stop + 1]).max(initial=0))
         job, waiting = self.jobs[0], 64 * BLOCK
         rules = rules_of(job, self.tasks[0][1])._replace(turbid=any(job.scene.is_turbid for job in self.jobs))
@@ -104,13 +104,13 @@ class _Batch:
             self._clear(begin, stop)
 
     def _clear(self, begin: int, stop: int) -> None:
-        """Clear the sums of some of the tasks."""
+        """Clear the sums for a range of tasks."""
         for name in tally.Sums._fields:
             column = self._part(name, begin, stop)
             column[...] = np.nan if name == "place" else 0
 
     def _part(self, name: str, begin: int, stop: int) -> NDArray[Any]:
-        """Return the part of a sum that belongs to some of the tasks."""
+        """Return the section of a sum array that belongs to a range of tasks."""
         where: dict[str, IntArray] = {
             **dict.fromkeys(RECEIVERS, self.where.receiver),
             **dict.fromkeys(MONITORS, self.where.monitor),
@@ -145,12 +145,12 @@ class _Batch:
 
 
 def _starts(many: Iterable[int]) -> IntArray:
-    """Return the start of each item and the end of the last, from their lengths."""
+    """Return the start of each item and the end of the last, from the item lengths."""
     return np.cumsum([0, *many], dtype=np.int64)
 
 
 def _joined(tables: list[Tables]) -> tuple[Tables, batch.Starts]:
-    """Concatenate tables and return them with the start of each one's rows."""
+    """Concatenate tables; also return the first row of each."""
     regions = max(part.refractive_index.shape[1] for part in tables)
 
     def column(name: str) -> NDArray[Any]:

@@ -1,8 +1,8 @@
 """Integration with randomised nets: sixteen scrambled Sobol' nets with increasing numbers of points, until they agree.
 
-This is for light through a face in space. Its rays have four coordinates and the power at a receiver has jumps over
-each of them; no coordinate can be integrated exactly, as the height can for upright walls (decision 89). Each net is an
-unbiased estimate, so the standard error of their mean is the uncertainty of the integral.
+This method is for light through a face in space. Each ray has four coordinates, and the power at a receiver jumps along
+every one of them, so none can be integrated exactly, as the height can for vertical walls (decision 89). Each net is an
+unbiased estimate, so the standard error of the mean over nets is the uncertainty of the integral.
 """
 
 from dataclasses import replace
@@ -12,7 +12,7 @@ from solen.trace.engine import trace
 from solen.trace.result import Limits, Mode, Trace
 
 FIRST_RAYS, MOST_RAYS, TIMES = 2**15, 2**21, 4
-"""Initial and largest number of rays, and the factor between successive numbers."""
+"""Initial and maximum number of rays, and the factor between successive numbers."""
 
 
 def by_nets(
@@ -27,20 +27,21 @@ def by_nets(
     first_rays: int = FIRST_RAYS,
     seed: int = 0,
 ) -> Trace:
-    """Trace with increasing numbers of rays until each receiver's standard error is within the tolerance.
+    """Trace with increasing numbers of rays until the standard error at each receiver is within the tolerance.
 
     Parameters
     ----------
     scene
-        The numbers of rays of its sources have no effect.
+        The scene to integrate; the ray counts of its sources have no effect.
     tolerance
         Tolerance of each power, as a fraction of the emitted power.
     mode, limits, threads
         As in `solen.trace.trace`.
     most_rays
-        Number of rays at which it ends, whatever the error; ``reached`` is then False, and ``why`` states it.
+        Number of rays at which the integration ends, whatever the error; ``reached`` is then False, and ``why`` gives
+        the reason.
     most_legs
-        Number of ray segments beyond which no more rays follow.
+        Number of ray segments beyond which no further rays are traced.
     first_rays
         Initial number of rays.
     seed
@@ -58,5 +59,5 @@ def by_nets(
 
 
 def with_rays(scene: Scene, rays: int) -> Scene:
-    """Return the scene with this number of rays for each source."""
+    """Return the scene with this many rays per source."""
     return replace(scene, sources=tuple(source.with_rays(rays) for source in scene.sources))

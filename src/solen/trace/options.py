@@ -1,4 +1,4 @@
-"""Options of a trace, declared once for `solen trace`, for scenes and for designs."""
+"""Trace options, declared once for `solen trace`, for scenes and for designs."""
 
 from typing import Annotated, Literal, Self
 
@@ -13,26 +13,30 @@ from solen.trace.engine import trace
 from solen.trace.result import Mode, Trace
 
 MOST_PATHS = 100_000
-"""Largest number of rays whose paths are kept."""
+"""Maximum number of rays whose paths are stored."""
 
 
 class TraceOptions(Options):
-    """Options for choosing and following rays."""
+    """Options for the choice and propagation of rays."""
 
     mode: Mode | None = None
     """Physics: count (refraction or total reflection), power (Fresnel, both branches) or roulette (Fresnel, one branch
-    drawn); default: trace.mode of a design, power for a scene."""
+    drawn at random); default: trace.mode of a design, power for a scene.
+    """
     sampling: Literal["fan", "sobol", "adaptive"] = "fan"
-    """Rays: fan (evenly spaced), sobol (independent samples) or adaptive (integration over the launch angle)."""
+    """Ray selection: fan (uniformly spaced), sobol (independent samples) or adaptive (integration over the launch
+    angle).
+    """
     seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
-    """Seed of sobol and of roulette: the same one gives the same result."""
+    """Seed of sobol and roulette; equal seeds give identical results."""
     tolerance: Annotated[Finite, Field(ge=LEAST_TOLERANCE, le=MOST_TOLERANCE)] | None = None
-    """With adaptive: largest uncertainty of a power, as a fraction of the emitted power; default: 1e-6 for a point of
-    one wavelength, 1e-4 for other sources."""
+    """For adaptive sampling: maximum uncertainty of a power, as a fraction of the emitted power; default: 1e-6 for a
+    point source of one wavelength, 1e-4 for other sources.
+    """
     precision: Digits = "double"
-    """Floating-point precision; single states its error."""
+    """Floating-point precision; single also reports the error that it causes."""
     histogram: Annotated[int, Field(ge=1, le=10_000)] | None = None
-    """Number of bins of the power at each receiver, by position and by angle of incidence."""
+    """Number of histogram bins for the power at each receiver, by position and by angle of incidence."""
 
     @model_validator(mode="after")
     def _fit_together(self) -> Self:
@@ -56,16 +60,16 @@ def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", 
     scene
         The scene to trace.
     options
-        Options; ``usual_mode`` is the mode if they state none.
+        Trace options; ``usual_mode`` is used if they do not specify a mode.
     paths
-        Whether to keep each ray segment for the ``paths()`` of all rays.
+        Whether to store each ray segment, so that ``paths()`` can return all ray paths.
 
     Raises
     ------
     SpecError
         For an option that has no effect on this scene, or that its sources or monitors do not support.
     DesignError
-        As `trace` and `integrate`.
+        As in `trace` and `integrate`.
     """
     mode = options.mode or usual_mode
     if options.sampling == "adaptive":
@@ -91,18 +95,16 @@ def trace_with(scene: Scene, options: TraceOptions, usual_mode: Mode = "power", 
 
 def _check_adaptive(scene: Scene, paths: bool) -> None:
     if paths:
-        raise SpecError(
-            "sampling", value="adaptive", limit="does not support the paths of rays", remedy="use fan for pictures"
-        )
+        raise SpecError("sampling", value="adaptive", limit="does not support ray paths", remedy="use fan for images")
     if scene.monitors:
-        limit = "evaluates only receivers, and this scene has monitors"
+        limit = "evaluates only receivers, but this scene has monitors"
         raise SpecError("sampling", value="adaptive", limit=limit, remedy="use fan or sobol")
 
 
 def check_paths(scene: Scene) -> None:
-    """Raise `SpecError` if the paths of a scene's rays cannot be kept: too many rays, or rays in space."""
+    """Raise `SpecError` if the ray paths of a scene cannot be stored: too many rays, or rays in space."""
     if scene.rays > MOST_PATHS:
         raise SpecError("paths", value=f"{scene.rays} rays", limit=f"paths are written for at most {MOST_PATHS} rays")
     if scene.extrusion is not None:
-        limit = "paths are supported only in the plane, and these rays are in space"
+        limit = "paths are supported only in the plane, but these rays are in space"
         raise SpecError("paths", limit=limit, remedy="omit it, or trace in the plane")

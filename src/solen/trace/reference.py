@@ -1,12 +1,13 @@
-"""The reference tracer in plain Python, with which every faster one must agree.
+"""The reference tracer in plain Python, with which every faster tracer must agree.
 
 It follows one ray at a time, with the curves of `solen.curve` and the physics of `solen.interface`. In *counting* mode
-a ray is refracted or totally reflected, never split, and nothing is absorbed on its way. In *power* mode Fresnel's
-equations split it, s and p separately, both parts are followed down to the stated weight, and media absorb. In
-*roulette*, one of the two parts continues with the total power, drawn with probability proportional to its own.
+a ray is refracted or totally reflected, never split, and not absorbed on its way. In *power* mode a ray is split
+according to Fresnel's equations, with s and p treated separately; both parts are followed down to the minimum weight,
+and media absorb. In *roulette* mode, one of the two parts continues with the total power, drawn with probability
+proportional to its own power.
 
 At a split the weaker part is followed first: it has at most half of the power, so the number of waiting parts never
-exceeds the logarithm of the least weight. The weaker part gets a new branch number.
+exceeds the logarithm of the inverse minimum weight. The weaker part gets a new branch number.
 """
 
 import math
@@ -45,9 +46,9 @@ from solen.trace.result import (
 
 @dataclass(frozen=True)
 class Ray:
-    """A ray on its way: ``last`` is the interface at its origin, ``region`` its medium (None: not known yet).
+    """A ray on its way: ``last`` is the interface at its origin, ``region`` its medium (None if not yet determined).
 
-    ``optical_mm`` is its optical path so far.
+    ``optical_mm`` is the optical path length so far.
     """
 
     number: int
@@ -67,7 +68,7 @@ class Ray:
 
     @property
     def power(self) -> float:
-        """Power in both polarisations."""
+        """Total power of both polarisations."""
         return self.s + self.p
 
     def onwards(self, at: Point, direction: Point, region: str, last: Interface) -> "Ray":
@@ -87,7 +88,7 @@ def trace_reference(
 
 
 def launched(scene: Scene, limits: Limits) -> Iterator[Ray]:
-    """Yield the rays of all sources as they start, numbered over all of them."""
+    """Yield the initial rays of all sources, numbered consecutively."""
     number = count()
     for which, source in enumerate(scene.sources):
         launch = source.launch()
@@ -99,7 +100,7 @@ def launched(scene: Scene, limits: Limits) -> Iterator[Ray]:
 
 
 class Tracer:
-    """Tracer of rays through one scene, which adds up their powers by fate."""
+    """Tracer for rays through one scene, which adds up their powers by fate."""
 
     def __init__(self, scene: Scene, mode: Mode, limits: Limits, seed: int) -> None:
         self.scene = scene
@@ -131,7 +132,7 @@ class Tracer:
                 current = self._step(current, waiting)
 
     def _step(self, ray: Ray, waiting: list[Ray]) -> Ray | None:
-        """Advance a ray to its next interface and through it; None if it ends."""
+        """Advance a ray to its next interface and through it; return None if the ray ends."""
         interface, length_mm = self._next(ray)
         if interface is None:
             self._escape(ray)
@@ -172,13 +173,14 @@ class Tracer:
         return self._refract(arrived, back, facing, beyond, waiting)
 
     def _normal(self, interface: Interface, at: Point, direction: Point) -> Point:  # noqa: ARG002  some ask for it
-        """Left normal where a ray meets an interface."""
+        """Return the left normal where a ray meets an interface."""
         return interface.curve.normal_at(at)
 
     def _only_an_end(self, ray: Ray, interface: Interface, region: str) -> bool:
-        """Whether a ray that starts in a corner meets only the end of the other curve, which extends over the corner.
+        """Return whether a ray that starts in a corner meets the other curve only in its extension beyond the corner.
 
-        It does if that curve has another medium on this side, or is on the other side of the curve at the ray's origin.
+        This is the case if that curve has another medium on this side, or lies on the other side of the curve at the
+        ray origin.
         """
         if ray.last is None:
             return False
@@ -249,14 +251,14 @@ class Tracer:
         return self._split((self._one_of(parts),) if self.mode == "roulette" and both else parts, waiting)
 
     def _free_path(self, ray: Ray, region: Region) -> float:
-        """Draw the free path of a ray up to scattering in a medium, from the exponential distribution."""
+        """Draw the free path of a ray before scattering in a medium, from the exponential distribution."""
         if region.scattering_per_mm == 0.0:
             return math.inf
         share = chance_of(Event(self.seed, ray.number, ray.hits), FREE_PATH)
         return -math.log(1.0 - share) / region.scattering_per_mm
 
     def _scatter(self, ray: Ray, region: str, length_mm: float) -> Ray | None:
-        """Scatter a ray in a medium, by an angle from Henyey and Greenstein's distribution in the plane."""
+        """Scatter a ray in a medium, by an angle drawn from the Henyey–Greenstein distribution in the plane."""
         at = along(ray.origin, ray.direction, length_mm)
         arrived = self._absorbed_on_the_way(ray, region, length_mm)
         self._monitor(ray, region, length_mm)
@@ -276,14 +278,14 @@ class Tracer:
         )
 
     def _one_of(self, parts: tuple[Ray, Ray]) -> Ray:
-        """Draw one of two parts with probability proportional to its power; it has the power of both."""
+        """Draw one of two parts with probability proportional to its power; it carries the total power."""
         back, on = parts
         power = back.power + on.power
         taken = back if chance(self.seed, back.number, back.hits - 1) * power < back.power else on
         return replace(taken, s=taken.s * power / taken.power, p=taken.p * power / taken.power)
 
     def _split(self, parts: tuple[Ray, ...], waiting: list[Ray]) -> Ray | None:
-        """Cut parts below the least weight; if two remain, the weaker is followed first under a new branch number."""
+        """Drop parts below the minimum weight; of two that remain, the weaker is followed first as a new branch."""
         cut = math.fsum(part.power for part in parts if part.power < part.least)
         if cut > 0.0:
             self.sums[TRUNCATED] += cut
@@ -305,7 +307,7 @@ class Tracer:
         return weaker
 
     def _escape(self, ray: Ray) -> None:
-        """Let a ray escape to infinity; a medium with any absorption absorbs it."""
+        """Let a ray escape to infinity; in an absorbing medium it is absorbed instead."""
         self._monitor(ray, ray.region, math.inf)
         lossy = ray.region is not None and self.regions[ray.region].absorption_per_mm > 0.0
         fate = ABSORBED if self.mode != "count" and lossy else ESCAPED
@@ -313,7 +315,7 @@ class Tracer:
         self._end(ray, fate, None)
 
     def _undefined(self, ray: Ray, at: Point, interface: Interface, length_mm: float) -> None:
-        """Count and locate a ray that met an interface from a medium it was not in."""
+        """Count a ray that met an interface from a medium other than its own, and store its location."""
         self.undefined += 1
         if len(self.undefined_at) < KEPT_PLACES:
             self.undefined_at.append(at)
@@ -321,7 +323,7 @@ class Tracer:
         self._end(ray, TRUNCATED, interface)
 
     def _truncated(self, at: Point) -> None:
-        """Count and locate a truncated ray."""
+        """Count a truncated ray and store its location."""
         self.truncated += 1
         if len(self.truncated_at) < KEPT_PLACES:
             self.truncated_at.append(at)
@@ -339,7 +341,7 @@ class Tracer:
         self.legs.append((*numbers, *ray.origin, *ray.direction, length_mm, ray.s, ray.p, kept, ray.optical_mm))
 
     def _monitor(self, ray: Ray, region: str | None, length_mm: float) -> None:
-        """Record a ray segment at each monitor that it crosses, with the power left there."""
+        """Record a ray segment at each monitor that it crosses, with the power remaining there."""
         absorption = 0.0 if region is None or self.mode == "count" else self.regions[region].absorption_per_mm
         for monitor in self.scene.monitors:
             for t in monitor.segment.hits(ray.origin, ray.direction):

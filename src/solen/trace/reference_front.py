@@ -1,7 +1,8 @@
-"""A face in space in the reference tracer: a hit is the position at which a line enters or leaves the solid.
+"""A face in space in the reference tracer: a hit is the position where a line enters or leaves the solid.
 
-Up to the stem's base the solid is bounded by the face and by |x| at most the half width; behind the base it is the part
-of the prism that is behind the face. The lens is the only code shared with the compiled tracing through the face.
+Up to the base of the stem, the solid is bounded by the face and by |x| not exceeding the half width; behind the base,
+it is the part of the prism that is behind the face. The lens is the only code shared with the compiled tracing through
+the face.
 """
 
 import math
@@ -17,13 +18,11 @@ from solen.lens import LayeredLens, LensInSpace, LineFocusLens
 
 Vector = tuple[float, float, float]
 PLACES, HALVINGS, LEAST_MM = 400, 60, 1e-9
-"""Number of points along a ray at which a smooth face is tested, number of halvings, and the smallest distance of a
-hit.
-"""
+"""Number of points along a ray at which a smooth face is tested, number of bisections, and smallest hit distance."""
 
 
 class FrontHit(NamedTuple):
-    """Distance along a ray to the face, the outward normal there, and whether the ray enters."""
+    """Distance along a ray to the face, the outward normal there, and whether the ray enters the solid."""
 
     way: float
     normal: Vector
@@ -31,7 +30,7 @@ class FrontHit(NamedTuple):
 
 
 class FrontInSpace:
-    """A scene's face in space."""
+    """The face in space of a scene."""
 
     def __init__(self, front: Front) -> None:
         self.lens, self.motion = front.lens, front.motion
@@ -39,7 +38,7 @@ class FrontInSpace:
         self.nearest, self.deepest = front.lens.nearest_mm, front.lens.deepest_mm
 
     def hit(self, at: Vector, d: Vector) -> FrontHit | None:
-        """Return the nearest hit of a ray on the face, its ledges or the sides of the lens up to the stem's base."""
+        """Return the nearest hit of a ray on the face, its ledges or the lens sides up to the base of the stem."""
         at, d = self.own(at, shift=True), self.own(d, shift=False)
         hits = [*self.on_face(at, d), *self._sides(at, d)]
         if not hits:
@@ -48,14 +47,14 @@ class FrontInSpace:
         return first._replace(normal=self._scene(first.normal))
 
     def hides(self, at: Vector) -> bool:
-        """Whether a point of a wall of the prism is in front of the face, where the prism is cut away."""
+        """Return whether a point on a prism wall is in front of the face, where the prism is cut away."""
         x, y, z = self.own(at, shift=True)
         if abs(y) > self.lens.half_height_mm or z > self.deepest or abs(x) > 1.1 * self.half_width:
             return False
         return z < self._depth(x, y)
 
     def own(self, v: Vector, *, shift: bool) -> Vector:
-        """Transform a point or a direction from the scene to the lens's own frame."""
+        """Transform a point or a direction from the scene frame to the lens frame."""
         m = self.motion
         x, z = (v[0] - m.shift[0], v[2] - m.shift[1]) if shift else (v[0], v[2])
         return (m.cos * x + m.sin * z, v[1], m.cos * z - m.sin * x)
@@ -68,7 +67,7 @@ class FrontInSpace:
         return float(self.lens.z_at(np.array([x]), np.array([y]))[0])
 
     def _search_range(self, at: Vector, d: Vector) -> tuple[float, float]:
-        """Distances along a ray between which it is in or in front of the lens."""
+        """Return the distances along a ray between which it is inside or in front of the lens."""
         low, high = LEAST_MM, math.inf
         box = (
             (-self.half_width, self.half_width),
@@ -84,7 +83,7 @@ class FrontInSpace:
         return low, high
 
     def on_face(self, at: Vector, d: Vector) -> Iterator[FrontHit]:
-        """Yield the nearest hit of a ray on the face or its ledges, if there is one, in the lens's own frame."""
+        """Yield the nearest hit of a ray on the face or its ledges, if there is one, in the lens frame."""
         low, high = self._search_range(at, d)
         if not low < high:
             return
@@ -105,7 +104,7 @@ class FrontInSpace:
             yield FrontHit(way, _normal(lens, at, d, way), bool(sign[i]))
 
     def _layers(self, lens: LayeredLens, at: Vector, d: Vector, low: float, high: float) -> Iterator[FrontHit]:
-        """Yield the nearest hit on the profile of a layer or on the ledge at the border to the next one."""
+        """Yield the nearest hit on the profile of a layer or on the ledge between it and the next layer."""
         borders = [(edge - at[1]) / d[1] for edge in lens.edges_mm] if d[1] != 0.0 else []
         stops = [low, *sorted(way for way in borders if low < way < high), high]
         middles = np.array([0.5 * (a + b) for a, b in pairwise(stops)])
@@ -136,7 +135,7 @@ class FrontInSpace:
                     return
 
     def _sides(self, at: Vector, d: Vector) -> Iterator[FrontHit]:
-        """Yield hits on the planes at the edges of the aperture, between the face and the stem's base."""
+        """Yield hits on the planes at the edges of the aperture, between the face and the base of the stem."""
         for side in (-1.0, 1.0):
             if d[0] == 0.0:
                 continue
@@ -150,7 +149,7 @@ class FrontInSpace:
 
 
 def _halved(outside: Callable[[FloatArray], FloatArray], low: float, high: float) -> float:
-    """Bisect for the position at which a function changes sign."""
+    """Locate the sign change of a function by bisection."""
     before = bool(outside(np.array(low)) > 0.0)
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
@@ -162,7 +161,7 @@ def _halved(outside: Callable[[FloatArray], FloatArray], low: float, high: float
 
 
 def _normal(lens: LensInSpace, at: Vector, d: Vector, way: float) -> Vector:
-    """Outward normal of a smooth face, from small differences of its optical length."""
+    """Return the outward normal of a smooth face, from small differences of its optical length."""
     point = [a + way * b for a, b in zip(at, d, strict=True)]
     step, slopes = 1e-6, []
     if not isinstance(lens, LineFocusLens):
@@ -176,7 +175,7 @@ def _normal(lens: LensInSpace, at: Vector, d: Vector, way: float) -> Vector:
 
 
 def _profile_normal(lens: LayeredLens, layer: int, x: float) -> Vector:
-    """Outward normal of a layer's wall, from small differences of its profile."""
+    """Return the outward normal of a layer wall, from small differences of its profile."""
     step = 1e-5
     at = np.clip(np.array([x - step, x + step]), -lens.half_width_mm, lens.half_width_mm)
     one, two = lens.profile_mm(np.array([layer, layer]), at)

@@ -1,8 +1,9 @@
-"""The reference tracer in space, which follows single rays by brute force and checks the engine's extruded scenes.
+"""The reference tracer in space, which follows single rays by brute force to check the engine's extruded scenes.
 
 It shares only the scene with the engine: vectors have three components, light consists of two independent complex
-fields (whose powers add up), random numbers are Python's own. At a partial reflection one part is followed, drawn with
-probability proportional to its power. Scatter profiles are sampled by rejection, so only their definition matters.
+fields whose powers add, and random numbers come from Python's own generator. At a partial reflection one part is
+followed, drawn with probability proportional to its power. Scatter profiles are sampled by rejection, so only their
+definition matters.
 """
 
 import math
@@ -26,24 +27,24 @@ UP: Vector = (0.0, 1.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """Sums over rays of their power by fate, and of its squares for the standard error."""
+    """Sum of ray powers with one fate, and of their squares for the standard error."""
 
     rays: int
     sums: dict[str, float]
     squares: dict[str, float]
 
     def mean(self, what: str) -> float:
-        """Fraction of the emitted power."""
+        """Mean as a fraction of the emitted power."""
         return self.sums.get(what, 0.0) / self.rays
 
     def error(self, what: str) -> float:
-        """Standard error of the fraction."""
+        """Standard error of that fraction."""
         mean = self.mean(what)
         return math.sqrt(max(self.squares.get(what, 0.0) / self.rays - mean * mean, 0.0) / self.rays)
 
 
 class Ray(NamedTuple):
-    """A ray on its way: ``last`` is the wall at its origin, ``region`` its medium (None: not known yet)."""
+    """A ray on its way: ``last`` is the wall at its origin, ``region`` its medium (None if not yet determined)."""
 
     at: Vector
     d: Vector
@@ -53,7 +54,7 @@ class Ray(NamedTuple):
 
 
 class Meeting(NamedTuple):
-    """A wall, its normal on the side of the ray, and the media before and behind it."""
+    """A wall, its normal on the side of the ray, and the media in front of it and behind it."""
 
     wall: Interface
     normal: Vector
@@ -65,9 +66,9 @@ class Meeting(NamedTuple):
 def trace_space_reference(scene: Scene, limits: Limits | None = None, *, seed: int = 0) -> Reading:
     """Trace every ray of every source of an extruded scene.
 
-    The readings are the power at receivers by name, ``escaped`` with its parts ``missed`` and ``leaked`` (see `Trace`),
-    ``absorbed`` and ``truncated``, as fractions of the emitted power. All rays are taken to carry the same power.
-    Corners are not treated specially: a ray within some 1e-9 mm of one may be truncated.
+    The readings are the power at receivers by name; ``escaped`` with its parts ``missed`` and ``leaked`` (see `Trace`);
+    ``absorbed``; and ``truncated``, all as fractions of the emitted power. All rays are taken to carry the same power.
+    Corners receive no special treatment, so a ray within about 1e-9 mm of a corner may be truncated.
 
     Raises
     ------
@@ -96,7 +97,7 @@ def trace_space_reference(scene: Scene, limits: Limits | None = None, *, seed: i
 
 
 class _Tracer:
-    """Tracer of rays through one scene, which adds up their powers by fate."""
+    """Tracer for rays through one scene, which adds up their powers by fate."""
 
     def __init__(self, scene: Scene, slab: Extrusion, limits: Limits, draw: random.Random) -> None:
         self.scene, self.slab, self.limits, self.draw = scene, slab, limits, draw
@@ -105,10 +106,10 @@ class _Tracer:
         self.front = None if scene.front is None else FrontInSpace(scene.front)
         name = "" if scene.front is None else scene.front.interface
         self.face = next((interface for interface in scene.interfaces if interface.name == name), None)
-        """the upright face that a face in space replaces; the sources are on its right"""
+        """the vertical face that is replaced by a face in space; the sources are on its right"""
         self.rays = 0
         self.sums: dict[str, float] = {}
-        """of one ray"""
+        """for the current ray"""
         self.all: dict[str, float] = {}
         self.squares: dict[str, float] = {}
         self.nm: float | None = None
@@ -128,12 +129,12 @@ class _Tracer:
             self.squares[what] = self.squares.get(what, 0.0) + power * power
 
     def _count(self, what: str, light: Light) -> "Ray | None":
-        """Record the power of a ray that ends; returns None."""
+        """Record the power of a ray that ends; return None."""
         self.sums[what] = self.sums.get(what, 0.0) + _power(light)
         return None
 
     def _step(self, ray: Ray) -> Ray | None:
-        """Advance a ray to the nearest event: a wall, top or bottom, or scattering in a medium."""
+        """Advance a ray to the nearest event: a wall, the top or bottom, or scattering in a medium."""
         if abs(ray.at[1]) > self.half * (1.0 + 1e-12):
             self._count("missed", ray.light)
             return self._count("escaped", ray.light)
@@ -163,7 +164,7 @@ class _Tracer:
         return self._over(ray) if way < far else self._at_wall(ray._replace(last=met.wall), met)
 
     def _wall(self, ray: Ray) -> tuple[Interface | None, float]:
-        """Return the first wall on a ray's path and its distance."""
+        """Return the first wall on the path of a ray and its distance."""
         flat = math.hypot(ray.d[0], ray.d[2])
         if flat == 0.0:
             return None, math.inf
@@ -188,7 +189,7 @@ class _Tracer:
         return Meeting(wall, _times(-1.0, hit.normal), False, wall.left, wall.right)
 
     def _passes_over(self, ray: Ray, far: float) -> bool:
-        """Whether a ray in the air in front of a face in space leaves the slab before it reaches a wall."""
+        """Return whether a ray in the air in front of a face in space leaves the slab before it reaches a wall."""
         if self.face is None or ray.region != self.face.right:
             return False
         return abs(ray.at[1] + far * ray.d[1]) > self.half
@@ -197,7 +198,7 @@ class _Tracer:
         return self.draw.expovariate(medium.scattering_per_mm) if medium.scattering_per_mm > 0.0 else math.inf
 
     def _turned(self, d: Vector, g: float) -> Vector:
-        """Direction after scattering, sampled by rejection from uniform directions."""
+        """Return a direction after scattering, sampled by rejection from uniform directions."""
         while True:
             new = self._anywhere()
             value = (1.0 - g * g) / (1.0 + g * g - 2.0 * g * _dot(d, new)) ** 1.5
@@ -205,14 +206,14 @@ class _Tracer:
                 return new
 
     def _anywhere(self) -> Vector:
-        """Random unit vector, uniform on the sphere."""
+        """Return a random unit vector, uniformly distributed on the sphere."""
         while True:
             v = (self.draw.uniform(-1.0, 1.0), self.draw.uniform(-1.0, 1.0), self.draw.uniform(-1.0, 1.0))
             if 1e-6 < _dot(v, v) < 1.0:
                 return _unit(v)
 
     def _over(self, ray: Ray) -> Ray | None:
-        """Reflect a ray at top or bottom or record it as lost; the transmitted part is not followed."""
+        """Reflect a ray at the top or bottom, or record it as lost; the transmitted part is not followed."""
         up = 1.0 if ray.d[1] > 0.0 else -1.0
         ray = ray._replace(at=(ray.at[0], up * self.half, ray.at[2]))
         n1 = self.regions[str(ray.region)].index_at(self.nm)
@@ -262,7 +263,7 @@ class _Tracer:
     def _amplitudes(
         self, behaviour: str, surface: Surface, from_right: bool, n1: float, n2: float, cos: float
     ) -> "Amplitudes":
-        """Amplitude factors of both fields, reflected and transmitted."""
+        """Return the amplitude factors of both fields, reflected and transmitted."""
         if surface.table is not None:
             share = shares_of(surface, from_right, cos)
             if behaviour == "mirror" or n1 * n1 * (1.0 - cos * cos) >= n2 * n2:
@@ -283,7 +284,7 @@ class _Tracer:
         return Amplitudes(0.0, 0.0, 1.0, 1.0) if not surface.partial and abs(a.ts) > 0.0 else a
 
     def _facet(self, texture: Texture, d: Vector, normal: Vector, n1: float, n2: float) -> Vector:
-        """Normal of the facet of a ripple that a ray meets, drawn in proportion to its projected size."""
+        """Return the normal of the ripple facet that a ray meets, drawn in proportion to its projected size."""
         along = UP if texture.direction == "across" else _cross(normal, UP)
         largest = 1.0 + texture.slope * abs(_dot(d, along)) / -_dot(d, normal)
         while True:
@@ -298,7 +299,7 @@ class _Tracer:
                 return facet
 
     def _scattered(self, surface: Surface, d: Vector, light: Light, normal: Vector) -> tuple[Vector, Light]:
-        """Return a part unchanged, or in a direction drawn from the profile, on the side of the normal."""
+        """Return a part unchanged, or in a direction drawn from the profile, on the same side of the surface."""
         scatter = surface.scatter
         if scatter is None or self.draw.random() >= scatter.share:
             return d, light
@@ -322,9 +323,9 @@ class _Tracer:
 
 
 class Amplitudes(NamedTuple):
-    """Amplitude factors, reflected and transmitted, of the fields perpendicular to the plane of incidence and in it.
+    """Amplitude factors for reflected and transmitted fields perpendicular to the plane of incidence and in it.
 
-    Their squares are fractions of power.
+    The squares of the factors are power fractions.
     """
 
     rs: complex
@@ -334,7 +335,7 @@ class Amplitudes(NamedTuple):
 
 
 def _fresnel(n1: float, n2: float, cos: float) -> Amplitudes:
-    """Fresnel's amplitudes for fields with time dependence exp(+iωt); p = d × s on either side."""
+    """Return Fresnel amplitudes for fields with time dependence exp(+iωt), with p = d × s on either side."""
     a1 = n1 * cos
     square = n2 * n2 - n1 * n1 + a1 * a1
     a2 = math.sqrt(square) if square > 0.0 else complex(0.0, -math.sqrt(-square))
@@ -346,7 +347,7 @@ def _fresnel(n1: float, n2: float, cos: float) -> Amplitudes:
 
 
 def _acted(ray: Ray, d: Vector, normal: Vector, on_s: complex, on_p: complex) -> Light:
-    """Fields of a ray that a surface deflected, each divided into components perpendicular to the plane and in it."""
+    """Return the fields of a ray deflected by a surface, as components perpendicular to the plane and in it."""
     across = _cross(ray.d, normal)
     s = _unit(across) if _dot(across, across) > 1e-24 else _upright(ray.d)
     p_in, p_out = _cross(ray.d, s), _cross(d, s)
@@ -368,7 +369,7 @@ def _ahead(ray: Ray, way: float) -> Ray:
 
 
 def _through(d: Vector, normal: Vector, n1: float, n2: float) -> Vector | None:
-    """Direction behind a surface by Snell's law; None for total reflection."""
+    """Return the direction behind a surface by Snell's law, or None for total reflection."""
     cos = -_dot(d, normal)
     square = 1.0 - (n1 / n2) ** 2 * (1.0 - cos * cos)
     if square <= 0.0:
@@ -389,7 +390,7 @@ def _depolarised(light: Light, d: Vector) -> Light:
 
 
 def _upright(d: Vector) -> Vector:
-    """Unit vector perpendicular to d, in the plane of d and the y-axis."""
+    """Return the unit vector perpendicular to d in the plane of d and the y-axis."""
     x, y, z = (a - d[1] * b for a, b in zip(UP, d, strict=True))
     return _unit((x, y, z)) if x * x + y * y + z * z > 1e-24 else (1.0, 0.0, 0.0)
 

@@ -1,7 +1,7 @@
 """The effect of a treated surface on a ray, in plain Python: the reference for `solen.trace.kernel.treated`.
 
-See `solen.scene.surface` for the treatments. Random numbers are those of the engine, so both can be compared ray by
-ray; the formulas are implemented independently, and films are computed with another method.
+See `solen.scene.surface` for the treatments. Random numbers are those of the engine, so that the two can be compared
+ray by ray. The formulas are implemented independently, and films are computed with another method.
 """
 
 import cmath
@@ -18,7 +18,7 @@ from solen.trace.kernel.surface import Event, chance_of
 from solen.trace.kernel.treated import BACK, FACET, KEEP, ON, ORDER, TRIES
 
 Draw = Callable[[int], float]
-"""Returns the n-th number in [0, 1) for a ray and a hit."""
+"""Function that returns the n-th random number in [0, 1) for a given ray and hit."""
 
 
 class Part(NamedTuple):
@@ -30,7 +30,7 @@ class Part(NamedTuple):
 
 
 class Arrival(NamedTuple):
-    """A ray that meets a surface: position, direction, powers, the normal on its side, and both indices."""
+    """A ray that meets a surface: position, direction, powers, the normal on the side of the ray, and both indices."""
 
     at: Point
     direction: Point
@@ -49,7 +49,7 @@ class Arrival(NamedTuple):
 
 
 def treated(interface: Interface, surface: Surface, ray: Arrival, draw: Draw, counting: bool) -> tuple[Part, Part]:
-    """Return the transmitted and reflected parts, before any are cut off; the remainder is absorbed."""
+    """Return the transmitted and reflected parts before weak parts are dropped; the remaining power is absorbed."""
     if surface.grating is not None:
         return _diffracted(surface.grating, ray, draw, counting)
     tilted = ray
@@ -69,7 +69,7 @@ def treated(interface: Interface, surface: Surface, ray: Arrival, draw: Draw, co
 
 
 def _smooth(interface: Interface, surface: Surface, ray: Arrival, counting: bool) -> tuple[Part, Part]:
-    """Both parts at a smooth surface with a behaviour."""
+    """Return both parts at a smooth surface with the specified behaviour."""
     back = reflected(ray.direction, ray.facing)
     nothing = Part(ray.direction, 0.0, 0.0)
     if interface.behaviour == "lens":
@@ -92,7 +92,7 @@ def _smooth(interface: Interface, surface: Surface, ray: Arrival, counting: bool
 
 
 def _focused(interface: Interface, focal_mm: float, ray: Arrival, on: Part, back: Part) -> tuple[Part, Part]:
-    """Deflect a ray paraxially, at any angle: its slope to the axis falls by its height from the centre over f."""
+    """Deflect a ray paraxially at any angle: its slope to the axis decreases by its height divided by f."""
     along = left_of(ray.facing)
     height = dot(minus(ray.at, interface.curve.middle_point), along)
     slope = dot(ray.direction, along) / ray.cos - height / focal_mm
@@ -116,7 +116,7 @@ def _coated(coating: Coating, ray: Arrival, on: Part, back: Part) -> tuple[Part,
 
 
 def _tabulated(surface: Surface, ray: Arrival, on: Part, back: Part, behaviour: str) -> tuple[Part, Part]:
-    """Fractions from the table for the ray's side; all light is reflected if Snell's law has no solution."""
+    """Return the fractions tabulated for the side of the ray; all light is reflected if Snell's law has no solution."""
     shares = shares_of(surface, ray.from_right, ray.cos)
     through = refracted(ray.direction, ray.facing, ray.n1, ray.n2) if behaviour == "refracting" else None
     ts, tp = (shares.ts, shares.tp) if through is not None else (0.0, 0.0)
@@ -125,7 +125,7 @@ def _tabulated(surface: Surface, ray: Arrival, on: Part, back: Part, behaviour: 
 
 
 class Shares(NamedTuple):
-    """Reflected and transmitted fractions of power."""
+    """Reflected and transmitted power fractions."""
 
     rs: float
     rp: float
@@ -134,10 +134,10 @@ class Shares(NamedTuple):
 
 
 def shares_of(surface: Surface, from_right: bool, cos: float) -> Shares:
-    """Interpolate the fractions in a surface's table at an angle of incidence."""
+    """Interpolate the power fractions in a surface table at an angle of incidence."""
     table = surface.table_right if from_right and surface.table_right is not None else surface.table
     if table is None:
-        raise AssertionError("a surface with shares has a table")
+        raise AssertionError("a surface with power fractions has a table")
     columns = np.array(table.rows).T
     at_deg = math.degrees(math.acos(min(cos, 1.0)))
     return Shares(*(float(np.interp(at_deg, columns[0], column)) for column in columns[1:]))
@@ -175,7 +175,7 @@ def _diffracted(grating: Grating, ray: Arrival, draw: Draw, counting: bool) -> t
 
 
 def _shut(coating: Coating, ray: Arrival) -> bool:
-    """Whether counting, which has no waves, has total reflection at a film thicker than the wavelength."""
+    """Return whether counting mode treats a film as totally reflecting because it is thicker than the wavelength."""
     axial = ray.n1 * math.sqrt(1.0 - ray.cos**2)
     return any(film.thickness_nm > (ray.wavelength_nm or math.inf) and film.index < axial for film in coating.layers)
 
@@ -183,7 +183,7 @@ def _shut(coating: Coating, ray: Arrival) -> bool:
 def film_powers(
     films: list[tuple[complex, float]], cos: float, n1: float, n2: float, wavelength_nm: float, polarisation: str
 ) -> tuple[float, float]:
-    """Reflectance and transmittance of films; see `film_fields`."""
+    """Return the reflectance and transmittance of films; see `film_fields`."""
     r, t, ratio = film_fields(films, cos, n1, n2, wavelength_nm, polarisation)
     return abs(r) ** 2, abs(t) ** 2 * ratio
 
@@ -191,10 +191,10 @@ def film_powers(
 def film_fields(
     films: list[tuple[complex, float]], cos: float, n1: float, n2: float, wavelength_nm: float, polarisation: str
 ) -> tuple[complex, complex, float]:
-    """Amplitudes of films (complex index, nm) from Airy's sum, from the last boundary to the first.
+    """Return amplitudes of films (complex index, thickness in nm) from Airy's sum, from the last boundary to the first.
 
     (Born & Wolf, section 1.6; Parratt, Phys. Rev. 95, 359, 1954.) They apply to fields along the surface, with time
-    dependence exp(+iωt); the third number is the factor from the squared transmitted amplitude to power.
+    dependence exp(+iωt); the third number converts the squared transmitted amplitude to power.
     """
     k0, q = 2.0 * math.pi / wavelength_nm, n1 * math.sqrt(1.0 - cos * cos)
     indices = [complex(n1), *(index for index, _ in films), complex(n2)]
@@ -203,7 +203,7 @@ def film_fields(
     r, t = 0.0 + 0.0j, 1.0 + 0.0j
     for j in range(len(indices) - 2, -1, -1):
         boundary = (tilt[j] - tilt[j + 1]) / (tilt[j] + tilt[j + 1])
-        thickness_nm = films[j][1] if j < len(films) else 0.0  # of the film behind this boundary
+        thickness_nm = films[j][1] if j < len(films) else 0.0  # for the film behind this boundary
         once = cmath.exp(-1j * k0 * normal[j + 1] * thickness_nm)
         behind = r * once * once
         below = 1.0 + boundary * behind
@@ -212,13 +212,13 @@ def film_fields(
 
 
 def _decaying(square: complex) -> complex:
-    """Root of a squared wave number, for a wave that decays along its direction, with time dependence exp(+iωt)."""
+    """Return the root of a squared wave number for a decaying wave with time dependence exp(+iωt)."""
     decaying = cmath.sqrt(square)
     return -decaying if decaying.imag > 0.0 else decaying
 
 
 def _facet(texture: Texture, ray: Arrival, draw: Draw) -> Point:
-    """Normal of the facet of a ripple that a ray meets, drawn in proportion to its projected size."""
+    """Return the normal of the ripple facet that a ray meets, drawn in proportion to its projected size."""
     along = left_of(ray.facing)
     sine = dot(ray.direction, along)
     for i in range(TRIES):
@@ -236,7 +236,7 @@ def _facet(texture: Texture, ray: Arrival, draw: Draw) -> Point:
 
 
 def _scattered(surface: Surface, part: Part, normal: Point, draw: Draw, purpose: int) -> Part:
-    """Return a part unchanged, or in a direction drawn from the profile about it, on the side of the normal."""
+    """Return a part unchanged, or in a direction drawn from the profile around it, on the same side of the surface."""
     scatter = surface.scatter
     if scatter is None or draw(purpose) >= scatter.share:
         return part
@@ -267,7 +267,7 @@ def _scattered(surface: Surface, part: Part, normal: Point, draw: Draw, purpose:
 
 
 def _from_envelope(scatter: ScatterTable, share: float) -> tuple[float, float]:
-    """Offset at a cumulative fraction of the profile's step envelope, and the ratio of the density to it there."""
+    """Return the offset at a cumulative fraction of the step envelope, and the density divided by the envelope."""
     off, density = np.array(scatter.offset), np.array(scatter.density)
     steps = np.maximum(density[1:], density[:-1])
     below = np.concatenate([[0.0], np.cumsum(steps * np.diff(off))])
@@ -277,7 +277,7 @@ def _from_envelope(scatter: ScatterTable, share: float) -> tuple[float, float]:
 
 
 def _kept(scatter: HarveyShack, off: float) -> float:
-    """Acceptance probability of a draw from Cauchy's distribution, at ``off`` shoulders, for the profile."""
+    """Return the acceptance probability of a draw from the Cauchy distribution at an offset of ``off`` shoulders."""
     if abs(off) > 2.0 / scatter.shoulder:
         return 0.0
 
@@ -288,5 +288,5 @@ def _kept(scatter: HarveyShack, off: float) -> float:
 
 
 def draws(seed: int, ray: int, hit: int) -> Draw:
-    """Return the function that gives the random numbers of a ray and a hit."""
+    """Return the function that generates the random numbers for a ray and a hit."""
     return lambda number: chance_of(Event(seed, ray, hit), number)

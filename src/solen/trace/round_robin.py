@@ -1,15 +1,15 @@
-"""The rule by which ray-optics follows light: rays take turns, and weak parts are dropped by their number.
+"""The rule by which ray-optics follows light: rays take turns, and weak parts are dropped according to their number.
 
-The reference tracers follow one ray to its end and all its parts to the stated weight. Here all rays are in one list.
-In each round, each of them in turn meets the next object on its way, detectors included. A part that is split off is
-added to the end of the list, where its turn comes in the same round; for a grating these are all its orders. A part
-that is split off with no more than the power ``weak`` is dropped, but for rays that meet one object in succession, the
-part at every k-th place of the list continues with k times its power, where k is the smallest number for which this
+The reference tracers follow one ray to its end, with all its parts down to the minimum weight. Here all rays are in one
+list. In each round, each ray in turn meets the next object on its way; detectors count as objects. A part that is split
+off is appended to the list and takes its turn in the same round; a grating appends all its orders. A split-off part
+whose power does not exceed ``weak`` is dropped, with an exception: among rays that meet one object in succession, the
+part at every k-th place of the list continues with k times its power, where k is the smallest integer for which this
 exceeds `WEAK`. The mean reading of a monitor is therefore preserved with few rays, and is the same in both programs,
 ray by ray.
 
-This is slow, plain Python on top of the reference tracer; dropped power counts as truncated, and added power is
-subtracted from it, so that the ledger is complete.
+This tracer is slow, plain Python based on the reference tracer. Dropped power counts as truncated and added power is
+subtracted from it, so that the ledger remains complete.
 """
 
 import math
@@ -26,7 +26,7 @@ from solen.trace.reference_surfaces import Arrival, orders_of
 from solen.trace.result import ABSORBED, TRUNCATED, Limits, Trace
 
 WEAK = 0.01
-"""Power above which a part is followed: of k weak parts, the one that continues has more."""
+"""Power above which a part is followed; of k weak parts, the one that continues carries more than this."""
 NOTHING = ""
 """Name of the object met by a ray that escapes."""
 
@@ -35,9 +35,9 @@ NOTHING = ""
 class RoundRobin:
     """Rules for following rays in turns; powers are in the unit of the scene's sources.
 
-    ``weak`` is the power up to which a split-off part is dropped, ``weakest`` that up to which a ray ends. ``fresh``
-    states for each ray whether it starts a new sequence instead of continuing that of the ray before it. Interfaces and
-    monitors are one object if their names agree up to the first dot.
+    ``weak`` is the power up to which a split-off part is dropped, ``weakest`` the power up to which a ray ends.
+    ``fresh`` indicates for each ray whether it starts a new sequence or continues that of the previous ray. Interfaces
+    and monitors whose names agree up to the first dot belong to the same object.
     """
 
     weak: float = WEAK
@@ -53,7 +53,7 @@ class RoundRobin:
 
 @dataclass
 class _Place:
-    """An entry of the list: its ray, whether that is alone, and the objects still to be met on this segment."""
+    """An entry in the list: its ray, whether the ray is alone, and the objects still to be met on this segment."""
 
     ray: Ray
     alone: bool
@@ -67,7 +67,7 @@ def trace_round_robin(scene: Scene, turns: RoundRobin, *, legs: bool = False) ->
     Raises
     ------
     DesignError
-        If ``fresh`` does not have one entry for each ray.
+        If ``fresh`` does not have exactly one entry per ray.
     """
     if turns.fresh and len(turns.fresh) != scene.rays:
         raise DesignError(
@@ -88,7 +88,7 @@ class _RoundRobinTracer(Tracer):
         self.turn = 0
 
     def run(self) -> None:
-        """Repeat rounds until no ray is left."""
+        """Repeat rounds until no rays remain."""
         fresh = self.turns.fresh or (False,) * self.scene.rays
         rays = zip(launched(self.scene, self.limits), fresh, strict=True)
         self.places = [_Place(ray, alone, []) for ray, alone in rays]
@@ -103,7 +103,7 @@ class _RoundRobinTracer(Tracer):
                 self.turn += 1
 
     def _meet(self, place: _Place, last: str) -> str:
-        """Take one turn and return the object met; ``last`` is the object that the ray before met."""
+        """Take one turn and return the object met; ``last`` is the object met by the previous ray."""
         if not place.ahead:
             place.ahead = self._objects_ahead(place.ray)
         met = place.ahead.pop(0)
@@ -116,7 +116,7 @@ class _RoundRobinTracer(Tracer):
         return met
 
     def _objects_ahead(self, ray: Ray) -> list[str]:
-        """Return the objects of the monitors on a segment, and the one at its end."""
+        """Return the objects of the monitors on a segment, followed by the object at its end."""
         interface, length_mm = self._next(ray)
         crossed = sorted(
             (t, _object(monitor.name))
@@ -127,10 +127,10 @@ class _RoundRobinTracer(Tracer):
         return [*(name for _, name in crossed), NOTHING if interface is None else _object(interface.name)]
 
     def _go_on(self, place: _Place) -> None:
-        """Advance the ray of an entry through the interface ahead; parts split off there are added to the list."""
+        """Advance the ray of an entry through the interface ahead; append the parts that are split off there."""
         waiting: list[Ray] = []
         ray = self._step(place.ray, waiting)
-        while ray is not None and ray.hits == place.ray.hits and not waiting:  # it only passed the end of a curve
+        while ray is not None and ray.hits == place.ray.hits and not waiting:  # the ray only passed the end of a curve
             ray = self._step(ray, waiting)
         self.places += [_Place(part, _stands_alone(part, place), [], place.met) for part in waiting]
         if ray is None:
@@ -172,7 +172,7 @@ class _RoundRobinTracer(Tracer):
         return None
 
     def _split(self, parts: tuple[Ray, ...], waiting: list[Ray]) -> Ray | None:
-        """Keep one part as the entry; the other is added to the list, dropped, or represents other dropped parts."""
+        """Keep one part as the entry; append the other, drop it, or let it represent other dropped parts."""
         back, on = parts
         splitter = back.last is not None and back.last.behaviour == "splitter"
         kept, off = (back, on) if splitter else (on, back)
@@ -189,7 +189,7 @@ class _RoundRobinTracer(Tracer):
         return kept if kept.power > 0.0 else None
 
     def _times(self, off: Ray) -> int:
-        """Number of parts that a weak one represents; 0 if it is dropped."""
+        """Return the number of parts that a weak part represents, or 0 if it is dropped."""
         place = self.places[self.turn]
         times = math.floor(WEAK / off.power) + 1
         return times if place is not None and not place.alone and self.turn % times == 0 else 0
@@ -204,6 +204,6 @@ def _object(name: str) -> str:
 
 
 def _stands_alone(part: Ray, place: _Place) -> bool:
-    """Whether a part is alone at first: an order of a grating is, the part transmitted by a splitter is not."""
+    """Return whether a part is initially alone: true for a grating order, false for light through a splitter."""
     behaviour = None if part.last is None else part.last.behaviour
     return behaviour == "grating" or (place.alone and behaviour != "splitter")

@@ -1,9 +1,9 @@
 """Derivatives of integrals in space with respect to a parameter.
 
-A power is a smooth function of the parameter, but its integrand is not: the edges of light move. Neighbouring scenes
-are therefore integrated over the same cells, which are halved according to the errors of the difference of the nearest
-two: errors common to both cancel. Further scenes over these cells give the derivative of a polynomial, and that of a
-lower degree gives an estimate of its error.
+A power is a smooth function of the parameter, but its integrand is not, because the edges of the light move.
+Neighbouring scenes are therefore integrated over the same cells. The cells are halved according to the error of the
+difference between the two nearest scenes, in which common errors cancel. Further scenes are integrated over these
+cells; a polynomial through all results gives the derivative, and one of lower degree gives an error estimate.
 """
 
 from collections.abc import Sequence
@@ -18,20 +18,21 @@ from solen.trace.kernel.step import Rules
 from solen.trace.space import CHIP_TOLERANCE, LightInSpace
 
 OFFSETS = (1 / 3, -1 / 3, 2 / 3, -2 / 3, 1.0, -1.0)
-"""Offsets of the parameter in steps, the nearest two first."""
+"""Parameter offsets in units of the step, beginning with the pair closest to zero."""
 _BEST, _PLAIN = np.array([3 / 2, -3 / 5, 1 / 10]), np.array([4 / 3, -1 / 3, 0.0])
-"""Weights of the central differences for the polynomials of degree six and four."""
+"""Weights of the central differences for polynomials of degree six and four."""
 CLOSENESS, FLOOR = 0.03, 1e-7
-"""Factor on the error of the paths; error that is accepted as a change of a power over the step."""
+"""Factor on the path error, and accepted error of the change in a power over one step."""
 SHARE, CAUTION = 3e-4, 1.5
 POINT_SHARE, POINT_CAUTION = 1e-4, 2.5
-"""Accepted error as a fraction of the largest slope, and the factor on the error estimated from halving, for chips
-and for points: the latter have fewer cells for the estimate, and are faster.
+"""For point emitters, in place of ``SHARE`` and ``CAUTION`` for chips: accepted error as a fraction of the largest
+slope, and safety factor on the error estimated from halving. The estimate for a point is based on fewer cells,
+and points are faster.
 """
 
 
 class Slopes(NamedTuple):
-    """Changes of powers (D,) per unit of a parameter, differences from a lower degree, and errors of the rules."""
+    """Changes of powers (D,) per unit of a parameter, their differences from a lower-degree fit, and the rule error."""
 
     value: FloatArray
     bent: FloatArray
@@ -39,7 +40,7 @@ class Slopes(NamedTuple):
 
 
 def slopes(lights: Sequence[LightInSpace], step: float, receivers: int, rules: Rules, most_legs: int) -> Slopes:
-    """Return the slopes for this number of ``receivers``, from lights with the parameter offset by `OFFSETS`."""
+    """Return the slopes of the power at each receiver, from ``lights`` with the parameter offset by `OFFSETS`."""
     each = [_of_colour(lights, colour, step, receivers, rules, most_legs) for colour in range(len(lights[0].weights))]
     shares = np.array(lights[0].weights)
     value, bent = shares @ [one.value for one in each], shares @ [one.bent for one in each]
@@ -49,7 +50,7 @@ def slopes(lights: Sequence[LightInSpace], step: float, receivers: int, rules: R
 def _of_colour(
     lights: Sequence[LightInSpace], colour: int, step: float, receivers: int, rules: Rules, most_legs: int
 ) -> Slopes:
-    """Slopes at one wavelength, starting from an integral's cells: only the edges of light may change."""
+    """Return the slopes at one wavelength, from the cells of an integral: only the edges of light may change."""
     buffers = paths.path_buffers(lights[0].columns)
     families = [light.families[colour]._replace(rules=rules) for light in lights]
     overs = [

@@ -1,16 +1,16 @@
 """Integration in space: over the angles, the width and the height of emitters in extruded scenes.
 
-Upright walls conserve the component of a ray along y, so a ray is a ray of the plane with one more number, and the
-heights at which it may start form an interval that is followed (`solen.trace.kernel.prism`): that integral is exact.
-The integral over the position across the chip follows a path, edge by edge (`solen.trace.kernel.paths`): through a
-lens, the receiver that light reaches depends on its position on the chip and hardly on its angle. What remains is a
-function of two angles with kinks but hardly any jumps: it is integrated over cells, each with a product of two
-Lobatto–Kronrod rules, and the cell with the largest error is halved along its worse angle. For a point, which has no
-positions, the path runs over the projected angle.
+Vertical walls conserve the y-component of a ray's direction, so a ray in space is a ray in the plane with one more
+parameter. The heights at which it may start form an interval that is followed as a unit (`solen.trace.kernel.prism`);
+the integral over height is therefore exact. The integral over the position across the chip follows a path, edge by edge
+(`solen.trace.kernel.paths`): through a lens, the receiver that light reaches depends on its position on the chip and
+hardly on its angle. The remaining function of two angles has kinks but hardly any jumps. It is integrated over cells,
+each with a product of two Lobatto–Kronrod rules, and the cell with the largest error is halved along the angle with the
+larger error. A point emitter has no positions; its path covers the projected angle.
 
-With dΩ = dφ d(sin ψ) for the projected angle φ and ψ out of the plane, all directions have equal weight except for the
-pattern. The difference of the two rules is many times the error; the ratio is estimated from the changes when cells are
-halved.
+With dΩ = dφ d(sin ψ), where φ is the projected angle and ψ the out-of-plane angle, all directions have equal weight
+except for the emission pattern. The difference of the two rules is many times the error; the ratio is estimated from
+the changes observed when cells are halved.
 """
 
 import math
@@ -37,24 +37,28 @@ from solen.trace.tables import Tables
 from solen.trace.tail import Tail
 
 FIRST_CELLS, FIRST_LINES = 4, 6
-"""Initial number of cells along the projected angle; for a point, of intervals of the angle out of the plane."""
+"""Initial number of cells along the projected angle; for a point, initial number of intervals of the out-of-plane
+angle.
+"""
 FIRST_FACE = (0.5, 1)
-"""Minimum weight and maximum number of hits for exact following, if following everything is not feasible: trapped light
-arrives through strips that are too narrow to be resolved.
+"""Minimum weight and maximum number of interfaces, used if it is not feasible to follow all light exactly: trapped
+light arrives through strips that are too narrow to be resolved.
 """
 CHIP_TOLERANCE = 1e-4
 PATH_SHARE, ROUGHEST_PATH, SOFT = 30.0, 0.03, 0.1
-"""Along a chip's width: accepted second difference of the powers for Simpson's rule, times six, and fraction of the
-width at which an edge is no longer refined, both per tolerance and at most; and fraction of the width up to which
-the interval between two equal rays is not searched.
+"""Path resolution across the width of a chip. The first number gives, per unit of tolerance, both the accepted second
+difference of the powers (six times the error of Simpson's rule) and the fraction of the width below which an edge is no
+longer refined; the second number limits both. The third is the fraction of the width below which the interval between
+two rays with equal trees is not searched.
 """
 DENSITY_SHARE, LEAST_DENSITY = 0.05, 1e-6
-"""Along the angle of a point: accepted second difference for Simpson's rule, times six, per tolerance and at least,
-as a path has room for only some thousand rays. The resulting error is a thousandth of the stated one.
+"""Path resolution along the angle of a point: accepted second difference of the powers (six times the error of
+Simpson's rule) per unit of tolerance, and its minimum, because a path can store only a few thousand rays. The
+resulting error is a thousandth of the reported one.
 """
 NARROW_SHARE, SOFT_RAD = 0.1, 0.001
-"""Width at which an edge is no longer refined, per tolerance, and width in radians up to which an interval is not
-searched, both of the angle of a point.
+"""Path resolution along the angle of a point: width below which an edge is no longer refined, per unit of tolerance,
+and width in radians below which an interval is not searched.
 """
 
 
@@ -67,21 +71,21 @@ class LightInSpace:
     columns: int
     source: Emitter
     families: tuple[FamilyInSpace, ...]
-    """one for each wavelength"""
+    """one per wavelength"""
     weights: tuple[float, ...]
     mirrored: bool
     """whether the scene is symmetric about the mid-plane of the slab"""
     jumps: bool
-    """whether its power has jumps over the angle out of the plane, at the height of a receiver"""
+    """whether the power jumps as a function of the out-of-plane angle, because a receiver is lower than the body"""
 
     @classmethod
     def of(cls, scene: Scene, source: Emitter, tables: Tables, rules: Rules) -> "LightInSpace":
-        """Prepare one emitter of a scene; `DesignError` if its cone has no width."""
+        """Prepare one emitter of a scene; raise `DesignError` if its cone has no width."""
         if not source.cone_deg > 0.0:
             raise DesignError("cone_deg", value=source.cone_deg, limit="must be above 0 for integration")
         extrusion = scene.extrusion
         if extrusion is None:
-            raise AssertionError("a scene of the plane is integrated in the plane")
+            raise AssertionError("a planar scene is integrated in the plane")
         ends = np.array(sorted({p for i in scene.interfaces for p in (i.curve.start, i.curve.end)})).reshape(-1, 2).T
         far_mm = 100.0 * float(np.ptp(ends, axis=1).max(initial=1.0)) if ends.size else 1.0
         axis, half_width = math.radians(source.axis_deg), 0.5 * source.width_mm
@@ -114,7 +118,7 @@ class LightInSpace:
         return self.source.pattern.space_integral_sr(self.source.half_rad)
 
     def integral(self, tolerance: float, rules: Rules, most_legs: int) -> Integral:
-        """Integrate over all wavelengths, each with at most this number of ray segments."""
+        """Integrate over all wavelengths, with at most ``most_legs`` ray segments for each."""
         if self.jumps and rules.max_hits > 1:
             return Integral(np.zeros(self.columns + 2 - MORE_COLUMNS), 0.0, 1.0, np.zeros(4, np.int64))
         families = [family._replace(rules=rules) for family in self.families]
@@ -122,11 +126,11 @@ class LightInSpace:
         return found[0] if len(found) == 1 else weighted_sum(found, list(self.weights))
 
     def levels(self, _: float) -> Sequence[tuple[float, int]]:
-        """Minimum weight and maximum number of hits for exact following, if following everything is not feasible."""
+        """Minimum weight and maximum number of interfaces, used if it is not feasible to follow all light exactly."""
         return (FIRST_FACE,)
 
     def tail(self, rules: Rules) -> Tail:
-        """Return the light beyond the limits for sampling."""
+        """Return the light beyond the limits, to be sampled."""
         families = [family._replace(rules=rules) for family in self.families]
         return Tail(self.walls, self.source, True, self.columns, families.__getitem__)
 
@@ -136,7 +140,7 @@ class LightInSpace:
 
     @property
     def first_cells(self) -> list[Bounds]:
-        """Initial cells of the domain."""
+        """Return the initial cells of the domain."""
         sides = [(0.0, 0.5 * math.pi)] if self.mirrored else [(-0.5 * math.pi, 0.0), (0.0, 0.5 * math.pi)]
         if self.source.width_mm > 0.0:
             strips = pairwise(np.linspace(-1.0, 1.0, FIRST_CELLS + 1).tolist())
@@ -178,7 +182,7 @@ def _integrated(
     most_legs: int,
     buffers: paths.PathBuffers,
 ) -> Integral:
-    """Sum over cells, halved until the error is within the tolerance."""
+    """Integrate over cells, which are halved until the error is within the tolerance."""
     buffers.counts[:] = 0
     cells, u = divided(over, first, tolerance, most_legs, buffers.counts)
     rays, legs, undefined = (int(count) for count in buffers.counts[:3])
@@ -186,14 +190,14 @@ def _integrated(
     if cells is None:
         return Integral(np.zeros(buffers.value.shape[1] + 2 - MORE_COLUMNS), 0.0, 1.0, counts)
     whole = accounted(cells.value)
-    value = cells.value / max(whole, 1.0)  # a sum above 1 is an error of the quadrature
+    value = cells.value / max(whole, 1.0)  # a sum above 1 is a quadrature error
     error = max(u - max(1.0 - whole, 0.0), 0.0)  # the missing power is already part of u
     share, missed, leaked = value[: 2 - MORE_COLUMNS], float(value[-3]), float(value[-2])
     return Integral(share, error, max(1.0 - whole, 0.0), counts, missed, leaked)
 
 
 def _pattern(source: Emitter) -> tuple[float, FloatArray, FloatArray]:
-    """Exponent of the cosine, or a table of angles in radians and relative intensities."""
+    """Return the exponent of the cosine, or a table of angles in radians and relative intensities."""
     nothing = np.empty(0)
     match source.pattern:
         case Isotropic():

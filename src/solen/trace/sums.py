@@ -29,7 +29,7 @@ from solen.trace.result import (
 
 
 def empty(job: Job, legs: int = 0) -> tally.Sums:
-    """Return empty sums, with room for this number of legs."""
+    """Return empty sums, with room for this many legs."""
     receivers, monitors = len(job.scene.receivers), len(job.scene.monitors)
     interfaces = len(job.scene.interfaces) if job.position_bins else 0
     return tally.Sums(
@@ -49,7 +49,7 @@ def empty(job: Job, legs: int = 0) -> tally.Sums:
 
 
 def of_tasks(tasks: int, receivers: int, monitors: int = 0, bins: int = 0) -> tally.Sums:
-    """Return empty sums of many tasks, with the total numbers of their receivers, monitors and bins of maps."""
+    """Return empty sums for many tasks, given the total numbers of receivers, monitors and map bins."""
     return tally.Sums(
         fate=np.zeros((tasks, REFLECTED + 1)),
         detected=np.zeros(receivers),
@@ -67,7 +67,7 @@ def of_tasks(tasks: int, receivers: int, monitors: int = 0, bins: int = 0) -> ta
 
 
 def add(total: tally.Sums, sums: tally.Sums) -> tally.Sums:
-    """Add two sums; of the places, the first are kept, and of the legs those of the total."""
+    """Add two sums; keep the first locations from both, and the legs from ``total``."""
     added = {
         name: getattr(total, name) + getattr(sums, name) for name in tally.Sums._fields if name not in {"place", "legs"}
     }
@@ -75,7 +75,7 @@ def add(total: tally.Sums, sums: tally.Sums) -> tally.Sums:
 
 
 def _first_places(*places: FloatArray) -> FloatArray:
-    """Return the first places of both kinds."""
+    """Return the first locations of undefined rays and of truncated rays."""
     if np.isnan(places[-1][:, 0, 0]).all():
         return places[0]
     first_places = np.full((2, KEPT_PLACES, 2), math.nan)
@@ -86,7 +86,7 @@ def _first_places(*places: FloatArray) -> FloatArray:
 
 
 def legs_of(sums: tally.Sums, emitted: float) -> NDArray[np.void]:
-    """Return the ray segments that a chunk kept, with powers as fractions of the emitted power."""
+    """Return the ray segments that a chunk stored, with powers as fractions of the emitted power."""
     rows = sums.legs[: sums.counts[tally.LEGS]]
     legs = np.empty(len(rows), dtype=LEG)
     for column, name in enumerate(LEG.names or ()):
@@ -97,11 +97,11 @@ def legs_of(sums: tally.Sums, emitted: float) -> NDArray[np.void]:
 
 
 Counts = list[IntArray]
-"""Rays of each source (G,) by group; the number of groups may differ between sources."""
+"""For each source, the number of rays in each group (G,); the number of groups may differ between sources."""
 
 
 def result(job: Job, totals: list[list[tally.Sums]], rays: Counts, legs: NDArray[np.void] | None) -> Trace:
-    """Return the trace of a job from its sums by source and group, and the numbers of rays in each."""
+    """Return the trace of a job, given its sums by source and group and the corresponding numbers of rays."""
     scene, emitted = job.scene, job.scene.emitted
     of_source = [reduce(add, groups) for groups in totals]
     total = reduce(add, of_source)
@@ -150,10 +150,10 @@ def result(job: Job, totals: list[list[tally.Sums]], rays: Counts, legs: NDArray
 
 
 def _uncertainty(job: Job, totals: list[list[tally.Sums]], rays: Counts, name: str) -> FloatArray:
-    """Uncertainty of each entry of a sum as a fraction of the emitted power, from the results of the groups.
+    """Return the uncertainty of each entry of a sum, as a fraction of the emitted power, from the group results.
 
-    Sources with the same division of rays are combined, because their errors may be correlated; the kinds of division
-    are independent.
+    Sources with the same number of groups are combined, because their errors may be correlated. Sources with different
+    numbers of groups are treated as independent.
     """
     parts = []
     for many in sorted({len(groups) for groups in totals}):
@@ -171,11 +171,11 @@ def _uncertainty(job: Job, totals: list[list[tally.Sums]], rays: Counts, name: s
 
 
 def _unseen(source: Source, in_space: bool, groups: int) -> float:
-    """Number of rays by which both halves of a source may be wrong together.
+    """Return the number of rays by which both halves of a source may be wrong in the same way.
 
-    With one coordinate, a jump is missed by one ray at most. With two it is along a line, which crosses about √N of the
-    N cells of a lattice; each is cut at a practically random position, and contributes an error of 1/√12 of a ray. The
-    visible region is between two such lines.
+    With one coordinate, a jump is missed by at most one ray. With two coordinates, a jump follows a line that crosses
+    about √N of the N cells of a lattice; each cell is cut at a practically random position, and contributes an error of
+    1/√12 of a ray. The visible region lies between two such lines.
     """
     if groups == HALVES and source.dimensions(in_space) > 1:
         return max(1.0, math.sqrt(math.sqrt(source.rays) / 6.0))
@@ -183,10 +183,11 @@ def _unseen(source: Source, in_space: bool, groups: int) -> float:
 
 
 def _spread(spread: FloatArray, weight: FloatArray, least: float) -> FloatArray:
-    """Uncertainty of the total from the values of each group (G, …), which has a ``weight`` (G,) of the emitted power.
+    """Return the uncertainty of the total from the values of the groups (G, …) with their power ``weight`` (G,).
 
-    For two halves of a lattice it is half their difference, but at least ``least``, since they can agree by chance. For
-    independent samples it is the standard error of their mean. It is NaN if a group has no rays.
+    For the two halves of a lattice, the uncertainty is half of their difference, but at least ``least``, because they
+    can agree by chance. For independent samples, it is the standard error of their mean. It is NaN if a group has no
+    rays.
     """
     if not np.all(weight > 0.0):
         return np.full(spread.shape[1:], math.nan)
@@ -194,11 +195,11 @@ def _spread(spread: FloatArray, weight: FloatArray, least: float) -> FloatArray:
     if len(weight) == HALVES:
         return np.asarray(np.maximum(0.5 * np.abs(estimates[0] - estimates[1]), least))
     error = np.std(estimates, axis=0, ddof=1) / math.sqrt(len(weight))
-    return np.where(error > 0.0, error, least)  # zero error in all samples does not prove that there is none
+    return np.where(error > 0.0, error, least)  # zero error in all samples does not prove that the error is zero
 
 
 def _positions(job: Job, receiver: str, total: tally.Sums) -> FloatArray:
-    """Histogram along each interface of a receiver."""
+    """Return the histograms along each interface of a receiver."""
     if not job.position_bins:
         return np.empty((0, 0))
     mine = [i for i, interface in enumerate(job.scene.interfaces) if interface.receiver == receiver]

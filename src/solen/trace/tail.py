@@ -1,10 +1,11 @@
 """The remainder of an exact integration, sampled.
 
-Integration follows branches down to a least weight and up to a number of hits. Beyond that, light that is trapped or
-split many times is not a smooth function of its start; but it is little, and can be sampled: each sample follows the
-branches that were left, continuing each as one random part, from scrambled Sobol' points. The mean of independent
-scramblings is unbiased, and their differences give its uncertainty. The total remainder is known from the integration,
-so only its division among the receivers is sampled: a ratio of two means.
+Integration follows branches down to a minimum weight and up to a maximum number of interfaces. Beyond these limits,
+light that is trapped or split many times is not a smooth function of its starting point. It carries little power,
+however, and can be sampled from scrambled Sobol' points: each sample follows the branches that were left, and at every
+interface continues one randomly drawn part. The mean over independent scramblings is unbiased, and their differences
+give its uncertainty. The total remainder is known from the integration, so only its distribution over the receivers is
+sampled, as a ratio of two means.
 """
 
 import math
@@ -23,13 +24,13 @@ from solen.trace.kernel.nearest import Walls
 
 SCRAMBLINGS, SEED = 16, 20260
 FIRST_SAMPLES, MOST_SAMPLES = 32, 1 << 22
-"""Initial and largest number of samples of each scrambling."""
+"""Initial and maximum number of samples per scrambling."""
 WIDENED = 1.07
-"""Standard deviation of Student's t with 15 degrees of freedom."""
+"""Standard deviation of Student's t distribution with 15 degrees of freedom."""
 
 
 class Tail(NamedTuple):
-    """Light of a source whose tail can be sampled: ``family_of`` returns its rays for one line of its spectrum."""
+    """Light from a source whose tail can be sampled; ``family_of`` returns the rays for one spectral line."""
 
     walls: Walls
     source: Source
@@ -38,9 +39,9 @@ class Tail(NamedTuple):
     family_of: Callable[[int], FamilyInSpace]
 
     def added(self, found: Integral, tolerance: float, most_hits: int, most_legs: int) -> Integral:
-        """Complete an integral with its sampled tail, to the uncertainty ``tolerance`` or a number of segments.
+        """Complete an integral with its sampled tail, until the uncertainty or the number of segments is reached.
 
-        If that number cannot suffice, only a tenth of it is used.
+        If ``most_legs`` segments cannot suffice, only a tenth of them is used.
         """
         buffers = paths.path_buffers(self.columns)
         dimensions = self.source.dimensions(self.in_space)
@@ -64,7 +65,7 @@ class Tail(NamedTuple):
         )
 
     def _sum(self, u: FloatArray, first: int, most_hits: int, buffers: paths.PathBuffers, total: FloatArray) -> int:
-        """Add the tails of samples at points ``u`` (N, dimensions) of the unit cube; returns the number of segments."""
+        """Add the tails of samples at points ``u`` (N, dimensions) of the unit cube; return the number of segments."""
         launch = self.source.launch_at(u, len(u), self.in_space)
         rise = np.zeros(len(launch)) if launch.dy is None else launch.dy
         starts = np.column_stack([launch.x_mm, launch.z_mm, launch.dx, rise, launch.dz])
@@ -78,10 +79,11 @@ class Tail(NamedTuple):
 
 
 def divided(means: FloatArray, unfinished: float) -> tuple[FloatArray, float]:
-    """Divide the unfinished power in the ratio of means (R, columns) of R scramblings, the last being the total.
+    """Divide the unfinished power in proportion to the means (R, columns) of R scramblings; the last is the total.
 
-    Returns the fractions (columns − 1,) and their uncertainty, that of a ratio of means (Cochran, Sampling Techniques,
-    3rd ed., 1977, section 6.4); the uncertainty is the whole unfinished power if too few samples contain any.
+    Returns the fractions (columns − 1,) and their uncertainty, which is that of a ratio of means (Cochran, Sampling
+    Techniques, 3rd ed., 1977, section 6.4). If too few samples contain any power, the uncertainty is the entire
+    unfinished power.
     """
     parts, all_of_it = means[:, :-1], means[:, -1]
     if np.count_nonzero(all_of_it) < len(means):

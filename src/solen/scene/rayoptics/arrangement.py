@@ -1,12 +1,13 @@
-"""Overlapping glasses as separate regions: ray-optics lets glasses overlap, scenes of solen do not.
+"""Overlapping glasses as separate regions: ray-optics lets glasses overlap, but scenes of solen do not.
 
 In ray-optics a glass multiplies the index of its surroundings, and coinciding surfaces act as one. Here all curves are
-divided where other curves end on them or cross them, coinciding segments are merged, and the glasses that contain a
-point just beside each segment are determined on both of its sides. Each set of glasses is a region, whose index is the
-product of their indices. A segment with the same set on both sides is not a surface, unless an element is there.
+divided where other curves end on them or cross them, and coinciding segments are merged. On both sides of each segment,
+the glasses that contain a point close to the segment are determined. Each set of glasses is a region, whose index is
+the product of their indices. A segment with the same set on both sides is not a surface, unless an element is there.
 
-A glass without orientation contains the points surrounded by an odd number of its outlines. One with an orientation,
-drawn by a formula, uses the winding number of its outline, so with the wrong orientation the outside is glass.
+A glass without orientation contains the points surrounded by an odd number of its outlines. A glass with an
+orientation, which is drawn by a formula, uses the winding number of its outline; with the wrong orientation, its
+outside is glass.
 """
 
 import math
@@ -26,12 +27,12 @@ from solen.scene.rayoptics.intersections import crossings, part, place_of, witho
 from solen.scene.surface import Surface
 
 Levels = tuple[int, ...]
-"""How many times each glass contains a point."""
+"""Number of times that each glass contains a point."""
 
 DIRECTIONS = tuple(heading(angle_deg) for angle_deg in (17.3, 131.9, 253.1))
-"""Directions along which crossings of outlines are counted; the majority decides."""
+"""Directions along which outline crossings are counted; the majority decides."""
 SIDE_POINT = 0.3819660112501051
-"""Parameter of the point of a segment at which its sides are tested: not the middle, where drawn objects often
+"""Parameter of the point at which the sides of a segment are tested; it is not the midpoint, where drawn objects often
 touch.
 """
 AIR = "air"
@@ -41,7 +42,7 @@ AIR = "air"
 class Glass:
     """A glass with a closed outline and the index A + B/λ², with λ in µm.
 
-    If ``endless``, it is a half-plane on the right of its only curve, a long segment.
+    If ``endless``, the glass is a half-plane on the right of its only curve, a long segment.
     """
 
     name: str
@@ -65,7 +66,7 @@ class Element:
 
 @dataclass
 class _Portion:
-    """Part of a curve on which no other curve ends, and its owners."""
+    """Part of a curve on which no other curve ends, with its owners."""
 
     curve: Curve
     owners: list[int] = field(default_factory=list)
@@ -73,7 +74,7 @@ class _Portion:
 
 @dataclass(frozen=True)
 class Arranged:
-    """Regions and interfaces, and the elements that could not be placed, with the reason."""
+    """Regions and interfaces, and the elements that could not be placed, each with the reason."""
 
     regions: tuple[Region, ...]
     interfaces: tuple[Interface, ...]
@@ -83,8 +84,9 @@ class Arranged:
 def arranged(parts: Sequence[Glass | Element], tolerance: float, colours: bool) -> Arranged:
     """Divide the plane by glasses and elements; points closer than the tolerance coincide.
 
-    If several objects share a segment, an element determines its behaviour, or else the first glass, which also gives
-    it its name and states whether it has partial reflection. With ``colours``, indices depend on the wavelength.
+    If several objects share a segment, its behaviour is determined by an element if there is one, otherwise by the
+    first glass. The same object supplies the name and determines whether there is partial reflection. With ``colours``,
+    indices depend on the wavelength.
     """
     glasses = [part for part in parts if isinstance(part, Glass)]
     known: dict[Levels, str] = {}
@@ -98,7 +100,7 @@ def arranged(parts: Sequence[Glass | Element], tolerance: float, colours: bool) 
         if left == right and isinstance(head, Glass):
             continue
         if left != right and isinstance(head, Element) and head.behaviour in ("splitter", "lens"):
-            refused[head.name] = f"is a {head.behaviour} on a surface of glass, which is not supported"
+            refused[head.name] = f"is a {head.behaviour} on a glass surface, which is not supported"
             continue
         if isinstance(head, Element) and head.behaviour == "grating" and any(left + right):
             refused[head.name] = "is a grating in or on glass, where ray-optics uses the wavelength in air"
@@ -161,7 +163,7 @@ def _portions(parts: Sequence[Glass | Element], tolerance: float) -> list[_Porti
 
 
 def _divided_at_ends(portions: list[_Portion], tolerance: float) -> list[_Portion]:
-    """Divide segments wherever another one ends on them."""
+    """Divide segments wherever another segment ends on them."""
     ends = [point for portion in portions for point in (portion.curve.start, portion.curve.end)]
     corners = np.array(ends)
     divided: list[_Portion] = []
@@ -173,7 +175,7 @@ def _divided_at_ends(portions: list[_Portion], tolerance: float) -> list[_Portio
 
 
 def _near(curve: Curve, points: np.ndarray, tolerance: float) -> list[int]:
-    """Indices of the points within the bounding box of a curve."""
+    """Return the indices of the points within the bounding box of a curve."""
     low, high = _box(curve)
     return np.flatnonzero(np.all((points >= low - tolerance) & (points <= high + tolerance), axis=1)).tolist()
 
@@ -196,7 +198,7 @@ def _cut(portion: _Portion, places: Iterable[float], tolerance: float) -> list[_
 
 
 def _united(portions: list[_Portion], tolerance: float) -> list[_Portion]:
-    """Merge coinciding segments and their owners; an outline that passes a segment twice is its owner twice."""
+    """Merge coinciding segments and their owners; an outline that passes along a segment twice is listed twice."""
     united: list[_Portion] = []
     for portion in portions:
         same = next((other for other in united if _coincide(portion.curve, other.curve, tolerance)), None)
@@ -231,7 +233,7 @@ def _divided_at_crossings(portions: list[_Portion], tolerance: float) -> list[_P
 
 
 def _levels(glasses: Sequence[Glass], curve: Curve, aside: float) -> Levels:
-    """How many times each glass contains the point at the distance ``aside`` to the left of a curve."""
+    """Return how many times each glass contains the point at the distance ``aside`` to the left of a curve."""
     at = curve.point_at(SIDE_POINT)
     point = along(at, curve.normal_at(at), aside)
     return tuple(_level(glass, point) for glass in glasses)
@@ -246,7 +248,7 @@ def _level(glass: Glass, point: Point) -> int:
 
 
 def _turns(glass: Glass, point: Point, direction: Point) -> int:
-    """Count crossings of a glass's outline from a point outwards: modulo 2, or with signs if it is oriented."""
+    """Count crossings of a glass outline from a point outwards: modulo 2, or with signs if the outline is oriented."""
     total = 0
     for curve in glass.outline:
         for t in curve.hits(point, direction):
@@ -255,7 +257,7 @@ def _turns(glass: Glass, point: Point, direction: Point) -> int:
 
 
 def _sign(curve: Curve, at: Point, direction: Point) -> int:
-    """1 if a ray crosses a curve from its left to its right, −1 in the other direction."""
+    """Return 1 if a ray crosses a curve from its left to its right, −1 in the other direction."""
     if isinstance(curve, Facets):
         return curve.sign_at(at, direction)
     return 1 if dot(curve.normal_at(at), direction) < 0.0 else -1

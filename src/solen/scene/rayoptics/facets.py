@@ -1,8 +1,9 @@
-"""Curves of formulas as ray-optics traces them: chords between sampled points, with normals blended from neighbours.
+"""Curves defined by formulas as ray-optics traces them: chords between sampled points, with blended normals.
 
-ray-optics does not follow the curve of a formula but a fine polyline, and gives each chord a normal that turns
-gradually from that of the chord before to that of the chord behind it. These curves reproduce the numbers of ray-optics
-exactly; `solen.scene.rayoptics.formula_curves` has the true curves. Only the tracers in plain Python support facets.
+ray-optics does not follow the exact curve of a formula but a fine polyline. The normal turns gradually along each
+chord, from that of the previous chord to that of the next. The curves in this module reproduce the ray-optics results
+exactly; `solen.scene.rayoptics.formula_curves` provides the true curves. Only the tracers in plain Python support
+facets.
 """
 
 import math
@@ -21,22 +22,22 @@ from solen.scene.rayoptics.fields import LARGEST, UnreadError
 Blend = Literal["images", "lengths", "units"]
 
 STEP, FIRST, BEYOND = 0.1000001, 0.05, 0.09
-"""Sampling step of a curve given by a formula over a line, offset of its first point, and largest distance of its last
-point beyond the end of the line.
+"""For a formula over a line: sampling step, offset of the first point, and maximum distance of the last point beyond
+the end of the line.
 """
 UNLIKE = 10.0
-"""Ratio of lengths from which neighbouring chords of a parametric curve are not blended."""
+"""Neighbouring chords of a parametric curve are not blended if the ratio of their lengths is at least this large."""
 MOST_CORNERS = 200_000
 
 
 @dataclass(frozen=True)
 class Facets(Curve):
-    """Polyline through ``corners``, from parameter ``low`` to ``high``; a parameter's integer part numbers the chord.
+    """Polyline through ``corners``, from parameter ``low`` to ``high``; its integer part is the chord number.
 
-    ``blend`` states how neighbouring chords are blended: along a base line, mirrors blend *images* and glasses normals,
-    both weighted with the squared *lengths* of the chords; a parametric curve blends normals with weights that add up
-    to 1 (*units*), except between chords of very unlike lengths. A hit closer than ``skin`` is ignored for a ray that
-    leaves the curve.
+    ``blend`` determines how neighbouring chords are blended. Along a base line, mirrors blend *images* and glasses
+    blend normals, both weighted by the squared *lengths* of the chords. A parametric curve blends normals with weights
+    that add up to 1 (*units*), except between chords of very different lengths. A hit closer than ``skin`` is ignored
+    for a ray that leaves the curve.
     """
 
     corners: tuple[Point, ...]
@@ -47,7 +48,7 @@ class Facets(Curve):
 
     @classmethod
     def through(cls, corners: tuple[Point, ...], blend: Blend, skin: float) -> "Facets":
-        """Return the polyline with all its chords."""
+        """Return the polyline through these corners, with all its chords."""
         return cls(corners, blend, skin, 0.0, len(corners) - 1.0)
 
     @cached_property
@@ -70,25 +71,25 @@ class Facets(Curve):
         return np.asarray(starts[which] + (place - which)[:, None] * steps[which])
 
     def velocities(self, u: FloatArray) -> FloatArray:
-        """See `Curve.velocities`; at a corner, the velocity of the chord behind it."""
+        """See `Curve.velocities`; at a corner, the velocity of the next chord is returned."""
         _, steps, _ = self._table
         place = self.low + u * (self.high - self.low)
         return np.asarray((self.high - self.low) * steps[np.clip(np.floor(place), 0, len(steps) - 1).astype(int)])
 
     def part(self, u_from: float, u_to: float) -> "Facets":
-        """See `Curve.part`; normals at its ends are blended with those of the facets beyond."""
+        """See `Curve.part`; the normals at the ends are blended with those of the facets beyond the ends."""
         span = self.high - self.low
         return replace(self, low=self.low + u_from * span, high=self.low + u_to * span)
 
     def place(self, point: Point) -> float:
-        """Parameter, from 0 to 1, of the point of the curve that is nearest to another one."""
+        """Parameter, from 0 to 1, of the point on the curve that is nearest to ``point``."""
         chord, share = self._chord(point)
         return min(max((chord + share - self.low) / (self.high - self.low), 0.0), 1.0)
 
     def normal_at(self, point: Point) -> Point:
-        """See `Curve.normal_at`; blended as for a mirror.
+        """See `Curve.normal_at`; normals are blended as for a mirror.
 
-        The sum of two images has the direction of half the angle of the sum of their doubled directions.
+        The sum of two images points along half the angle of the sum of their angle-doubled directions.
         """
         blended = self._blended(point)
         doubled = sum(weight * complex(*tangent) ** 2 for weight, tangent in blended)
@@ -98,7 +99,10 @@ class Facets(Curve):
         return left_of((turned.real, turned.imag))
 
     def normal_met(self, point: Point, direction: Point) -> Point:
-        """Left normal where a ray meets the curve; a glass also weights each chord with the cosine of incidence."""
+        """Left normal where a ray meets the curve.
+
+        For a glass, each chord is also weighted by the cosine of the incidence angle.
+        """
         if self.blend == "images":
             return self.normal_at(point)
         x = z = 0.0
@@ -134,7 +138,7 @@ class Facets(Curve):
         return (x, z)
 
     def sign_at(self, point: Point, direction: Point) -> int:
-        """1 if a ray crosses the nearest chord to its right, −1 if to its left."""
+        """Return 1 if a ray crosses the nearest chord to its right, −1 if to its left."""
         step = self._table[1][self._chord(point)[0]]
         return 1 if cross((float(step[0]), float(step[1])), direction) < 0.0 else -1
 
@@ -161,7 +165,7 @@ class Facets(Curve):
         return replace(self, corners=self.corners[::-1], low=last - self.high, high=last - self.low)
 
     def _chord(self, point: Point) -> tuple[int, float]:
-        """The chord nearest to a point, and the position along it as a fraction of its length."""
+        """Return the chord nearest to a point, and the position along this chord as a fraction of its length."""
         starts, steps, lengths = self._table
         offset = np.array(point) - starts
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -172,9 +176,9 @@ class Facets(Curve):
 
 
 def over_line(length: float, scale: float) -> list[float]:
-    """Positions along a base at which ray-optics evaluates a formula, from one end to the other."""
+    """Return the positions along a base at which ray-optics evaluates a formula, from one end to the other."""
     if length / scale > MOST_CORNERS * STEP:
-        raise UnreadError("p2", f"would make more than {MOST_CORNERS} facets")
+        raise UnreadError("p2", f"would produce more than {MOST_CORNERS} facets")
     values, i = [], -STEP * scale
     while i < length + BEYOND * scale:
         values.append(min(max(i + FIRST * scale, 0.0), length))
@@ -183,7 +187,7 @@ def over_line(length: float, scale: float) -> list[float]:
 
 
 def along_parameter(low: float, high: float, step: float) -> list[float]:
-    """Parameters at which ray-optics evaluates a parametric formula."""
+    """Return the parameters at which ray-optics evaluates a parametric formula."""
     if not step > 0.0 or (high - low) / step > MOST_CORNERS:
         raise UnreadError("tStep", f"must be above 0 and give at most {MOST_CORNERS} facets, not {step:g}")
     found, t = [low], low + step
@@ -194,7 +198,7 @@ def along_parameter(low: float, high: float, step: float) -> list[float]:
 
 
 def sampled(at: Callable[[float], Point], places: list[float], key: str) -> list[Point]:
-    """Return the points at these positions; `UnreadError` if the formula is not defined there."""
+    """Return the points at these positions; raise `UnreadError` if the formula is undefined there."""
     points = [at(place) for place in places]
     if not all(abs(x) <= LARGEST and abs(z) <= LARGEST for x, z in points):
         raise UnreadError(key, f"has no value of at most {LARGEST:g} in part of its range")

@@ -1,6 +1,6 @@
-"""Fields of one object of the file, each with its default; a missing field, a wrong type or an unknown key is an error.
+"""Fields of one object in the file, each with its default; a missing field, wrong type or unknown key is an error.
 
-In the file y points down; in solen z points up. With (x, z) = (x, −y) a picture keeps its orientation.
+In the file y points down; in solen z points up. With (x, z) = (x, −y) an image keeps its orientation.
 """
 
 import builtins
@@ -13,19 +13,19 @@ from solen.scene.rayoptics.formula import number_in
 from solen.scene.rayoptics.modules import Expression
 
 GREEN_NM = 540.0
-"""Wavelength of a source or filter that states none."""
+"""Default wavelength of a source or filter."""
 
 T = TypeVar("T")
 
 LARGEST = 1e12
-"""Largest numbers of a file and coordinates of a formula, whose squares and products remain finite."""
+"""Largest number in a file and largest coordinate from a formula; squares and products of such values remain finite."""
 
 
 @dataclass(frozen=True)
 class NotUnderstood:
-    """Omitted content of a file: the object, its type, its key (None: the whole object) and the reason.
+    """Content of a file that was omitted: the object, its type, its key (None for the entire object) and the reason.
 
-    ``object`` counts the file's objects from 1; 0 is the scene itself.
+    ``object`` counts the objects in the file from 1; 0 is the scene itself.
     """
 
     object: int
@@ -39,7 +39,7 @@ class NotUnderstood:
 
 
 class UnreadError(Exception):
-    """An object that cannot be read, with the key at fault and the reason."""
+    """An object that cannot be read, with the invalid key and the reason."""
 
     def __init__(self, key: str | None, reason: str) -> None:
         super().__init__(reason)
@@ -49,7 +49,7 @@ class UnreadError(Exception):
 
 @dataclass
 class Fields:
-    """Object number ``number`` of the file; ``unread`` contains the keys not read yet."""
+    """Object number ``number`` in the file; ``unread`` contains the keys that have not been read yet."""
 
     number: int
     type: str
@@ -88,7 +88,7 @@ class Fields:
         return self._of_type(key, bool, default, "true or false")
 
     def choice(self, key: str, default: str) -> str:
-        """Read a text."""
+        """Read a text that must be one of the choices."""
         return self._of_type(key, str, default, "text")
 
     def point(self, key: str) -> Point:
@@ -114,17 +114,17 @@ class Fields:
         return tuple(finite(f"{key}[{i}]", item) for i, item in enumerate(value))
 
     def formula(self, key: str, variable: str, default: str) -> Expression:
-        """Read a formula of one variable."""
+        """Read a formula with one variable."""
         value = self._value(key)
         return expression(key, default if value is None else value, variable)
 
     def skip(self, *keys: str) -> None:
-        """Mark keys that do not concern light as read."""
+        """Mark keys that do not affect light as read."""
         self.unread -= set(keys)
 
 
 def expression(key: str, value: Any, variable: str) -> Expression:
-    """Return a formula of one variable; a number is a constant formula."""
+    """Return a formula with one variable; a number becomes a constant formula."""
     if isinstance(value, Expression):
         return value.of(variable)
     if isinstance(value, int | float) and not isinstance(value, bool):
@@ -156,6 +156,6 @@ def point_of(key: str, value: Any) -> Point:
 
 
 def shown(value: object) -> str:
-    """Return the text of a value, shortened."""
+    """Return a value as shortened text."""
     text = repr(value)
     return text if len(text) <= 40 else f"{text[:37]}..."

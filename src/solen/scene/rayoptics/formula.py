@@ -1,12 +1,12 @@
-r"""Formulas of one line, as ray-optics writes them: LaTeX, or plain text as in a spreadsheet. They are never executed.
+r"""One-line formulas as ray-optics writes them: LaTeX, or plain text as in a spreadsheet. Formulas are never executed.
 
-A formula is divided into tokens and parsed by recursive descent into nested functions of its variables. It can name
-only the variables, the constants pi and e and the functions listed here; it has no access to the program.
+A formula is divided into tokens and parsed by recursive descent into nested functions of its variables. It can refer
+only to the variables, the constants pi and e, and the functions listed here; it has no access to the program.
 
 Supported are + − * / ^, ``\cdot``, ``\times``, ``\frac{a}{b}``, ``\sqrt{a}``, ``\sqrt[n]{a}``, brackets of every kind,
-\|a\|, comparisons (1 or 0), ``and``, ``or``, ``not`` and a product without a sign, as in 2x. Multiplication and
-division are evaluated from left to right, so 1/2x is x/2; a power binds more strongly than a minus before it. Angles
-are in radians. Where a function is not defined, such as the root of a negative number, the value is NaN.
+\|a\|, comparisons (1 or 0), ``and``, ``or``, ``not``, and products without a sign, such as 2x. Multiplication and
+division are evaluated from left to right, so 1/2x means (1/2)x; a power binds more strongly than a preceding minus.
+Angles are in radians. Where a function is undefined, such as the root of a negative number, the value is NaN.
 """
 
 import functools
@@ -24,9 +24,9 @@ Node = Callable[[Values], float]
 Function = Callable[..., float]
 
 MOST_TOKENS = 400
-"""Largest number of tokens in a formula."""
+"""Maximum number of tokens in a formula."""
 DEEPEST = 60
-"""Deepest nesting of brackets."""
+"""Maximum nesting depth of brackets."""
 
 CONSTANTS = {"pi": math.pi, "e": math.e}
 FUNCTIONS: dict[str, Function] = {
@@ -79,9 +79,9 @@ BINARY: tuple[dict[str, Function], ...] = (
     },
     {"+": operator.add, "-": operator.sub},
 )
-"""Binary operators by increasing strength of binding, except products and powers."""
+"""Binary operators in order of increasing precedence, except products and powers."""
 NEGATION = 2
-"""Strength of binding of ``not``."""
+"""Precedence of ``not``."""
 LATEX_SIGNS = {"cdot": "*", "times": "*", "lt": "<", "gt": ">", "le": "<=", "ge": ">="}
 CLOSING = {"(": ")", "{": "}", "[": "]", "|": "|"}
 NUMBER = re.compile(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*")
@@ -111,17 +111,17 @@ class Formula:
     node: Node
 
     def __call__(self, **values: float) -> float:
-        """Value of the formula; NaN if it is not defined there."""
+        """Return the value of the formula, or NaN if it is undefined there."""
         return self.node(values)
 
 
 def parse(text: str, variables: Sequence[str] = (), functions: Mapping[str, Function] | None = None) -> Formula:
-    """Parse a formula of these variables; ``functions`` are further functions by name.
+    """Parse a formula in these variables; ``functions`` contains further functions by name.
 
     Raises
     ------
     DataError
-        If the text is not a formula or names something unknown; the message states the position.
+        If the text is not a formula or contains an unknown name; the message gives the position.
     """
     reader = _Reader(text, set(variables), {**FUNCTIONS, **(functions or {})})
     return Formula(text, reader.whole())
@@ -153,7 +153,7 @@ def _refuse(text: str, at: int, result: str, limit: str) -> NoReturn:
 
 
 class _Reader:
-    """Parser by recursive descent, with one method for each strength of binding."""
+    """Recursive-descent parser with one method for each precedence level."""
 
     def __init__(self, text: str, variables: set[str], functions: Mapping[str, Function]) -> None:
         self.text = text
@@ -177,7 +177,7 @@ class _Reader:
         _refuse(self.text, self.token.at, self.token.text, limit)
 
     def take(self, *texts: str) -> str | None:
-        """Consume the next token and return its text if it is one of these signs or words."""
+        """If the next token is one of these signs or words, consume it and return its text."""
         if self.token.kind in ("sign", "name") and self.token.text in texts:
             self.next += 1
             return self.tokens[self.next - 1].text
@@ -188,7 +188,7 @@ class _Reader:
             self.refuse(f"must be {text}")
 
     def binary(self, level: int = 0) -> Node:
-        """Parse binary operators of one strength of binding (and, <, + and so on), from left to right."""
+        """Parse binary operators of one precedence level (and, <, + and so on), from left to right."""
         if level == len(BINARY):
             return self.product()
         if level == NEGATION and self.take("not"):
@@ -210,7 +210,7 @@ class _Reader:
             )
 
     def begins_factor(self) -> bool:
-        """Whether a factor follows without a sign before it."""
+        """Whether a factor follows without a preceding sign."""
         token = self.token
         if token.kind == "name":
             return token.text not in ("and", "or", "not")
@@ -295,7 +295,7 @@ class _Reader:
         return self.bracket()
 
     def call(self, name: str) -> Node:
-        """Parse a function and its arguments; a single one needs no brackets. ``sin^2 x`` is the squared sine."""
+        """Parse a function and its arguments; a single argument needs no brackets. ``sin^2 x`` is the squared sine."""
         exponent = self.atom() if self.take("^") else None
         if self.take("("):
             arguments = [self.binary()]
@@ -331,7 +331,7 @@ def _called(function: Function, *arguments: Node) -> Node:
 
 
 def number_in(value: Any) -> float | None:
-    """Return a number, or the value of a text that ray-optics accepts as a number; None for anything else."""
+    """Return a number, or the value of a text that ray-optics accepts as a number; None for any other value."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     if isinstance(value, str) and not NUMBER.fullmatch(value):

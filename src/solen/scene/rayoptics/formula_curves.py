@@ -1,9 +1,10 @@
-"""Curves of formulas: straight lines, circles and cubics are recognised; any other curve becomes a chain of cubics.
+"""Curves defined by formulas: straight lines, circles and cubics are recognised; others become chains of cubics.
 
-A formula can only be evaluated at points. If `CHECKED` points are on one line, one circle or one cubic of the
-parameter, up to rounding, the curve is that one. Otherwise its range is halved until cubics through four of its points
-deviate from all others by at most `TOLERANCE` of its size. If halving does not help, there is a jump, which ray-optics
-bridges with a straight line, or the end of the formula's domain, which is an error.
+A formula can only be evaluated at points. If `CHECKED` points lie on one line, one circle or one cubic of the
+parameter, to within rounding error, the curve is taken to be that line, circle or cubic. Otherwise its range is halved
+until cubics through four of its points deviate from all others by at most `TOLERANCE` of the curve size. If halving
+does not help, there is either a jump, which ray-optics bridges with a straight line, or the end of the formula's
+domain, which is an error.
 """
 
 import math
@@ -21,12 +22,12 @@ At = Callable[[float], Point]
 Control = tuple[Point, Point, Point, Point]
 
 EXACT = 1e-12
-"""Deviation, as a fraction of the curve's size, that is due to rounding alone."""
+"""Deviation, as a fraction of the curve size, that is due to rounding alone."""
 TOLERANCE = 1e-7
-"""Deviation of a chain of cubics, as a fraction of the curve's size."""
+"""Deviation of a chain of cubics, as a fraction of the curve size."""
 CHECKED = np.linspace(0.0, 1.0, 33)
 NARROWEST = 1e-9
-"""Fraction of the range below which it is not halved any more."""
+"""Fraction of the total range below which a part is no longer halved."""
 MOST_PIECES = 2000
 
 
@@ -36,12 +37,12 @@ def fitted(at: At, start: float, end: float, what: str) -> list[Curve]:
     Raises
     ------
     DataError
-        About ``what``, if the formula is not defined, is constant, or would need too many pieces.
+        With ``what`` as its subject, if the formula is undefined or constant, or would need too many pieces.
     """
     points = _sampled(at, start, end)
     if not np.all(np.abs(points) <= LARGEST):
         bad = start + (end - start) * float(CHECKED[int(np.argmin((np.abs(points) <= LARGEST).all(axis=1)))])
-        raise DataError(what, value=f"no value at {bad:g}", limit="must be defined in its whole range")
+        raise DataError(what, value=f"no value at {bad:g}", limit="must be defined over its entire range")
     size = float(np.ptp(points, axis=0).max())
     if not size > 0.0:
         raise DataError(what, value="one point", limit="must have a length above 0")
@@ -50,7 +51,7 @@ def fitted(at: At, start: float, end: float, what: str) -> list[Curve]:
 
 
 def _sampled(at: At, start: float, end: float) -> FloatArray:
-    """Points (33, 2) of a range, with its exact ends."""
+    """Sample 33 points (33, 2) over a range, with its exact ends."""
     return np.array([at(start), *(at(start + (end - start) * float(u)) for u in CHECKED[1:-1]), at(end)])
 
 
@@ -72,7 +73,7 @@ def _recognised(points: FloatArray, size: float) -> Curve | None:
 
 
 def _off_line(points: FloatArray, a: Point, b: Point) -> float:
-    """Largest distance from a line; infinite if the points are not in order along it."""
+    """Return the largest distance from a line, which is infinite if the points are not in order along it."""
     along = np.array(minus(b, a)) / math.dist(a, b)
     from_a = points - np.array(a)
     if np.any(np.diff(from_a @ along) <= 0.0):
@@ -104,7 +105,7 @@ def _arc(points: FloatArray, a: Point, middle: Point, b: Point, size: float) -> 
 
 
 def _cubic(points: FloatArray) -> Control:
-    """Control points of the cubic through the first, the last and two points between them."""
+    """Return the control points of the cubic through the first point, the last point and two points between them."""
     last = len(points) - 1
     inner = np.array([last // 3, last - last // 3])
     v = inner / last
@@ -115,7 +116,7 @@ def _cubic(points: FloatArray) -> Control:
 
 
 def _off_cubic(points: FloatArray, control: Control) -> float:
-    """Largest distance of a point from that of the cubic at the same parameter."""
+    """Return the largest distance between a point and the cubic at the same parameter."""
     v = np.linspace(0.0, 1.0, len(points))[:, None]
     a, b, c, d = (np.array(point) for point in control)
     w = 1.0 - v
@@ -123,14 +124,14 @@ def _off_cubic(points: FloatArray, control: Control) -> float:
 
 
 def _pieces(at: At, start: float, end: float, size: float, what: str) -> list[Curve]:
-    """Consecutive lines, arcs and cubics, obtained by halving the range."""
+    """Return consecutive lines, arcs and cubics, obtained by halving the range."""
     curves: list[Curve] = []
     waiting = [(start, end)]
     while waiting:
         low, high = waiting.pop()
         points = _sampled(at, low, high)
         if not np.all(np.abs(points) <= LARGEST):
-            raise DataError(what, value=f"no value near {low:g}", limit="must be defined in its whole range")
+            raise DataError(what, value=f"no value near {low:g}", limit="must be defined over its entire range")
         if high - low <= NARROWEST * (end - start):
             first, last = _point(points[0]), _point(points[-1])
             curves += [] if first == last else [Segment(first, last)]
@@ -160,7 +161,7 @@ def _line_or_cubic(points: FloatArray, control: Control, size: float) -> Curve:
 
 
 def _joined(pieces: list[Curve], size: float) -> list[Curve]:
-    """Join collinear neighbours into one segment and neighbouring cubics into one spline."""
+    """Join collinear neighbours into one segment, and neighbouring cubics into one spline."""
     rows: list[list[Curve]] = []
     for piece in pieces:
         if rows and type(rows[-1][-1]) is type(piece) and _goes_on(rows[-1], piece, size):

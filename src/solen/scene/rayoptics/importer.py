@@ -1,7 +1,7 @@
 """Conversion of a ray-optics file to a scene: its objects in order, with its detectors as monitors.
 
-Unsupported content is omitted and listed, never guessed: a whole object, or one key of it. A file is rejected only if
-it is not a scene of ray-optics or cannot be traced.
+Unsupported content is omitted and listed, never guessed: an entire object, or one of its keys. A file is rejected only
+if it is not a ray-optics scene or cannot be traced.
 """
 
 import json
@@ -29,7 +29,7 @@ from solen.scene.sources import Rays
 
 VERSION = 5
 MERGING = 1e-6
-"""Points closer than this, in length scales of the file, are merged."""
+"""Points closer together than this, in length scales of the file, are merged."""
 GREEN = ((GREEN_NM, 1.0),)
 """Spectrum of light at a grating in a scene without colours."""
 WEAK, WEAK_IN_COLOUR = 0.01, 1e-6
@@ -41,7 +41,7 @@ APPEARANCE = frozenset(
     | {"scale", "width", "height", "redWavelength", "violetWavelength", "showRayArrows", "symbolicBodyMerging"}
     | {"theme", "backgroundImage", "numericalTolerances"}
 )
-"""Keys of a scene that do not concern light, or only state how another program computes it."""
+"""Scene keys that do not affect light, or that only control how another program computes it."""
 LIGHT = frozenset(
     {"objs", "modules", "mode", "rayModeDensity", "imageModeDensity", "lengthScale", "simulateColors", "colorMode"}
     | {"randomSeed", "maxRayDepth"}
@@ -59,11 +59,11 @@ class Counted(Protocol):
 
     @property
     def power_by_bin(self) -> FloatArray:
-        """Net power by bin, as fractions of the emitted power."""
+        """Net power per bin, as a fraction of the emitted power."""
 
 
 class Reading(Result):
-    """A detector's reading in the file's units: power, and power per length in bins that begin at each position."""
+    """Detector reading in the units of the file: power, and power per length in bins starting at ``position``."""
 
     power: float
     position: FloatArray | None = None
@@ -72,7 +72,7 @@ class Reading(Result):
 
 @dataclass(frozen=True)
 class Detector:
-    """A detector as one or two monitors: its complete bins, and the remainder of its line."""
+    """A detector as one or two monitors: for its complete bins, and for the remainder of its line."""
 
     name: str
     monitors: tuple[Monitor, ...]
@@ -80,7 +80,7 @@ class Detector:
     bin_size: float = 0.0
 
     def reading(self, monitors: Mapping[str, Counted], emitted: float) -> Reading:
-        """Return its reading from those of its monitors; bins without a monitor have no length and remain 0."""
+        """Return the detector reading from its monitor readings; bins without a monitor have no length and remain 0."""
         found = [monitors[monitor.name] for monitor in self.monitors]
         power = emitted * math.fsum(reading.power for reading in found)
         if not self.bins:
@@ -94,25 +94,25 @@ class Detector:
 
 @dataclass(frozen=True)
 class Imported:
-    """A scene of ray-optics as solen traces it.
+    """A ray-optics scene as solen traces it.
 
-    Lengths in the file's units are interpreted as mm; y is inverted, so that z points up. Powers are brightnesses of
-    ray-optics.
+    Lengths in the units of the file are interpreted as mm; y is inverted, so that z points up. Powers are ray-optics
+    brightnesses.
 
     Attributes
     ----------
     scene
-        The equivalent scene of solen, with the rays of the file in their order.
+        The equivalent solen scene, with the rays of the file in their original order.
     detectors
-        The detectors of the file.
+        The detectors in the file.
     not_understood
-        Omitted parts of the file.
+        Parts of the file that were omitted.
     weak, weakest
         Brightness up to which ray-optics drops the split-off part, and the part that continues.
     max_hits
-        Largest number of objects that a ray meets; None: no limit.
+        Maximum number of objects that a ray meets; None for no limit.
     fresh
-        For each ray, whether it starts a new sequence instead of continuing that of the ray before it.
+        For each ray, whether it starts a new sequence or continues that of the previous ray.
     """
 
     scene: Scene
@@ -124,41 +124,41 @@ class Imported:
     fresh: tuple[bool, ...] = field(repr=False)
 
     def readings(self, monitors: Mapping[str, Counted]) -> dict[str, Reading]:
-        """Return the readings of all detectors from those of a trace's monitors."""
+        """Return the readings of all detectors from the monitor readings of a trace."""
         return {detector.name: detector.reading(monitors, self.scene.emitted) for detector in self.detectors}
 
 
 def load(path: Path | str, *, facets: bool = False) -> Imported:
-    """Load the scene of a file; errors as in `loads`, and `DataError` if the file cannot be read."""
+    """Load a scene from a file; errors as in `loads`, and `DataError` if the file cannot be read."""
     return loads(files.read_text(Path(path), DataError), str(path), facets=facets)
 
 
 def loads(text: str, where: str = "scene", *, facets: bool = False) -> Imported:
-    """Load the scene of a JSON text.
+    """Load a scene from JSON text.
 
     Parameters
     ----------
     text
-        The file's text.
+        Content of the file.
     where
-        Name of the file in messages.
+        File name used in messages.
     facets
-        Whether curves of formulas become the polylines that ray-optics traces, which only the tracers in plain Python
-        support; by default they become the curves themselves, exactly or to 1e-7 of their size.
+        Whether curves defined by formulas become the polylines that ray-optics traces, which only the tracers in plain
+        Python support; by default they become the curves themselves, exactly or to 1e-7 of their size.
 
     Raises
     ------
     DataError
-        If it is not a scene of ray-optics, version 5.
+        If the text is not a ray-optics scene, version 5.
     DesignError
-        If its scene cannot be traced: it has no light, or an index below 1.
+        If the scene cannot be traced: it has no light, or an index below 1.
     """
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as bad:
         raise DataError(where, limit=f"not JSON: {bad}") from None
     if not recognised(data):
-        raise DataError(where, limit="is not a scene of ray-optics: it has no list objs and no version")
+        raise DataError(where, limit="is not a ray-optics scene: it has no list objs and no version")
     if data["version"] != VERSION:
         raise DataError(
             f"{where}: version",
@@ -170,12 +170,12 @@ def loads(text: str, where: str = "scene", *, facets: bool = False) -> Imported:
 
 
 def recognised(data: object) -> bool:
-    """Whether parsed JSON has the form of a scene of ray-optics, of any version."""
+    """Return whether parsed JSON has the form of a ray-optics scene, of any version."""
     return isinstance(data, dict) and isinstance(data.get("objs"), list) and "version" in data
 
 
 class _Scene:
-    """Builder of a scene from the objects of a file."""
+    """Builder that converts the objects of a file to a scene."""
 
     def __init__(self, data: dict[str, Any], where: str, facets: bool) -> None:
         self.data = data
@@ -259,7 +259,7 @@ class _Scene:
         self.missed.append(NotUnderstood(number, kind, key, reason))
 
     def _objects(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Objects with their numbers in the file; modules are expanded in their place."""
+        """Yield objects with their numbers in the file; modules are expanded in place."""
         for number, item in enumerate(self.data["objs"], 1):
             if isinstance(item, dict):
                 yield from self._unfolded(number, item, 0)
@@ -285,7 +285,7 @@ class _Scene:
             yield from self._unfolded(number, part, depth + 1)
 
     def _read(self, number: int, item: dict[str, Any]) -> None:
-        """Add one object, or note why it cannot be added."""
+        """Add one object, or record why it cannot be added."""
         kind = item.get("type")
         if kind in NO_LIGHT:
             return
@@ -310,7 +310,7 @@ class _Scene:
             self._miss(number, kind, key, "unknown key")
 
     def _next_name(self, kind: str) -> str:
-        """Name of the next object of a type, for example glass1."""
+        """Return the name of the next object of a type, for example glass1."""
         self.counts[kind] = self.counts.get(kind, 0) + 1
         return f"{kind.lower()}{self.counts[kind]}"
 
@@ -345,14 +345,14 @@ class _Scene:
         self.detectors.append(Detector(name, tuple(monitors), bins, size))
 
     def _detector_name(self, fields: Fields) -> str:
-        """Return the detector's own name, or, if it has none or the name is taken, a name with its number."""
+        """Return the detector's own name, or a numbered name if it has none or the name is taken."""
         number, taken = self._next_name("Detector"), {detector.name for detector in self.detectors}
         name = fields.data.get("name")
         return name if isinstance(name, str) and name and name not in taken else number
 
 
 def _span(objects: list[Any]) -> float:
-    """Difference between the largest and the smallest coordinate of the file."""
+    """Return the difference between the largest and the smallest coordinate in the file."""
     values: list[float] = []
     waiting: list[Any] = [objects]
     while waiting:

@@ -1,9 +1,9 @@
-"""Overlaps, crossings and parts of curves, for the arrangement of the plane.
+"""Overlaps, crossings and parts of curves, used to arrange the plane into regions.
 
 Positions on a curve are its parameters from 0 to 1, as in `Curve.points`. Crossings of a straight line with any curve
-and of two circles are computed from their equations; those of cubics with arcs or with one another start from crossings
-of fine polylines and are refined with Newton's method. Two curves that overlap have no crossings; `place_of` locates
-their common ends.
+and of two circles are computed from their equations. Crossings of cubics with arcs or with one another start from
+crossings of fine polylines and are refined by Newton's method. Two curves that overlap have no crossings; `place_of`
+locates their common ends.
 """
 
 import math
@@ -24,15 +24,15 @@ Place = tuple[float, float]
 SAMPLES_PER_CUBIC = 48
 SAMPLES_PER_ARC = 128
 PARALLEL = 1e-7
-"""Sine of the angle below which two chords are taken as parallel and do not cross."""
+"""Sine of the angle below which two chords are treated as parallel and do not cross."""
 SLIVER = 1e-9
 """Smallest fraction of a cubic that is cut off."""
 STEPS = 60
-"""Largest number of halvings or Newton steps."""
+"""Maximum number of bisections or Newton steps."""
 
 
 def part(curve: Curve, low: float, high: float) -> Curve:
-    """Return the part of a curve between two of its parameters; one very close to a joint of cubics is moved there."""
+    """Return the part of a curve between two parameters; a parameter very close to a joint of cubics is moved to it."""
     if isinstance(curve, CubicChain):
         low, high = (_at_joint(u, len(curve.controls)) for u in (low, high))
     return curve if (low, high) == (0.0, 1.0) else curve.part(low, high)
@@ -44,7 +44,7 @@ def _at_joint(u: float, cubics: int) -> float:
 
 
 def place_of(curve: Curve, point: Point, tolerance: float) -> float | None:
-    """Parameter of a point of a curve; None if the curve is further from the point than the tolerance."""
+    """Return the parameter of a point on a curve, or None if the curve is further from the point than the tolerance."""
     if isinstance(curve, Segment):
         u = dot(minus(point, curve.a), unit(minus(curve.b, curve.a))) / curve.length_mm
     elif isinstance(curve, Arc):
@@ -58,7 +58,7 @@ def place_of(curve: Curve, point: Point, tolerance: float) -> float | None:
 
 
 def crossings(a: Curve, b: Curve, tolerance: float) -> list[Place]:
-    """Return the places at which two curves cross or touch, other than where they overlap."""
+    """Return the parameter pairs at which two curves cross or touch, excluding overlaps."""
     if isinstance(a, Segment):
         return _on_line(a, b, tolerance)
     if isinstance(b, Segment):
@@ -69,7 +69,7 @@ def crossings(a: Curve, b: Curve, tolerance: float) -> list[Place]:
 
 
 def turning_deg(curve: Curve) -> float:
-    """Approximate total turning angle of a curve; one that turns by less than 180 degrees cannot cross itself."""
+    """Return the approximate total turning angle of a curve; below 180 degrees, a curve cannot intersect itself."""
     steps = np.diff(curve.points(samples(curve)), axis=0)
     here, there = steps[:-1], steps[1:]
     turns = np.arctan2(here[:, 0] * there[:, 1] - here[:, 1] * there[:, 0], (here * there).sum(axis=1))
@@ -77,7 +77,7 @@ def turning_deg(curve: Curve) -> float:
 
 
 def samples(curve: Curve) -> FloatArray:
-    """Parameters of a fine polyline along a curve."""
+    """Return the parameters of a fine polyline along a curve."""
     if isinstance(curve, Segment):
         return np.array([0.0, 1.0])
     if isinstance(curve, Facets):
@@ -100,7 +100,7 @@ def _place_on_arc(arc: Arc, point: Point) -> float:
 
 
 def _nearest(curve: Curve, point: Point, tolerance: float) -> float:
-    """Parameter of the point of a curve that is nearest to another, by halving from the nearest samples."""
+    """Return the parameter of the point on a curve nearest to another point, by bisection from the nearest samples."""
     u = samples(curve)
     points = curve.points(u)
     away = np.hypot(*(points - np.array(point)).T)
@@ -120,7 +120,7 @@ def _nearest(curve: Curve, point: Point, tolerance: float) -> float:
 
 
 def _on_line(line: Segment, other: Curve, tolerance: float) -> list[Place]:
-    """Crossings of a curve with a straight line, taken as a ray from well before its start."""
+    """Return crossings of a curve with a straight line, which is treated as a ray from well before its start."""
     direction = unit(minus(line.b, line.a))
     if isinstance(other, Segment) and abs(cross(direction, unit(minus(other.b, other.a)))) < 1e-12:
         return []
@@ -159,7 +159,7 @@ def _refined(a: Curve, b: Curve, tolerance: float) -> list[Place]:
 
 
 def _of_polylines(a: Curve, b: Curve) -> list[Place]:
-    """Places at which fine polylines along two curves cross."""
+    """Yield parameter pairs at which fine polylines along two curves cross."""
     u, v = samples(a), samples(b)
     p, q = a.points(u), b.points(v)
     low, high = np.maximum(p.min(axis=0), q.min(axis=0)), np.minimum(p.max(axis=0), q.max(axis=0))
@@ -187,7 +187,7 @@ def _newton(a: Curve, b: Curve, u: float, v: float) -> Place:
 
 
 def without_loops(curve: Curve) -> list[Curve]:
-    """Divide a curve into parts that cannot cross themselves."""
+    """Divide a curve into parts that cannot intersect themselves."""
     turns = turning_deg(curve)
     if isinstance(curve, Segment | Arc) or turns < 175.0:
         return [curve]

@@ -1,8 +1,9 @@
-"""Modules: objects written once with formulas in backticks, and expanded for each use, in loops and under conditions.
+"""Modules: objects defined once with formulas in backticks, and expanded for each use, in loops and under conditions.
 
-A module has points, which its formulas name x_1, y_1, x_2..., parameters, and variables and functions of its own. A
-text that is one formula in single backticks stands for its value; in double backticks it is a formula that is kept,
-with the module's values inserted. Nothing is executed: all formulas are those of `solen.scene.rayoptics.formula`.
+A module has points, which its formulas call x_1, y_1, x_2 and so on; parameters; and its own variables and functions. A
+text that consists of one formula in single backticks stands for the value of the formula; in double backticks, it
+remains a formula, with the values of the module inserted. Nothing is executed: all formulas are parsed by
+`solen.scene.rayoptics.formula`.
 """
 
 import itertools
@@ -15,7 +16,7 @@ from solen.errors import DataError
 from solen.scene.rayoptics.formula import Function, Values, number_in, parse
 
 MOST_TIMES = 1000
-"""Largest number of rounds of a loop if the module states no limit; its own limit may be a hundred times higher."""
+"""Default limit on the number of rounds of a loop; the module itself may set a limit up to a hundred times higher."""
 MOST_NUMBER = 1e300
 FUNCTION = re.compile(r"^\s*(\w+)\s*\(\s*([^)]*?)\s*\)\s*=(?!=)\s*(.+)$", re.DOTALL)
 VARIABLE = re.compile(r"^\s*(\w+)\s*=(?!=)\s*(.+)$", re.DOTALL)
@@ -29,14 +30,14 @@ class Scope:
     functions: Mapping[str, Function] = field(default_factory=dict)
 
     def number(self, text: str) -> float:
-        """Return the value of a formula; `DataError` if it is not defined."""
+        """Return the value of a formula; raise `DataError` if it is undefined."""
         value = parse(text, tuple(self.values), self.functions)(**self.values)
         if value != value:
             raise DataError(f"formula {text!r}", value=value, limit="must have a finite value")
         return value
 
     def with_values(self, values: Values) -> "Scope":
-        """Return a scope with further values, which override those of the same name."""
+        """Return a scope with further values, which override existing values of the same name."""
         return replace(self, values={**self.values, **values})
 
     def defined(self, text: str) -> "Scope":
@@ -58,18 +59,18 @@ class Scope:
 
 @dataclass(frozen=True)
 class Expression:
-    """A formula of given variables, with the definitions of all other names in it."""
+    """A formula in the specified variables, with the definitions of all other names that it contains."""
 
     text: str
     variables: tuple[str, ...]
     scope: Scope = field(default_factory=Scope)
 
     def of(self, variable: str) -> "Expression":
-        """Return the same as a formula of one variable."""
+        """Return the expression as a formula of one variable."""
         return replace(self, variables=(variable,))
 
     def compiled(self) -> Function:
-        """Return it as a function of its variables in their order; `DataError` if it is not a formula."""
+        """Return the expression as a function of its variables in order; raise `DataError` if it is not a formula."""
         formula = parse(self.text, (*self.scope.values, *self.variables), self.scope.functions)
         values, names = dict(self.scope.values), self.variables
 
@@ -80,19 +81,19 @@ class Expression:
 
 
 def unfolded(definition: Mapping[str, Any], points: Any, parameters: Any) -> list[dict[str, Any]]:
-    """Return the objects of one use of a module.
+    """Return the objects produced by one use of a module.
 
     Raises
     ------
     DataError
-        If a formula is invalid or not defined, or a loop is too long.
+        If a formula is invalid or undefined, or a loop is too long.
     """
     if not isinstance(parameters, dict):
         raise DataError("params", limit="must be an object of numbers")
     scope = _scope(definition, _items("points", points), parameters)
     limit = definition.get("maxLoopLength", MOST_TIMES)
     if not isinstance(limit, int) or not 1 <= limit <= 100 * MOST_TIMES:
-        raise DataError("maxLoopLength", value=limit, limit=f"must be a whole number from 1 to {100 * MOST_TIMES}")
+        raise DataError("maxLoopLength", value=limit, limit=f"must be an integer from 1 to {100 * MOST_TIMES}")
     objects = _items("objs", definition.get("objs", []))
     return [item for item in _list(objects, scope, limit) if isinstance(item, dict)]
 
@@ -129,7 +130,7 @@ def _number(what: str, value: Any) -> float:
 
 
 def _range(text: Any, scope: Scope) -> tuple[str, float, float, float, float]:
-    """Name, start, step, end and default of ``name=start:step:end`` or ``name=start:step:end:default``."""
+    """Return the name, start, step, end and default of ``name=start:step:end`` or ``name=start:step:end:default``."""
     name, equals, rest = str(text).partition("=")
     parts = rest.split(":")
     if not equals or len(parts) not in (3, 4):
@@ -151,7 +152,7 @@ def _list(items: list[Any], scope: Scope, limit: int) -> list[Any]:
 
 
 def _rounds(loops: Any, scope: Scope, limit: int) -> Iterator[Scope]:
-    """Yield the scope for each combination of the loops' values."""
+    """Yield the scope for each combination of loop values."""
     ranges = [_range(text, scope) for text in ([loops] if isinstance(loops, str) else _items("for", loops))]
     series = [_series(start, step, end, limit, name) for name, start, step, end, _ in ranges]
     total = 1
@@ -164,7 +165,7 @@ def _rounds(loops: Any, scope: Scope, limit: int) -> Iterator[Scope]:
 
 
 def _series(start: float, step: float, end: float, limit: int, name: str) -> list[float]:
-    """Values from start to at most the end; each is the previous one plus the step."""
+    """Yield values from the start up to the end; each is the previous value plus the step."""
     if step == 0.0 or (end - start) * step < 0.0 or (end - start) / step + 1.0 > limit:
         raise DataError(f"for {name}", value=f"{start:g}:{step:g}:{end:g}", limit=f"must end within {limit} rounds")
     values, value = [], start
@@ -185,12 +186,12 @@ def _any(value: Any, scope: Scope, limit: int) -> Any:
 
 
 def _text(text: str, scope: Scope) -> Any:
-    """Evaluate a text with formulas: to a number, a formula, or text that contains numbers."""
+    """Evaluate a text with formulas: to a number, a formula, or a text that contains numbers."""
     if text.startswith("``") and text.endswith("``") and len(text) > 4 and "`" not in text[2:-2]:
         return Expression(text[2:-2], (), scope)
     parts = text.split("`")
     if len(parts) == 3 and not parts[0] and not parts[2]:
         return scope.number(parts[1])
     if "" in parts[1:-1:2] or len(parts) % 2 == 0:
-        raise DataError(f"text {text!r}", limit="mixes a formula to be kept with text, or does not close a backtick")
+        raise DataError(f"text {text!r}", limit="combines a formula to be kept with text, or does not close a backtick")
     return "".join(f"{scope.number(part):.17g}" if i % 2 else part for i, part in enumerate(parts))

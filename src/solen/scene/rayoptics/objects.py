@@ -1,4 +1,4 @@
-"""Optical elements: glasses, mirrors, walls and ideal elements of the file, as outlines and curves."""
+"""Optical elements in the file (glasses, mirrors, walls and ideal elements) as outlines and curves."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -31,23 +31,21 @@ from solen.scene.rayoptics.outlines import (
 from solen.scene.surface import Grating, Surface
 
 MOST_ORDERS, LEAST_ORDER = 1000, 1e-7
-"""Largest number of orders of a grating to either side, and the fraction of the light below which an order is
-omitted.
-"""
+"""Maximum number of grating orders on either side, and the power fraction below which an order is omitted."""
 
 Reader = Callable[[Fields, str, "SceneSettings"], Sequence[Glass | Element]]
-"""Reads an object of one type and gives it a name."""
+"""Function that reads an object of one type and gives it a name."""
 
 
 def glass(fields: Fields, name: str, outline: Sequence[Curve], settings: SceneSettings, **how: bool) -> list[Glass]:
-    """Return a glass with the keys that all glasses have."""
+    """Return a glass from an outline and the keys common to all glasses."""
     index, b = fields.number_of("refIndex", 1.5, above=0.0), fields.number_of("cauchyB", 0.004)
     partial = fields.flag("partialReflect", True)
     return [Glass(name, tuple(outline), index, b if settings.colours else 0.0, partial, **how)]
 
 
 def filtered(fields: Fields, settings: SceneSettings) -> tuple[float, float] | None:
-    """Return the wavelengths at which a filter acts, the higher one first if it acts outside them."""
+    """Return the wavelength limits of a filter, the longer one first if it acts outside its band."""
     on, invert = fields.flag("filter"), fields.flag("invert")
     center, half = fields.number_of("wavelength", GREEN_NM), fields.number_of("bandwidth", 10.0)
     if not (on and settings.colours):
@@ -61,7 +59,7 @@ def filtered(fields: Fields, settings: SceneSettings) -> tuple[float, float] | N
 def _element(
     behaviour: Behaviour, curves: Outline, *, filters: bool = True, **numbers: Callable[[Fields], float]
 ) -> Reader:
-    """Return the reader of an element: its curves, its filter if it can have one, and the numbers of its surface."""
+    """Return the reader for an element: its curves, its filter if it can have one, and its surface parameters."""
 
     def read(fields: Fields, name: str, settings: SceneSettings) -> Sequence[Glass | Element]:
         here = tuple(curves(fields, settings))
@@ -74,7 +72,7 @@ def _element(
 
 
 def _glass(outline: Outline, **how: bool) -> Reader:
-    """Return the reader of a glass within an outline."""
+    """Return the reader for a glass within an outline."""
     return lambda fields, name, settings: glass(fields, name, outline(fields, settings), settings, **how)
 
 
@@ -109,7 +107,7 @@ def _radius(key: str, value: Any) -> float:
 
 
 def _radii(d: float, ffd: float, bfd: float, n: float) -> list[tuple[float, float]]:
-    """Radii of the lenses with this thickness and front and back focal distances, the smaller ones first."""
+    """Yield the radii of lenses with this thickness and these front and back focal distances, smaller radii first."""
     square = d * d + 4.0 * bfd * ffd * n * n
     if square < 0.0:
         raise UnreadError("params", "do not describe a lens")
@@ -125,7 +123,7 @@ def _radii(d: float, ffd: float, bfd: float, n: float) -> list[tuple[float, floa
 
 
 def _lens(p1: Point, p2: Point, d: float, r1: float, r2: float) -> list[Curve]:
-    """Outline of a lens between two edges, with a thickness on its axis and two radii of curvature."""
+    """Return the outline of a lens between two edges, with its axial thickness and two radii of curvature."""
     length = math.dist(p1, p2)
     if length == 0.0:
         raise UnreadError("p2", "is the same point as p1")
@@ -162,7 +160,7 @@ def _transmitted(fields: Fields) -> float:
 
 
 def _grating(curves: Outline, way: int, mirrored: bool | None = None) -> Reader:
-    """Return the reader of a grating, with orders to the right of the light, or with ``way`` −1 to its left."""
+    """Return the reader for a grating, with orders to the right of the light, or to its left if ``way`` is −1."""
 
     def read(fields: Fields, name: str, settings: SceneSettings) -> Sequence[Glass | Element]:
         lines, custom = fields.number_of("lineDensity", 1000.0, above=0.0), fields.flag("customBrightness")
@@ -180,14 +178,14 @@ def _grating(curves: Outline, way: int, mirrored: bool | None = None) -> Reader:
 
 
 def _stated_orders(shares: Sequence[float]) -> list[tuple[int, float]]:
-    """Orders 0, 1, −1, 2, −2 and so on, with their fractions of the power."""
+    """Yield orders 0, 1, −1, 2, −2 and so on, with their power fractions."""
     if min(shares, default=0.0) < 0.0:
         raise UnreadError("brightnesses", f"must be at least 0, not {min(shares):g}")
     return [((i + 1) // 2 * (1 if i % 2 else -1), share) for i, share in enumerate(shares) if share > 0.0]
 
 
 def _of_slits(ratio: float) -> list[tuple[int, float]]:
-    """Orders of a wall with slits that cover the fraction ``ratio``: sin²(π m ratio) / (π m)² at any angle."""
+    """Yield the orders of a wall whose slits cover the fraction ``ratio``: sin²(π m ratio) / (π m)² at any angle."""
     of_slits = [(0, ratio * ratio)]
     for m in range(1, MOST_ORDERS + 1):
         share = (math.sin(math.pi * m * ratio) / (math.pi * m)) ** 2
@@ -218,4 +216,4 @@ READERS: dict[str, Reader] = {
     "ConcaveDiffractionGrating": _grating(arc, -1, mirrored=True),
     "BeamSplitter": _element("splitter", straight, transmitted=_transmitted),
 }
-"""Readers by the type of the object; a new type is one more entry."""
+"""Readers by object type; to add a type, add an entry."""

@@ -1,4 +1,4 @@
-"""Outlines and curves of the objects of a ray-optics file: lines, arcs, paths, formulas."""
+"""Outlines and curves of the objects in a ray-optics file: lines, arcs, paths, formulas."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -16,22 +16,24 @@ from solen.scene.rayoptics.formula_curves import At, fitted
 from solen.scene.rayoptics.modules import Expression
 
 FAR = 1e4
-"""Half the length of the edge of a half-plane, in units of the scene's extent."""
+"""Half the length of the edge of a half-plane, in units of the scene size."""
 HALF_ELLIPSE = "0.5\\cdot\\sqrt{1-x^2}"
 CIRCLE: dict[str, Any] = {"eqnX": "50\\cos(t)", "eqnY": "50\\sin(t)", "tMin": 0.0, "tMax": math.tau, "tStep": 0.01}
 CHECKED, ROUNDING = 200, 1e-9
-"""Number of points at which two curves of a glass are compared, and their tolerance relative to its length."""
+"""Number of points at which two curves of a glass are compared, and the tolerance relative to the glass length."""
 SKIN = 1e-6
-"""Distance from a surface, in length scales of the file, within which a ray that leaves it does not meet it again."""
+"""Distance from a surface, in length scales of the file, within which a ray that leaves the surface does not meet it
+again.
+"""
 Outline = Callable[[Fields, "SceneSettings"], Sequence[Curve]]
-"""Reads the curves of an object."""
+"""Function that reads the curves of an object."""
 
 
 @dataclass(frozen=True)
 class SceneSettings:
-    """Data of the scene that objects need: its length scale, whether colours are simulated, and its extent.
+    """Scene data that objects need: the length scale, whether colours are simulated, and the scene size.
 
-    With ``facets``, curves of formulas become the polylines that ray-optics makes of them.
+    With ``facets``, curves defined by formulas become the polylines that ray-optics traces.
     """
 
     length_scale: float
@@ -41,7 +43,7 @@ class SceneSettings:
 
 
 def straight(fields: Fields, _: SceneSettings) -> list[Curve]:
-    """A straight line."""
+    """Return a straight line."""
     return [line(fields)]
 
 
@@ -54,7 +56,7 @@ def line(fields: Fields, first: str = "p1", second: str = "p2") -> Segment:
 
 
 def arc_or_line(a: Point, middle: Point, b: Point) -> list[Curve]:
-    """Return the arc through three points, a segment if they are collinear, or nothing if both ends are one point."""
+    """Return the arc through three points, a segment if they are collinear, or nothing if both ends coincide."""
     if a == b:
         return []
     try:
@@ -126,7 +128,7 @@ def _bezier(a: Point, control_a: Point, control_b: Point, b: Point) -> Curve:
 
 
 def between_formulas(fields: Fields, settings: SceneSettings) -> list[Curve]:
-    """Return the outline between two curves over a line, along which the formulas run from −1 to 1."""
+    """Return the outline between two curves over a line; the formulas are evaluated from −1 to 1 along the line."""
     base = line(fields)
     lower = _over(base, fields.formula("eqn1", "x", "0"))
     upper = _over(base, fields.formula("eqn2", "x", HALF_ELLIPSE))
@@ -147,18 +149,18 @@ def _height(base: Segment, point: Point) -> float:
 
 
 def _check_above(base: Segment, lower: At, upper: At) -> None:
-    """Reject an upper curve that runs below the lower one, as ray-optics does."""
+    """Reject an upper curve that lies below the lower one, as ray-optics does."""
     for i in range(CHECKED + 1):
         place = base.length_mm * i / CHECKED
         if _height(base, upper(place)) < _height(base, lower(place)) - ROUNDING * base.length_mm:
-            raise UnreadError("eqn2", f"runs below eqn1 at x = {2.0 * i / CHECKED - 1.0:g}")
+            raise UnreadError("eqn2", f"lies below eqn1 at x = {2.0 * i / CHECKED - 1.0:g}")
 
 
 def _without_spike(first: float, last: float) -> tuple[float, float]:
-    """Common part of the first and the last chord of an outline, from the end of its base, as fractions of both.
+    """Common part of the first and last chords of an outline at the end of its base, as fractions of these chords.
 
-    The outline starts there towards the ``first`` height and returns from the ``last``. If both are on one side, the
-    lower one of the two chords is passed in both directions, and is not a surface.
+    The outline leaves the base towards the height ``first`` and returns from the height ``last``. If both heights are
+    on the same side, the lower of the two chords is traversed in both directions and is not a surface.
     """
     if not first * last > 0.0:
         return 0.0, 0.0
@@ -166,9 +168,9 @@ def _without_spike(first: float, last: float) -> tuple[float, float]:
 
 
 def _over(base: Segment, formula: Expression) -> At:
-    """Return the function from a position along a base to the point of a curve over it.
+    """Return a function that maps a position along a base to the point of a curve over the base.
 
-    The formula runs from −1 to 1 along the base, and its unit of height is half the base.
+    The formula is evaluated from −1 to 1 along the base, and its unit of height is half the base length.
     """
     half, direction, height = 0.5 * base.length_mm, unit(minus(base.b, base.a)), formula.compiled()
 
@@ -186,7 +188,7 @@ def _facets(corners: Sequence[Point], joints: Sequence[int], blend: Blend, setti
 
 
 def closed_outline(parts: Sequence[Sequence[Curve]]) -> list[Curve]:
-    """Join the parts of an outline with straight lines where one does not end at the start of the next."""
+    """Join the parts of an outline with straight lines wherever a part does not end at the start of the next."""
     curves: list[Curve] = []
     for here, there in pairwise([*parts, parts[0]]):
         curves += here
@@ -235,7 +237,7 @@ def _parametric(fields: Fields, settings: SceneSettings) -> list[list[Curve]]:
 
 
 def _closed(corners: list[Point]) -> list[Point]:
-    """Return the corners with the last one set to the first if they are equal up to rounding."""
+    """Return the corners, with the last one replaced by the first if they are equal to within rounding error."""
     return [*corners[:-1], corners[0]] if math.dist(corners[0], corners[-1]) < 1e-9 else corners
 
 
@@ -289,6 +291,6 @@ def parametric_curves(fields: Fields, settings: SceneSettings) -> list[Curve]:
 
 
 def smooth_curve(fields: Fields, _: SceneSettings) -> list[Curve]:
-    """Return a chain of Bézier curves, closed unless stated otherwise."""
+    """Return a chain of Bézier curves, which is closed unless the file specifies otherwise."""
     _check_finished(fields)
     return _beziers(fields, closed=fields.flag("isClosed", True))

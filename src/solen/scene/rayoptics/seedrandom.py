@@ -1,7 +1,6 @@
-"""The random numbers of ray-optics for a seed: seedrandom's generator, which is RC4 with its first 256 bytes dropped.
+"""Random numbers of ray-optics for a seed, from the seedrandom generator: RC4 with its first 256 bytes dropped.
 
-With them, a random beam has the same rays in both programs. Doubles are made of 52 bits, as in David Bau's seedrandom
-3.
+They give a random beam the same rays in both programs. Each number has 52 random bits, as in David Bau's seedrandom 3.
 """
 
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ OVERFLOW = 2.0**53
 
 
 def drawn(seed: str) -> Iterator[float]:
-    """Yield numbers in [0, 1) without end."""
+    """Yield an unlimited sequence of numbers in [0, 1)."""
     stream = _bytes(_key(seed))
     for _ in range(WIDTH):
         next(stream)
@@ -30,7 +29,7 @@ def drawn(seed: str) -> Iterator[float]:
 
 
 def _key(seed: str) -> list[int]:
-    """Key of at most 256 numbers into which the seed's characters are mixed."""
+    """Return the key, at most 256 numbers into which the characters of the seed are mixed."""
     key: list[int] = []
     smear = 0
     for j, letter in enumerate(seed):

@@ -1,10 +1,10 @@
 """Rays as ray-optics places them: their number, origin and brightness follow from the ray density of the scene.
 
 With a density d and a length scale l, a *beam* has a ray every l/d along its line, the first half a step from its
-start, and a fan of rays there if it diverges; a *point source* has a ray every 2π/int(500 d), and so has a source that
-emits into an angle. A ray's brightness is b/d (for a beam b l/d, divided among its fan), but at most 1; if the scene
-requests correct brightness, d is increased in steps of 1/500 until no ray exceeds 1. Half of it is in either
-polarisation.
+start; if it diverges, it has a fan of rays at each of these points. A *point source* has a ray every 2π/int(500 d)
+radians, and so has a source that emits into an angle. The brightness of a ray is b/d (for a beam b l/d, divided among
+its fan), but at most 1; if the scene requests correct brightness, d is increased in steps of 1/500 until no ray exceeds
+1. Half of the brightness is in either polarisation.
 """
 
 import math
@@ -19,11 +19,11 @@ from solen.scene.sources import Rays
 from solen.scene.sources.base import LEAST_POWER
 
 MOST_RAYS = 2_000_000
-"""Largest number of rays of a scene, as each is listed individually."""
+"""Maximum number of rays in a scene, because each ray is listed individually."""
 PER_TURN = 500
 STEP = 1.0 / PER_TURN
 SHORT_OF_END = 1e-5
-"""Angle in rad before the end of a cone in which no ray starts."""
+"""Angle in rad before the end of a cone within which no ray starts."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Placed:
 
 @dataclass
 class SourceSettings:
-    """Data of the scene that sources need, and its random numbers."""
+    """Scene data that sources need, with the random number generator."""
 
     density: float
     length_scale: float
@@ -68,7 +68,7 @@ Emission = Callable[[Fields, SourceSettings], list[Placed]]
 
 
 def rays(fields: Fields, settings: SourceSettings) -> tuple[tuple[Rays, ...], tuple[bool, ...]]:
-    """Return the sources of one object, each with rays of one brightness, and for each ray whether it is fresh."""
+    """Return the sources of one object, each with rays of equal brightness, and which rays start a new sequence."""
     wavelength_nm = fields.number_of("wavelength", GREEN_NM, above=0.0)
     placed = [ray for ray in EMISSIONS[fields.type](fields, settings) if ray.brightness >= LEAST_POWER]
     spectrum = ((wavelength_nm, 1.0),) if settings.colours else ()
@@ -86,7 +86,7 @@ def rays(fields: Fields, settings: SourceSettings) -> tuple[tuple[Rays, ...], tu
 
 
 def _per_turn(density: float) -> int:
-    """Number of directions in a full turn."""
+    """Return the number of directions in 360 degrees."""
     count = int(min(density * PER_TURN, MOST_RAYS + 1.0))
     if not 0 < count <= MOST_RAYS:
         raise UnreadError("brightness" if count else None, "the scene's ray density gives it no rays, or too many")
@@ -101,7 +101,7 @@ def _single(fields: Fields, settings: SourceSettings) -> list[Placed]:  # noqa: 
 
 
 def _upwards(angle: float) -> Point:
-    """Direction for an angle counted from the file's +y, which points down."""
+    """Return the direction for an angle measured from the +y axis of the file, which points down."""
     return (math.sin(angle), -math.cos(angle))
 
 

@@ -1,6 +1,6 @@
-"""Sources of rays: fans, chips, emitters with a pattern, beams, single rays, ray files and ambient light.
+"""Ray sources: fans, chips, emitters with a pattern, beams, single rays, ray files and ambient light.
 
-Coordinates are (x, z) in mm, in an extruded scene (x, y, z); angles in degrees counter-clockwise from +z.
+Coordinates are (x, z) in mm, or (x, y, z) in an extruded scene; angles are in degrees counter-clockwise from +z.
 """
 
 from solen.scene.sources.ambient import Ambient

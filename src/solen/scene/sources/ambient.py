@@ -12,18 +12,18 @@ from solen.scene.sources.base import Emission, Placed, PlacedInSpace, Source, ab
 from solen.scene.sources.pattern import CosinePower
 
 PANELS = 16
-"""Number of parts of the circle with which integration begins."""
+"""Initial number of parts into which the circle is divided for integration."""
 LAMBERT = CosinePower()
 
 
 @dataclass(frozen=True)
 class Ambient(Source):
-    """Light of uniform radiance that enters through a circle, in space through a wall of ``height_mm`` on it.
+    """Light of uniform radiance that enters through a circle or, in space, through a wall of ``height_mm``.
 
     With uniform radiance every line through the circle carries the same power, whatever its direction and its distance
     from the centre: each point of the circle is a Lambertian emitter. The circle must enclose all bodies and receivers;
-    its size then changes nothing but the power, which is that of all light through it. In space the light enters only
-    through the wall, so less of it arrives the larger the circle is.
+    its size then affects only the power, which is that of all light through it. In space the light enters only through
+    the wall, so a larger circle lets less of it arrive.
     """
 
     center: Point
@@ -33,12 +33,12 @@ class Ambient(Source):
 
     @property
     def shape_dimensions(self) -> int:
-        """Coordinates of a ray: the position on the circle and the angle there."""
+        """Ray coordinates: the position on the circle, and the angle there."""
         return 2
 
     @property
     def space_dimensions(self) -> int:
-        """Coordinates of a ray: the position on the circle, two angles, and the height if the wall has one."""
+        """Ray coordinates: the position on the circle, two angles, and the height if the wall has one."""
         return 3 + (self.height_mm > 0.0)
 
     def place(self, u: FloatArray) -> Placed:
@@ -55,7 +55,7 @@ class Ambient(Source):
         return x, y, z, *about_axis(theta, phi, *headings(inwards))
 
     def _on_the_circle(self, place: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Points x, z and inward directions in radians from +z."""
+        """Return the points x, z on the circle and the inward directions there, in radians from +z."""
         outwards = 2.0 * math.pi * place
         dx, dz = headings(outwards)
         return self.center[0] + self.radius_mm * dx, self.center[1] + self.radius_mm * dz, outwards + math.pi

@@ -1,7 +1,7 @@
-"""The interface of sources: numbered rays, each determined by a point of the unit cube.
+"""The base class of sources: numbered rays, each determined by a point of the unit cube.
 
-A ray in the plane is determined by a few numbers, one in space by as many or more; a source without a form in space
-remains in the plane y = 0 there.
+A few numbers determine a ray in the plane, and at least as many determine one in space; a source that has no extension
+in space emits from the plane y = 0 there.
 """
 
 import math
@@ -20,15 +20,15 @@ from solen.scene.sources.pattern import AngleInterval, Pattern
 from solen.scene.sources.points import copies, points
 
 LEAST_POWER, MOST_POWER = 1e-12, 1e12
-"""Limits of a source's power, which even single precision can divide among any number of rays."""
+"""Limits of the power of a source, which even single precision can divide among any number of rays."""
 
 
 class Behind(NamedTuple):
-    """Properties of rays that start behind a face: polarisation, optical path (N,), and the power lost before.
+    """Properties of rays that start behind a face: polarisation, optical path length (N,), and the power already lost.
 
-    ``cr`` and ``ci`` are the real and imaginary part of the coherency of the two fields, ``inside`` is the index there;
-    ``leaked``, ``turned_back`` and ``absorbed`` are powers lost before the rays started, where ``turned_back`` is a
-    part of the ``reflected`` power. ``more`` of the rays are additional parts that were split off at the face.
+    ``cr`` and ``ci`` are the real and imaginary parts of the coherency of the two fields, ``inside`` is the index
+    there. ``leaked``, ``turned_back`` and ``absorbed`` are powers lost before the rays start; ``turned_back`` is
+    included in the ``reflected`` power. ``more`` is the number of additional rays that were split off at the face.
     """
 
     cr: FloatArray
@@ -46,8 +46,9 @@ class Behind(NamedTuple):
 class Launch:
     """Rays as arrays (N,): origin in mm, unit direction, power in each polarisation.
 
-    In the plane, s has its field out of the plane and p in it. In space, with ``y_mm`` and ``dy``, s has its field in
-    the plane of the ray and the y-axis, and p perpendicular to that plane: the same for a ray in the plane.
+    In the plane, the s field is perpendicular to the plane and the p field is in it. In space, with ``y_mm`` and
+    ``dy``, the s field is in the plane of the ray and the y-axis, and the p field is perpendicular to that plane; for a
+    ray in the plane, both definitions agree.
     """
 
     x_mm: FloatArray
@@ -57,7 +58,7 @@ class Launch:
     power_s: FloatArray
     power_p: FloatArray
     line: IntArray
-    """index into the source's spectrum"""
+    """index into the spectrum of the source"""
     y_mm: FloatArray | None = None
     """None in the plane"""
     dy: FloatArray | None = None
@@ -65,7 +66,7 @@ class Launch:
     """None for rays that start at the source itself"""
 
     def __len__(self) -> int:
-        """Number of rays of the source."""
+        """Number of rays launched."""
         return len(self.x_mm) - (0 if self.behind is None else self.behind.more)
 
 
@@ -80,16 +81,16 @@ PlacedInSpace = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
 
 
 class Emission(NamedTuple):
-    """A source in the plane as a row of point sources, for integration."""
+    """A planar source as a row of point sources, for integration."""
 
     at: Callable[[float], tuple[float, float, float]]
-    """maps a position from 0 to 1 to the point there, x and z in mm, and its axis in degrees"""
+    """function that maps a position from 0 to 1 to a source point: x and z in mm, and the axis there in degrees"""
     intervals: tuple[AngleInterval, ...]
     """intensity as a function of the angle from the axis, in smooth pieces, the same at all positions"""
     whole: float
-    """its integral over all angles, in radians"""
+    """integral of the intensity over all angles, in radians"""
     panels: int
-    """number of intervals that the positions are divided into at first; 0 for a single point"""
+    """initial number of intervals into which the positions are divided; 0 for a single point"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,9 +98,9 @@ class Source(ABC):
     """A source of numbered rays, each of which can be launched individually.
 
     A ray is determined by a point of the unit cube with ``dimensions`` coordinates: an angle, a position, a wavelength.
-    The numbered points fill the cube evenly; a sample supplies its own points. If ``spectrum`` lists lines, each ray
-    has the wavelength of one, drawn with probability proportional to its weight; without a spectrum the wavelength is
-    unknown, which suffices if no index depends on it.
+    The numbered points fill the cube uniformly; a sample supplies its own points. If ``spectrum`` contains spectral
+    lines, each ray has the wavelength of one line, drawn with probability proportional to its weight. Without a
+    spectrum the wavelength is unknown, which suffices if no index depends on it.
 
     Directions are those in the medium that contains the source.
     """
@@ -108,7 +109,7 @@ class Source(ABC):
     s_share: float = 0.5
     spectrum: tuple[Line, ...] = ()
 
-    if TYPE_CHECKING:  # at run time a field of each source, or the length of its list
+    if TYPE_CHECKING:  # at run time, a field of each source or the length of its list
 
         @property
         def rays(self) -> int:
@@ -137,11 +138,11 @@ class Source(ABC):
         return x, np.zeros(len(x)), z, dx, np.zeros(len(x)), dz
 
     def emission(self) -> Emission | None:
-        """Return the source for integration; None if it is not made of point sources, for example a beam."""
+        """Return the source for integration, or None if it is not made of point sources, for example a beam."""
         return None
 
     def dimensions(self, in_space: bool = False) -> int:
-        """Number of coordinates in [0, 1) of a ray, including one for its wavelength if there are several."""
+        """Number of coordinates in [0, 1) that determine a ray, including one if there are several wavelengths."""
         return (self.space_dimensions if in_space else self.shape_dimensions) + (len(self.spectrum) > 1)
 
     def check(self) -> None:
@@ -156,7 +157,7 @@ class Source(ABC):
             _check_line(line)
 
     def with_rays(self, rays: int) -> Self:
-        """Return the source with this number of rays; a list of rays is returned unchanged."""
+        """Return the source with this many rays; a list of rays is returned unchanged."""
         return replace(self, rays=rays)  # type: ignore[call-arg]  # every source is a dataclass with rays
 
     def with_spectrum(self, spectrum: tuple[Line, ...]) -> Self:
@@ -164,15 +165,15 @@ class Source(ABC):
         return replace(self, spectrum=spectrum)
 
     def copies(self, in_space: bool = False) -> int:
-        """Number of independent copies among which the rays are distributed in turn; 1 if they are one lattice."""
+        """Number of independent copies to which successive rays are assigned in turn; 1 for a single lattice."""
         return copies(self.dimensions(in_space))
 
     def even_points(self, number: FloatArray, in_space: bool = False) -> FloatArray:
-        """Points (N, dimensions) of the rays with these numbers; see `solen.scene.sources.points`."""
+        """Return the points (N, dimensions) of the rays with these numbers; see `solen.scene.sources.points`."""
         return points(number, self.rays, self.dimensions(in_space))
 
     def launch(self, numbers: FloatArray | None = None, in_space: bool = False) -> Launch:
-        """Return the rays with these numbers, by default all; together these have the source's power."""
+        """Return the rays with these numbers, by default all; all rays together carry the power of the source."""
         numbers = np.arange(self.rays, dtype=float) if numbers is None else numbers
         return self.launch_at(self.even_points(numbers, in_space), self.rays, in_space)
 
@@ -187,7 +188,7 @@ class Source(ABC):
         return Launch(x, z, dx, dz, each * self.s_share, each * (1.0 - self.s_share), self.lines(u), y, dy)
 
     def lines(self, u: FloatArray) -> IntArray:
-        """Index of the spectral line of each ray at points ``u``, chosen by the last coordinate."""
+        """Return the index of the spectral line for each ray at points ``u``, selected by the last coordinate."""
         if len(self.spectrum) < 2:
             return np.zeros(len(u), dtype=np.int64)
         return drawn_by([weight for _, weight in self.spectrum], u[:, -1])
@@ -209,10 +210,10 @@ class LineSource(Source):
 
     @abstractmethod
     def angles(self, u: FloatArray) -> FloatArray:
-        """Directions (N,) in radians from +z for the cumulative fractions ``u`` (N,) of the power."""
+        """Return directions (N,) in radians from +z for cumulative power fractions ``u`` (N,)."""
 
     def across(self, place: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points x, z (N,) at positions (N,) from 0 to 1 along the line, from right to left."""
+        """Return points x, z (N,) at positions (N,) from 0 at the right end of the line to 1 at its left end."""
         left_x, left_z = heading(self.axis_deg + 90.0)
         step = self.width_mm * (place - 0.5)
         return self.point[0] + left_x * step, self.point[1] + left_z * step
@@ -244,14 +245,14 @@ class LineSource(Source):
 
 
 def headings(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit directions x, z (N,) for angles in radians, from the tangent of the half angle, which is fast."""
+    """Return unit directions x, z (N,) for angles in radians, computed quickly from the tangent of the half angle."""
     half = np.tan(0.5 * angle)
     scale = 1.0 / (1.0 + half * half)
     return -(half + half) * scale, (1.0 - half * half) * scale
 
 
 def about_axis(theta: FloatArray, phi: FloatArray, dx: FloatArray | float, dz: FloatArray | float) -> Directions:
-    """Unit directions x, y, z (N,) at a polar angle from the axis (x, z) and an azimuth around it."""
+    """Return unit directions x, y, z (N,) at a polar angle from the axis (x, z) and an azimuth around it."""
     right, along = headings(theta)
     down, aside = headings(phi)
     left, up = -right * aside, right * down
@@ -259,7 +260,7 @@ def about_axis(theta: FloatArray, phi: FloatArray, dx: FloatArray | float, dz: F
 
 
 def drawn_by(weights: Sequence[float] | FloatArray, u: FloatArray) -> IntArray:
-    """Index of the item drawn with probability proportional to its weight, for each number ``u`` (N,) in [0, 1)."""
+    """Return, for each number ``u`` (N,) in [0, 1), an item index with probability proportional to its weight."""
     share = np.cumsum(weights)
     return np.minimum(np.searchsorted(share / share[-1], u, side="right"), len(share) - 1)
 

@@ -1,4 +1,4 @@
-"""Emitters with a size and a pattern: models of light-emitting diodes."""
+"""Emitters with an extended area and an emission pattern: models of light-emitting diodes."""
 
 import math
 from dataclasses import dataclass
@@ -16,22 +16,23 @@ EVENLY = Isotropic()
 
 @dataclass(frozen=True)
 class Emitter(LineSource):
-    """A flat chip that emits with the same pattern from each of its points.
+    """A flat chip that emits the same pattern from each of its points.
 
     Attributes
     ----------
     point, axis_deg
-        Its centre and the direction from which the pattern is measured.
+        Centre of the chip, and the direction from which the pattern is measured.
     rays
         Number of rays.
     pattern
-        Relative intensity by the angle from the axis; in the plane its section is emitted, in space the whole pattern.
+        Relative intensity as a function of the angle from the axis; in the plane its section is emitted, in space the
+        complete pattern.
     cone_deg
-        Full opening angle beyond which nothing is emitted: 360 includes light to the side and to the back.
+        Full opening angle beyond which nothing is emitted; 360 includes light to the side and to the back.
     width_mm, height_mm
         Size across the axis in the plane, and along y; 0 for a point or a line. In the plane the height has no effect.
     y_mm
-        Height of its centre above the mid-plane of the slab.
+        Height of the centre above the mid-plane of the slab.
     """
 
     point: Point
@@ -45,12 +46,12 @@ class Emitter(LineSource):
 
     @property
     def shape_dimensions(self) -> int:
-        """Coordinates of a ray: the angle, and the position across the axis if the chip has a width."""
+        """Ray coordinates: the angle, and the position across the axis if the chip has a width."""
         return 1 + (self.width_mm > 0.0)
 
     @property
     def space_dimensions(self) -> int:
-        """Coordinates of a ray: polar angle, azimuth, and the position if the chip has a width or height."""
+        """Ray coordinates: polar angle, azimuth, and the position if the chip has a width or height."""
         return 2 + (self.width_mm > 0.0) + (self.height_mm > 0.0)
 
     def angles(self, u: FloatArray) -> FloatArray:

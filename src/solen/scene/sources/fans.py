@@ -18,7 +18,7 @@ from solen.scene.sources.pattern import Isotropic
 
 
 class _Even(LineSource):
-    """Rays evenly spaced in angle, from the right edge of the cone to the left one."""
+    """Rays spaced uniformly in angle, from the right edge of the cone to the left edge."""
 
     pattern = Isotropic()
 
@@ -31,8 +31,8 @@ class _Even(LineSource):
 class Fan(_Even):
     """Point source, uniform in angle over ``cone_deg`` about ``axis_deg``.
 
-    Each ray is in the middle of its equal share of the cone, from the right edge to the left one, so N rays are the
-    midpoint rule and a symmetric fan has no ray at its edges.
+    The cone is divided equally among the rays, from the right edge to the left edge, and each ray is at the centre of
+    its part. N rays therefore form the midpoint rule, and a symmetric fan has no ray at its edges.
     """
 
     point: Point
@@ -43,7 +43,7 @@ class Fan(_Even):
 
     @property
     def shape_dimensions(self) -> int:
-        """The only coordinate is the angle."""
+        """Ray coordinate: the angle."""
         return 1
 
 
@@ -59,13 +59,16 @@ class Chip(_Even):
 
     @property
     def shape_dimensions(self) -> int:
-        """Coordinates of a ray: the angle, and the position on the chip from its right end to its left one."""
+        """Ray coordinates: the angle, and the position on the chip from its right end to its left end."""
         return 2
 
 
 @dataclass(frozen=True)
 class Beam(Source):
-    """Parallel beam from the line ``start`` to ``end``, with each ray in the middle of its equal share of the line."""
+    """Parallel beam from the line ``start`` to ``end``.
+
+    The line is divided equally among the rays, and each ray starts at the centre of its part.
+    """
 
     start: Point
     end: Point
@@ -74,7 +77,7 @@ class Beam(Source):
 
     @property
     def shape_dimensions(self) -> int:
-        """The only coordinate is the position along the line."""
+        """Ray coordinate: the position along the line."""
         return 1
 
     def place(self, u: FloatArray) -> Placed:
@@ -93,7 +96,7 @@ class Beam(Source):
 
 @dataclass(frozen=True)
 class Rays(Source):
-    """A list of rays, with origins and directions (x, z); directions need not be of length 1."""
+    """A list of rays, with origins and directions (x, z); directions need not have unit length."""
 
     origins: tuple[Point, ...]
     directions: tuple[Point, ...]
@@ -109,7 +112,7 @@ class Rays(Source):
 
     @property
     def shape_dimensions(self) -> int:
-        """The only coordinate selects one of the rays."""
+        """Ray coordinate: a number that selects one of the rays."""
         return 1
 
     def place(self, u: FloatArray) -> Placed:

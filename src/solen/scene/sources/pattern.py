@@ -1,9 +1,10 @@
 """Emission patterns: the intensity as a function of the angle from the emitter's axis.
 
 A pattern is a relative intensity I(θ), power per solid angle, rotationally symmetric about the axis and truncated at
-half the cone angle. In space a ray's angle is drawn from I(θ) sin θ. In the plane, rays are drawn from I(θ) on both
-sides of the axis, a section of the pattern. Both invert the cumulative distribution: in closed form for the analytic
-patterns, and for a table, linear between its angles, with a quadratic in the plane and Newton's method in space.
+half the cone angle. In space, the angle of a ray is drawn from I(θ) sin θ. In the plane, rays are drawn from I(θ) on
+both sides of the axis, which is a section of the pattern. Both draws invert the cumulative distribution. For the
+analytic patterns this is done in closed form; for a table, which is linear between its angles, by solving a quadratic
+in the plane and by Newton's method in space.
 """
 
 import math
@@ -20,7 +21,7 @@ from solen.errors import DesignError
 
 MOST_EXPONENT = 10_000.0
 SAME_ANGLE = 1e-15
-"""Step in radians below which Newton's method has converged."""
+"""Newton's method has converged if its step is below this angle in radians."""
 
 
 class AngleInterval(NamedTuple):
@@ -40,23 +41,23 @@ class AngleInterval(NamedTuple):
 
 
 class AngularPattern(ABC):
-    """Relative intensity by the angle from the axis; ``half`` is half the cone angle in radians, up to π."""
+    """Relative intensity as a function of the angle from the axis; ``half`` is half the cone angle in rad, up to π."""
 
     @abstractmethod
     def intensity(self, angle: FloatArray) -> FloatArray:
-        """Relative intensity at angles (N,) in radians, 0 to π."""
+        """Return the relative intensity at angles (N,) in radians, from 0 to π."""
 
     @abstractmethod
     def in_plane(self, u: FloatArray, half: float) -> FloatArray:
-        """Angles (N,) from −half to half for the cumulative fractions ``u`` (N,) of the power in the plane."""
+        """Return angles (N,) from −half to half for cumulative power fractions ``u`` (N,) in the plane."""
 
     @abstractmethod
     def in_space(self, u: FloatArray, half: float) -> FloatArray:
-        """Angles (N,) from 0 to half for the cumulative fractions ``u`` (N,) of the power in space."""
+        """Return angles (N,) from 0 to half for cumulative power fractions ``u`` (N,) in space."""
 
     @abstractmethod
     def intervals(self, half: float) -> tuple[AngleInterval, ...]:
-        """The section in the plane, in intervals over which it is smooth, in the order of the angle."""
+        """Return the section in the plane as intervals over which it is smooth, in order of angle."""
 
     @abstractmethod
     def solid_angle_sr(self, half: float) -> float:
@@ -65,7 +66,7 @@ class AngularPattern(ABC):
     def space_integral_sr(self, half: float) -> float:
         """Integral of the relative intensity over all directions in space, in sr.
 
-        By default the intensity on the axis is 1.
+        By default the intensity on the axis is taken as 1.
         """
         return self.solid_angle_sr(half)
 
@@ -238,7 +239,7 @@ class PatternTable(AngularPattern):
         return float(np.sum((value[1:] + value[:-1]) * np.diff(angle)))
 
     def _within(self, half: float) -> tuple[FloatArray, FloatArray]:
-        """Angles in radians and intensities within the cone; `DesignError` if all these intensities are 0."""
+        """Return angles in radians and intensities within the cone; raise `DesignError` if all of these are 0."""
         angle, value = np.radians(self.angle_deg), np.asarray(self.relative, dtype=float)
         last = min(half, float(angle[-1]))
         inside = angle < last
@@ -258,7 +259,7 @@ def _up_to_90(half: float) -> float:
 
 
 def _segment(share: FloatArray, parts: FloatArray) -> tuple[IndexArray, FloatArray]:
-    """Index of the part in which a fraction of their sum falls, and the amount of that part before it."""
+    """Return the index of the part in which a fraction of the sum lies, and how much of that part precedes it."""
     whole = np.concatenate([[0.0], np.cumsum(parts)])
     place = share * whole[-1]
     which = np.clip(np.searchsorted(whole, place, side="right") - 1, 0, len(parts) - 1)

@@ -1,12 +1,13 @@
-"""Points that fill the unit cube evenly, by number or at random.
+"""Points that fill the unit cube uniformly, by number or at random.
 
-One or two coordinates use a rank-1 lattice whose first coordinate has equal steps, which in one dimension is the
-midpoint rule. Three and more use ``COPIES`` Sobol' nets in turn, each with a fixed random digital shift. A lattice of
-many dimensions can be poor in a direction that matters, and both of its halves then have the same error; independent
-copies do not, so their standard deviation gives the uncertainty of their mean (decision 31).
+One or two coordinates use a rank-1 lattice whose first coordinate has equal steps; in one dimension this is the
+midpoint rule. Three or more coordinates use ``COPIES`` Sobol' nets in turn, each with a fixed random digital shift. A
+lattice in many dimensions can be poor along a direction that matters, in which case both of its halves have the same
+error. Independent copies do not have this problem, so their standard deviation gives the uncertainty of their mean
+(decision 31).
 
 Scrambled nets equal those of `scipy.stats.qmc.Sobol` with the same generator, number for number. They are computed here
-because importing scipy's takes longer than tracing with them, and to keep them unchanged in future versions.
+because importing scipy takes longer than tracing with them, and so that they do not change with future versions.
 """
 
 from collections.abc import Callable
@@ -33,16 +34,16 @@ MOST_DIMENSIONS = 1 + len(POLYNOMIALS)
 SCRAMBLED_DIGITS = 30
 COPIES = 16
 DIGITS = 52
-"""Binary digits of a point, the most to which double precision can add a half."""
+"""Binary digits of a point: the largest number for which double precision can still add a half."""
 
 
 def copies(dimensions: int) -> int:
-    """Number of independent copies that share the points of so many coordinates; 1 if they are one lattice."""
+    """Return the number of independent copies that share the points; 1 if the points form one lattice."""
     return COPIES if dimensions > 2 else 1
 
 
 def points(number: FloatArray, many: int, dimensions: int) -> FloatArray:
-    """Points (N, dimensions) in [0, 1) for the numbers (N,) of a set of ``many`` points.
+    """Return points (N, dimensions) in [0, 1) for the numbers (N,) in a set of ``many`` points.
 
     Consecutive numbers 0, 1, 2, … belong to the copies 0, 1, 2, … in turn.
     """
@@ -56,7 +57,7 @@ def points(number: FloatArray, many: int, dimensions: int) -> FloatArray:
 def sample(dimensions: int, seed: tuple[int, ...]) -> Callable[[int, int], FloatArray]:
     """Return a function for the points (stop − start, dimensions) of a scrambled Sobol' sequence.
 
-    They are in the order of a Gray code, and equal those of scipy's ``qmc.Sobol`` with ``default_rng(seed)``.
+    The points are in Gray-code order, and equal those of scipy's ``qmc.Sobol`` with ``default_rng(seed)``.
     """
     net = scrambled(dimensions, np.random.default_rng(seed).spawn(1)[0])
 
@@ -68,7 +69,7 @@ def sample(dimensions: int, seed: tuple[int, ...]) -> Callable[[int, int], Float
 
 
 def _lattice(number: FloatArray, many: int, dimensions: int) -> FloatArray:
-    """Points with equal steps in the first coordinate and, for two, steps of the golden ratio in the second."""
+    """Return points with equal steps in the first coordinate and, if there is a second, golden-ratio steps in that."""
     first = ((number + 0.5) / many)[:, None]
     if dimensions == 1:
         return first
@@ -81,23 +82,23 @@ def _lattice(number: FloatArray, many: int, dimensions: int) -> FloatArray:
 
 @lru_cache(maxsize=MOST_DIMENSIONS)
 def _shifts(dimensions: int) -> IntArray:
-    """Digital shifts (COPIES, dimensions); the generator's raw numbers are the same in every version of numpy."""
+    """Return digital shifts (COPIES, dimensions); the raw numbers are the same in every version of numpy."""
     raw = np.random.PCG64(31).random_raw((COPIES, MOST_DIMENSIONS))
     return np.asarray(raw[:, :dimensions] >> np.uint64(64 - DIGITS), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class Net:
-    """A digital net: the contribution of each binary digit of a number (dimensions, digits), and a shift (dimensions,).
+    """A digital net: the contribution of each binary digit (dimensions, digits), and a shift (dimensions,).
 
-    Both are whole numbers below 2^digits.
+    All entries are integers below 2^digits.
     """
 
     directions: IntArray
     shift: IntArray
 
     def at(self, index: IntArray) -> IntArray:
-        """Points (N, dimensions) with these numbers (N,), as whole numbers below 2^digits."""
+        """Return the points (N, dimensions) with these numbers (N,), as integers below 2^digits."""
         values = np.empty((len(self.shift), len(index)), dtype=np.int64)
         values[:] = self.shift[:, None]
         for byte in range((int(index.max(initial=0)).bit_length() + 7) // 8):
@@ -108,7 +109,7 @@ class Net:
 
     @cached_property
     def _tables(self) -> list[list[IntArray]]:
-        """Contribution of each value of a byte of the number, by byte and coordinate."""
+        """Return the contribution of each value of a byte of the point number, by byte and coordinate."""
         digits = self.directions.shape[1]
         starts = range(0, digits, 8)
         return [[_table(row[start : start + 8].tolist()) for row in self.directions] for start in starts]
@@ -131,8 +132,7 @@ def plain(dimensions: int, digits: int) -> Net:
 def scrambled(dimensions: int, draw: np.random.Generator) -> Net:
     """Return a net of `SCRAMBLED_DIGITS` digits, scrambled with random matrices and a random shift.
 
-    There is one matrix for each coordinate (J. Matoušek, On the L2-discrepancy for anchored boxes, J. Complexity 14,
-    1998).
+    There is one matrix per coordinate (J. Matoušek, On the L2-discrepancy for anchored boxes, J. Complexity 14, 1998).
     """
     digits = SCRAMBLED_DIGITS
     powers = 1 << np.arange(digits, dtype=np.int64)
@@ -145,7 +145,7 @@ def scrambled(dimensions: int, draw: np.random.Generator) -> Net:
 
 
 def _directions(coordinate: int, digits: int) -> list[int]:
-    """Direction numbers of a coordinate, one for each binary digit."""
+    """Return the direction numbers of a coordinate, one per binary digit."""
     if coordinate == 0:
         return [1 << (digits - 1 - bit) for bit in range(digits)]
     degree, inner, first = POLYNOMIALS[coordinate - 1]

@@ -12,19 +12,19 @@ from solen.scene.sources.base import Launch, Placed, PlacedInSpace, Source, draw
 from solen.scene.sources.ray_formats import RaySet, read_rays
 
 ACROSS = 1e-9
-"""Projected length below which a direction is taken as parallel to y."""
+"""Projected length below which a direction is treated as parallel to y."""
 
 
 @dataclass(frozen=True)
 class RayFile(Source):
-    """Rays of a vendor's file, with its origin at ``point`` and its z-axis along ``axis_deg``.
+    """Rays from a vendor's file, with its origin at ``point`` and its z-axis along ``axis_deg``.
 
-    With as many rays as the file contains, each is launched once with its own fraction of the power; with fewer or
-    more, rays are drawn with probability proportional to their power. The file's x points to the right of the axis, its
-    y along y, raised by ``y_mm``. In the plane, points and directions are projected: each ray keeps its power, and one
-    along y is directed along the axis.
+    With as many rays as the file contains, each is launched once with its own fraction of the power; otherwise rays are
+    drawn with probability proportional to their power. The x-axis of the file points to the right of the emitter axis,
+    and its y-axis along y; the rays are raised by ``y_mm``. In the plane, points and directions are projected: each ray
+    keeps its power, and a ray along y is directed along the axis.
 
-    Create it with `RayFile.of`, which reads the number of rays and the spectrum from the file.
+    Create the source with `RayFile.of`, which reads the number of rays and the spectrum from the file.
     """
 
     path: str
@@ -35,7 +35,7 @@ class RayFile(Source):
 
     @classmethod
     def of(cls, path: str, point: Point, axis_deg: float, rays: int | None = None, power: float = 1.0) -> Self:
-        """Return all rays of a file, or some of them, with the file's spectrum; `DataError` if it cannot be read."""
+        """Return all or some rays from a file, with its spectrum; raise `DataError` if the file cannot be read."""
         ray_set = read_rays(path)
         return cls(path, point, axis_deg, rays or len(ray_set), power=power, spectrum=ray_set.spectrum)
 
@@ -46,7 +46,7 @@ class RayFile(Source):
 
     @property
     def shape_dimensions(self) -> int:
-        """The only coordinate selects one of the rays."""
+        """Ray coordinate: a number that selects one of the rays."""
         return 1
 
     def place(self, u: FloatArray) -> Placed:
@@ -63,7 +63,7 @@ class RayFile(Source):
         return self._placed(self._which(u))
 
     def dimensions(self, in_space: bool = False) -> int:  # noqa: ARG002  the same in both
-        """See :meth:`~solen.scene.sources.base.Source.dimensions`; wavelengths from the file need none."""
+        """See :meth:`~solen.scene.sources.base.Source.dimensions`; wavelengths from the file require no coordinate."""
         return 1 + (len(self.spectrum) > 1 and not self._own_colours)
 
     def launch_at(self, u: FloatArray, rays: int, in_space: bool = False) -> Launch:
@@ -92,7 +92,7 @@ class RayFile(Source):
         return file.line is not None and file.spectrum == self.spectrum
 
     def _which(self, u: FloatArray) -> IntArray:
-        """Indices of the rays: in turn if all are launched, else drawn with probability proportional to power."""
+        """Return ray indices: in order if all rays are launched, otherwise drawn in proportion to their power."""
         power = self.file.power
         if self.rays == len(power):
             return np.minimum((u[:, 0] * len(power)).astype(np.int64), len(power) - 1)

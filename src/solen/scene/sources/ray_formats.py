@@ -1,10 +1,10 @@
-"""Ray files that makers of light-emitting diodes publish: Zemax binary source files and IES TM-25.
+"""Ray files published by LED manufacturers: Zemax binary source files and IES TM-25.
 
-Both contain a header and then, for each ray, 32-bit floats: a point in the file's own frame, whose z is the emitter's
-axis, a direction, a flux, and in some files a wavelength. A **Zemax** file (``.dat``, ``.sdf``) has a header of 208
-bytes with the format number 1010, the number of rays, the unit of length and the kind of flux (OpticStudio's help,
-"Binary Source File Format"). A **TM-25** file (``.tm25ray``) begins with the letters TM25, states in flags which
-numbers each ray has, and may contain tables of spectra; lengths are in mm (IES TM-25-13, section 4.7).
+Both contain a header, followed by 32-bit floats for each ray: a point in the frame of the file, whose z-axis is the
+emitter axis; a direction; a flux; and in some files a wavelength. A **Zemax** file (``.dat``, ``.sdf``) has a header of
+208 bytes with the format number 1010, the number of rays, the length unit and the kind of flux (OpticStudio help,
+"Binary Source File Format"). A **TM-25** file (``.tm25ray``) begins with the letters TM25, has flags that define which
+numbers each ray has, and may contain spectral tables; lengths are in mm (IES TM-25-13, section 4.7).
 
 A file is either read completely or rejected with the position of the fault: nothing is guessed, and no ray is omitted.
 """
@@ -24,22 +24,22 @@ from solen.scene.sources.base import Line
 ZEMAX_HEADER = struct.Struct("<iI100s7fI9f4f4i")
 ZEMAX_NUMBER = 1010
 ZEMAX_MM = {0: 1000.0, 1: 25.4, 2: 10.0, 3: 304.8, 4: 1.0}
-"""Length in mm of each unit number: metre, inch, centimetre, foot, millimetre."""
+"""Length in mm of each numbered unit: metre, inch, centimetre, foot, millimetre."""
 TM25_HEADER = struct.Struct("<4siiffQ28siifffiii168s8i")
 TM25_TEXTS = 9 * 4000
 TM25_COLUMN = 512
 TM25_BLOCK = 32
 MOST_LINES = 32
-"""Largest number of spectral lines into which the wavelengths of a file are binned."""
+"""Maximum number of spectral lines into which the wavelengths in a file are binned."""
 NOT_UNIT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class RaySet:
-    """Rays of a file in its own frame: points in mm and unit directions (N, 3), and powers (N,) that add up to 1.
+    """Rays from a file, in its own frame: points in mm, unit directions (N, 3), and powers (N,) that add up to 1.
 
-    ``spectrum`` contains wavelengths in nm with weights, or nothing if the file states none; ``line`` (N,) is the index
-    of each ray's line, or None if the file does not state a wavelength for each ray.
+    ``spectrum`` contains wavelengths in nm with weights, and is empty if the file specifies none; ``line`` (N,)
+    contains the spectral-line index of each ray, or is None if the file does not specify a wavelength for each ray.
     """
 
     point_mm: FloatArray
@@ -53,23 +53,23 @@ class RaySet:
 
 
 class _Columns(NamedTuple):
-    """Rays as stored in a file: numbers (N, columns), and the columns of flux and wavelength (None: absent)."""
+    """Rays as stored in a file: numbers (N, columns), and the flux and wavelength columns (None if absent)."""
 
     numbers: FloatArray
     flux: int
     wavelength: int | None
     wavelength_nm: float
-    """of one unit of that column"""
+    """wavelength in nm that corresponds to 1 in that column"""
 
 
 def read_rays(path: Path | str) -> RaySet:
-    """Read the rays of a file.
+    """Read the rays from a file.
 
     Raises
     ------
     DataError
-        If the file cannot be read, is of another format, is truncated or longer than its header states, or contains an
-        invalid ray; the message states the position and the reason.
+        If the file cannot be read, has another format, is shorter or longer than its header specifies, or contains an
+        invalid ray; the message gives the position and the reason.
     """
     path = Path(path)
     try:
@@ -81,7 +81,7 @@ def read_rays(path: Path | str) -> RaySet:
 
 @lru_cache(maxsize=4)
 def _read(path: Path, _changed: int) -> RaySet:
-    """Read the rays of a file, cached by its modification time, because every scene reads them."""
+    """Read the rays from a file, cached by modification time because every scene reads them."""
     try:
         data = path.read_bytes()
     except OSError as bad:
@@ -140,16 +140,16 @@ def _tm25(data: bytes, what: str) -> RaySet:
 
 
 def _tm25_tables(data: bytes, tables: int, what: str) -> tuple[int, tuple[Line, ...]]:
-    """Return the position after the tables of spectra, and the lines of the first one."""
+    """Return the position after the spectral tables, and the lines of the first one."""
     start = place = TM25_HEADER.size + TM25_TEXTS
     lines: tuple[Line, ...] = ()
     for number in range(tables):
         if len(data) < place + 4:
-            raise _short(what, "the tables of spectra", len(data), place + 4)
+            raise _short(what, "the spectral tables", len(data), place + 4)
         (pairs,) = struct.unpack_from("<i", data, place)
         place += 4
         if pairs < 1 or len(data) < place + 8 * pairs:
-            raise _short(what, f"table {number + 1} of spectra", len(data), place + 8 * max(pairs, 1))
+            raise _short(what, f"spectral table {number + 1}", len(data), place + 8 * max(pairs, 1))
         rows = np.frombuffer(data, "<f4", 2 * pairs, place).reshape(-1, 2).astype(np.float64)
         place += 8 * pairs
         lines = lines or tuple((float(nm), float(weight)) for nm, weight in rows if weight > 0.0)
@@ -157,7 +157,7 @@ def _tm25_tables(data: bytes, tables: int, what: str) -> tuple[int, tuple[Line, 
 
 
 def _rays(data: bytes, start: int, many: int, width: int, what: str) -> FloatArray:
-    """Numbers (N, width) of all rays; the file must contain all of them and nothing more."""
+    """Return the numbers (N, width) of all rays; the file must contain all of them and nothing more."""
     size = 4 * width
     whole = start + many * size
     if many < 1:
@@ -186,14 +186,14 @@ def _ray_set(columns: _Columns, stated: tuple[Line, ...], what: str) -> RaySet:
         if not np.all(good):
             raise DataError(f"{what}: ray {int(np.argmin(good)) + 1} of {len(numbers)}", limit=limit)
     if not np.sum(flux) > 0.0:
-        raise DataError(what, limit="its rays have no flux at all")
+        raise DataError(what, limit="all its rays have zero flux")
     power = flux / np.sum(flux)
     spectrum, line = (stated, None) if columns.wavelength is None else _lines(nm, power)
     return RaySet(numbers[:, :3], numbers[:, 3:6] / length[:, None], power, spectrum, line)
 
 
 def _lines(nm: FloatArray, power: FloatArray) -> tuple[tuple[Line, ...], IntArray]:
-    """Spectral lines of the rays, binned in equal widths if there are many, and the index of each ray's line."""
+    """Return spectral lines for the rays, binned in equal widths if there are many, and the line index of each ray."""
     values, line = np.unique(nm, return_inverse=True)
     if len(values) > MOST_LINES:
         edges = np.linspace(nm.min(), nm.max(), MOST_LINES + 1)
@@ -220,5 +220,5 @@ def _short(what: str, where: str, result: int, needed: int) -> DataError:
 
 
 def _no_power(what: str) -> DataError:
-    limit = "states luminous flux without a single wavelength, so the power is unknown"
+    limit = "specifies luminous flux without a single wavelength, so the power is unknown"
     return DataError(what, limit=limit, remedy="obtain the file with radiant flux")

@@ -1,8 +1,8 @@
 """Many designs at many angles and emitter positions in one call of compiled code.
 
-The kernel computes the tables of a Y from a design's numbers (`solen.trace.kernel.y_tables`) and its rays
-(`solen.trace.kernel.lattices`), and traces them like those of any scene. `DesignBatch` allocates the arrays for a
-design at all its angles and positions; `places` converts powers by position into those of any chip.
+The kernel computes the tables of a Y from the design's parameters (`solen.trace.kernel.y_tables`) and launches the rays
+(`solen.trace.kernel.lattices`), which are traced like those of any other scene. `DesignBatch` allocates the arrays for
+one design at all angles and positions; `places` converts powers by emitter position into powers for any chip.
 """
 
 from solen.trace.batch.design_batch import DOUBLE, DesignBatch, Found

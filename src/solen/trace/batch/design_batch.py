@@ -1,8 +1,8 @@
-"""One design at all its angles and bins of emitter positions, in one call of compiled code.
+"""One design at all angles and emitter-position bins, in one call of compiled code.
 
-A `DesignBatch` has the arrays for it: tables, rays and sums of all angles and bins, one after another.
+A `DesignBatch` contains the arrays for this call: the tables, rays and sums for all angles and bins, concatenated.
 `DesignBatch.traced` fills them with compiled code and returns the power at both receivers for each angle and bin.
-Without Python between the poses, a design takes some milliseconds.
+Because no Python runs between the poses, a design takes only a few milliseconds.
 """
 
 import math
@@ -32,16 +32,16 @@ class Found(NamedTuple):
     """Powers for one design, by angle and bin."""
 
     power: FloatArray
-    """(A, B, 2) at the right and left receiver"""
+    """(A, B, 2), at the right and left receiver"""
     truncated: FloatArray
-    """(A, B) power that was truncated"""
+    """(A, B), truncated power"""
     sound: IntArray
-    """(A,) as defined in `solen.trace.kernel.y_tables`"""
+    """(A,), codes defined in `solen.trace.kernel.y_tables`"""
 
 
 @dataclass
 class DesignBatch:
-    """Arrays for a design at A angles and B bins, with ``each`` rays for each of them."""
+    """Arrays for one design at A angles and B bins, with ``each`` rays per angle and bin."""
 
     angle_deg: FloatArray
     bins: int
@@ -87,7 +87,7 @@ class DesignBatch:
         self._allocate()
 
     def traced(self, sensors: Sensors, d: int, bins: Bins, seed: int) -> Found:
-        """Trace design number ``d`` and return its powers; those of an unsound body are 0."""
+        """Trace design number ``d`` and return its powers, which are 0 if the body is unsound."""
         self.prepare(sensors, d, bins, seed)
         while not self._trace(sensors, d):
             self.waiting *= 2
@@ -124,7 +124,7 @@ class DesignBatch:
 
 
 def _empty_tables(scenes: int, pieces: int) -> Tables:
-    """Allocate the tables of scenes with two media and one wavelength each, and ``pieces`` pieces in total."""
+    """Allocate tables for scenes with two media and one wavelength each, with a total of ``pieces`` curve pieces."""
 
     def whole(many: int) -> IntArray:
         return np.zeros(many, np.int64)

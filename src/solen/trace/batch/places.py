@@ -1,12 +1,12 @@
-"""From powers by emitter position to those of any chip: weights, and their errors.
+"""Conversion of powers by emitter position into powers for any chip, with their errors.
 
-A chip of any width and decentre is a mean over positions: a sum over bins of positions, with weights that depend only
-on width and decentre. For few chips, the bins begin and end where chips do, and the sum is exact. For many, the bins
-are as narrow as the narrowest chip that covers them requires, and the cumulative power is interpolated with cubics
-between their edges; its difference from linear interpolation gives an estimate of the error.
+The power for a chip of any width and decentre is a mean over positions: a weighted sum over position bins, whose
+weights depend only on width and decentre. For few chips, bin edges coincide with all chip ends, and the sum is exact.
+For many chips, the bin width is adapted to the narrowest chip at each position, and the cumulative power is
+interpolated between bin edges with cubics; the difference from linear interpolation gives an error estimate.
 
-A bin has two lattices of rays and a point has eight, each with its own random shift: their differences give the
-standard deviation, and with the weights that of a chip.
+Each bin has two lattices of rays and each point has eight, all with independent random shifts. The differences between
+lattices give the standard deviation for each bin, and the weights combine these into one for each chip.
 """
 
 import math
@@ -20,34 +20,36 @@ from solen.trace.kernel.designs import Bins
 
 FEWEST_BINS, MOST_BINS = 16, 128
 BINS_OF_A_CHIP = 16
-"""Number of bins for the narrowest chip at a position, up to `MOST_BINS` in total."""
+"""Number of bins across the narrowest chip at each position, up to a total of `MOST_BINS`."""
 MOST_ENDS = 32
-"""Largest number of chip ends for which bins begin and end at all of them."""
+"""Maximum number of chip ends for which every end coincides with a bin edge."""
 SAME_MM = 1e-9
-"""Ends closer than this are merged."""
+"""Chip ends closer together than this are merged."""
 NOT_STRAIGHT = 0.3
 """Estimated error of cubic interpolation, as a fraction of its difference from linear interpolation."""
 SHIFTS, SHIFTS_OF_A_POINT = 2, 8
-"""Number of lattices of a bin, and of a point."""
+"""Number of lattices per bin, and per point."""
 STUDENT = 1.35
-"""Student's quantile of 97.5 % is that of the normal distribution times 1 + 1.35 over the degrees of freedom."""
+"""The 97.5 % quantile of Student's distribution is that of the normal distribution times 1 + 1.35/(degrees of
+freedom).
+"""
 TINY = 1e-300
 
 
 class Chips(NamedTuple):
-    """Chips of a design: width and decentre in mm (K,); either all are points or none is."""
+    """Chips of a design: width and decentre in mm (K,). Either all chips are points or none is."""
 
     width: FloatArray
     offset: FloatArray
 
     @property
     def are_points(self) -> bool:
-        """Whether the chips have no width."""
+        """Whether all chips have zero width."""
         return not np.any(self.width > 0.0)
 
 
 def lattices_for(width: FloatArray, offset: FloatArray, both: bool) -> int:
-    """Return the number of lattices that chips (D, K) of designs need; ``both``: mirrored about the axis, too."""
+    """Return the number of lattices needed for chips (D, K), with mirror images about the axis if ``both``."""
     points = width == 0.0
     if points.all():
         return int(width.shape[1] * SHIFTS_OF_A_POINT * (1 + both))
@@ -68,17 +70,17 @@ def lattices_for(width: FloatArray, offset: FloatArray, both: bool) -> int:
 
 
 def ends_of(chips: Chips, both: bool) -> FloatArray:
-    """Positions, ascending, where chips begin or end; with ``both`` also their mirror images, and the axis."""
+    """Positions where chips begin or end, ascending; if ``both``, also their mirror images and the axis."""
     ends = np.concatenate([chips.offset - 0.5 * chips.width, chips.offset + 0.5 * chips.width])
     ends = np.sort(np.concatenate([ends, [0.0], -ends]) if both else ends)
     return np.asarray(ends[np.append(True, np.diff(ends) > SAME_MM)])
 
 
 def bins_upto(chips: Chips, ends: FloatArray, both: bool) -> FloatArray:
-    """Number of bins required from the first chip end up to each end.
+    """Number of bins required from the first chip end up to each chip end.
 
-    There are `BINS_OF_A_CHIP` bins for each width of the narrowest chip, or mirror image of one, that covers a
-    position; if none does, as few as the widest chip needs.
+    There are `BINS_OF_A_CHIP` bins per width of the narrowest chip (or mirror image) that covers a position; if none
+    covers it, the width of the widest chip is used.
     """
     offset = np.concatenate([chips.offset, -chips.offset]) if both else chips.offset
     width = np.concatenate([chips.width, chips.width]) if both else chips.width
@@ -89,7 +91,7 @@ def bins_upto(chips: Chips, ends: FloatArray, both: bool) -> FloatArray:
 
 
 def distributed(lengths: FloatArray, many: int) -> IntArray:
-    """Distribute ``many`` bins among intervals: at least one each, and approximately in proportion to their lengths."""
+    """Distribute ``many`` bins among intervals, at least one each, in approximate proportion to their lengths."""
     shares = np.ones(len(lengths), np.int64)
     for _ in range(many - len(lengths)):
         shares[np.argmax(lengths / shares)] += 1
@@ -97,9 +99,9 @@ def distributed(lengths: FloatArray, many: int) -> IntArray:
 
 
 class Places(NamedTuple):
-    """Bins of positions, repeated for each lattice, and the weights (K, B) that combine them into chips.
+    """Position bins, repeated for each lattice, and weights (K, B) that combine the bin powers into chip powers.
 
-    ``interpolation_error`` (K, B) are the weights for the estimated error of the interpolation.
+    ``interpolation_error`` (K, B) contains the weights that give the estimated interpolation error.
     """
 
     bins: Bins
@@ -109,7 +111,7 @@ class Places(NamedTuple):
 
     @classmethod
     def of(cls, chips: Chips, lattices: int, both: bool) -> "Places":
-        """Choose positions for chips; ``both``: symmetric about the axis, so they also serve for the mirror image."""
+        """Choose bins for the chips; if ``both``, bins are symmetric about the axis and serve for both sides."""
         if chips.are_points:
             at = np.concatenate([chips.offset, -chips.offset[::-1]]) if both else chips.offset
             own = np.eye(len(chips.offset), len(at))
@@ -144,13 +146,14 @@ class Places(NamedTuple):
         return cls(Bins(*(np.repeat(ends, shifts) for ends in bins)), each, errors, shifts)
 
     def powers(self, found: FloatArray) -> FloatArray:
-        """Return powers (..., K) of the chips from those by lattice (..., B)."""
+        """Return chip powers (..., K) from powers by lattice (..., B)."""
         return np.asarray(found @ self.weights.T)
 
     def u_powers(self, found: FloatArray) -> FloatArray:
-        """Return standard errors (..., K) of `powers`, from the differences of the lattices of each bin.
+        """Return standard errors (..., K) of `powers` from the differences between the lattices of each bin.
 
-        They are enlarged for their few degrees of freedom (Welch and Satterthwaite's), such that ±2 of them cover 95 %.
+        They are enlarged to allow for the few degrees of freedom (Welch–Satterthwaite), so that ±2 standard errors
+        cover 95 %.
         """
         freedom = self.shifts - 1
         lattices = [found[..., i :: self.shifts] for i in range(self.shifts)]
@@ -163,9 +166,10 @@ class Places(NamedTuple):
 
 
 def cumulative(at: FloatArray, edges: FloatArray) -> FloatArray:
-    """Weights (K, B) of the bins' mean powers for the integral from the first edge up to positions (K,).
+    """Return weights (K, B) that turn mean bin powers into the integral from the first bin edge up to positions (K,).
 
-    The interpolation is a cubic between edges, with slopes from the neighbouring bins that are exact for cubic powers.
+    The integral is interpolated between bin edges with cubics, whose slopes are estimated from neighbouring bins and
+    exact for powers that are cubic in position.
     """
     step = np.diff(edges)
     which = np.clip(np.searchsorted(edges, at, "right") - 1, 0, len(step) - 1)
@@ -178,12 +182,12 @@ def cumulative(at: FloatArray, edges: FloatArray) -> FloatArray:
 
 
 def cumulative_linear(at: FloatArray, edges: FloatArray) -> FloatArray:
-    """The same as `cumulative`, with linear interpolation."""
+    """As `cumulative`, with linear interpolation."""
     return np.asarray(np.clip(at[:, None] - edges[:-1], 0.0, np.diff(edges)))
 
 
 def _slopes(edges: FloatArray) -> FloatArray:
-    """Weights (B + 1, B) for the power at each edge: the slope of the quartic through the integrals to five edges."""
+    """Return weights (B + 1, B) for the power at bin edges: the slope of the quartic through five integrals."""
     many = len(edges) - 1
     first = np.clip(np.arange(many + 1) - 2, 0, many - 4)
     near = first[:, None] + np.arange(5)
@@ -203,5 +207,5 @@ def mirrored(found: FloatArray) -> FloatArray:
 
 
 def are_symmetric(angle_deg: FloatArray) -> BoolArray:
-    """For each angle (A,), whether its opposite is earlier in the list, in which case it need not be traced."""
+    """Whether the opposite of each angle (A,) occurs earlier in the list, so that the angle need not be traced."""
     return np.array([-angle in angle_deg[:i] for i, angle in enumerate(angle_deg.tolist())], dtype=bool)
