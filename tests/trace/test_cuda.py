@@ -236,7 +236,7 @@ def test_a_missing_card_is_reported_in_one_line(monkeypatch: pytest.MonkeyPatch)
     from solen.trace.kernel import cuda  # it needs numba-cuda
 
     monkeypatch.setattr(cuda, "available", lambda: False)
-    with pytest.raises(DesignError, match=r"^device = .cuda.; no CUDA graphics card .*device=.cpu.$"):
+    with pytest.raises(DesignError, match=r"^device = .cuda.; no CUDA GPU .*device=.cpu.$"):
         trace(open_scene(), device="cuda")
 
 

@@ -1,13 +1,13 @@
-"""Results of traces by any method: detectors, monitors, ledger, and paths if kept.
+"""Results of traces by any method: detectors, monitors, ledger, and paths if stored.
 
-All powers are fractions of the emitted power. The ledger's four parts add up to 1: the power **detected** by receivers,
-the power that **escaped** to infinity, the power **absorbed** by media, walls and the backs of receivers, and the power
-**truncated**: branches below the stated weight, rays beyond the stated number of hits, and rays that met an interface
-from a medium they were not in (counted in ``undefined``, the others in ``truncated``; all are located, none is
-dropped).
+All powers are fractions of the emitted power. The four parts of the ledger add up to 1: the power **detected** by
+receivers, the power that **escaped** to infinity, the power **absorbed** by media, walls and the backs of receivers,
+and the power **truncated**. The truncated power consists of branches below the minimum weight, rays beyond the maximum
+number of interfaces (both counted in ``truncated``), and rays that met an interface from a medium other than their own
+(counted in ``undefined``). All of these are located; none is dropped.
 
 Every power has an uncertainty ``u_power``, however the rays were chosen: a standard error for independent samples, an
-estimate of the error for a fan and for adaptive integration.
+error estimate for a fan and for adaptive integration.
 """
 
 import math
@@ -41,17 +41,17 @@ LEG = np.dtype(
         for name in ("x_mm", "z_mm", "dx", "dz", "length_mm", "power_s", "power_p", "kept", "optical_path_mm")
     ]
 )
-"""One ray segment: its ray, its branch, the branch from which that was split off (−1: none), the number of
-interfaces met before, the interface at its end (−1: none), the fate there, start, direction, length (inf if it
-escapes), the power at its start as a fraction of the emitted power, the fraction of that left at its end, and the
-optical path from the source to its start. A trace stores them in the order of ray, branch and hit; the numbering
-of a ray's branches depends on the tracer, but a parent always comes before its children.
+"""One ray segment: its ray; its branch; the parent branch from which that was split off (−1 for none); the number of
+interfaces met before; the interface at its end (−1 for none); the fate there; start; direction; length (inf if it
+escapes); the power at its start as a fraction of the emitted power; the fraction of that power remaining at its end;
+and the optical path length from the source to its start. A trace stores segments in order of ray, branch and hit.
+Branch numbers depend on the tracer, but a parent always precedes its children.
 """
 
 CORNER_MM = 2 * END_TOLERANCE_MM
 """Distance by which a ray that has just met a corner is moved past the end of the other curve at that corner."""
 KEPT_PLACES = 16
-"""Number of places of undefined rays, and of truncated ones, that a trace stores."""
+"""Number of locations that a trace stores for undefined rays, and for truncated rays."""
 
 
 def check_choice(what: str, value: object, choices: tuple[str, ...]) -> None:
@@ -69,8 +69,8 @@ def check_mode(mode: object) -> None:
 class Limits:
     """Limits for following a ray.
 
-    ``min_weight`` is the power below which a branch is cut, as a fraction of the power its ray was launched with;
-    ``max_hits`` is the largest number of interfaces that a ray may meet on one path.
+    ``min_weight`` is the power below which a branch is truncated, as a fraction of the launch power of its ray;
+    ``max_hits`` is the maximum number of interfaces that a ray may meet on one path.
     """
 
     min_weight: float = 1e-6
@@ -84,7 +84,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Ledger:
-    """Fractions of the emitted power by fate; the four add up to 1."""
+    """Fractions of the emitted power by fate; the four fractions add up to 1."""
 
     detected: float
     escaped: float
@@ -93,12 +93,12 @@ class Ledger:
 
     @property
     def total(self) -> float:
-        """Sum of the four: 1 up to rounding."""
+        """Sum of the four fractions, which is 1 to within rounding error."""
         return self.detected + self.escaped + self.absorbed + self.truncated
 
 
 UNKNOWN = Ledger(math.nan, math.nan, math.nan, math.nan)
-"""Uncertainties of a ledger if they are unknown."""
+"""Ledger uncertainties when these are unknown."""
 
 
 class Detected(Result):
@@ -107,19 +107,19 @@ class Detected(Result):
     Attributes
     ----------
     power, u_power
-        Power detected, and its uncertainty: NaN for a single ray.
+        Detected power and its uncertainty, which is NaN for a single ray.
     rays
-        Rays or branches that arrived; after an adaptive integration, the total number of rays.
+        Number of rays or branches that arrived; after adaptive integration, the total number of rays.
     power_by_source
-        Power from each source of the scene.
+        Power from each source in the scene.
     optical_path_mm
-        Mean optical path of the light that arrived, weighted with its power; NaN if none did.
+        Power-weighted mean optical path length of the light that arrived; NaN if none did.
     power_by_position
-        (interfaces of the receiver, bins) power in equal bins of each interface's parameter from its start to its end;
-        empty unless bins were requested.
+        (interfaces of the receiver, bins) power in equal bins of the parameter of each interface, from its start to its
+        end; empty unless bins were requested.
     power_by_angle
-        (bins,) power in equal bins of the angle of incidence from −90 to 90 degrees, positive if light runs towards the
-        interface's end; empty unless bins were requested.
+        (bins,) power in equal bins of the angle of incidence from −90 to 90 degrees, positive if light travels towards
+        the end of the interface; empty unless bins were requested.
     """
 
     power: float
@@ -141,9 +141,9 @@ class Crossed(Result):
 
 
 class Path(Result):
-    """Path of one branch: its corners (N, 2), the indices of the interfaces met, its power at the start and its fate.
+    """Path of one branch: its corners (N, 2), the indices of the interfaces met, its initial power and its fate.
 
-    ``parent`` is the branch of the same ray from which it was split off, −1 for the launched ray itself.
+    ``parent`` is the branch of the same ray from which this branch was split off, or −1 for the launched ray itself.
     ``exit_direction`` is the unit direction beyond the last corner of a branch that escaped.
     """
 
@@ -160,15 +160,15 @@ class Path(Result):
 class Trace(Result):
     """Result of tracing a scene.
 
-    ``method`` states how the rays were chosen: ``"fan"`` (evenly), ``"sobol"`` (sixteen independent scrambled Sobol'
-    samples) or ``"adaptive"``. ``truncated`` counts branches that were cut off, ``truncated_at_mm`` contains the first
-    of their places. Adaptive integration also states its number of ``pieces``, and whether its tolerance was
-    ``reached``; if not, ``why`` states the reason, and the powers lack the part that was not integrated.
-    ``single_error`` is the largest difference of a receiver's power between single and double precision, for part of
-    the rays. In an extruded scene ``missed`` and ``leaked`` are parts of the escaped power: above or below all bodies,
-    and through their top or bottom; ``reflected`` is the power that a lens that is not cylindrical reflected, wherever
-    it went then, and 0 for any other face. ``u_ledger``, ``u_missed`` and ``u_leaked`` are their uncertainties, NaN if
-    unknown.
+    ``method`` specifies how the rays were chosen: ``"fan"`` (uniformly), ``"sobol"`` (sixteen independent scrambled
+    Sobol' samples) or ``"adaptive"``. ``truncated`` is the number of truncated branches, and ``truncated_at_mm``
+    contains the first of their locations. Adaptive integration also reports the number of ``pieces`` and whether the
+    tolerance was ``reached``; if not, ``why`` gives the reason, and the powers lack the part that was not integrated.
+    ``single_error`` is the largest difference in receiver power between single and double precision, for a subset of
+    the rays. In an extruded scene, ``missed`` and ``leaked`` are the parts of the escaped power that passed above or
+    below all bodies, and that left bodies through their top or bottom. ``reflected`` is the power reflected by a lens
+    that is not cylindrical, whatever its subsequent fate, and 0 for any other face. ``u_ledger``, ``u_missed`` and
+    ``u_leaked`` are the uncertainties, NaN if unknown.
     """
 
     mode: Mode
@@ -196,7 +196,7 @@ class Trace(Result):
 
     @reported
     def simulated(self) -> bool:
-        """Always true: no result here is measured."""
+        """Always true, because no result here is measured."""
         return True
 
     @reported
@@ -205,7 +205,7 @@ class Trace(Result):
         return max((reading.u_power for reading in self.detectors.values()), default=0.0 if self.reached else 1.0)
 
     def paths(self) -> list[Path]:
-        """Return the paths of all branches, in the order of ray and branch; empty unless the trace kept its legs."""
+        """Return the paths of all branches, in order of ray and branch; empty unless the trace stored its legs."""
         if self.legs is None or len(self.legs) == 0:
             return []
         new = (np.diff(self.legs["ray"]) != 0) | (np.diff(self.legs["branch"]) != 0)

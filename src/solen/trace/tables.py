@@ -1,8 +1,8 @@
-"""A scene as arrays: the boundary between the description of a scene and the compiled tracing.
+"""A scene as arrays: the interface between the description of a scene and the compiled tracing.
 
-There is one row per piece of a curve: its kind, the numbers that describe it (named in `solen.trace.kernel.rows`), its
-behaviour, the regions on its sides and its receiver. Most curves are one piece; a spline has one for each of its
-cubics. A new curve is a class in `solen.curve`, a row here and a function in `solen.trace.kernel.hits`.
+There is one row per curve piece: its kind, its parameters (named in `solen.trace.kernel.rows`), its behaviour, the
+regions on its sides and its receiver. Most curves are one piece; a spline has one piece for each of its cubics. To add
+a curve, add a class in `solen.curve`, a row here and a function in `solen.trace.kernel.hits`.
 """
 
 import math
@@ -26,7 +26,7 @@ from solen.trace.kernel import rows
 WIDTH = len(rows.Oval._fields)
 LISTED = 5
 CORNER_RAD = 1e-6
-"""Largest angle of a smooth joint of two cubics."""
+"""Largest angle at which a joint of two cubics counts as smooth."""
 BOX_MARGIN_MM, BOX_MARGIN = 1e-6, 1e-6
 """Margin of a box around its curve, absolute and relative, which exceeds rounding errors in either precision."""
 STRAIGHT = 1e-9
@@ -35,20 +35,22 @@ Row = tuple[float, ...]
 
 
 class Tables(NamedTuple):
-    """All data of a scene for the kernel, as arrays: P pieces of curves, R regions, W wavelengths, M monitors."""
+    """All data of a scene for the kernel, as arrays: P curve pieces, R regions, W wavelengths, M monitors."""
 
     kind: IntArray
     """(P,) kind of curve"""
     shape: NDArray[np.floating[Any]]
-    """(P, WIDTH) numbers that describe it"""
+    """(P, WIDTH) parameters of the curve piece"""
     middle: NDArray[np.floating[Any]]
-    """(P, 2) its midpoint"""
+    """(P, 2) midpoint"""
     box: NDArray[np.floating[Any]]
     """(P, 4) lowest and highest x, lowest and highest z, with a margin"""
     owner: IntArray
-    """(P,) index of its interface"""
+    """(P,) index of the interface"""
     before: IntArray
-    """(P,) the piece of the same curve that it continues smoothly, −1 at the start of the curve or at a corner"""
+    """(P,) index of the piece of the same curve that it continues smoothly, −1 at the start of the curve or at a
+    corner
+    """
     behaviour: IntArray
     """(P,) index into BEHAVIOURS, increased by TREATED if the surface is not smooth, clean and bare"""
     treatment: IntArray
@@ -64,36 +66,36 @@ class Tables(NamedTuple):
     refractive_index: NDArray[np.floating[Any]]
     """(W, R) refractive index by wavelength"""
     absorption: NDArray[np.floating[Any]]
-    """(W, R) absorption per mm"""
+    """(W, R) absorption coefficient per mm"""
     scattering: NDArray[np.floating[Any]]
-    """(W, R) scattering per mm"""
+    """(W, R) scattering coefficient per mm"""
     anisotropy: NDArray[np.floating[Any]]
-    """(W, R) mean cosine of the angle of scattering"""
+    """(W, R) mean cosine of the scattering angle"""
     wavelength: NDArray[np.floating[Any]]
     """(W,) nm; NaN if no source has a spectrum"""
     treatments: NDArray[np.floating[Any]]
-    """(T, 21) surfaces"""
+    """(T, 21) treated surfaces"""
     layers: NDArray[np.floating[Any]]
     """(L, 5) rows of films (index, extinction, thickness in nm), of tables (angle of incidence in rad, fractions
-    reflected in s and p, transmitted in s and p), of gratings (order, fraction) and of profiles of scatter
+    reflected in s and p, fractions transmitted in s and p), of gratings (order, fraction) and of scatter profiles
     (offset, density, cumulative envelopes in the plane and in space)
     """
     monitor: NDArray[np.floating[Any]]
     """(M, 5) start x, z, unit direction x, z, length"""
     bins: IntArray
-    """(M,) bins of the map"""
+    """(M,) number of map bins"""
     first_bin: IntArray
-    """(M,) start of the map in the array of all maps"""
+    """(M,) start of each map in the array of all maps"""
     grid_low: NDArray[np.floating[Any]]
     """(2,) lowest x and z of the grid"""
     grid_cell: NDArray[np.floating[Any]]
-    """(2,) size of a cell"""
+    """(2,) size of a grid cell"""
     grid_many: IntArray
-    """(2,) number of cells along x and z"""
+    """(2,) number of grid cells along x and z"""
     grid_first: IntArray
-    """(cells + 1,) start of each cell's pieces in ``grid_item``"""
+    """(cells + 1,) start of the pieces of each cell in ``grid_item``"""
     grid_item: IntArray
-    """pieces by cell; empty if every piece is tested"""
+    """indices of pieces by cell; empty if every piece is tested"""
 
 
 def compile_scene(scene: Scene, dtype: type[np.floating[Any]] = np.float64) -> Tables:
@@ -148,7 +150,7 @@ def _whole(numbers: Any) -> IntArray:
 
 
 def _treatments(scene: Scene) -> tuple[list[int], list[rows.Treatment], list[Row]]:
-    """Row of each interface's treatment or −1, those rows, and their further rows: films, tables, orders."""
+    """Return the treatment row of each interface (or −1), those rows, and further rows: films, tables, orders."""
     which: list[int] = []
     treatments: list[rows.Treatment] = []
     more: list[Row] = []
@@ -173,18 +175,18 @@ def _table(table: AngleTable | None) -> list[Row]:
 
 
 def _orders(surface: Surface) -> list[Row]:
-    """Rows of a grating's orders; `DesignError` if their sum exceeds 1, which would break the ledger."""
+    """Return the rows of grating orders; raise `DesignError` if their sum exceeds 1, which would break the ledger."""
     if surface.grating is None:
         return []
     total = math.fsum(share for _, share in surface.grating.orders)
     if total > 1.0 + SHARE_ROUNDING:
-        limit = "its orders must have at most the power of the incident light"
+        limit = "the power of its orders must not exceed that of the incident light"
         raise DesignError("grating orders", value=f"a sum of {total:.6g}", limit=limit, remedy="reduce the fractions")
     return [(float(order), share) for order, share in surface.grating.orders]
 
 
 def _profile(scatter: Scatter | None) -> list[Row]:
-    """Rows of a tabulated profile, with cumulative sums of its envelope by cell, in the plane and in space."""
+    """Return rows of a tabulated profile, with cumulative sums of its envelope by cell, in the plane and in space."""
     if not isinstance(scatter, ScatterTable):
         return []
     off, density = np.array(scatter.offset), np.array(scatter.density)
@@ -236,7 +238,7 @@ def _treatment(
 
 
 def _before(interfaces: tuple[Interface, ...], owner: list[int], curves: list[Curve]) -> IntArray:
-    """The piece that each piece continues smoothly; in a closed curve the first piece follows the last."""
+    """Return the piece that each piece continues smoothly; in a closed curve the first piece follows the last."""
     before = [here - 1 if here and owner[here - 1] == i else -1 for here, i in enumerate(owner)]
     last = {i: here for here, i in enumerate(owner)}
     for here, i in enumerate(owner):
@@ -249,7 +251,7 @@ def _before(interfaces: tuple[Interface, ...], owner: list[int], curves: list[Cu
 
 
 def _smooth(first: Curve, second: Curve) -> bool:
-    """Whether two pieces join without a corner: a ray that starts at the joint on one of them may meet the other."""
+    """Whether two pieces join smoothly, so that a ray starting at the joint on one of them may meet the other."""
     if not (isinstance(first, Bezier) and isinstance(second, Bezier)):
         return False
     arriving, leaving = unit(minus(first.b, first.control_b)), unit(minus(second.control_a, second.a))
@@ -257,7 +259,7 @@ def _smooth(first: Curve, second: Curve) -> bool:
 
 
 class _Piece(NamedTuple):
-    """A row of the table of curves."""
+    """A row of the curve table."""
 
     kind: int
     row: Row
@@ -268,7 +270,7 @@ class _Piece(NamedTuple):
 
 @lru_cache(maxsize=4096)
 def _pieces(curve: Curve) -> tuple[_Piece, ...]:
-    """Pieces of a curve, cached because most curves do not change from one scene of a sweep to the next."""
+    """Return the pieces of a curve, cached because most curves do not change from one scene of a sweep to the next."""
     if isinstance(curve, Spline | Bezier):
         rows_of = _cubics(curve)
     elif type(curve) in ROWS:
@@ -306,7 +308,7 @@ def _hull(curve: Curve, row: Row) -> tuple[Point, ...]:
 
 
 def _tangent_hull(curve: Curve) -> tuple[Point, Point, Point, Point]:
-    """Ends of a curve that bends in one direction, and intersections of their tangents with that at its midpoint."""
+    """Ends of a curve that bends in one direction, and intersections of the end tangents with the midpoint tangent."""
     points = [(float(x), float(z)) for x, z in curve.points(np.array([0.0, 0.5, 1.0]))]
     tangents = [right_of(curve.normal_at(point)) for point in points]
     corners = [_meeting(points[i], tangents[i], points[i + 1], tangents[i + 1]) for i in range(2)]
@@ -324,7 +326,7 @@ def _arc(curve: Arc) -> rows.Arc:
 
 
 def _parabola(curve: Parabola) -> rows.Conic:
-    """Convert a parabola; its depth is to the right of its axis, hence to the left of the reversed axis."""
+    """Convert a parabola; its depth is to the right of its axis, and therefore to the left of the reversed axis."""
     lateral = (-curve.axis[0], -curve.axis[1])
     low, high = sorted((-curve.from_mm, -curve.to_mm))
     side = 1.0 if curve.to_mm < curve.from_mm else -1.0
@@ -345,7 +347,7 @@ def _oval(curve: CartesianOval) -> rows.Oval:
     wx, wz = curve.axis
 
     def place(point: Point) -> Point:
-        """Convert a point from the oval's own frame, to the right of the axis and along it."""
+        """Convert a point from the oval frame, whose axes point to the right of the oval axis and along it."""
         return (curve.vertex[0] + point[0] * wz + point[1] * wx, curve.vertex[1] - point[0] * wx + point[1] * wz)
 
     left, b, c, right = (place(point) for point in local.hull)
@@ -360,7 +362,7 @@ def _oval(curve: CartesianOval) -> rows.Oval:
 
 
 class _OvalShape(NamedTuple):
-    """Properties that depend only on an oval's shape: corners of its hull and the fitted conic, in its own frame."""
+    """Properties that depend only on an oval's shape, in its own frame: corners of its hull and the fitted conic."""
 
     hull: tuple[Point, Point, Point, Point]
     fit: tuple[float, float, float]
@@ -368,7 +370,7 @@ class _OvalShape(NamedTuple):
 
 @lru_cache(maxsize=256)
 def _oval_of(n1: float, n2: float, object_mm: float, image_mm: float, from_deg: float, to_deg: float) -> _OvalShape:
-    """Hull and fit of a front traversed from its left end to its right one; a sweep rotates one front many times."""
+    """Hull and fit of a front traversed from its left end to its right; a sweep rotates the same front many times."""
     curve = CartesianOval((0.0, 0.0), (0.0, 1.0), n1, n2, object_mm, image_mm, from_deg, to_deg)
     r, w = curve.points(np.linspace(0.0, 1.0, 33)).T
     fit = np.linalg.lstsq(np.column_stack([np.ones_like(w), w, w * w]), r * r, rcond=None)[0]
@@ -376,7 +378,7 @@ def _oval_of(n1: float, n2: float, object_mm: float, image_mm: float, from_deg: 
 
 
 def _meeting(a: Point, along_a: Point, b: Point, along_b: Point) -> Point:
-    """Intersection of two lines; if they are almost the same line, the point midway."""
+    """Intersection of two lines; if they almost coincide, the point midway."""
     slant = cross(along_a, along_b)
     if abs(slant) < STRAIGHT:
         return (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]))

@@ -1,4 +1,4 @@
-"""Division of a cone of launch angles into pieces of one tree, and their integration; see `solen.trace.adaptive`."""
+"""Division of a cone of launch angles into pieces with equal trees, and integration; see `solen.trace.adaptive`."""
 
 import math
 from typing import NamedTuple
@@ -15,11 +15,11 @@ from solen.trace.tables import Tables
 SAMPLES, LEGS, PIECES, RAYS, ALL_LEGS, UNDEFINED = range(6)
 DONE, FULL = range(2)
 NEIGHBOURS = 1e-8
-"""Largest gap in radians between two pieces that share an edge."""
+"""Maximum gap in radians between two pieces that share an edge."""
 
 
 class Rule(NamedTuple):
-    """Gauss–Kronrod pair: nodes in [−1, 1] (15,) and the weights of both rules."""
+    """Gauss–Kronrod pair: nodes (15,) in [−1, 1] and the weights of both rules."""
 
     nodes: FloatArray
     kronrod: FloatArray
@@ -27,39 +27,39 @@ class Rule(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Rays at angles (radians), linked in the order of the angle; the interval after each is either whole or not."""
+    """Rays at launch angles in radians, linked in order of angle; the interval after each is either whole or not."""
 
     angle: FloatArray
     tree: NDArray[np.uint64]
     first: IntArray
-    """index of its first leg"""
+    """index of the first leg of each ray"""
     many: IntArray
     after: IntArray
-    """the next sample, −1 for none"""
+    """index of the next sample, −1 for none"""
     whole: NDArray[np.bool_]
     legs: FloatArray
     open: IntArray
-    """memory for a stack of intervals"""
+    """working memory for a stack of intervals"""
     value: FloatArray
     """(D + 2,) powers of the last ray traced"""
     stack: Floats
     counts: IntArray
-    """(6,) samples, legs, pieces, rays, all legs, undefined rays of the quadrature"""
+    """(6,) numbers of samples, legs, pieces, rays, all legs, and undefined rays in the quadrature"""
 
 
 class Pieces(NamedTuple):
-    """Intervals of one tree: ends (radians) and tree; and their parts, each integrated with one rule."""
+    """Intervals with one tree each: their ends (radians) and trees, and their parts, each integrated by one rule."""
 
     low: FloatArray
     high: FloatArray
     tree: NDArray[np.uint64]
     first: IntArray
-    """the sample at its start"""
+    """index of the sample at the start of each piece"""
     part_low: FloatArray
     part_high: FloatArray
     part_of: IntArray
     waiting: FloatArray
-    """(capacity, 2) parts still to be integrated"""
+    """(capacity, 2) parts yet to be integrated"""
 
 
 @linked
@@ -92,7 +92,7 @@ def add_sample(k: Precision, tables: Tables, family: Family, samples: Samples, a
 def holds(
     ax: float, az: float, bx: float, bz: float, cx: float, cz: float, dx: float, dz: float, px: float, pz: float
 ) -> bool:
-    """Whether a point is in a quadrilateral, which may be self-crossing (even–odd rule)."""
+    """Whether a point is in a quadrilateral, which may intersect itself (even–odd rule)."""
     inside = False
     if (az > pz) != (bz > pz) and px < ax + (pz - az) / (bz - az) * (bx - ax):
         inside = not inside
@@ -107,7 +107,7 @@ def holds(
 
 @linked
 def is_whole(samples: Samples, i: int, j: int, ends: FloatArray) -> bool:
-    """Whether two rays have one tree and no curve ends in the beam between them or next to its curved faces."""
+    """Whether two rays have equal trees and no curve ends in the beam between them or next to its curved faces."""
     if samples.tree[i] != samples.tree[j] or samples.many[i] != samples.many[j]:
         return False
     legs = samples.legs
@@ -165,7 +165,7 @@ def cut(
 
 @linked
 def open_gaps(samples: Samples, narrow: float) -> int:
-    """Collect the intervals that are not whole and wider than ``narrow`` in ``samples.open``; return their number."""
+    """Collect intervals that are not whole and wider than ``narrow`` in ``samples.open``; return their number."""
     opened, i = 0, 0
     while samples.after[i] >= 0:
         j = samples.after[i]
@@ -178,7 +178,7 @@ def open_gaps(samples: Samples, narrow: float) -> int:
 
 @linked
 def gather(samples: Samples, pieces: Pieces) -> float:
-    """Join consecutive whole intervals into pieces; return the total width between them."""
+    """Join consecutive whole intervals into pieces; return the total width of the gaps between pieces."""
     n, i, gaps = 0, 0, 0.0
     while samples.after[i] >= 0:
         if not samples.whole[i]:
@@ -226,11 +226,11 @@ def integrate_pieces(  # noqa: C901  pieces, parts and nodes: three loops of one
     work: FloatArray,
     total: FloatArray,
 ) -> tuple[float, float, int, int]:
-    """Integrate over all pieces, each halved until its error per width is at most ``density``.
+    """Integrate over all pieces, halving each until its error per width is at most ``density``.
 
-    ``work`` is (16, D + 2): values at the nodes, then their sum. ``total`` (D + 2,) becomes the integral. Returns the
-    error, the width that was omitted because memory or ``most_legs`` was exhausted, the number of parts, and the number
-    of stray rays that were inserted; a piece with strays is omitted.
+    ``work`` (16, D + 2) holds the values at the nodes, then their sum. ``total`` (D + 2,) receives the integral.
+    Returns the error, the width omitted because memory or ``most_legs`` was exhausted, the number of parts, and the
+    number of stray rays inserted; a piece that contains stray rays is omitted.
     """
     error, left_out, parts, strays, columns = 0.0, 0.0, 0, 0, len(total)
     for d in range(columns):
@@ -308,11 +308,11 @@ def integrate_cone(
     density: float, narrow: float, narrowest: float, widest: float, first_intervals: int, most_legs: int,
     work: FloatArray, total: FloatArray,
 ) -> tuple[float, float, int]:  # fmt: skip
-    """Integrate the powers of a ray over the family's angles, to an error of ``density`` per angle.
+    """Integrate the powers of a ray over the angles of the family, to an error of ``density`` per angle.
 
-    Gaps are cut down to ``narrow`` at first, and further down to ``narrowest`` if their total width exceeds ``widest``.
-    Returns the error, the width of all gaps including those omitted because memory or ``most_legs`` was exhausted, and
-    the number of parts.
+    Gaps are first cut down to ``narrow``, and then further down to ``narrowest`` if their total width exceeds
+    ``widest``. Returns the error, the width of all gaps (including those omitted because memory or ``most_legs`` was
+    exhausted), and the number of parts.
     """
     middle, half = 0.5 * (family.low + family.high), 0.5 * (family.high - family.low)
     for i in range(len(samples.counts)):
@@ -340,7 +340,7 @@ def integrate_cone(
 
 @linked
 def has_tree(k: Precision, tables: Tables, family: Family, samples: Samples, angle: float, tree: np.uint64) -> bool:
-    """Whether the ray at an angle has this tree; its legs are counted."""
+    """Whether the ray at an angle has this tree; the legs of the ray are counted."""
     many, found, _ = trace_tree(k, tables, family, angle, samples.value, samples.legs, samples.stack)
     samples.counts[ALL_LEGS] += len(samples.legs) if many == NO_ROOM else many
     return many != NO_ROOM and found == tree
@@ -358,10 +358,11 @@ def moved_edge(
     limit: float,
     most_legs: int,
 ) -> float:
-    """Locate the edge of a piece in a slightly changed scene; NaN if it is not located.
+    """Locate the edge of a piece in a slightly changed scene; return NaN if it cannot be located.
 
-    The search begins at the old edge and proceeds outwards while the tree is that of the piece, up to ``limit``, or
-    else inwards, up to ``middle``; the position is then bisected to the last digit. It ends after ``most_legs`` legs.
+    The search starts at the old edge. It proceeds outwards, up to ``limit``, while the ray has the tree of the piece,
+    and otherwise inwards, up to ``middle``; the edge is then bisected to the last digit. The search ends after
+    ``most_legs`` legs.
     """
     outwards = 1.0 if edge > middle else -1.0
     inside = has_tree(k, tables, family, samples, edge, tree)
@@ -406,9 +407,10 @@ def integrate_again(
 ) -> tuple[float, bool]:
     """Integrate a slightly changed scene over the same pieces, with their edges at the new positions.
 
-    ``pieces`` are those of the scene before, and become those of this one. Each part keeps its relative position in its
-    piece, so the error of the rule is the same to first order and cancels in differences. Returns the width between the
-    pieces, and whether all edges were located and all nodes have the right tree, within ``most_legs`` legs of all rays.
+    ``pieces`` contains the pieces of the previous scene and receives those of this scene. Each part keeps its relative
+    position in its piece, so the quadrature error is the same to first order and cancels in differences. Returns the
+    total width between the pieces, and whether all edges were located and all nodes have the right tree, using at most
+    ``most_legs`` legs in total.
     """
     for d in range(len(total)):
         total[d] = 0.0
@@ -417,7 +419,7 @@ def integrate_again(
         low, high, tree = pieces.low[piece], pieces.high[piece], pieces.tree[piece]
         middle, new_low, new_high = 0.5 * (low + high), low, high
         if low - before > NEIGHBOURS:
-            shift = 0.0  # otherwise the search starts with the shift of the piece before, which may exceed this width
+            shift = 0.0  # otherwise it starts from the displacement of the previous piece, which may exceed this width
         if low > family.low:
             new_low = moved_edge(k, tables, family, samples, tree, low + shift, middle + shift, family.low, most_legs)
             if math.isnan(new_low):

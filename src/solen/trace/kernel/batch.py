@@ -14,7 +14,7 @@ from solen.trace.tables import Tables
 
 
 class Starts(NamedTuple):
-    """Start of each scene's rows in the arrays of `Tables` (S + 1,)."""
+    """Start of the rows of each scene in the arrays of `Tables` (S + 1,)."""
 
     piece: IntArray
     wavelength: IntArray
@@ -26,11 +26,11 @@ class Starts(NamedTuple):
 
 
 class Tasks(NamedTuple):
-    """Tasks, each with one source of one scene and one group of its rays: (J,), or (J + 1,) for starts."""
+    """Tasks, each with one source of one scene and one group of its rays; fields are (J,), or (J + 1,) for starts."""
 
     scene: IntArray
     first: IntArray
-    """number of the first ray"""
+    """number of the first ray of each task"""
     step: IntArray
     ray: IntArray
     receiver: IntArray
@@ -84,7 +84,7 @@ def trace_tasks(
     begin: int,
     stop: int,
 ) -> bool:
-    """Trace the tasks from ``begin`` up to ``stop``; False if there is no room for all waiting branches.
+    """Trace the tasks from ``begin`` up to ``stop``; return False if there is no room for all waiting branches.
 
     In ``sums``, fate, counts and place have one row per task; receivers, monitors and bins have their own starts.
     """
@@ -122,7 +122,7 @@ def trace_tasks_in_space(
     k: Precision, tables: Tables, starts: Starts, tasks: Tasks, sums: Sums, rays: RowsInSpace, rules: Rules, slab: Slab,
     buffers: BuffersInSpace,
 ) -> bool:  # fmt: skip
-    """As `trace_tasks` for all tasks, in space, for scenes with one slab."""
+    """As `trace_tasks`, for all tasks in space, where all scenes share one slab."""
     for j in range(len(tasks.scene)):
         i = tasks.scene[j]
         mine, own = tables_of(tables, starts, i), sums_of(sums, tasks, j)

@@ -1,7 +1,7 @@
-"""The nearest interface ahead of each ray of a block.
+"""The nearest interface ahead of each ray in a block.
 
-For each curve an inner loop without branches runs over the rays of the block, which the processor vectorises. For many
-curves the grid of `solen.trace.kernel.nearest` is used instead, ray by ray.
+For each curve, a branch-free inner loop runs over the rays of the block, and the CPU vectorises it. For many curves,
+the grid of `solen.trace.kernel.nearest` is used instead, ray by ray.
 """
 
 from typing import NamedTuple
@@ -43,7 +43,7 @@ VECTOR_STEPS = 3
 
 
 class Bounds(NamedTuple):
-    """Lowest and highest x, z, dx, dz of a block of rays."""
+    """Lowest and highest x, z, dx and dz in a block of rays."""
 
     x: tuple[float, float]
     z: tuple[float, float]
@@ -71,8 +71,8 @@ def product(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, floa
 def passes_by(rays: Bounds, box: Floats) -> bool:
     """Whether no ray of a block can meet anything in a box (lowest x, highest x, lowest z, highest z).
 
-    Interval arithmetic bounds the lateral and forward distances of the box from the rays: rays that are close together,
-    as in a fan, pass most curves.
+    Interval arithmetic bounds the lateral and forward distances between box and rays: rays that are close together, as
+    in a fan, pass most curves by.
     """
     vx, vz = (box[0] - rays.x[1], box[1] - rays.x[0]), (box[2] - rays.z[1], box[3] - rays.z[0])
     a, b = product(rays.dx, vz), product(rays.dz, vx)
@@ -85,7 +85,7 @@ def passes_by(rays: Bounds, box: Floats) -> bool:
 def find_block(  # noqa: C901  one inner loop per kind of curve
     k: Precision, tables: Tables, n: int, rays: Rays, found: Found
 ) -> None:
-    """Write the nearest interface ahead of rays 0 to n: distance (infinity for none), index (−1), parameter."""
+    """Write the nearest interface ahead of rays 0 to n: distance (or infinity), index (or −1), parameter."""
     x, z, dx, dz, last, at = rays
     best, which, place = found.distance, found.curve, found.place
     if len(tables.grid_item) > 0:
@@ -132,11 +132,11 @@ def find_block(  # noqa: C901  one inner loop per kind of curve
 
 @compiled
 def oval_block(k: Precision, o: Oval, mine: int, n: int, rays: Rays, found: Found) -> None:
-    """Test the front of oval ``mine`` against rays 0 to n, like `solen.trace.kernel.hits.oval_hit` for one.
+    """Test the front of oval ``mine`` against rays 0 to n, as `solen.trace.kernel.hits.oval_hit` does for one ray.
 
-    Rows of ``work``: 5 is the root required for a ray (the near root, the far one or none), then its hit; 7 to 10 are
-    x, z, dx, dz of the rays whose near root is computed with Newton's method; 11 and 12 are the root and whether it has
-    converged.
+    Rows of ``work``: row 5 is the root required for a ray (the near root, the far root or none), and then its hit; rows
+    7 to 10 are x, z, dx and dz of the rays whose near root is computed by Newton's method; rows 11 and 12 are the root
+    and whether it has converged.
     """
     x, z, dx, dz, last, _ = rays
     best, which, _, work, pick = found
@@ -178,7 +178,7 @@ def oval_block(k: Precision, o: Oval, mine: int, n: int, rays: Rays, found: Foun
 
 @compiled
 def oval_again(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, near: float, settled: bool) -> float:
-    """Hit of a ray from outside on the front, if its near root did not converge in a few steps."""
+    """Return the hit of a ray from outside on the front, if its near root did not converge in a few steps."""
     t = near if settled else oval_root(k, o, x, z, dx, dz, -k.one)
     if t != t:
         return k.none  # the line misses the oval
@@ -190,7 +190,7 @@ def oval_again(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, 
 
 @compiled
 def newton(k: Precision, o: Oval, m: int, work: Floats) -> None:
-    """Take a few steps of Newton's method to the near root for m rays together; most need no more."""
+    """Take a few Newton steps towards the near root for m rays together; most rays need no more."""
     x, z, dx, dz, distance, settled = work[7], work[8], work[9], work[10], work[11], work[12]
     outwards = -k.one
     for j in range(m):

@@ -1,9 +1,9 @@
 """Vectorised passage of a block of rays through the bare curves that they meet.
 
-A normal, Snell's law and Fresnel's equations are the same arithmetic for each ray. Inner loops without branches run
+The normal, Snell's law and Fresnel's equations involve the same arithmetic for each ray. Branch-free inner loops run
 over the rays of a block, curve by curve: they compute the result of the curve for each ray of the block, and apply it
-to those that meet it. All other cases (corners, rays in a wrong region, treated surfaces, curves that few rays meet)
-are left to the loop over single rays.
+to the rays that meet the curve. All other cases (corners, rays in a wrong region, treated surfaces, curves that few
+rays meet) are left to the loop over single rays.
 """
 
 import math
@@ -52,15 +52,17 @@ from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON, TRUNCATED
 from solen.trace.tables import Tables
 
 ASIDE, LEFT = -1, -2
-"""Marks of a ray not yet treated here, and of one left to the loop over single rays, which treats both."""
+"""Marks for a ray that has not been treated here yet, and for a ray left to the loop over single rays, which treats
+both.
+"""
 MOST_CURVES = 12
-"""Largest number of curves of a block that are treated in this way: neighbouring rays meet few."""
+"""Maximum number of curves per block that are treated in this way: neighbouring rays meet few curves."""
 FEWEST_RAYS = 4
-"""Smallest number of rays for which a curve is treated in this way."""
+"""Minimum number of rays for which a curve is treated in this way."""
 MOST_HITS = 2**30
 NX, NZ, ON_X, ON_Z, BACK_X, BACK_Z, SHARE_S, SHARE_P, N_LEFT, N_RIGHT, WAY, FROM_RIGHT, KEPT = range(13)
 FIRST_BACK, OTHER_S, OTHER_P, TOO_WEAK = SHARE_S, SHARE_P, N_LEFT, N_RIGHT
-"""Rows of working memory; the last ones reuse those that are no longer needed."""
+"""Rows of working memory; the last ones reuse rows that are no longer needed."""
 
 
 @compiled
@@ -68,11 +70,11 @@ def pass_block(
     k: Precision, tables: Tables, rules: Rules, sums: Sums, n: int, rays: Rays, carried: Carried, buffers: Buffers,
     clear: bool, waiting: int,
 ) -> tuple[int, int]:  # fmt: skip
-    """Take rays 0 to n through the curves that they meet, and add the powers of those that end.
+    """Take rays 0 to n through the curves that they meet, and add the powers of rays that end.
 
-    ``buffers.found.pick`` (BLOCK,) becomes the fate of each, `ASIDE` or `LEFT`; continuing rays are updated in place.
-    If media are ``clear``, nothing is absorbed on the way. Returns the number of waiting branches, and the number of
-    rays left to the loop over single rays.
+    ``buffers.found.pick`` (BLOCK,) receives the fate of each ray, `ASIDE` or `LEFT`; continuing rays are updated in
+    place. If media are ``clear``, nothing is absorbed on the way. Returns the number of waiting branches, and the
+    number of rays left to the loop over single rays.
     """
     which, fate = buffers.found.curve, buffers.found.pick
     miss(k, tables, rules, n, carried, buffers, clear)
@@ -103,7 +105,7 @@ def pass_block(
 
 @compiled
 def miss(k: Precision, tables: Tables, rules: Rules, n: int, carried: Carried, buffers: Buffers, clear: bool) -> None:
-    """Write the fates of rays that meet nothing; mark the others."""
+    """Write the fates of rays that meet no curve; mark the other rays."""
     which, fate = buffers.found.curve, buffers.found.pick
     nothing, aside, escaped = as_in(which[0], -1), as_in(which[0], ASIDE), as_in(which[0], ESCAPED)
     for i in range(n):
@@ -116,7 +118,7 @@ def miss(k: Precision, tables: Tables, rules: Rules, n: int, carried: Carried, b
 
 @compiled
 def enough(c: int, n: int, buffers: Buffers) -> bool:
-    """Whether enough rays of a block meet a curve to treat all of them here."""
+    """Whether enough rays of a block meet a curve for this loop to treat them all."""
     many, which, mine = 0, buffers.found.curve, as_in(buffers.found.curve[0], c)
     for i in range(n):
         many += which[i] == mine
@@ -149,7 +151,7 @@ def absorbs(absorption: Floats) -> bool:
 
 @summed
 def power_of(ended: int, n: int, carried: Carried, fate: Tags) -> float:
-    """Power of the rays of a block with one fate."""
+    """Total power of the rays in a block with one fate."""
     total, s, p = 0.0, carried.s, carried.p
     for i in range(n):
         own = s[i] + p[i]
@@ -159,7 +161,7 @@ def power_of(ended: int, n: int, carried: Carried, fate: Tags) -> float:
 
 @compiled
 def normals(k: Precision, tables: Tables, c: int, n: int, rays: Rays, buffers: Buffers) -> bool:
-    """Write the normals of curve ``c`` where the rays of a block meet it; False if its kind has no loop here."""
+    """Write the normals of curve ``c`` where the rays of a block meet it; return False if its kind has no loop here."""
     x, z, dx, dz, _, _ = rays
     t, nx, nz = buffers.found.distance, buffers.found.work[NX], buffers.found.work[NZ]
     kind, shape = tables.kind[c], tables.shape
@@ -224,7 +226,7 @@ def indices(tables: Tables, c: int, n: int, carried: Carried, buffers: Buffers) 
 
 @compiled
 def weaken(tables: Tables, c: int, n: int, carried: Carried, buffers: Buffers) -> None:
-    """Write the fraction of the power that media leave on the way to curve ``c``."""
+    """Write the fraction of the power that remains after the media on the way to curve ``c``."""
     work, t, which = buffers.found.work, buffers.found.distance, buffers.found.curve
     from_right, kept, absorption = work[FROM_RIGHT], work[KEPT], tables.absorption
     for i in range(n):
@@ -235,7 +237,7 @@ def weaken(tables: Tables, c: int, n: int, carried: Carried, buffers: Buffers) -
 
 @summed
 def absorb(mine: int, n: int, carried: Carried, buffers: Buffers, one: int, other: int) -> float:
-    """Subtract the absorbed power from rays that curve ``mine`` gave one of two fates; return the total."""
+    """Subtract the absorbed power from rays at curve ``mine`` that have one of two fates; return the total absorbed."""
     s, p, kept, which, fate = carried.s, carried.p, buffers.found.work[KEPT], buffers.found.curve, buffers.found.pick
     lost, whole = 0.0, as_in(s[0], 1.0)
     for i in range(n):
@@ -259,7 +261,7 @@ def end(
     buffers: Buffers,
     clear: bool,
 ) -> None:
-    """End the rays of a block that meet curve ``c``, a receiver or a black wall."""
+    """End the rays of a block that meet curve ``c``, which is a receiver or a black wall."""
     which, fate, way = buffers.found.curve, buffers.found.pick, buffers.found.work[WAY]
     receives, one = tables.behaviour[c] == RECEIVER, which[0]
     mine, detected = as_in(one, c), as_in(one, DETECTED)
@@ -282,7 +284,7 @@ def end(
 def arrivals(
     mine: int, detected: int, n: int, carried: Carried, way: Floats, which: Tags, fate: Tags
 ) -> tuple[float, float, int]:
-    """Power of the rays that a receiver detects, the sum of power times optical path, and their number."""
+    """Return the power that a receiver detects, the sum of power times optical path, and the number of rays."""
     power, optical, many, s, p, before = 0.0, 0.0, 0, carried.s, carried.p, carried.optical
     for i in range(n):
         arrives, both, path = (which[i] == mine) & (fate[i] == detected), s[i] + p[i], before[i] + way[i]
@@ -331,7 +333,7 @@ def spare_the_weak(mine: int, n: int, carried: Carried, buffers: Buffers) -> Non
 
 @compiled
 def one_way(k: Precision, behaviour: int, n: int, rays: Rays, buffers: Buffers) -> None:
-    """Write the direction of each ray when counting: refracted, or reflected for total reflection."""
+    """Write the direction of each ray in counting mode: refracted, or reflected in total reflection."""
     dx, dz, work = rays.dx, rays.dz, buffers.found.work
     nx, nz, on_x, on_z, n_left, n_right = work[NX], work[NZ], work[ON_X], work[ON_Z], work[N_LEFT], work[N_RIGHT]
     from_right, back = work[FROM_RIGHT], work[FIRST_BACK]
@@ -347,7 +349,7 @@ def one_way(k: Precision, behaviour: int, n: int, rays: Rays, buffers: Buffers) 
 
 @compiled
 def both_ways(k: Precision, behaviour: int, n: int, rays: Rays, buffers: Buffers) -> None:
-    """Write both directions of each ray at a curve, and the reflected fractions of s and p."""
+    """Write both directions of each ray at a curve, and the reflected power fractions for s and p."""
     dx, dz, work = rays.dx, rays.dz, buffers.found.work
     nx, nz, on_x, on_z, n_left, n_right = work[NX], work[NZ], work[ON_X], work[ON_Z], work[N_LEFT], work[N_RIGHT]
     from_right, back_x, back_z = work[FROM_RIGHT], work[BACK_X], work[BACK_Z]
@@ -363,9 +365,9 @@ def both_ways(k: Precision, behaviour: int, n: int, rays: Rays, buffers: Buffers
 
 @compiled
 def divide(k: Precision, mine: int, n: int, carried: Carried, buffers: Buffers) -> None:
-    """Choose the part of each ray that is followed first, the weaker of two, and compute the powers of the other parts.
+    """Choose which part of each ray is followed first, the weaker of two, and compute the powers of the other.
 
-    The direction of the first part then replaces the refracted one, that of the other part the reflected one.
+    The direction of the first part then replaces the refracted direction, and that of the other part the reflected one.
     """
     s, p, least, work = carried.s, carried.p, carried.least, buffers.found.work
     share_s, share_p, weak = work[SHARE_S], work[SHARE_P], work[TOO_WEAK]
@@ -396,7 +398,7 @@ def divide(k: Precision, mine: int, n: int, carried: Carried, buffers: Buffers) 
 
 @compiled
 def advance(tables: Tables, c: int, n: int, rays: Rays, carried: Carried, buffers: Buffers) -> None:
-    """Move the rays that continue from curve ``c`` there, in the direction of the part that is followed first."""
+    """Move rays that continue at curve ``c`` to their hit points, in the direction of the part followed first."""
     x, z, dx, dz, last, _ = rays
     found, work, optical, region, hits = (
         buffers.found,
@@ -429,7 +431,7 @@ def advance(tables: Tables, c: int, n: int, rays: Rays, carried: Carried, buffer
 
 @compiled
 def part_with(tables: Tables, sums: Sums, c: int, n: int, rays: Rays, buffers: Buffers, waiting: int) -> int:
-    """Let the other parts of rays wait, or truncate those too weak; return the number of waiting branches."""
+    """Let the other parts of rays wait, or truncate those that are too weak; return the number of waiting branches."""
     state, tags, work = buffers.state, buffers.tags, buffers.found.work
     for i in range(n):
         if work[TOO_WEAK, i] > 0.0:

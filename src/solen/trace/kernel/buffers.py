@@ -9,13 +9,13 @@ from solen.trace.kernel.compiled import compiled
 from solen.trace.kernel.rows import Floats, Tags
 
 BLOCK = 256
-"""Rays in a block: enough to fill vector registers, few enough to remain in the first-level cache."""
+"""Number of rays in a block: enough to fill vector registers, few enough to remain in the first-level cache."""
 X, Z, DX, DZ, S, P, LEAST, AT, OPTICAL = range(9)
 REGION, LAST, HIT, BRANCH, NUMBER, PARENT, COLOUR = range(7)
 
 
 class Rays(NamedTuple):
-    """A block of rays (BLOCK,): position, direction, the curve at the origin and the parameter there."""
+    """A block of rays (BLOCK,): position, direction, the curve at the origin and its parameter there."""
 
     x: Floats
     z: Floats
@@ -26,7 +26,7 @@ class Rays(NamedTuple):
 
 
 class Found(NamedTuple):
-    """The nearest hit of each ray of a block, and working memory."""
+    """The nearest hit of each ray in a block, and working memory."""
 
     distance: Floats
     curve: Tags
@@ -36,7 +36,7 @@ class Found(NamedTuple):
 
 
 class Carried(NamedTuple):
-    """The load of each ray of a block (BLOCK,); see `solen.trace.kernel.step.Load`."""
+    """The load of each ray in a block (BLOCK,); see `solen.trace.kernel.step.Load`."""
 
     s: Floats
     p: Floats
@@ -72,7 +72,7 @@ class Buffers(NamedTuple):
     waiting_tags: Tags
     """(capacity, 7)"""
     branches: IntArray
-    """(N,) number of branches of each ray so far; initially 1"""
+    """(N,) number of branches of each ray so far, initially 1"""
 
 
 @compiled
@@ -88,7 +88,7 @@ def copy_ray(state: Floats, tags: Tags, i: int, j: int) -> None:
 def resume(
     state: Floats, tags: Tags, n: int, waiting_state: Floats, waiting_tags: Tags, waiting: int
 ) -> tuple[int, int]:
-    """Fill a block of n rays with waiting branches; return the number of rays and of branches still waiting."""
+    """Add waiting branches to a block of n rays; return the number of rays and the number of branches still waiting."""
     while n < BLOCK and waiting > 0:
         waiting -= 1
         for row in range(len(state)):
@@ -100,7 +100,7 @@ def resume(
 
 
 def tag_of(dtype: type[np.floating[Any]]) -> type[np.signedinteger[Any]]:
-    """Integer type of the same width as a floating-point type."""
+    """Integer type with the same width as a floating-point type."""
     return np.int64 if dtype is np.float64 else np.int32
 
 
@@ -117,7 +117,7 @@ def block_buffers(dtype: type[np.floating[Any]]) -> Found:
 
 
 def new_buffers(rays: int, dtype: type[np.floating[Any]], capacity: int = 64 * BLOCK) -> Buffers:
-    """Allocate working memory for this number of rays and of waiting branches."""
+    """Allocate working memory for this many rays and waiting branches."""
     return Buffers(
         np.empty((9, BLOCK), dtype),
         np.empty((7, BLOCK), tag_of(dtype)),

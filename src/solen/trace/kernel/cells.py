@@ -1,7 +1,7 @@
-"""Integrals over a cell of two angles: a product of two rules, whose nodes are paths.
+"""Integrals over a cell of two angles: a product of two rules, at whose nodes paths are integrated.
 
-Neighbouring cells, and a cell and its halves, have nodes in common at their borders. The result at each node is stored,
-so none is computed twice.
+Neighbouring cells, and a cell and its halves, share nodes on their boundaries. The result at each node is stored, so
+none is computed twice.
 """
 
 import math
@@ -21,18 +21,20 @@ from solen.trace.kernel.surface import scrambled
 
 KEPT_NODES, SLOTS = 1 << 16, 1 << 17
 LEAST_SHARE = 0.05
-"""Smallest difference of two rules, as a fraction of that of the coarser two: two may agree by chance."""
+"""Minimum difference of two rules, as a fraction of the difference of the two coarser rules, because two rules may
+agree by chance.
+"""
 
 
 class Rule(NamedTuple):
-    """Nodes in [−1, 1] (N,) and weights (3, N) of three rules on them, from the finest to the coarsest."""
+    """Nodes (N,) in [−1, 1] and weights (3, N) of three rules on these nodes, from the finest to the coarsest."""
 
     nodes: FloatArray
     weights: FloatArray
 
     @classmethod
     def of(cls, *halves: Sequence[float]) -> "Rule":
-        """Return the rule for an odd number of nodes, from the right halves of its columns, the middle first."""
+        """Return the rule with an odd number of nodes, from the right halves of its columns, centre first."""
         nodes, *weights = (np.array([*half[:0:-1], *half]) for half in halves)
         nodes[: len(nodes) // 2] *= -1.0
         return cls(nodes, np.array(weights))
@@ -43,35 +45,35 @@ class Light(NamedTuple):
 
     family: FamilyInSpace
     ends: FloatArray
-    """(2, E) x and z of the ends of curves"""
+    """(2, E) x and z of the curve ends"""
     cosine: float
-    """of half the cone angle"""
+    """cosine of half the cone angle"""
     sine: float
-    """largest sine of the angle out of the plane"""
+    """largest sine of the out-of-plane angle"""
     point: bool
-    """whether the path is the projected angle, for an emitter of zero width"""
+    """whether the path covers the projected angle, for an emitter of zero width"""
     scale: float
     density: float
-    """this and the next two as in `solen.trace.kernel.paths.integrate_path`"""
+    """this field and the next two are defined in `solen.trace.kernel.paths.integrate_path`"""
     narrow: float
     soft: float
 
 
 class Nodes(NamedTuple):
-    """Nodes with their integrals: q, t (N, 2), and powers with their error (N, D + 6)."""
+    """Nodes with their integrals: coordinates q, t (N, 2), and powers with their error (N, D + 6)."""
 
     slots: NDArray[np.int32]
     """index of a node by its hash, −1 for none"""
     at: FloatArray
     value: FloatArray
     many: IntArray
-    """(1,)"""
+    """(1,) number of nodes"""
     sums: FloatArray
     """(2, N, D + 5) integrals over q and over t"""
 
 
 def new_nodes(columns: int, most: int) -> Nodes:
-    """Allocate nodes for rules of ``most`` nodes; unused pages take no memory."""
+    """Allocate nodes for rules with ``most`` nodes; unused pages do not occupy physical memory."""
     return Nodes(
         np.full(SLOTS, -1, np.int32),
         np.empty((KEPT_NODES, 2)),
@@ -83,7 +85,7 @@ def new_nodes(columns: int, most: int) -> Nodes:
 
 @compiled
 def node_between(rule: Rule, low: float, high: float, n: int) -> float:
-    """Node of an interval; the first and the last are its ends, to the last bit."""
+    """Return a node of an interval; the first and last nodes are its ends, to the last bit."""
     inner: float = 0.5 * (low + high) + 0.5 * (high - low) * rule.nodes[n]
     return low if n == 0 else high if n == len(rule.nodes) - 1 else inner
 
@@ -92,8 +94,8 @@ def node_between(rule: Rule, low: float, high: float, n: int) -> float:
 def node(k: Precision, walls: Walls, light: Light, buffers: PathBuffers, nodes: Nodes, q: float, t: float) -> int:
     """Return the index of a node, and integrate it if it is new.
 
-    The angle out of the plane is asin(sine sin t), the projected one is the fraction q of the largest within the cone
-    there; a point has no q.
+    The out-of-plane angle is asin(sine sin t). The projected angle is the fraction q of its maximum within the cone at
+    that out-of-plane angle; a point emitter has no q.
     """
     hashed = scrambled(np.uint64(np.int64(1e15 * q)) ^ scrambled(np.uint64(np.int64(1e15 * t))))
     slot = np.int64(hashed & np.uint64(SLOTS - 1))
@@ -128,7 +130,7 @@ def node(k: Precision, walls: Walls, light: Light, buffers: PathBuffers, nodes: 
 
 @compiled
 def rules_apart(rule: Rule, grid: FloatArray, scale: float, value: FloatArray, apart: FloatArray) -> float:
-    """Integrate values (N, D) at the nodes, with the differences of the best two rules; return the largest one."""
+    """Integrate values (N, D) at the nodes and the differences of the two finest rules; return the largest one."""
     most = rough = 0.0
     for d in range(len(value)):
         fine, coarse, least = 0.0, 0.0, 0.0
@@ -154,10 +156,10 @@ def over_cells(
     sums: FloatArray,
     errors: FloatArray,
 ) -> None:
-    """Integrate over cells ``bounds`` (N, 4), the ends of q and t, with the rules ``across`` q and ``along`` t.
+    """Integrate over cells ``bounds`` (N, 4), the ends of q and t, with rule ``across`` in q and ``along`` in t.
 
-    ``sums`` (N, 3, D + 5) become the powers and the differences of two rules over q and over t, ``errors`` (N, 3) the
-    largest of each and the error of the paths.
+    ``sums`` (N, 3, D + 5) receives the powers and the differences of two rules in q and in t; ``errors`` (N, 3)
+    receives the largest difference in q, the largest difference in t, and the path error.
     """
     nq, nt, columns = len(across.nodes), len(along.nodes), sums.shape[2]
     over_t, over_q = nodes.sums[0, :nq], nodes.sums[1, :nt]

@@ -1,11 +1,12 @@
-"""Compilation of the kernel: by numba, without the interpreter's lock, cached on disk.
+"""Compilation of the kernel by numba, without the interpreter lock, cached on disk.
 
-numba recompiles a cached function only when its own file changes. The functions here call each other across files, so
-each has a stamp of the contents of its file and of all files from which that imports. A copied tree compiles nothing.
+numba recompiles a cached function only when its own file changes. Because the functions here call each other across
+files, each is stamped with the contents of its file and of all files from which that file imports. In a copied source
+tree nothing needs recompiling.
 
-numba also compiles a function again with each of its callers, and theirs. Here a function is either inlined in its
-callers, or linked with them as numba does, or standing: the callers' code then only calls it by its symbol, and the
-cached form of a caller states which functions must be loaded before it.
+numba also compiles a function again with each of its callers, and with their callers. Here a function is inlined in its
+callers, linked with them as numba does, or *standing*: the callers' code then calls it only by its symbol, and the
+cached form of a caller lists the functions that must be loaded before it.
 """
 
 import hashlib
@@ -31,18 +32,18 @@ IMPORTED = re.compile(r"^from solen\.([\w.]+) import", re.MULTILINE)
 
 
 def _files(module: str) -> list[Path]:
-    """Files of a module of solen by its name; for a package, all of its files."""
+    """Return the files of a solen module by its name; for a package, all of its files."""
     path = ROOT.joinpath(*module.split("."))
     return list(path.glob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
 
 
 def _taken(file: Path) -> set[Path]:
-    """Files from which a file of the kernel imports functions or constants."""
+    """Return the files from which a kernel file imports functions or constants."""
     return {path for module in IMPORTED.findall(file.read_text("utf-8")) for path in _files(module)}
 
 
 def sources(file: Path) -> set[Path]:
-    """Files of the kernel on which a file depends, including itself, and files from which they import constants."""
+    """Return the kernel files on which a file depends, including itself, and other files that supply constants."""
     known, new = set[Path](), {file}
     while new:
         known |= new
@@ -52,7 +53,7 @@ def sources(file: Path) -> set[Path]:
 
 @cache
 def stamp(file: Path) -> str:
-    """Hash of the contents of all files on which a file of the kernel depends."""
+    """Return the hash of the contents of all files on which a kernel file depends."""
     contents = hashlib.sha256()
     for path in sorted(sources(file)):
         contents.update(_digest(path))
@@ -71,10 +72,9 @@ OPTIONS: dict[str, Any] = {
     "_nrt": False,
     "no_cfunc_wrapper": True,
 }
-"""There is no reference counting, so passing tables to a function costs nothing. Nothing can be allocated either:
-callers supply working memory. Division follows IEEE 754 (no branch for a zero divisor). Rounding may differ
-because of fused operations and multiplication by a reciprocal; infinities and NaN keep their meaning, which
-parallel rays require.
+"""There is no reference counting, so passing tables to a function costs nothing. Nothing can be allocated, so callers
+supply working memory. Division follows IEEE 754 (no branch for a zero divisor). Rounding may differ because of fused
+operations and multiplication by a reciprocal; infinities and NaN keep their meaning, which parallel rays require.
 """
 
 
@@ -84,7 +84,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def rounded(function: Callable[P, R]) -> Callable[P, R]:
-    """As `compiled`, but with IEEE rounding of each operation: equal arguments give equal numbers in all callers."""
+    """As `compiled`, but with IEEE rounding of each operation: equal arguments give equal results in all callers."""
     return _inlined(function, fastmath=False)
 
 
@@ -94,12 +94,12 @@ def summed(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def called(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a standing function: a large one, or one that Python calls."""
+    """Compile a standing function: one that is large, or that Python calls."""
     return cast("Callable[P, R]", _kept(function, _StandingCache))
 
 
 def linked(function: Callable[P, R]) -> Callable[P, R]:
-    """Compile a function that is linked with its callers: one that is called once per ray or less often."""
+    """Compile a function that is linked with its callers: one that is called at most once per ray."""
     return _within(function)
 
 
@@ -115,7 +115,7 @@ def _within(function: Callable[P, R], **more: Any) -> Callable[P, R]:
 
 
 def _kept(function: Callable[..., Any], kind: type[FunctionCache], **more: Any) -> Any:
-    """Apply `numba.njit` with a kind of cache on disk."""
+    """Apply `numba.njit` with a particular kind of disk cache."""
     return cached(partial(numba.njit, **(OPTIONS | more)), function, kind)
 
 
@@ -160,7 +160,7 @@ class _Form(CompileResultCacheImpl):
 
 
 class _StandingForm(_Form):
-    """As `_Form` for a standing function, of which callers link an empty module."""
+    """As `_Form`, for a standing function; callers link an empty module in its place."""
 
     def reduce(self, result: Any) -> Any:
         self._note(result)
@@ -196,15 +196,15 @@ class _FromPythonCache(_Cache):
 
 
 def cached(decorator: Callable[..., Any], function: Callable[..., Any], kind: type[FunctionCache] | None = None) -> Any:
-    """Apply a decorator of numba to a function with a cache on disk: numba's own, or one of a ``kind``."""
+    """Apply a numba decorator to a function with a disk cache: numba's own, or one of a specific ``kind``."""
     try:
         dispatcher: Any = decorator(function, cache=True)
-    except RuntimeError:  # no folder for a cache: a read-only installation and no home folder
+    except RuntimeError:  # no cache folder: a read-only installation and no home folder
         return decorator(function)
     if kind is not None and hasattr(dispatcher, "_cache"):
         dispatcher._cache = kind(function)
     cache = getattr(dispatcher, "_cache", None)  # None if numba is set to compile nothing
-    index = getattr(cache, "_cache_file", None)  # numba offers no public way to name more files
+    index = getattr(cache, "_cache_file", None)  # numba offers no public way to name further files
     if index is not None:
         index._source_stamp = stamp(Path(function.__code__.co_filename).resolve())
         index._version = (
@@ -214,8 +214,8 @@ def cached(decorator: Callable[..., Any], function: Callable[..., Any], kind: ty
 
 
 def cache_folder() -> Path | None:
-    """Folder in which numba caches the kernel; None if no folder is writable."""
+    """Return the folder in which numba caches the kernel, or None if no folder is writable."""
     cache = getattr(
         cached(numba.njit, cache_folder), "_cache", None
-    )  # any function of this folder will do; it is not compiled
+    )  # any function in this folder will do; it is not compiled
     return None if cache is None else Path(cache.cache_path)

@@ -1,13 +1,13 @@
-"""The engine on a graphics card (CUDA): one thread per ray, with the functions that the processor runs.
+"""The engine on a GPU (CUDA): one thread per ray, with the same functions as on the CPU.
 
-`follow` is the loop of `solen.trace.kernel.loop` for a single ray at a time; the same functions determine hits and
-fates, compiled for the card from the same source.
+`follow` is the loop of `solen.trace.kernel.loop` for one ray at a time; hits and fates are determined by the same
+functions, compiled for the GPU from the same source.
 
-The same scene gives the same numbers to the last bit, whatever the order of execution: thread t of T follows the rays
-t, t + T, t + 2 T, …, and T depends on the trace, not on the card; each thread adds up its own rays in its own column,
-and the columns are added in a fixed order. No two threads ever write to one location. Legs are not stored.
+The same scene gives bit-identical results, whatever the order of execution. Thread t of T follows the rays t, t + T, t
++ 2 T, …, and T depends on the trace, not on the GPU. Each thread sums its own rays in its own column, and the columns
+are added in a fixed order. No two threads ever write to the same location. Legs are not stored.
 
-Import this module only where it is used: it requires numba-cuda, which is optional.
+Import this module only where it is used, because it requires numba-cuda, which is optional.
 """
 
 import math
@@ -45,9 +45,9 @@ from solen.trace.tables import Tables
 
 MOST_THREADS = 2**16
 BLOCK = 128
-"""Threads of a block: few, because each needs many registers."""
+"""Threads per block: few, because each needs many registers."""
 FEWEST_BLOCKS = 128
-"""numba warns of fewer; blocks without rays end immediately."""
+"""Minimum number of blocks, because numba warns of fewer; blocks without rays end immediately."""
 ROOM_BYTES = 2**29
 """Memory for columns and waiting branches; if these are large, fewer threads run."""
 ADDED = 256
@@ -76,7 +76,7 @@ def follow(  # noqa: C901  one loop, as that over blocks of rays
     thread: int,
     threads: int,
 ) -> None:
-    """Follow every ``threads``-th ray from ``thread``, and add its powers in the thread's column."""
+    """Follow every ``threads``-th ray from ``thread`` on, and add its powers to the column of the thread."""
     sums = Sums(
         columns.fate[:, thread],
         columns.detected[:, thread],
@@ -125,7 +125,7 @@ def follow(  # noqa: C901  one loop, as that over blocks of rays
                         note_place(sums, CUT, met.x, met.z)
                     if met.fate == DETECTED:
                         count_arrival(k, tables, sums, ray, hit, met, power, load.optical)
-                else:  # scenes for a card have only bare surfaces
+                else:  # GPU scenes have only bare surfaces
                     gone = leave(k, tables, rules, None, ray, hit.curve, met, load)
                     if gone.lost > 0.0:
                         sums.fate[ABSORBED] += gone.lost
@@ -155,10 +155,10 @@ def follow(  # noqa: C901  one loop, as that over blocks of rays
 
 
 def _on_card(function: Any, made: dict[Any, Any]) -> Any:
-    """Compile a function, and all functions that it calls, for the card.
+    """Compile a function, and all functions that it calls, for the GPU.
 
-    numba would convert them automatically for a kernel that calls them, but with ``fastmath`` either on or off:
-    infinities and NaN would lose their meaning, which parallel rays require.
+    numba would convert these functions automatically for a kernel that calls them, but with ``fastmath`` either
+    entirely on or entirely off: infinities and NaN would lose their meaning, which parallel rays require.
     """
     if function not in made:
         source = function.py_func
@@ -170,12 +170,12 @@ def _on_card(function: Any, made: dict[Any, Any]) -> Any:
 
 
 def _product(a: float, b: float) -> float:
-    """A product that the card does not fuse with a sum; its form on the card is below."""
+    """A product that the GPU does not fuse with a sum; the GPU version is below."""
     return a * b
 
 
 SIMULATED = bool(getattr(config, "ENABLE_CUDASIM", False))
-"""Whether numba simulates a card; the processor's functions then run on the processor's arrays."""
+"""Whether numba simulates a GPU; the CPU functions then run on CPU arrays."""
 _follow: Callable[..., None] = follow
 _kernel: Callable[[Callable[..., None]], Any] = cuda.jit
 if not SIMULATED:
@@ -195,7 +195,7 @@ if not SIMULATED:
 def follow_rays(
     k: Precision, tables: Tables, columns: Sums, waiting: Waiting, rays: Rows, rules: Rules, threads: int
 ) -> None:
-    """Follow the rays of one thread on the card."""
+    """Follow the rays of one thread on the GPU."""
     thread = cuda.grid(1)
     if thread < threads:
         _follow(k, tables, columns, waiting, rays, rules, thread, threads)
@@ -215,12 +215,12 @@ def _add(columns: Any, sums: Any) -> None:
 
 
 def available() -> bool:
-    """Whether there is a card, with its driver and a compiler for it."""
+    """Return whether there is a GPU, with its driver and a compiler for it."""
     return bool(cuda.is_available())
 
 
 class Card:
-    """A graphics card with a scene on it.
+    """A GPU loaded with a scene.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ class Card:
     splitting, min_weight
         Rules for following rays; see `Rules`.
     rays
-        Largest number of rays traced at a time.
+        Maximum number of rays traced at a time.
     """
 
     def __init__(self, k: Precision, tables: Tables, like: Sums, splitting: int, min_weight: float, rays: int) -> None:
@@ -254,7 +254,7 @@ class Card:
             place=_room((self._threads, *like.place.shape), np.dtype(np.float64)),
             legs=_room((0, LEG_WIDTH), np.dtype(np.float64)),
         )
-        self._added(self._floats)  # which clears them
+        self._added(self._floats)  # which clears the columns
         self._added(self._ints)
 
     def trace(self, rays: Rows, rules: Rules) -> Sums:
@@ -270,11 +270,11 @@ class Card:
         return Sums(**sums, place=place, legs=self._like.legs)
 
     def arguments(self) -> tuple[Precision, Tables, Sums, Waiting]:
-        """Arguments of the kernel that do not depend on the rays."""
+        """Kernel arguments that do not depend on the rays."""
         return self._k, self._tables, self._columns, self._waiting
 
     def _parts(self, columns: Any, names: tuple[str, ...]) -> dict[str, Any]:
-        """The rows of each sum, in its shape."""
+        """Return the rows of each sum, in the shape of that sum."""
         parts, first = {}, 0
         for name in names:
             like = getattr(self._like, name)
@@ -294,7 +294,7 @@ class Card:
             columns = sums
 
     def _places(self) -> NDArray[np.float64]:
-        """First places of both kinds, by thread."""
+        """Return the first locations of both kinds, by thread."""
         place = np.full(self._like.place.shape, math.nan)
         many = _got(self._columns.counts)
         for kind, count in enumerate((UNDEFINED, CUT)):

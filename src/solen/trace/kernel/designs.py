@@ -1,4 +1,4 @@
-"""Designs as arrays, and the tables and rays of one design at all angles and positions, one after another."""
+"""Designs as arrays, and the tables and rays of one design at all angles and positions, concatenated."""
 
 from typing import NamedTuple
 
@@ -13,7 +13,7 @@ from solen.trace.tables import Tables
 
 
 class Sensors(NamedTuple):
-    """Sensors as numbers."""
+    """Sensors as arrays of parameters."""
 
     body: FloatArray
     """(D, 26) rows of `Y`"""
@@ -22,15 +22,15 @@ class Sensors(NamedTuple):
     thickness: FloatArray
     """(D,) mm; 0 in the plane"""
     pieces: FloatArray
-    """(N, 12) pieces of lenses that are splines, in their own frames"""
+    """(N, 12) pieces of spline lenses, in their own frames"""
     before: IntArray
-    """(N,)"""
+    """(N,) index of the piece that each piece continues"""
     pattern: FloatArray
     """(T, 2) rows of tabulated patterns: angle in radians, relative intensity"""
 
 
 class Bins(NamedTuple):
-    """Bins of positions in front of the lens (B,), from ``low`` to ``high`` in mm to the right of the axis."""
+    """Position bins (B,) in front of the lens, from ``low`` to ``high`` in mm to the right of the axis."""
 
     low: FloatArray
     high: FloatArray
@@ -40,7 +40,7 @@ class Bins(NamedTuple):
 def prepare(
     sensors: Sensors, d: int, angle_deg: FloatArray, tables: Tables, starts: Starts, poses: FloatArray, sound: IntArray
 ) -> None:
-    """Write the tables of a design at each angle, and the emitter's poses (A, 3)."""
+    """Write the tables of a design at each angle, and the emitter poses (A, 3)."""
     y, first = y_row(sensors.body, d), 0
     front = front_of(y)
     for a in range(len(angle_deg)):
@@ -58,7 +58,7 @@ def launch_all(
     sensors: Sensors, d: int, tables: Tables, starts: Starts, poses: FloatArray, bins: Bins, seed: int, rays: Rows,
     each: int,
 ) -> None:  # fmt: skip
-    """Write the rays of each angle and bin."""
+    """Write the rays for each angle and bin."""
     light = light_row(sensors.light, d)
     for a in range(len(poses)):
         pose = Pose(poses[a, 0], poses[a, 1], poses[a, 2])

@@ -1,14 +1,15 @@
-"""The compiled path of rays through a face whose walls are not upright, into a body that is a prism behind it.
+"""The compiled path of rays through a face whose walls are not vertical, into a body that is a prism behind the face.
 
-Coordinates are those of the lens. A ray from in front of the face is advanced to it, layer by layer; a smooth face is
-one layer. Where a layer protrudes beyond the one that the ray comes from, the ray meets its level *ledge*, which
-changes β, the quantity that upright walls conserve. One of the two parts at a ledge is followed, drawn with probability
-proportional to its power; at the face both are, because reflected light may meet the next ledge. Light that enters is
-advanced, with bounces off top and bottom, to the plane of the stem's base, unless it is already beyond it: from there
-the body is a prism.
+Coordinates are those of the lens frame. A ray from in front of the face is advanced to it, layer by layer; a smooth
+face is one layer. Where a layer protrudes beyond the one that the ray comes from, the ray meets the horizontal *ledge*
+of that layer, which changes β, the quantity that vertical walls conserve. One of the two parts at a ledge is followed,
+drawn with probability proportional to its power. At the face both parts are followed, because reflected light may meet
+the next ledge. Light that enters is advanced, with reflections off top and bottom, to the plane of the stem's base,
+unless it is already beyond that plane; from there on the body is a prism.
 
-Not modelled are rays in the body that return to the face (they meet the cylinder of the middle section instead), and
-rays in the body that meet a ledge from within, on their way to the middle of the body, or that run back from one.
+Two cases are not modelled. Rays in the body that return to the face meet the cylinder of its middle section instead.
+Rays in the body that meet a ledge from within, on their way to the middle of the body, or that travel back from a
+ledge, are not treated.
 """
 
 import math
@@ -35,38 +36,40 @@ from solen.trace.kernel.space import (
 from solen.trace.kernel.treated import Amplitudes
 
 MOST_STEPS = 500
-"""Largest number of steps towards the face."""
+"""Maximum number of steps towards the face."""
 CLOSE_MM, INSIDE_MM, BESIDE_MM = 1e-13, 1e-7, 0.05
-"""Accuracy of a hit on the face; depth at which rays in the body start; distance from the lens at which others
-start.
+"""Accuracy of a hit on the face; depth inside the body at which entering rays start; distance from the lens at which
+other rays start.
 """
 BEYOND_MM = 1e-3
-"""Margin in front of its nearest and behind its deepest point within which a face is searched, for their errors."""
+"""Margin in front of the nearest point and behind the deepest point of a face within which hits are sought, to allow
+for errors of these points.
+"""
 ROUNDING, LEAST = 1e-12, 1e-300
 MOST_BOUNCES = 1000
 
 PASSED, ENTERED, OVER = range(3)
-"""Beside the face; into the body; above or below it."""
+"""Outcomes for a ray: passes beside the face; enters the body; passes above or below it."""
 LEAKED, REFLECTED, TURNED_BACK, ABSORBED, LOST = range(5)
 
 
 class Faced(NamedTuple):
-    """A face and the media in front of, behind and beside it."""
+    """A face and the media in front of it, behind it and beside it."""
 
     face: Face
     outside: float
     above: float
     below: float
     loss: float
-    """absorption per mm in the body"""
+    """absorption coefficient of the body in 1/mm"""
     counts: bool
     """whether rays are counted, and therefore not split"""
 
 
 class Passage(NamedTuple):
-    """Rays in the lens's frame: in front of the face, overwritten with the results.
+    """Rays in the lens frame, in front of the face; they are overwritten with the results.
 
-    N come from the source; there is room for as many again, for light that the face reflects forwards, or onto a ledge.
+    The source supplies N rays; there is room for N more, for light that the face reflects forwards or onto a ledge.
     """
 
     x: FloatArray
@@ -81,16 +84,16 @@ class Passage(NamedTuple):
     ci: FloatArray
     optical: FloatArray
     inside: FloatArray
-    """index of the body at the ray's wavelength"""
+    """refractive index of the body at the wavelength of the ray"""
     chance: FloatArray
     """random number from 0 to 1, for ledges"""
     line: IntArray
     lost: FloatArray
-    """(4,) powers: leaked; reflected by the face; the part of it that turns back; absorbed"""
+    """(4,) powers: leaked; reflected by the face; the reflected part that turns back; absorbed"""
 
 
 class Step(NamedTuple):
-    """Distance of a ray to the face, whether it meets it, and whether on a ledge."""
+    """Distance of a ray to the face, whether the ray meets the face, and whether it does so on a ledge."""
 
     way: float
     met: bool
@@ -100,7 +103,7 @@ class Step(NamedTuple):
 
 @compiled
 def optical_length(f: Face, x: float, y: float, z: float) -> tuple[float, Vector]:
-    """Optical length via a point to the wave front behind a smooth face, minus that via the vertex; its gradient."""
+    """Optical length via a point to the wavefront behind a smooth face, minus that via the vertex; its gradient."""
     from_line = math.sqrt(x * x + (f.focus - z) * (f.focus - z))
     length, by_line, by_y = from_line - f.focus, 1.0, 0.0
     if f.ring < math.inf:
@@ -116,7 +119,7 @@ def optical_length(f: Face, x: float, y: float, z: float) -> tuple[float, Vector
 
 @compiled
 def before(f: Face, layer: int, x: float, y: float, z: float) -> float:
-    """A function above 0 in front of the face and below 0 in the body: optical length, or distance from a profile."""
+    """Function above 0 in front of the face and below 0 in the body: optical length, or distance from a profile."""
     if len(f.profiles) > 0:
         return profile_at(f, layer, x)[0] - z
     return optical_length(f, x, y, z)[0]
@@ -124,7 +127,7 @@ def before(f: Face, layer: int, x: float, y: float, z: float) -> float:
 
 @compiled
 def place_on(f: Face, x: float) -> tuple[float, int, float]:
-    """Spacing of a profile's points, the point before a lateral position, and the relative distance to the next."""
+    """Spacing of the profile points, the point before a lateral position, and the relative distance to the next."""
     step = f.half_width / (f.profiles.shape[1] - 1)
     at = min(abs(x), f.half_width) / step
     cell = min(int(at), f.profiles.shape[1] - 2)
@@ -152,7 +155,7 @@ def facing(f: Face, layer: int, x: float, y: float, z: float) -> Vector:
 
 @compiled
 def search_range(f: Face, at: Vector, d: Vector) -> tuple[float, float]:
-    """Distances between which a ray may meet the face: between its nearest and deepest point, within the aperture."""
+    """Distances between which a ray may meet the face: from its nearest to its deepest point, within the aperture."""
     first, last = f.first - BEYOND_MM, f.deepest + BEYOND_MM
     start, end = 0.0, math.inf
     if d.z > 0.0:
@@ -179,9 +182,9 @@ def along(f: Face, layer: int, at: Vector, d: Vector, way: float) -> tuple[float
 
 @compiled
 def reach(f: Face, layer: int, at: Vector, d: Vector, start: float, end: float) -> float:
-    """Distance to a smooth face, or to the profile of a layer; infinite if there is none before the end.
+    """Distance to a smooth face, or to the profile of a layer; infinite if there is no hit before the end.
 
-    Newton's method with the least possible second derivative: no step passes the first root.
+    Newton's method is used with the smallest possible second derivative, so that no step passes the first root.
     """
     bend, t = (f.bend * d.x * d.x if len(f.profiles) > 0 else f.bend), start
     for _ in range(MOST_STEPS):
@@ -206,7 +209,7 @@ def may_dip(f: Face, d: Vector, g: float, change: float, way: float) -> bool:
 
 @linked
 def to_layers(f: Face, layer: int, at: Vector, d: Vector, start: float, end: float) -> Step:
-    """Find the profile of a layer ahead of a ray, or the ledge of the next one.
+    """Find the profile of a layer ahead of a ray, or the ledge of the next layer.
 
     Layers that the ray certainly passes are skipped, based on the largest decrease of its distance from layer to layer.
     """
@@ -254,7 +257,7 @@ def to_face(f: Face, layer: int, at: Vector, d: Vector) -> Step:
 
 @compiled
 def layer_of(f: Face, y: float) -> int:
-    """Number of the layer at a height."""
+    """Number of the layer at a given height."""
     low, high = 0, len(f.edges) - 2
     while low < high:
         middle = (low + high + 1) // 2
@@ -263,7 +266,7 @@ def layer_of(f: Face, y: float) -> int:
 
 
 class Walk(NamedTuple):
-    """A ray on its way: position, light, and its optical path so far."""
+    """A ray on its way: position, light, and its optical path length so far."""
 
     at: Vector
     beam: Beam
@@ -279,14 +282,14 @@ def ahead(at: Vector, d: Vector, way: float) -> Vector:
 
 @compiled
 def over_body(f: Face, y: float, z: float) -> bool:
-    """Whether a point at the edge of the aperture, seen along y, is in the body: behind its middle or its corner."""
+    """Whether a point at the aperture edge, viewed along y, is in the body: behind its base or its front corner."""
     layer = layer_of(f, y)
     return z > f.base or before(f, layer, f.half_width, math.copysign(f.half_height, y), z) < 0.0
 
 
 @compiled
 def goes_over(f: Face, at: Vector, d: Vector, way: float) -> bool:
-    """Whether a ray that misses the face leaves the slab above or below the body, rather than beside it."""
+    """Whether a ray that misses the face leaves the slab above or below the body, not beside it."""
     if d.y == 0.0 or not d.z > 0.0 or abs(at.y + way * d.y) < f.half_height * (1.0 - ROUNDING):
         return False
     if d.x == 0.0:
@@ -297,7 +300,7 @@ def goes_over(f: Face, at: Vector, d: Vector, way: float) -> bool:
 
 @compiled
 def beside(f: Faced, walk: Walk) -> Walk:
-    """Move a ray that misses the face just beside the body; one that left the slab on the way is placed at its edge.
+    """Move a ray that misses the face just beside the body; if it left the slab on the way, place it at the edge.
 
     Behind the base the prism is cut away in front of a deeper face: there the ray is placed beside the wall.
     """
@@ -316,7 +319,7 @@ def beside(f: Faced, walk: Walk) -> Walk:
 
 @compiled
 def write(f: Faced, rays: Passage, i: int, walk: Walk) -> None:
-    """Write a ray to a row, with its polarisation in the upright basis; one over the body is put outside the slab."""
+    """Write a ray to a row, with its polarisation in the vertical basis; a ray over the body goes outside the slab."""
     at, (d, e, light) = walk.at, walk.beam
     basis = upright(d)
     light = turned_basis(light, scalar(basis, e), scalar(basis, vector(d, e)))
@@ -332,7 +335,7 @@ def write(f: Faced, rays: Passage, i: int, walk: Walk) -> None:
 
 @linked
 def set_aside(f: Faced, rays: Passage, free: IntArray, i: int, layer: int, chance: float, walk: Walk) -> None:
-    """Write the reflected part of a ray to a row of its own if it may reach the body; the remainder turns back."""
+    """Write the reflected part of a ray to its own row if it may reach the body; otherwise it turns back."""
     power = power_of(walk.beam.light)
     rays.lost[REFLECTED] += power
     row, inside = free[0], rays.inside[i]
@@ -348,7 +351,7 @@ def set_aside(f: Faced, rays: Passage, free: IntArray, i: int, layer: int, chanc
 
 @linked
 def met(f: Faced, rays: Passage, i: int, free: IntArray) -> Walk:
-    """Return a ray at the face, entering the body, or as it misses the face."""
+    """Return a ray at the face, as it enters the body or misses the face."""
     at, d = Vector(rays.x[i], rays.y[i], rays.z[i]), Vector(rays.dx[i], rays.dy[i], rays.dz[i])
     beam = Beam(d, upright(d), Coherency(rays.s[i], rays.p[i], rays.cr[i], rays.ci[i]))
     inside, chance, optical = rays.inside[i], rays.chance[i], rays.optical[i]
@@ -380,7 +383,7 @@ def met(f: Faced, rays: Passage, i: int, free: IntArray) -> Walk:
 
 @linked
 def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
-    """Advance a ray in the body, with its bounces, to the plane of the stem's base unless it is beyond it."""
+    """Advance a ray in the body, with its reflections, to the plane of the stem's base unless it is beyond it."""
     at, beam, optical, _ = walk
     d, inside = beam.d, rays.inside[i]
     way = max((f.face.base - at.z) / d.z, 0.0) if d.z > 0.0 else 0.0
@@ -403,7 +406,7 @@ def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
         parts = smooth_parts(beam, Border(normal, inside, outside, False))
         rays.lost[LEAKED if over <= side else TURNED_BACK] += power_of(
             parts.on.light
-        )  # light leaving by a side also escapes
+        )  # light that leaves through a side also escapes
         beam = parts.back
         d = beam.d
     at = Vector(at.x + INSIDE_MM * d.x, at.y, at.z + INSIDE_MM * d.z)

@@ -1,9 +1,9 @@
 """The compiled loop over rays in space, in scenes that extend along y from a bottom to a top.
 
-Walls are upright: in projection along y a ray is straight between two of them, so the search in the plane finds the
-next one, whatever happens at top and bottom on the way. A ray is stored as its projection, a unit vector (ux, uz), with
-``flat``, the length of the projection of its direction. Light that leaves through top or bottom never returns: if it
-was in the same medium as the one beyond, it has *missed* the bodies, otherwise it has *leaked* from them.
+Walls are vertical. In projection along y, a ray is straight between two walls, so the planar search finds the next
+wall, whatever happens at the top and bottom on the way. A ray is stored as its projection, a unit vector (ux, uz), with
+``flat``, the length of the projection of its direction. Light that leaves through the top or bottom never returns: if
+it was in the same medium as that beyond, it has *missed* the bodies; otherwise it has *leaked* from them.
 """
 
 import math
@@ -54,7 +54,7 @@ X, Z, UX, UZ, AT, Y, DY, FLAT, I1, I2, CR, CI, EX, EY, EZ, LEAST, OPTICAL = rang
 REGION, LAST, HIT, NUMBER, COLOUR = range(5)
 NUMBERS, TAGS = 17, 5
 UPRIGHT = 1e-12
-"""Smallest length of a projection, that of a ray along y."""
+"""Minimum length of a projection, used for a ray along y."""
 
 
 class RowsInSpace(NamedTuple):
@@ -75,7 +75,7 @@ class RowsInSpace(NamedTuple):
 
 
 class Slab(NamedTuple):
-    """Half the thickness in mm, and the indices above and below."""
+    """Half the thickness in mm, and the refractive indices above and below."""
 
     half: float
     above: float
@@ -97,7 +97,7 @@ class BuffersInSpace(NamedTuple):
 
 
 def buffers_in_space(capacity: int) -> BuffersInSpace:
-    """Allocate working memory for this number of waiting branches."""
+    """Allocate working memory for this many waiting branches."""
     return BuffersInSpace(
         np.empty((NUMBERS, BLOCK)),
         np.empty((TAGS, BLOCK), np.int64),
@@ -108,7 +108,7 @@ def buffers_in_space(capacity: int) -> BuffersInSpace:
 
 
 class Leg(NamedTuple):
-    """A path through a medium in mm, its absorption per mm, and the length of the direction's projection."""
+    """A path through a medium in mm, the absorption coefficient per mm, and the projected length of the direction."""
 
     way: float
     n1: float
@@ -117,7 +117,7 @@ class Leg(NamedTuple):
 
 
 class Flight(NamedTuple):
-    """A ray after its path through a medium, including bounces off top and bottom."""
+    """A ray after its path through a medium, including reflections off top and bottom."""
 
     y: float
     beam: Beam
@@ -175,7 +175,7 @@ def fly(tables: Tables, sums: Sums, rules: Rules, slab: Slab, at: Vector, beam: 
 def wall_parts(
     tables: Tables, splitting: int, c: int, behaviour: int, colour: int, event: Event, beam: Beam, border: Border
 ) -> Parts:
-    """Both parts at a wall, with a behaviour that may differ from the table's."""
+    """Return both parts at a wall, with a behaviour that may differ from that in the table."""
     if behaviour >= TREATED:
         return treated_parts(tables, splitting, c, colour, event, beam, border)
     a = bare(border.n1, border.n2, -border.n1 * scalar(beam.d, border.n))
@@ -188,7 +188,7 @@ def wall_parts(
 
 @compiled
 def note_beam(row: Floats, beam: Beam) -> None:
-    """Write direction, basis and coherency of a ray."""
+    """Write the direction, basis and coherency of a ray."""
     d, e, light = beam
     flat = math.sqrt(d.x * d.x + d.z * d.z)
     if flat < UPRIGHT:
@@ -203,7 +203,7 @@ def note_beam(row: Floats, beam: Beam) -> None:
 def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
     k: Precision, tables: Tables, sums: Sums, rays: RowsInSpace, rules: Rules, slab: Slab, buffers: BuffersInSpace
 ) -> bool:
-    """Trace rays and add their powers; False if there is no room for all waiting branches."""
+    """Trace rays and add their powers; return False if there is no room for all waiting branches."""
     state, tags, found = buffers.state, buffers.tags, buffers.found
     waiting_state, waiting_tags = buffers.waiting_state, buffers.waiting_tags
     block = Rays(state[X], state[Z], state[UX], state[UZ], tags[LAST], state[AT])
@@ -320,7 +320,7 @@ def trace_in_space(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             both = on >= least and back >= least
             if not (on >= least or back >= least):
                 continue
-            goes_back = back <= on if both else back >= least  # the weaker of two parts is first
+            goes_back = back <= on if both else back >= least  # the weaker part is followed first
             if both and waiting == len(waiting_state):
                 return False
             if both:

@@ -1,4 +1,4 @@
-"""Rays of an emitter in space along a path with one parameter, and their weights."""
+"""Rays from an emitter in space along a one-parameter path, and their weights."""
 
 import math
 from typing import NamedTuple
@@ -10,12 +10,12 @@ from solen.trace.kernel.step import Rules
 
 
 class FamilyInSpace(NamedTuple):
-    """Rays of an emitter along a path from parameter ``low`` to ``high``: over its angle, its position, or both.
+    """Rays from an emitter along a path from parameter ``low`` to ``high``: over its angle, its position, or both.
 
     At parameter u a ray starts at (x + u along_x, z + u along_z), at heights from ``y_low`` to ``y_high``. Its
     projected angle from the axis is ``angle`` + u ``turn``, in radians, and the y-component of its direction is
-    ``rise``. Its weight, at θ from the axis in space, is cos(θ)^``power``, or follows from the ``relative`` intensities
-    over ``theta`` if these have entries.
+    ``rise``. Its weight, at an angle θ from the axis in space, is cos(θ)^``power``, or is interpolated from the
+    ``relative`` intensities at ``theta`` if these have entries.
     """
 
     x: float
@@ -46,7 +46,7 @@ class FamilyInSpace(NamedTuple):
 
 @compiled
 def intensity_in_space(family: FamilyInSpace, u: float) -> float:
-    """Weight of the ray at a parameter, per projected angle and per sine out of the plane."""
+    """Return the weight of the ray at a parameter, per projected angle and per sine of the out-of-plane angle."""
     cos = math.sqrt(1.0 - family.rise * family.rise) * math.cos(family.angle + u * family.turn)
     if len(family.theta) == 0:
         return 1.0 if family.power == 0.0 else max(cos, 0.0) ** family.power
@@ -79,7 +79,7 @@ def heading(family: FamilyInSpace, u: float) -> Heading:
 
 @compiled
 def at_angles(family: FamilyInSpace, angle: float, turn: float, rise: float, low: float, high: float) -> FamilyInSpace:
-    """Return the family along another path."""
+    """Return the family along a path at other angles."""
     f = family
     return FamilyInSpace(
         f.x, f.z, f.along_x, f.along_z, f.axis, angle, turn, rise, f.y_low, f.y_high, f.s, f.p, f.colour, f.rules,

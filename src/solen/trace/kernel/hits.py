@@ -1,8 +1,8 @@
 """Hits of a ray on a curve: one function per kind of curve, with the same mathematics as `solen.curve`.
 
-Each takes a row of `solen.trace.tables.Tables.shape` and a ray and returns the distance to the nearest hit ahead,
-``k.none`` (infinity) for none. They have no loops and almost no branches, so a loop over rays that calls one of them
-can be vectorised; on a graphics card the same functions treat one ray at a time.
+Each function takes a row of `solen.trace.tables.Tables.shape` and a ray, and returns the distance to the nearest hit
+ahead, or ``k.none`` (infinity) for none. The functions have no loops and almost no branches, so a loop over rays that
+calls one of them can be vectorised; on a GPU the same functions treat one ray at a time.
 
 Arithmetic uses no literals: numbers come from the tables and from ``k``, so single precision is preserved.
 """
@@ -28,10 +28,10 @@ def segment_hit(k: Precision, s: Segment, x: float, z: float, dx: float, dz: flo
 
 @compiled
 def roots(k: Precision, a: float, half_b: float, rest: float, square: float, leaving: bool) -> tuple[float, float]:
-    """Roots of a t² + 2 half_b t + rest, with ``square`` = half_b² − a rest; see `solen.curve.quadratic_roots`.
+    """Return the roots of a t² + 2 half_b t + rest; ``square`` = half_b² − a rest. See `solen.curve.quadratic_roots`.
 
-    A ray that is ``leaving`` has one root near 0, which is omitted (−1), and the other is corrected with the rest to
-    first order: −b/a + rest/b. Operands are selected before dividing, because divisions are slow.
+    A ray that is ``leaving`` has one root near 0, which is omitted (−1). The other root is corrected with the remainder
+    to first order: −b/a + rest/b. Operands are selected before the division, because divisions are slow.
     """
     root = math.sqrt(max(square, k.zero))
     total = -half_b - (root if half_b >= 0.0 else -root)
@@ -39,7 +39,7 @@ def roots(k: Precision, a: float, half_b: float, rest: float, square: float, lea
     mend = a * rest if abs(a * rest) < k.small * b * b else k.zero
     first = (mend - b * b if leaving else total) / (a * b if leaving else a)
     second = -k.one if leaving else rest / total
-    missed = (not leaving) & (square <= 0.0)  # a tangent line does not cross
+    missed = (not leaving) & (square <= 0.0)  # a tangent line does not cross the curve
     return (-k.one if missed else first), (-k.one if missed else second)
 
 
@@ -59,7 +59,7 @@ def arc_hit(k: Precision, a: Arc, x: float, z: float, dx: float, dz: float, leav
 
 @compiled
 def on_arc(k: Precision, a: Arc, px: float, pz: float) -> bool:
-    """Whether a point of the circle, relative to its centre, is on the arc."""
+    """Whether a point on the circle, relative to its centre, is on the arc."""
     forward, beside = px * a.mx + pz * a.mz, abs(px * a.mz - pz * a.mx)
     short = (forward >= -k.end) & (beside <= a.end + k.end)
     long = (forward >= 0.0) | (beside >= a.end - k.end)
@@ -68,7 +68,7 @@ def on_arc(k: Precision, a: Arc, px: float, pz: float) -> bool:
 
 @compiled
 def conic_hit(k: Precision, q: Conic, x: float, z: float, dx: float, dz: float, leaving: bool) -> float:
-    """Distance to a conic c r² − 2 w + b w² = 0; only the sheet of its vertex, where b w < 1, exists."""
+    """Distance to a conic c r² − 2 w + b w² = 0; only the sheet through its vertex, where b w < 1, exists."""
     wx, wz = x - q.vx, z - q.vz
     r, w = wx * q.lx + wz * q.lz, wz * q.lx - wx * q.lz
     dr, dw = dx * q.lx + dz * q.lz, dz * q.lx - dx * q.lz
@@ -85,7 +85,7 @@ def conic_hit(k: Precision, q: Conic, x: float, z: float, dx: float, dz: float, 
 
 @compiled
 def on_conic(k: Precision, q: Conic, r: float, w: float) -> bool:
-    """Whether a point of the conic is on the piece and on the vertex's sheet."""
+    """Whether a point of the conic is on the piece and on the sheet through the vertex."""
     return bool((r >= q.low - k.end) & (r <= q.high + k.end) & (q.b * w < 1.0))
 
 
@@ -98,13 +98,13 @@ def unit(x: float, z: float, side: float) -> tuple[float, float]:
 
 @compiled
 def arc_normal(a: Arc, x: float, z: float) -> tuple[float, float]:
-    """Left unit normal of an arc at a point of it."""
+    """Left unit normal of an arc at one of its points."""
     return unit(a.cx - x, a.cz - z, a.side)
 
 
 @compiled
 def conic_normal(k: Precision, q: Conic, x: float, z: float) -> tuple[float, float]:
-    """Left unit normal of a conic at a point of it."""
+    """Left unit normal of a conic at one of its points."""
     wx, wz = x - q.vx, z - q.vz
     r, w = wx * q.lx + wz * q.lz, wz * q.lx - wx * q.lz
     across, inwards = -q.c * r, k.one - q.b * w
@@ -113,7 +113,7 @@ def conic_normal(k: Precision, q: Conic, x: float, z: float) -> tuple[float, flo
 
 @compiled
 def oval_normal(o: Oval, x: float, z: float) -> tuple[float, float]:
-    """Left unit normal of an oval's front at a point of it."""
+    """Left unit normal of an oval front at one of its points."""
     ax, az, bx, bz = x - o.x1, z - o.z1, x - o.x2, z - o.z2
     f1, f2 = o.n1 / math.sqrt(ax * ax + az * az), o.n2 / math.sqrt(bx * bx + bz * bz)
     return unit(f1 * ax + f2 * bx, f1 * az + f2 * bz, o.side)
@@ -127,9 +127,9 @@ def oval_normal(o: Oval, x: float, z: float) -> tuple[float, float]:
 def oval_near(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, leaving: bool) -> bool:
     """Whether a ray may meet the front: a test with straight lines, which avoids Newton's method for most rays.
 
-    The front is in the hull of its ends and of the intersections of three of its tangents. With its chord it encloses a
-    convex cap: a ray that leaves the cap through the chord, or is beyond the chord and moves away, does not meet the
-    front.
+    The front is in the convex hull of its ends and of the intersections of three of its tangents. With its chord it
+    encloses a convex cap: a ray that leaves the cap through the chord, or that is beyond the chord and moves away, does
+    not meet the front.
     """
     height, climb = (z - o.az) * o.ux - (x - o.ax) * o.uz, dz * o.ux - dx * o.uz
     a, d = dx * (o.az - z) - dz * (o.ax - x), dx * (o.dz - z) - dz * (o.dx - x)
@@ -144,9 +144,9 @@ def oval_near(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, l
 
 @compiled
 def oval_at(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float) -> tuple[float, float]:
-    """Residual of the oval's equation and its slope along a direction, both multiplied by positive numbers.
+    """Residual of the oval equation and its slope along a direction, both multiplied by positive numbers.
 
-    n1 (|P − F1| − s) + n2 (|P − F2| − s'), with each bracket as a difference of squares over a sum.
+    The equation is n1 (|P − F1| − s) + n2 (|P − F2| − s'), with each bracket as a difference of squares over a sum.
     """
     ax, az, bx, bz, vx, vz = x - o.x1, z - o.z1, x - o.x2, z - o.z2, x - o.vx, z - o.vz
     a, b = math.sqrt(ax * ax + az * az), math.sqrt(bx * bx + bz * bz)
@@ -161,7 +161,7 @@ def oval_at(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float) -> 
 
 @compiled
 def oval_start(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, outwards: float) -> float:
-    """Start of Newton's method: at the conic r² = p0 + p1 w + p2 w² fitted to the front, or near it."""
+    """Starting value for Newton's method: at the conic r² = p0 + p1 w + p2 w² fitted to the front, or near it."""
     vx, vz = x - o.vx, z - o.vz
     w, r = vx * o.wx + vz * o.wz, vx * o.wz - vz * o.wx
     dw, dr = dx * o.wx + dz * o.wz, dx * o.wz - dz * o.wx
@@ -174,7 +174,7 @@ def oval_start(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, 
 
 @compiled
 def oval_circle(o: Oval, x: float, z: float, dx: float, dz: float, outwards: float) -> float:
-    """Intersection of the line with the circle about F2 that contains the oval, an outside start; NaN for none."""
+    """Intersection of the line with the circle about F2 that contains the oval, as a start outside; NaN for none."""
     wx, wz = x - o.x2, z - o.z2
     middle, nearest = -(wx * dx + wz * dz), wx * dz - wz * dx
     return middle + outwards * math.sqrt(o.circle * o.circle - nearest * nearest)
@@ -184,7 +184,7 @@ def oval_circle(o: Oval, x: float, z: float, dx: float, dz: float, outwards: flo
 def oval_step(
     k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, t: float, outwards: float
 ) -> tuple[float, bool, bool]:
-    """One step of Newton's method along a ray: the new distance, whether it is the root, whether there is none.
+    """One Newton step along a ray: the new distance, whether it is the root, and whether there is no root.
 
     After a step h the error is at most h² f''/2 f', and f'' is at most n1/|P − F1| + n2/|P − F2|.
     """
@@ -203,7 +203,7 @@ def oval_step(
 
 @compiled
 def oval_root(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, outwards: float) -> float:
-    """Distance of the near root (``outwards`` −1) or the far one (+1) of the whole oval; NaN if the ray misses it."""
+    """Distance of the near (``outwards`` −1) or far root (+1) on the entire oval; NaN if the ray misses the oval."""
     t = oval_start(k, o, x, z, dx, dz, outwards)
     t, settled, missed = oval_step(k, o, x, z, dx, dz, t, outwards)
     if missed or t != t:
@@ -249,13 +249,13 @@ def oval_hit(k: Precision, o: Oval, x: float, z: float, dx: float, dz: float, le
 
 @rounded
 def product(a: float, b: float) -> float:
-    """A separately rounded product; `solen.trace.kernel.cuda` has another, as a card fuses products with sums."""
+    """A separately rounded product; `solen.trace.kernel.cuda` replaces it, because a GPU fuses products with sums."""
     return a * b
 
 
 @rounded
 def aside(dx: float, dz: float, x: float, z: float) -> float:
-    """Lateral distance of a point from a ray's line, with a sign that is equal for both pieces at a joint."""
+    """Lateral distance of a point from the line of a ray, with a sign that is the same for both pieces at a joint."""
     return product(dx, z) - product(dz, x)
 
 
@@ -263,9 +263,9 @@ def aside(dx: float, dz: float, x: float, z: float) -> float:
 def cubic_hit(
     k: Precision, q: Cubic, x: float, z: float, dx: float, dz: float, standing: bool, at: float, beside: float
 ) -> tuple[float, float]:
-    """Distance to a cubic piece, and the parameter there; the ray may start on it ``at`` a parameter.
+    """Distance to a cubic piece, and the parameter there; the ray may start on this piece, ``at`` a parameter.
 
-    ``beside`` is the apparent lateral distance of a ray that starts on the neighbouring piece: it is a rounding error,
+    ``beside`` is the apparent lateral distance of a ray that starts on the neighbouring piece. It is a rounding error,
     and is subtracted because a ray that leaves at a small angle would otherwise meet this piece immediately.
     """
     f0, f1 = aside(dx, dz, q.x0 - x, q.z0 - z) - beside, aside(dx, dz, q.x1 - x, q.z1 - z) - beside
@@ -277,12 +277,12 @@ def cubic_hit(
         return cubic_other(k, q, x, z, dx, dz, at, f0, c1, c2, c3)
     reach = k.end if q.before > 0.0 or q.after > 0.0 else k.zero
     if min(min(f0, f1), min(f2, f3)) > reach or max(max(f0, f1), max(f2, f3)) < -reach:
-        return k.none, k.zero  # its whole hull is on one side
+        return k.none, k.zero  # the entire hull is on one side
     best, place = k.none, k.zero
     turn = cubic_turn(k, f0, f1, f2, f3)
     ends = (k.zero, turn, k.one)
     ftop = f0 + turn * (c1 + turn * (c2 + turn * c3))
-    ftop = f3 if turn >= 1.0 else f0 if turn <= 0.0 else ftop  # exactly the sign that the next piece has
+    ftop = f3 if turn >= 1.0 else f0 if turn <= 0.0 else ftop  # exactly the sign for the next piece
     for half in range(2):
         low, high = ends[half], ends[half + 1]
         flow, fhigh = (f0, ftop) if half == 0 else (ftop, f3)
@@ -292,7 +292,7 @@ def cubic_hit(
         t = cubic_along(k, q, x, z, dx, dz, u)
         if 0.0 < t < best:
             best, place = t, u
-    for end in range(2):  # the straight extension beyond an end of the whole curve
+    for end in range(2):  # the straight extension beyond an end of the complete curve
         u = -f0 / c1 if end == 0 else k.one - f3 / (k.three * (f3 - f2))
         beyond = (-q.before * k.end <= u < 0.0) if end == 0 else (1.0 < u <= k.one + q.after * k.end)
         t = cubic_along(k, q, x, z, dx, dz, u) if beyond else k.none
@@ -303,16 +303,16 @@ def cubic_hit(
 
 @compiled
 def cubic_beside(k: Precision, q: Cubic, x: float, z: float, dx: float, dz: float, u: float) -> float:
-    """Lateral distance of the point of a piece at a parameter from a ray's line."""
+    """Lateral distance between the line of a ray and the point of a piece at a parameter."""
     px, pz = cubic_point(k, q, u)
     return dx * (pz - z) - dz * (px - x)
 
 
 @compiled
 def cubic_turn(k: Precision, f0: float, f1: float, f2: float, f3: float) -> float:
-    """Parameter at which f has its extremum; 1 if it has none inside.
+    """Parameter at which f has its extremum; 1 if there is none inside.
 
-    f' is proportional to g0 (1 − u)² + 2 g1 u (1 − u) + g2 u²; if g0 and g2 differ in sign it has one root.
+    f' is proportional to g0 (1 − u)² + 2 g1 u (1 − u) + g2 u²; if g0 and g2 differ in sign, it has one root.
     """
     g0, g1, g2 = f1 - f0, f2 - f1, f3 - f2
     if (g0 < 0.0) == (g2 < 0.0) or g0 == 0.0:
@@ -379,7 +379,7 @@ def cubic_other(
 
 @compiled
 def cubic_along(k: Precision, q: Cubic, x: float, z: float, dx: float, dz: float, u: float) -> float:
-    """Distance along a ray of the point of a piece at a parameter."""
+    """Distance along a ray to the point of a piece at a parameter."""
     px, pz = cubic_point(k, q, u)
     return (px - x) * dx + (pz - z) * dz
 

@@ -1,9 +1,9 @@
-"""The rays of a batch: for each bin of positions in front of the lens, a lattice of angles and positions.
+"""The rays of a batch: for each position bin in front of the lens, a lattice of angles and positions.
 
-Rays are uniform in the angle from the emitter's axis, in space in the projected angle and in the sine of the other one,
-and carry the emitter's intensity there. Only angles at which part of the sensor lies are launched, and only slopes that
-pass between bottom and top. The random shift depends only on the seed, the angle and the lattice: it is the same for
-all designs, so their differences have less noise than their powers.
+Rays are uniform in the angle from the emitter axis (in space, in the projected angle and in the sine of the
+out-of-plane angle) and are weighted by the emitter's intensity. Only angles at which part of the sensor lies are
+launched, and only slopes that pass between bottom and top. The random shift depends only on the seed, the angle and the
+lattice. It is the same for all designs, so differences between designs have less noise than the powers themselves.
 """
 
 import math
@@ -22,18 +22,18 @@ from solen.trace.tables import Tables
 
 GOLDEN = 0.6180339887498949
 RATIO_3 = 1.2207440846057596
-"""Root of x⁴ = x + 1: steps 1/x, 1/x², 1/x³ fill a cube evenly (M. Roberts, 2018)."""
+"""Root of x⁴ = x + 1: steps 1/x, 1/x², 1/x³ fill a cube uniformly (M. Roberts, 2018)."""
 AROUND = 1.2
-"""Largest angle in radians of a sensor from the axis for which the angles beyond it are not launched."""
+"""Maximum angle in radians between sensor and axis for which angles beyond the sensor are not launched."""
 WIDER = 1e-6
-"""Margin of the range of angles, in radians, larger than the extension of curves beyond their ends."""
+"""Margin of the angular range in radians, larger than the extension of curves beyond their ends."""
 
 
 class Light(NamedTuple):
-    """An emitter as numbers."""
+    """Parameters of an emitter."""
 
     half: float
-    """half of the cone angle in radians"""
+    """half the cone angle in radians"""
     exponent: float
     """m of cos^m, 0 for a uniform pattern; negative for a table"""
     whole: float
@@ -42,9 +42,9 @@ class Light(NamedTuple):
     y: float
     first: float
     many: float
-    """number of rows of its table"""
+    """number of rows in the pattern table"""
     flat: float
-    """1 if it emits only in the plane, or is traced there"""
+    """1 if the emitter emits only in the plane, or is traced there"""
 
 
 @compiled
@@ -56,7 +56,7 @@ def light_row(numbers: FloatArray, d: int) -> Light:
 
 @compiled
 def chance(seed: int, angle: int, place: int, which: int) -> float:
-    """A random number in [0, 1) for a bin of an angle."""
+    """Random number in [0, 1) for a bin at an angle."""
     key = scrambled(np.uint64(seed) ^ scrambled(np.uint64(angle) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(1)))
     key = scrambled(key ^ scrambled(np.uint64(place) * np.uint64(4) + np.uint64(which) + np.uint64(0x51ED270B)))
     return float(key >> np.uint64(11)) * 2.0**-53
@@ -64,7 +64,7 @@ def chance(seed: int, angle: int, place: int, which: int) -> float:
 
 @compiled
 def intensity(light: Light, table: FloatArray, cos: float) -> float:
-    """Relative intensity at an angle with this cosine."""
+    """Relative intensity at the angle with this cosine."""
     if light.exponent == 0.0:
         return 1.0 if cos >= math.cos(light.half) else 0.0
     if light.exponent > 0.0:
@@ -97,7 +97,7 @@ class Ahead(NamedTuple):
 
 @compiled
 def widened(a: Ahead, x: float, z: float, sin: float, cos: float, px: float, pz: float) -> Ahead:
-    """Return the range extended by one more point."""
+    """Return the range extended to include another point."""
     forward, left = -sin * (px - x) + cos * (pz - z), -cos * (px - x) - sin * (pz - z)
     if not forward > 0.0:
         return Ahead(-math.inf, math.inf, 0.0)
@@ -107,7 +107,7 @@ def widened(a: Ahead, x: float, z: float, sin: float, cos: float, px: float, pz:
 
 @compiled
 def ahead_of(t: Tables, first: int, last: int, pose: Pose, x: float, z: float) -> Ahead:
-    """Return the range of the curves from row ``first`` to ``last`` as seen from a point."""
+    """Return the angular range of the curves in rows ``first`` to ``last``, viewed from a point."""
     sin, cos = math.sin(pose.axis), math.cos(pose.axis)
     a = Ahead(math.inf, -math.inf, math.inf)
     for p in range(first, last):
@@ -130,7 +130,7 @@ def ahead_of(t: Tables, first: int, last: int, pose: Pose, x: float, z: float) -
 
 @compiled
 def range_of(t: Tables, first: int, last: int, pose: Pose, light: Light, low: float, high: float) -> Ahead:
-    """Angles at which the sensor is seen from any position of a bin, within the cone."""
+    """Angles at which the sensor is visible from any position in a bin, within the cone."""
     sin, cos = math.sin(pose.axis), math.cos(pose.axis)
     a = ahead_of(t, first, last, pose, pose.x + low * cos, pose.z + low * sin)
     b = ahead_of(t, first, last, pose, pose.x + high * cos, pose.z + high * sin)
@@ -146,11 +146,11 @@ def launch(
     t: Tables, first: int, last: int, pose: Pose, light: Light, table: FloatArray, low: float, high: float, seed: int,
     angle: int, place: int, rays: Rows, begin: int, many: int,
 ) -> None:  # fmt: skip
-    """Write ``many`` rays of a bin of positions from ``low`` to ``high``, in mm to the right of the axis.
+    """Write ``many`` rays for a position bin from ``low`` to ``high``, in mm to the right of the axis.
 
-    ``first`` and ``last`` are rows of the sensor's curves, ``angle`` and ``place`` the indices of angle and bin. The
-    powers add up to the power from an emitter at those positions towards the sensor, as a fraction of all that it
-    emits.
+    ``first`` and ``last`` are rows of the sensor's curves; ``angle`` and ``place`` are the indices of angle and bin.
+    The ray powers add up to the power that an emitter at those positions sends towards the sensor, as a fraction of its
+    total emitted power.
     """
     a = range_of(t, first, last, pose, light, low, high)
     wide = max(a.high - a.low, 0.0)
@@ -203,7 +203,7 @@ def launch_in_space(
 
 @compiled
 def steepest(rise_mm: float, near: float) -> float:
-    """Largest slope out of the plane, as a sine, at which a ray rises by at most ``rise_mm`` over ``near``."""
+    """Largest out-of-plane slope, as a sine, at which a ray rises by at most ``rise_mm`` over ``near``."""
     if rise_mm <= 0.0:
         return 0.0
     return rise_mm / math.sqrt(rise_mm * rise_mm + near * near)

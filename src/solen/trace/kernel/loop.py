@@ -1,8 +1,8 @@
 """The compiled loop over rays: tables in, sums out, with the same physics as `solen.trace.reference`.
 
-Rays are advanced in blocks (see `solen.trace.kernel.block`). Each is taken through the interface that it met; rays that
-ended are replaced by waiting branches and by rays not yet launched. For a ray that starts on a curve, the root at zero
-is divided out algebraically (the constant term is zero), never excluded with a distance threshold.
+Rays are advanced in blocks (see `solen.trace.kernel.block`). Each ray is taken through the interface that it meets;
+rays that end are replaced by waiting branches and by rays not yet launched. For a ray that starts on a curve, the root
+at zero is divided out algebraically (the constant term is zero) and never excluded by a distance threshold.
 """
 
 import math
@@ -70,9 +70,9 @@ from solen.trace.result import ABSORBED, DETECTED, GOES_ON, TRUNCATED
 from solen.trace.tables import Tables
 
 FEW = BLOCK // 8
-"""Number of rays left in a block at which others are launched."""
+"""Number of rays left in a block at which further rays are launched."""
 WHOLE: Any = np.int64
-"""Integers of single rays have one type, whatever the precision."""
+"""Integer type for single rays, the same for both precisions."""
 
 
 @compiled
@@ -96,7 +96,7 @@ def write(row: Floats, tag: Tags, ray: Ray, load: Load, stem: Stem) -> None:
 def launch(
     k: Precision, rules: Rules, rays: Rows, first: int, n: int, many: int, buffers: Buffers, stems: bool
 ) -> None:
-    """Add rays from number ``first`` behind the n of a block, row by row; ``stems`` also numbers their branches."""
+    """Add rays from number ``first`` on behind the n rays of a block, row by row; ``stems`` numbers their branches."""
     state, tags = buffers.state, buffers.tags
     for row, numbers in ((X, rays.x), (Z, rays.z), (DX, rays.dx), (DZ, rays.dz), (S, rays.s), (P, rays.p)):
         for i in range(many):
@@ -114,7 +114,7 @@ def launch(
 
 @compiled
 def close_up(n: int, state: Floats, tags: Tags, fate: Tags) -> int:
-    """Move the last continuing rays to the places of rays that ended; return how many continue."""
+    """Move the last continuing rays to the positions of rays that ended; return the number of continuing rays."""
     first = 0
     while True:
         while first < n and fate[first] == GOES_ON:
@@ -155,7 +155,7 @@ def scatter(
 def trace_rays(  # noqa: C901  one loop: numba passes arrays between functions at a price
     k: Precision, tables: Tables, sums: Sums, rays: Rows, rules: Rules, buffers: Buffers, treatments: Floats | None
 ) -> bool:
-    """Trace rays and add their powers; False if there is no room for all waiting branches.
+    """Trace rays and add their powers; return False if there is no room for all waiting branches.
 
     ``treatments`` are those of the tables, or None if there are none.
     """

@@ -1,4 +1,4 @@
-"""The nearest interface ahead of one ray: by testing all of them, or with a grid if there are many."""
+"""The nearest interface ahead of one ray, found by testing all interfaces, or with a grid if there are many."""
 
 import math
 from typing import NamedTuple
@@ -39,16 +39,16 @@ from solen.trace.kernel.rows import (
 from solen.trace.tables import Tables
 
 SIDE_BY_SIDE = 8
-"""Number of segments that are tested together; their count is padded to a multiple."""
+"""Number of segments tested together; the segment count is padded to a multiple of this."""
 MOST_AT_ONCE = 64
-"""Largest number of segments that are tested without a tree."""
+"""Maximum number of segments tested without a tree."""
 FEW = 4
-"""Largest number of other pieces that are tested in turn."""
+"""Maximum number of other pieces tested one after another."""
 FAR = 1e300
 
 
 class Ray(NamedTuple):
-    """Position and direction of a ray, the curve at its origin (−1: none) and the parameter there."""
+    """Position and direction of a ray, the curve at its origin (−1 for none) and the parameter there."""
 
     x: float
     z: float
@@ -59,7 +59,7 @@ class Ray(NamedTuple):
 
 
 class Hit(NamedTuple):
-    """The nearest hit of a ray: the distance (infinity for none), the curve (−1), and the parameter there."""
+    """The nearest hit of a ray: the distance (infinity for none), the curve (−1 for none), and the parameter there."""
 
     distance: float
     curve: int
@@ -87,7 +87,7 @@ def curve_hit(k: Precision, tables: Tables, c: int, ray: Ray) -> tuple[float, fl
         forwards = before[c] == last
         if (at >= 1.0 if forwards else at <= 0.0) or on_joint(
             k, q, forwards, x, z
-        ):  # the ray starts on the joint of the two
+        ):  # the ray starts at the joint of the two pieces
             return cubic_hit(k, q, x, z, dx, dz, True, k.zero if forwards else k.one, k.zero)
         beside = cubic_beside(k, cubic_row(shape, last), x, z, dx, dz, at)
         return cubic_hit(k, q, x, z, dx, dz, False, k.zero, beside)
@@ -96,7 +96,7 @@ def curve_hit(k: Precision, tables: Tables, c: int, ray: Ray) -> tuple[float, fl
 
 @compiled
 def on_joint(k: Precision, q: Cubic, first: bool, x: float, z: float) -> bool:
-    """Whether a point is the first or last one of a piece, up to rounding."""
+    """Whether a point is the first or last point of a piece, to within rounding error."""
     away = abs(x - q.x0) + abs(z - q.z0) if first else abs(x - q.x3) + abs(z - q.z3)
     size = abs(x) + abs(z) + abs(q.x3 - q.x0) + abs(q.z3 - q.z0)
     return bool(away <= (k.three + k.one) * k.rounding * size)
@@ -104,7 +104,7 @@ def on_joint(k: Precision, q: Cubic, first: bool, x: float, z: float) -> bool:
 
 @compiled
 def normal_at(k: Precision, kind: int, shape: Floats, c: int, x: float, z: float, at: float) -> tuple[float, float]:
-    """Left unit normal at a point of curve ``c``; ``at`` is the parameter there on a cubic piece."""
+    """Left unit normal at a point on curve ``c``; ``at`` is the parameter there on a cubic piece."""
     if kind == SEGMENT:
         return -shape[c, 3], shape[c, 2]
     if kind == CONIC:
@@ -119,7 +119,7 @@ def normal_at(k: Precision, kind: int, shape: Floats, c: int, x: float, z: float
 
 @compiled
 def place_on(k: Precision, kind: int, shape: Floats, c: int, x: float, z: float, at: float) -> float:
-    """Relative position of a point of curve ``c`` along its interface, from 0 at the start to 1 at the end."""
+    """Relative position of a point on curve ``c`` along its interface, from 0 at the start to 1 at the end."""
     if kind == SEGMENT:
         s = segment_row(shape, c)
         return ((x - s.ax) * s.ux + (z - s.az) * s.uz) / s.length
@@ -159,27 +159,27 @@ def nearest(k: Precision, tables: Tables, ray: Ray) -> Hit:
 
 
 class Walls(NamedTuple):
-    """Tables of a scene with its pieces grouped for testing: segments together, the others in a tree of boxes."""
+    """Scene tables with pieces grouped for testing: all segments together, the other pieces in a tree of boxes."""
 
     tables: Tables
     segment: Floats
-    """(5, S) rows of segments as columns, padded with segments that no ray meets to fill a register"""
+    """(5, S) segment rows as columns, padded with segments that no ray meets so that registers are filled"""
     piece: IntArray
     """(S,) index of each piece"""
     distance: Floats
-    """(S,) memory for distances"""
+    """(S,) working memory for distances"""
     other: IntArray
-    """the other pieces if they are few"""
+    """indices of the other pieces if they are few"""
     leaf: IntArray
-    """(L,) the other pieces if they are many, padded with −1; L is a power of two, or 0"""
+    """(L,) indices of the other pieces if they are many, padded with −1; L is a power of two, or 0"""
     box: Floats
-    """(2 L, 4) box around everything below a node: node 1 is the root, n has the nodes 2 n and 2 n + 1, leaf n is
-    node L + n
+    """(2 L, 4) box around everything below a node: node 1 is the root, node n has the children 2 n and 2 n + 1, and
+    leaf n is node L + n
     """
 
 
 def walls_of(tables: Tables) -> Walls:
-    """Group the pieces of a scene for one thread; if there are few other pieces, many segments are in the tree, too."""
+    """Group the pieces of a scene for one thread; if few pieces are not segments, many segments also enter the tree."""
     lines = np.flatnonzero(tables.kind == SEGMENT)
     lines = lines if len(lines) <= MOST_AT_ONCE else lines[:0]
     width = len(Segment._fields)
@@ -211,7 +211,7 @@ def _tree(tables: Tables, pieces: IntArray) -> tuple[IntArray, Floats]:
 
 @compiled
 def passes(box: Floats, x: float, z: float, across: float, ahead: float, best: float) -> bool:
-    """Whether a ray passes a box or reaches it further away than ``best``; its direction is (1 / across, 1 / ahead)."""
+    """Whether a ray misses a box or reaches it only beyond ``best``; its direction is (1 / across, 1 / ahead)."""
     xa, xb, za, zb = (box[0] - x) * across, (box[1] - x) * across, (box[2] - z) * ahead, (box[3] - z) * ahead
     enters, exits = max(min(xa, xb), min(za, zb)), min(max(xa, xb), max(za, zb))
     return bool(enters > exits or exits < 0.0 or enters > best)  # False for NaN, from a ray along a side
@@ -219,7 +219,7 @@ def passes(box: Floats, x: float, z: float, across: float, ahead: float, best: f
 
 @compiled
 def nearest_wall(k: Precision, walls: Walls, ray: Ray) -> Hit:
-    """As `nearest`: tests all segments together, and the others if their boxes are ahead and near enough."""
+    """As `nearest`: test all segments together, and the other pieces if their boxes are ahead and near enough."""
     s, distance = walls.segment, walls.distance
     x, z, dx, dz, last, _ = ray
     for i in range(len(distance)):
@@ -250,7 +250,7 @@ def nearest_wall(k: Precision, walls: Walls, ray: Ray) -> Hit:
 
 @compiled
 def next_leaf(walls: Walls, node: int, x: float, z: float, across: float, ahead: float, best: float) -> tuple[int, int]:
-    """The first piece of the tree, from a node on, that a ray may meet, or −1; and the node after it, or 0."""
+    """Return the next tree piece, from a node on, that a ray may meet, or −1; and the following node, or 0."""
     leaves = len(walls.leaf)
     while node > 0:
         missed = passes(walls.box[node], x, z, across, ahead, best)
@@ -268,7 +268,7 @@ def next_leaf(walls: Walls, node: int, x: float, z: float, across: float, ahead:
 
 @compiled
 def nearest_by_grid(k: Precision, tables: Tables, ray: Ray) -> Hit:
-    """As `nearest`, through the cells of the grid that the ray crosses, in order (Amanatides & Woo, 1987)."""
+    """As `nearest`, through the grid cells that the ray crosses, in order (Amanatides & Woo, 1987)."""
     x, z, dx, dz, _, _ = ray
     low, cell, many = tables.grid_low, tables.grid_cell, tables.grid_many
     best, found, place = k.none, -1, k.zero
@@ -309,7 +309,7 @@ def nearest_by_grid(k: Precision, tables: Tables, ray: Ray) -> Hit:
 
 @compiled
 def other_side(k: Precision, tables: Tables, ray: Ray, c: int) -> bool:
-    """Whether curve ``c`` and the ray's direction are on opposite sides of the curve at the ray's origin."""
+    """Whether curve ``c`` and the ray direction are on opposite sides of the curve at the ray origin."""
     nx, nz = normal_at(k, tables.kind[ray.last], tables.shape, ray.last, ray.x, ray.z, ray.at)
     towards = (tables.middle[c, 0] - ray.x) * nx + (tables.middle[c, 1] - ray.z) * nz
     return bool(towards * (ray.dx * nx + ray.dz * nz) < 0.0)

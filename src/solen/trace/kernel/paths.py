@@ -1,10 +1,10 @@
-"""Integrals of a ray's powers along a path with one parameter, in space: adaptive, with edges located by secants.
+"""Integrals of ray powers along a one-parameter path in space: adaptive, with edges located by the secant method.
 
-Between two rays of one tree the powers are smooth: Simpson's rule is used, with the trapezoidal rule as a check.
-Between different trees there is an edge. It is where the beam passes an end of a curve, on a leg that starts on the
-same curve for both rays: the secant of the distance to that end predicts it, and two rays around the prediction confirm
-it. Equal trees prove nothing: a strip of other light may be in between. A ray is therefore also traced at each end that
-a beam between equal trees passes.
+Between two rays with equal trees the powers are smooth: Simpson's rule is used, with the trapezoidal rule as a check.
+Between different trees there is an edge, where the beam passes the end of a curve on a leg that starts on the same
+curve for both rays. The secant of the distance to that end predicts the edge, and two rays around the prediction
+confirm it. Equal trees prove nothing, because a strip of other light may lie in between. A ray is therefore also traced
+at each curve end that a beam between equal trees passes.
 """
 
 import math
@@ -23,17 +23,17 @@ from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.space import Vector
 
 MOST_LEGS = 300
-"""Largest number of legs of one ray with its branches, after which its remaining power is left to the tail."""
+"""Maximum number of legs of one ray with its branches, after which its remaining power is left to the tail."""
 FIRST, FIRST_ANGLES = 2, 32
-"""Initial number of intervals of a path: over the positions of a chip, over the angles of a point."""
+"""Initial number of intervals in a path: over the positions on a chip, over the angles of a point."""
 
 
 class PathBuffers(NamedTuple):
-    """Memory for the rays of one path (N,) and for the waiting intervals."""
+    """Working memory for the rays of one path (N,) and for the waiting intervals."""
 
     u: FloatArray
     start: FloatArray
-    """(N, 5) x, z and the direction x, y, z"""
+    """(N, 5) start x, z and direction x, y, z"""
     tree: NDArray[np.uint64]
     path: NDArray[np.uint64]
     value: FloatArray
@@ -45,14 +45,14 @@ class PathBuffers(NamedTuple):
     """(capacity, 2)"""
     stack: Floats
     counts: IntArray
-    """(4,) rays, legs, undefined, kept legs"""
+    """(4,) numbers of rays, legs, undefined rays and stored legs"""
 
 
 KEPT_RAYS, KEPT_LEGS, KEPT_INTERVALS = 4096, 400_000, 2048
 
 
 def path_buffers(columns: int) -> PathBuffers:
-    """Allocate memory for a path; unused pages take no memory."""
+    """Allocate memory for a path; unused pages do not occupy physical memory."""
     n = KEPT_RAYS
     return PathBuffers(
         u=np.empty(n),
@@ -80,9 +80,9 @@ def trace_rays(
     draw: int,
     most_hits: int,
 ) -> None:
-    """Trace the rays from number ``low`` to ``high``, with their starts from the memory.
+    """Trace rays number ``low`` to ``high`` from their stored starting points.
 
-    With a ``draw``, the sample number of the first ray, only their tails are traced.
+    With ``draw``, the sample number of the first ray, only the tails of the rays are traced.
     """
     for n in range(low, high):
         first = buffers.counts[3]
@@ -139,7 +139,7 @@ def sample_tails(
     buffers: PathBuffers,
     total: FloatArray,
 ) -> int:
-    """Add the tails (D + 5,) of rays that start at ``starts`` (N, 5): x, z and the direction x, y, z.
+    """Add the tails (D + 5,) of rays with the given ``starts`` (N, 5): x, z and the direction x, y, z.
 
     Their sample numbers begin at ``first``. Returns the number of legs traced.
     """
@@ -163,7 +163,7 @@ def sample_tails(
 def passed(
     ends: FloatArray, ax: float, az: float, ux: float, uz: float, bx: float, bz: float, vx: float, vz: float
 ) -> int:
-    """Number of ends between the lines of two legs, ahead or behind, in a loop without branches."""
+    """Number of curve ends between the lines of two legs, ahead or behind, counted in a branch-free loop."""
     many = 0
     for e in range(ends.shape[1]):
         px, pz = ends[0, e], ends[1, e]
@@ -174,7 +174,7 @@ def passed(
 
 @linked
 def predicted_edge(buffers: PathBuffers, i: int, j: int, ends: FloatArray) -> float:
-    """Relative position in the interval at which the beam between two rays passes an end of a curve; −1 for none."""
+    """Relative position in the interval at which the beam between two rays passes a curve end; −1 for none."""
     legs = buffers.legs
     for leg in range(min(buffers.many[i], buffers.many[j])):
         a, b = buffers.first[i] + leg, buffers.first[j] + leg
@@ -216,9 +216,9 @@ def integrate_path(  # noqa: C901  one loop over intervals
 ) -> float:
     """Integrate the powers from ``family.low`` to ``family.high`` into ``total`` (D + 5,).
 
-    The path begins with ``first`` intervals. ``density`` is the error allowed per parameter; an interval is not divided
-    below a width of ``narrow``, nor searched for hidden edges below ``soft``. If memory is exhausted, the mean of the
-    known powers is used for the remainder. Returns the error of the integral.
+    The path begins with ``first`` intervals. ``density`` is the error allowed per parameter. Intervals narrower than
+    ``narrow`` are not divided, and intervals narrower than ``soft`` are not searched for hidden edges. If memory is
+    exhausted, the mean of the known powers is used for the remainder. Returns the error of the integral.
     """
     low, high = family.low, family.high
     n, waiting, error, columns = 0, 0, 0.0, len(total)
@@ -253,7 +253,7 @@ def integrate_path(  # noqa: C901  one loop over intervals
         if seen and hard:
             buffers.u[n], buffers.u[n + 1] = edge - 0.45 * narrow, edge + 0.45 * narrow
             n += 2
-        else:  # rays on both sides are alike: test whether the one at the predicted edge is, too
+        else:  # rays on both sides have equal trees: test whether the ray at the predicted edge does, too
             buffers.u[n] = edge if seen else 0.5 * (a + b)
             n += 1
         add_rays(k, walls, family, buffers, along, m, n)

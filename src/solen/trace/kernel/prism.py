@@ -1,14 +1,14 @@
-"""One ray in space with all its branches, in a body that extends from a bottom to a top: for adaptive integration.
+"""One ray in space with all its branches, in a body that extends from a bottom to a top, for adaptive integration.
 
 The steps are those of `solen.trace.kernel.extruded`. A ray is determined by the y-component of its direction at the
-source and its projected angle; the heights at which the source emits are not sampled: a branch carries an interval of
-heights, all with the same projected path. If part of the interval passes above or below a body, meets a receiver or is
-reflected once more at top or bottom than the remainder, the interval is divided there. The integral over the height of
-a source is therefore exact.
+source and its projected angle. The heights at which the source emits are not sampled: a branch carries an interval of
+heights, all with the same projected path. The interval is divided where part of it passes above or below a body, meets
+a receiver, or is reflected once more at top or bottom than the remainder. The integral over the height of a source is
+therefore exact.
 
-Branches are followed exactly down to a least weight and up to a number of hits. The remaining power, the *tail*, is
-followed along one path only, drawn at each interface (Russian roulette): it is sampled without bias, at a cost that
-grows with the number of hits and not with that of branches.
+Branches are followed exactly down to a minimum weight and up to a maximum number of interfaces. The remaining power,
+the *tail*, is followed along only one path, drawn at each interface (Russian roulette). It is thus sampled without
+bias, at a cost that grows with the number of interfaces and not with the number of branches.
 """
 
 import math
@@ -42,15 +42,15 @@ STACK_IN_SPACE = 256
 WIDTH_IN_SPACE = 20
 X, Z, LOW, HIGH, DX, DY, DZ, EX, EY, EZ, I1, I2, CR, CI, REGION, LAST, HIT, AT, STATE, LEAST = range(20)
 SEEN, SILENT, TAIL = range(3)
-"""States of a branch: its legs are part of the path, its legs are not, it is the tail."""
+"""States of a branch: its legs are part of the path; its legs are not part of it; the branch is the tail."""
 MORE_COLUMNS = 5
-"""Number of values of a ray besides its power by receiver: escaped, absorbed, missed, leaked and unfinished."""
+"""Number of values per ray in addition to the receiver powers: escaped, absorbed, missed, leaked and unfinished."""
 FAINT = 1e-12
 """Weight at which the tail ends."""
 MOST_BOUNCES = 10_000
-"""Largest number of reflections at top and bottom between two walls, after which light is left to the tail."""
+"""Maximum number of reflections at top and bottom between two walls, after which light is left to the tail."""
 NO_DRAW = -1
-"""Sample number of the exact part."""
+"""Sample number that denotes the exact part."""
 
 
 @compiled
@@ -86,12 +86,12 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
     """Trace a ray with all its branches, as `solen.trace.kernel.tree.trace_tree` does in the plane.
 
     Returns the number of legs, the tree of all events that change powers, the path with every hit, and whether a branch
-    was undefined. ``value`` (D + 5,) becomes the power by receiver, escaped and absorbed, the parts of the escaped
-    power that missed the bodies above or below and that leaked from them, and the unfinished power. ``legs``
-    (``most_legs`` or more, 6) are in projection: start, end, 1 if it ends on a curved face, owner.
+    was undefined. ``value`` (D + 5,) receives the power at each receiver, the escaped and absorbed power, the parts of
+    the escaped power that missed the bodies above or below and that leaked from them, and the unfinished power.
+    ``legs`` (``most_legs`` or more, 6) are in projection: start, end, 1 if the leg ends on a curved face, owner.
 
-    With a ``draw``, the number of a sample, ``value`` is that of the tail alone, followed for ``most_hits``, and its
-    last entry is the total left to the tail; no legs are stored then.
+    With ``draw``, the number of a sample, ``value`` describes the tail alone, followed over ``most_hits`` interfaces,
+    and its last entry is the total left to the tail; no legs are stored then.
     """
     tables, receivers = walls.tables, len(value) - MORE_COLUMNS
     missed, leaked, unfinished = receivers + 2, receivers + 3, receivers + 4
@@ -204,7 +204,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 bounces = math.floor((min(a, b) + half) / (2.0 * half))
                 bounces = max(bounces, 0)
                 edge = half * (2.0 * bounces + 1.0)
-                leaky = n1 * n1 * (1.0 - d.y * d.y) < n2 * n2  # top and bottom reflect only in part
+                leaky = n1 * n1 * (1.0 - d.y * d.y) < n2 * n2  # top and bottom reflect only partially
                 if wide and highest > edge:
                     # the part reflected once more waits at the start of this leg
                     cut = (edge - rise) if rise > 0.0 else -(edge + rise)
@@ -212,7 +212,9 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                     share = outer / (yb - ya)
                     w = stack[waiting]
                     if share > 1.0 - 1e-12:
-                        bounces += 1  # it waited for one more reflection, which all of it has, up to rounding
+                        bounces += (
+                            1  # it waited for one more reflection, which all of it undergoes, to within rounding error
+                        )
                     elif share > 1e-12:
                         tip = 1e-15 * half
                         if rise > 0.0:
@@ -230,7 +232,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 if loss > 0.0:
                     first_low, first_high = (ya, yb) if rise > 0.0 else (-yb, -ya)
                     kept = mean_kept(loss, (half - first_high) / abs(d.y), (half - first_low) / abs(d.y))
-                if bounces > 0:  # top and bottom have one plane of incidence
+                if bounces > 0:  # top and bottom share a plane of incidence
                     e, light = in_plane_of_incidence(d, e, Vector(0.0, -1.0, 0.0), light)
                     at_above = bare(n1, family.above, n1 * abs(d.y))
                     at_below = bare(n1, family.below, n1 * abs(d.y)) if family.below != family.above else at_above
@@ -248,7 +250,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                         break
                     d = Vector(d.x, -d.y, d.z)
                     light = passed(face.back_s, face.back_p, face.back_cr, face.back_ci, light)
-                    hits += 1 if tail else 0  # parts of one path must end alike, whatever happens at top and bottom
+                    hits += 1 if tail else 0  # parts of a path must end alike, whatever happens at top and bottom
                     left = kept * (light.i1 + light.i2)
                     if left < lowest or worn or (tail and hits + 1 >= most):
                         if tail or not sampling:
@@ -275,7 +277,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                 mark = np.uint64(16 + bounces) ^ mark if leaky else np.uint64(0)
                 power = light.i1 + light.i2
             if silent and (mark != np.uint64(0) or n1 == n2):
-                # from here it ends differently from the rest of its path
+                # from here on, this part ends differently from the rest of its path
                 mark, silent = mark ^ np.uint64(4), False
         if loss > 0.0 and not ended:
             kept = math.exp(-loss * way)
@@ -321,7 +323,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
             value[unfinished] += (1.0 + above) * power
             if hits + 1 < most_hits:
                 tail, gain, fate = True, 1.0, GOES_ON
-            if above > 0.0:  # one of the two parts, drawn
+            if above > 0.0:  # draw one of the two parts
                 if chance(rules.seed, draw, draws) * (1.0 + above) < above:
                     ya, yb = above_low, above_high
                 light, above, draws = scaled(light, 1.0 + above), 0.0, draws + 1

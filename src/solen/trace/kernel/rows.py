@@ -1,6 +1,6 @@
-"""The format of the tables: rows of the table of curves by name, kinds, behaviours, constants.
+"""The format of the tables: named rows of the curve table, curve kinds, behaviours and constants.
 
-`solen.trace.tables` writes them, the other modules of this package read them.
+`solen.trace.tables` writes the tables, and the other modules of this package read them.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from solen.trace.kernel.compiled import compiled
 
 Floats = NDArray[np.floating]
 Tags = NDArray[np.signedinteger]
-"""Integers of the same width as the floating-point numbers, so that as many fit into a register."""
+"""Integers of the same width as the floating-point numbers, so that equally many fit into a register."""
 N = TypeVar("N", float, np.signedinteger)
 TYPES: dict[Any, type[np.number]] = {types.float32: np.float32, types.int32: np.int32, types.int64: np.int64}
 
@@ -50,7 +50,7 @@ class Precision(NamedTuple):
         double = dtype is np.float64
         lengths = (END_TOLERANCE_MM, 2 * END_TOLERANCE_MM, 1e-9) if double else (1e-5, 2e-5, 1e-3)
         rest = (SMALL, ROUNDING if double else 2.0**-22)
-        in_it: Callable[[float], Any] = dtype  # its numbers are used as floats
+        in_it: Callable[[float], Any] = dtype  # the values are used as floats
         return cls(*(in_it(value) for value in (0.0, 0.5, 1.0, 3.0, np.inf, np.nan, *lengths, *rest)))
 
 
@@ -65,7 +65,7 @@ class Segment(NamedTuple):
 
 
 class Arc(NamedTuple):
-    """Centre (cx, cz); (mx, mz) points to the middle of the arc, whose ends are ``end`` away from that axis."""
+    """Centre (cx, cz); (mx, mz) points to the midpoint of the arc, whose ends are ``end`` away from that axis."""
 
     cx: float
     cz: float
@@ -110,9 +110,9 @@ class Oval(NamedTuple):
     circle: float  # radius about F2 of a circle that contains the oval
     rx: float  # ray from F1 to the end on the right
     rz: float
-    lx: float  # and to the one on the left
+    lx: float  # ray from F1 to the end on the left
     lz: float
-    ax: float  # hull: the left end, two corners of tangents, the right end
+    ax: float  # hull: the left end, two intersections of tangents, the right end
     az: float
     bx: float
     bz: float
@@ -128,9 +128,9 @@ class Oval(NamedTuple):
 
 
 class Cubic(NamedTuple):
-    """Cubic Bézier piece without inflection and with a small turning angle.
+    """Cubic Bézier piece with no inflection and a small turning angle.
 
-    At an end of the whole curve, ``before`` or ``after`` is the parameter per mm, elsewhere 0.
+    At an end of the complete curve, ``before`` or ``after`` is the parameter per mm; elsewhere it is 0.
     """
 
     x0: float
@@ -143,8 +143,8 @@ class Cubic(NamedTuple):
     z3: float
     before: float
     after: float
-    first: float  # parameter on the whole curve at its start
-    last: float  # and at its end
+    first: float  # parameter on the complete curve at the start of the piece
+    last: float  # and at the end of the piece
 
 
 class Treatment(NamedTuple):
@@ -157,9 +157,9 @@ class Treatment(NamedTuple):
     band_low: float  # wavelengths, nm
     band_high: float
     band_within: float  # 1: acts inside the band, 0: outside it
-    scatter: float  # which profile
-    width: float  # its sigma or shoulder
-    wing: float  # its slope
+    scatter: float  # kind of scatter profile
+    width: float  # sigma or shoulder of the profile
+    wing: float  # slope of the profile
     share: float
     tilt: float  # steepest slope of the texture
     across: float  # 1 if its crests follow one another along y
@@ -167,15 +167,15 @@ class Treatment(NamedTuple):
     layers: float
     first_row: float  # fractions by the angle of incidence from the left, or orders of a grating
     rows: float
-    rows_right: float  # the same from the right, behind those
-    lines: float  # of a grating per nm, negative where it reflects; 0: none
-    first_off: float  # profile of scatter
+    rows_right: float  # the same for light from the right, after those rows
+    lines: float  # grating lines per nm, negative for reflection; 0 for none
+    first_off: float  # scatter profile
     offs: float
 
 
 @compiled
 def treatment_row(treatments: Floats, i: int) -> Treatment:
-    """Row of a treated surface."""
+    """Return the row of a treated surface."""
     t = treatments[i]
     return Treatment(
         t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8], t[9], t[10], t[11], t[12], t[13], t[14], t[15], t[16],
@@ -184,7 +184,7 @@ def treatment_row(treatments: Floats, i: int) -> Treatment:
 
 
 def as_in(sample: N, number: float) -> N:
-    """A number in the type of another one: a wider type would halve the number of rays computed together."""
+    """A number in the type of another; a wider type would halve the number of rays computed together."""
     return type(sample)(number)
 
 
@@ -200,13 +200,13 @@ def _as_in(_sample: Any, _number: Any) -> Any:
 
 @intrinsic
 def _least(_: Any, a: Any, b: Any) -> Any:
-    """The lesser of two numbers that are not NaN, in a form that can be vectorised."""
+    """The smaller of two numbers that are not NaN, in a form that can be vectorised."""
     return a(a, b), _extreme("llvm.minnum")
 
 
 @intrinsic
 def _greatest(_: Any, a: Any, b: Any) -> Any:
-    """The greater of two numbers; see `least`."""
+    """The larger of two numbers; see `_least`."""
     return a(a, b), _extreme("llvm.maxnum")
 
 
@@ -225,19 +225,19 @@ def _extreme(name: str) -> Callable[..., Any]:
 
 @compiled
 def segment_row(shape: Floats, c: int) -> Segment:
-    """Row of a segment."""
+    """Return the row of a segment."""
     return Segment(shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4])
 
 
 @compiled
 def arc_row(shape: Floats, c: int) -> Arc:
-    """Row of an arc."""
+    """Return the row of an arc."""
     return Arc(shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4], shape[c, 5], shape[c, 6], shape[c, 7])
 
 
 @compiled
 def conic_row(shape: Floats, c: int) -> Conic:
-    """Row of a conic."""
+    """Return the row of a conic."""
     return Conic(
         shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4], shape[c, 5], shape[c, 6], shape[c, 7],
         shape[c, 8],
@@ -246,7 +246,7 @@ def conic_row(shape: Floats, c: int) -> Conic:
 
 @compiled
 def oval_row(shape: Floats, c: int) -> Oval:
-    """Row of an oval."""
+    """Return the row of an oval."""
     return Oval(
         shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4], shape[c, 5], shape[c, 6], shape[c, 7],
         shape[c, 8], shape[c, 9], shape[c, 10], shape[c, 11], shape[c, 12], shape[c, 13], shape[c, 14], shape[c, 15],
@@ -257,7 +257,7 @@ def oval_row(shape: Floats, c: int) -> Oval:
 
 @compiled
 def cubic_row(shape: Floats, c: int) -> Cubic:
-    """Row of a cubic piece."""
+    """Return the row of a cubic piece."""
     return Cubic(
         shape[c, 0], shape[c, 1], shape[c, 2], shape[c, 3], shape[c, 4], shape[c, 5], shape[c, 6], shape[c, 7],
         shape[c, 8], shape[c, 9], shape[c, 10], shape[c, 11],

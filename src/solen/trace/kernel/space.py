@@ -1,9 +1,9 @@
 """Rays in space: vectors, polarisation, and the effect of a surface.
 
-A ray carries its coherency matrix [[i1, c], [c*, i2]] in the basis (e, d × e), with a unit vector e perpendicular to
-its direction d and c = cr + i·ci. At a surface the basis is rotated to e along s = d × N; Fresnel's amplitudes then
-apply to the two fields separately (Born & Wolf, sections 1.5 and 10.9), including the phases of total reflection.
-Fields have the time dependence exp(+iωt).
+A ray carries its coherency matrix [[i1, c], [c*, i2]] in the basis (e, d × e), where e is a unit vector perpendicular
+to its direction d, and c = cr + i·ci. At a surface the basis is rotated so that e lies along s = d × N; Fresnel's
+amplitudes then apply to the two fields separately (Born & Wolf, sections 1.5 and 10.9), including the phases of total
+reflection. Fields have the time dependence exp(+iωt).
 """
 
 import math
@@ -25,7 +25,7 @@ class Vector(NamedTuple):
 
 
 class Coherency(NamedTuple):
-    """Powers of the fields along e and perpendicular to it, and the correlation of these fields."""
+    """Powers of the fields along e and perpendicular to e, and the correlation of the two fields."""
 
     i1: float
     i2: float
@@ -34,7 +34,7 @@ class Coherency(NamedTuple):
 
 
 class Beam(NamedTuple):
-    """Light on its way: direction, the vector e of its basis, and its coherency."""
+    """Light on its way: direction, the basis vector e, and its coherency."""
 
     d: Vector
     e: Vector
@@ -42,13 +42,13 @@ class Beam(NamedTuple):
 
 
 class Border(NamedTuple):
-    """A surface as light meets it: the normal is on the side of the light, which comes from the index n1."""
+    """A surface seen from the incident light: the normal is on the side of the light, which comes from the index n1."""
 
     n: Vector
     n1: float
     n2: float
     from_right: bool
-    """of the curve in projection; not used for bare surfaces"""
+    """whether light comes from the right of the curve in projection; not used for bare surfaces"""
 
 
 class Parts(NamedTuple):
@@ -72,7 +72,7 @@ def vector(a: Vector, b: Vector) -> Vector:
 
 @compiled
 def unit_of(a: Vector) -> Vector:
-    """Vector of length 1."""
+    """Vector scaled to length 1."""
     scale = 1.0 / math.sqrt(scalar(a, a))
     return Vector(scale * a.x, scale * a.y, scale * a.z)
 
@@ -106,7 +106,7 @@ def scaled(light: Coherency, by: float) -> Coherency:
 
 @compiled
 def power_of(light: Coherency) -> float:
-    """Power of both fields."""
+    """Total power of both fields."""
     return light.i1 + light.i2
 
 
@@ -125,7 +125,7 @@ def unpolarised(light: Coherency) -> Coherency:
 
 @compiled
 def bare(n1: float, n2: float, axial: float) -> Amplitudes:
-    """Fresnel's coefficients; ``axial`` is n1 times the cosine of the angle of incidence."""
+    """Return Fresnel's coefficients; ``axial`` is n1 times the cosine of the angle of incidence."""
     square = (n2 - n1) * (n2 + n1) + axial * axial
     if square <= 0.0:
         # total reflection: both phases, from the square root of their product
@@ -143,7 +143,7 @@ def bare(n1: float, n2: float, axial: float) -> Amplitudes:
 
 @compiled
 def passed(amount_s: float, amount_p: float, cr: float, ci: float, light: Coherency) -> Coherency:
-    """Coherency with both fields weakened and their product multiplied by a complex number."""
+    """Coherency with both fields attenuated and their product multiplied by a complex number."""
     return Coherency(
         amount_s * light.i1, amount_p * light.i2, cr * light.cr - ci * light.ci, cr * light.ci + ci * light.cr
     )
@@ -171,7 +171,7 @@ def mirrored(d: Vector, n: Vector, cos: float) -> Vector:
 
 @compiled
 def bent(d: Vector, n: Vector, cos: float, n1: float, n2: float) -> Vector:
-    """Direction behind a surface by Snell's law; not defined for total reflection."""
+    """Direction behind a surface by Snell's law; undefined for total reflection."""
     square = (n2 - n1) * (n2 + n1) + (n1 * cos) * (n1 * cos)
     if square <= 0.0:
         return d
@@ -182,7 +182,7 @@ def bent(d: Vector, n: Vector, cos: float, n1: float, n2: float) -> Vector:
 
 @compiled
 def divided(beam: Beam, border: Border, a: Amplitudes) -> Parts:
-    """Both parts of a ray at a surface, in the basis of s."""
+    """Return both parts of a ray at a surface, in the basis of s."""
     d, n = beam.d, border.n
     cos = -scalar(d, n)
     s, own = in_plane_of_incidence(d, beam.e, n, beam.light)
@@ -194,5 +194,5 @@ def divided(beam: Beam, border: Border, a: Amplitudes) -> Parts:
 
 @compiled
 def smooth_parts(beam: Beam, border: Border) -> Parts:
-    """Both parts at a smooth, clean and bare surface."""
+    """Return both parts at a smooth, clean and bare surface."""
     return divided(beam, border, bare(border.n1, border.n2, -border.n1 * scalar(beam.d, border.n)))

@@ -1,8 +1,8 @@
 """The steps of a ray from one interface to the next, common to all loops.
 
-The loop over blocks of rays, the tree of one ray and the thread of a graphics card store rays differently, but each
-takes them through an interface with `meet`, which advances a ray to it, `leave`, which computes the transmitted and
-reflected light, and `part`, which returns the ray for one of them.
+The loop over blocks of rays, the tree of one ray and the GPU thread store rays differently, but each takes them through
+an interface with the same three functions: `meet` advances a ray to the interface, `leave` computes the transmitted and
+reflected light, and `part` returns the ray for one of these.
 """
 
 import math
@@ -43,15 +43,15 @@ class Rules(NamedTuple):
 
 
 class Load(NamedTuple):
-    """State of a ray besides its position: powers in s and p, the least power that is followed, medium and history."""
+    """Ray state other than geometry: powers in s and p, the minimum power that is followed, medium and history."""
 
     s: float
     p: float
     least: float
     optical: float
-    """optical path so far, mm"""
+    """optical path length so far, mm"""
     region: int
-    """−1: not known yet"""
+    """index of the medium; −1 if not yet determined"""
     colour: int
     number: int
     hits: int
@@ -64,7 +64,7 @@ class Meeting(NamedTuple):
     z: float
     nx: float
     nz: float
-    """left normal of the curve"""
+    """z-component of the left normal of the curve"""
     here: int
     """region on the side that the ray comes from"""
     there: int
@@ -73,15 +73,15 @@ class Meeting(NamedTuple):
     corner: bool
     """whether the ray starts in a corner and meets only the end of the other curve"""
     loss: float
-    """absorption per mm on the way"""
+    """absorption coefficient on the way, per mm"""
     kept: float
-    """fraction of the power left"""
+    """fraction of the power that remains"""
     fate: int
 
 
 @compiled
 def event_of(rules: Rules, load: Load) -> Event:
-    """Return the event for random draws at a ray's next hit."""
+    """Return the event for random draws at the next hit of a ray."""
     return Event(rules.seed, rules.first + rules.step * load.number, load.hits)
 
 
@@ -109,14 +109,14 @@ def meet(k: Precision, tables: Tables, rules: Rules, ray: Ray, hit: Hit, load: L
 
 @compiled
 def escape(k: Precision, tables: Tables, rules: Rules, region: int, colour: int) -> tuple[float, int]:
-    """Absorption per mm and fate of a ray that meets nothing more."""
+    """Return the absorption coefficient and the fate of a ray that meets no further interface."""
     loss = tables.absorption[colour, region] if rules.splitting != COUNT and region >= 0 else k.zero
     return loss, ABSORBED if loss > 0.0 else ESCAPED
 
 
 @compiled
 def carried_on(k: Precision, ray: Ray, hit: Hit) -> Ray:
-    """Move a ray in a corner beyond the end of the curve it would meet; the step grows with rounding errors."""
+    """Move a ray in a corner past the end of the curve that it would meet; the step grows with rounding errors."""
     step = k.corner + k.rounding * (abs(ray.x) + abs(ray.z))
     return Ray(ray.x + step * ray.dx, ray.z + step * ray.dz, ray.dx, ray.dz, hit.curve, hit.place)
 
@@ -134,7 +134,7 @@ class Leaving(NamedTuple):
 
     parts: Divided
     lost: float
-    """power that the surface absorbs"""
+    """power absorbed by the surface"""
     cut: float
     """power of the parts that are too weak to be followed"""
     both: bool
@@ -149,9 +149,9 @@ class Leaving(NamedTuple):
 def leave(
     k: Precision, tables: Tables, rules: Rules, treatments: Floats | None, ray: Ray, c: int, met: Meeting, load: Load
 ) -> Leaving:
-    """Apply the surface of curve ``c`` to a ray with the powers that reach it.
+    """Apply the surface of curve ``c`` to a ray, with the powers that reach the surface.
 
-    ``treatments`` are those of the tables, or None if there are none: the code for treatments is then not compiled.
+    ``treatments`` are those of the tables, or None if there are none; the code for treatments is then not compiled.
     """
     index = tables.refractive_index[load.colour]
     n1, n2, lost = index[met.here], index[met.there], k.zero
@@ -185,7 +185,7 @@ def part(hit: Hit, met: Meeting, parts: Divided, load: Load, back: bool) -> tupl
 
 @compiled
 def free_path(k: Precision, tables: Tables, rules: Rules, region: int, load: Load) -> float:
-    """Free path of a ray in a medium up to scattering, mm, drawn from the exponential distribution."""
+    """Free path of a ray in a medium before scattering, in mm, drawn from the exponential distribution."""
     scattering = tables.scattering[load.colour, region]
     if not scattering > 0.0:
         return k.none
@@ -205,7 +205,7 @@ def phase_turn(k: Precision, tables: Tables, rules: Rules, region: int, load: Lo
 
 @compiled
 def turned(k: Precision, half: float, dx: float, dz: float) -> tuple[float, float]:
-    """Direction rotated by the angle whose half has this tangent."""
+    """Direction rotated by twice the angle that has this tangent."""
     scale = k.one / (k.one + half * half)
     cos, sin = (k.one - half * half) * scale, (half + half) * scale
     return cos * dx - sin * dz, sin * dx + cos * dz

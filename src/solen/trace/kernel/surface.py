@@ -1,4 +1,4 @@
-"""The effect of an interface on a ray, extended here for further behaviours.
+"""The effect of an interface on a ray; further behaviours are added here.
 
 A behaviour either ends the ray (`end_fate`) or continues it: `at_surface` returns the transmitted and reflected
 directions and powers, for any loop over rays.
@@ -14,9 +14,9 @@ from solen.trace.kernel.rows import ABSORBING, MIRROR, RECEIVER, Precision
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, TRUNCATED
 
 COUNT, BRANCHES, ROULETTE = range(3)
-"""Treatment of partial reflection: all light is transmitted; both parts are followed; one of them is drawn."""
+"""Treatment of partial reflection: all light is transmitted; both parts are followed; one part is drawn."""
 SPLITTING = {"count": COUNT, "power": BRANCHES, "roulette": ROULETTE}
-"""Treatment of partial reflection by the mode of a trace."""
+"""Treatment of partial reflection by trace mode."""
 
 
 class Event(NamedTuple):
@@ -26,7 +26,7 @@ class Event(NamedTuple):
     ray: int
     """number of the ray"""
     hit: int
-    """number of hits before"""
+    """number of previous hits"""
 
 
 class Incidence(NamedTuple):
@@ -49,12 +49,12 @@ class Divided(NamedTuple):
     """The transmitted and the reflected part of a ray at a surface."""
 
     on_x: float
-    """direction"""
+    """x-component of the transmitted direction"""
     on_z: float
     back_x: float
     back_z: float
     on_s: float
-    """power"""
+    """transmitted power in s"""
     on_p: float
     back_s: float
     back_p: float
@@ -62,7 +62,7 @@ class Divided(NamedTuple):
 
 @compiled
 def end_fate(behaviour: int, from_right: bool, worn_out: bool) -> int:
-    """Fate of a ray at an interface with this behaviour; GOES_ON if it leaves it again."""
+    """Fate of a ray at an interface with this behaviour; GOES_ON if the ray continues."""
     if behaviour == RECEIVER and not from_right:
         return DETECTED
     if behaviour in (RECEIVER, ABSORBING):
@@ -72,14 +72,14 @@ def end_fate(behaviour: int, from_right: bool, worn_out: bool) -> int:
 
 @compiled
 def fresnel(cos_in: float, cos_out: float, n1: float, n2: float) -> tuple[float, float]:
-    """Reflected fractions of power in s and p."""
+    """Reflected power fractions in s and p."""
     s = (n1 * cos_in - n2 * cos_out) / (n1 * cos_in + n2 * cos_out)
     p = (n2 * cos_in - n1 * cos_out) / (n2 * cos_in + n1 * cos_out)
     return s * s, p * p
 
 
 class Deflection(NamedTuple):
-    """Transmitted and reflected directions at a surface, and the reflected fractions of s and p."""
+    """Transmitted and reflected directions at a surface, and the reflected power fractions for s and p."""
 
     on_x: float
     on_z: float
@@ -103,7 +103,7 @@ def bend(
 ) -> Deflection:
     """Compute the directions of a ray after a smooth, clean and bare surface.
 
-    The normal may point to either side. Counting transmits the whole ray unless it is totally reflected.
+    The normal may point to either side. In counting mode the entire ray is transmitted unless it is totally reflected.
     """
     cos = -(dx * nx + dz * nz)
     cos_in, nx, nz = abs(cos), (-nx if cos < 0.0 else nx), (-nz if cos < 0.0 else nz)
@@ -122,7 +122,7 @@ def bend(
 
 @compiled
 def at_surface(k: Precision, behaviour: int, splitting: int, ray: Incidence) -> Divided:
-    """Both parts of a ray at a smooth, clean and bare surface; see `bend`."""
+    """Return both parts of a ray at a smooth, clean and bare surface; see `bend`."""
     _, _, dx, dz, nx, nz, n1, n2, s, p = ray
     way = bend(k, behaviour, splitting, dx, dz, nx, nz, n1, n2)
     back_s, back_p = s * way.share_s, p * way.share_p
@@ -131,7 +131,7 @@ def at_surface(k: Precision, behaviour: int, splitting: int, ray: Incidence) -> 
 
 @compiled
 def drawn(k: Precision, event: Event, power: float, d: Divided) -> tuple[Divided, float, float]:
-    """Draw one of two parts, which receives all the power; also return the power of each."""
+    """Draw one of two parts, which receives all the power; also return the power of each part."""
     on, back = d.on_s + d.on_p, d.back_s + d.back_p
     if chance(event.seed, event.ray, event.hit) * power < back:
         back_s, back_p = d.back_s * power / back, d.back_p * power / back
@@ -142,8 +142,8 @@ def drawn(k: Precision, event: Event, power: float, d: Divided) -> tuple[Divided
 
 @compiled
 def chance(seed: int, ray: int, hit: int) -> float:
-    """Random number in [0, 1) for a seed, a ray and a hit: the same on every machine and thread (splitmix64)."""
-    number = scrambled(np.uint64(seed))  # otherwise another seed would only permute the numbers among rays
+    """Random number in [0, 1) for a seed, a ray and a hit; identical on every machine and thread (splitmix64)."""
+    number = scrambled(np.uint64(seed))  # otherwise another seed would only permute the numbers among the rays
     for part in (ray, hit):
         number = scrambled(number ^ np.uint64(part))
     return float(number >> np.uint64(11)) * 2.0**-53
@@ -151,7 +151,7 @@ def chance(seed: int, ray: int, hit: int) -> float:
 
 @compiled
 def chance_of(event: Event, draw: int) -> float:
-    """As `chance`, if one hit needs several numbers: that with the index ``draw``, starting at 1."""
+    """As `chance`, if one hit needs several numbers; ``draw``, starting at 1, is the index of the number."""
     number = scrambled(np.uint64(event.seed))
     for part in (event.ray, event.hit, draw):
         number = scrambled(number ^ np.uint64(part))

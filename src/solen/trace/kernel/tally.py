@@ -1,4 +1,4 @@
-"""Sums of a loop over rays: powers by fate and receiver, crossings of monitors, legs, places."""
+"""Sums in a loop over rays: powers by fate and receiver, monitor crossings, legs, locations."""
 
 import math
 from typing import NamedTuple
@@ -16,7 +16,9 @@ from solen.trace.tables import Tables
 
 HITS, UNDEFINED, CUT, LEGS = range(4)
 MISSED, LEAKED = len(FATES), len(FATES) + 1
-"""Indices of the parts of the escaped power in an extruded scene: past the bodies at top or bottom, and from them."""
+"""Indices of the parts of the escaped power in an extruded scene: light that missed the bodies, and light that
+leaked.
+"""
 LEG_WIDTH = 15
 
 
@@ -28,29 +30,29 @@ class Sums(NamedTuple):
     detected: NDArray[np.float64]
     """(D,) power per receiver"""
     arrived: NDArray[np.int64]
-    """(D,) rays or branches per receiver"""
+    """(D,) number of rays or branches per receiver"""
     optical: NDArray[np.float64]
-    """(D,) power times optical path"""
+    """(D,) power times optical path length"""
     position: NDArray[np.float64]
-    """(I, bins) power per receiving interface along it"""
+    """(I, bins) power per bin along each receiving interface"""
     angle: NDArray[np.float64]
     """(D, bins) power per receiver by angle of incidence"""
     crossed: NDArray[np.float64]
     """(M,) net power per monitor"""
     crossings: NDArray[np.int64]
-    """(M,) crossings per monitor"""
+    """(M,) number of crossings per monitor"""
     maps: NDArray[np.float64]
-    """(sum of bins,) net power per bin"""
+    """(total number of bins,) net power per bin"""
     counts: NDArray[np.int64]
-    """(4,) hits, undefined rays, other truncated branches, legs"""
+    """(4,) numbers of hits, undefined rays, other truncated branches, legs"""
     place: NDArray[np.float64]
-    """(2, KEPT_PLACES, 2) places of the first undefined rays, and of the first other truncated ones"""
+    """(2, KEPT_PLACES, 2) locations of the first undefined rays, and of the first other truncated rays"""
     legs: NDArray[np.float64]
-    """(capacity, LEG_WIDTH) legs, as far as there is room"""
+    """(capacity, LEG_WIDTH) legs, as many as there is room for"""
 
 
 class Stem(NamedTuple):
-    """A branch of a ray, and the one from which it was split off (−1)."""
+    """A branch of a ray, and the branch from which it was split off (−1 for none)."""
 
     branch: int
     parent: int
@@ -60,7 +62,7 @@ class Stem(NamedTuple):
 def count_monitors(
     tables: Tables, sums: Sums, ox: float, oz: float, dx: float, dz: float, length: float, power: float, loss: float
 ) -> None:
-    """Record a leg at each monitor that it crosses, with the power left there."""
+    """Record a leg at each monitor that it crosses, with the power remaining there."""
     lines = tables.monitor
     for m in range(len(lines)):
         wx, wz = lines[m, 0] - ox, lines[m, 1] - oz
@@ -117,7 +119,7 @@ def note_leg(
 
 @compiled
 def note_place(sums: Sums, which: int, x: float, z: float) -> None:
-    """Count an undefined or truncated ray, and store its place."""
+    """Count an undefined or truncated ray, and store its location."""
     n = sums.counts[which]
     if n < KEPT_PLACES:
         sums.place[which - UNDEFINED, n, 0], sums.place[which - UNDEFINED, n, 1] = x, z

@@ -1,7 +1,7 @@
 """Surfaces that are not smooth, clean and bare: mirrors, ideal elements, films, tables, gratings, scatter.
 
-One function, `at_treated`, replaces `solen.trace.kernel.surface.at_surface` for a treated interface. Random numbers
-depend on the ray's number, its number of hits and the index of the draw.
+The function `at_treated` replaces `solen.trace.kernel.surface.at_surface` for a treated interface. Random numbers
+depend on the ray number, the number of previous hits and the index of the draw.
 """
 
 import cmath
@@ -29,17 +29,17 @@ from solen.trace.kernel.surface import BRANCHES, COUNT, Divided, Event, Incidenc
 from solen.trace.tables import Tables
 
 FREE_PATH, PHASE, ORDER, FACET, ON, BACK = 1, 2, 3, 1 << 10, 1 << 11, 1 << 12
-"""First index of the draws for each purpose."""
+"""First draw index for each purpose."""
 TRIES = 256
-"""Largest number of rejected draws before the smooth direction is used instead."""
+"""Maximum number of rejected draws before the smooth direction is used instead."""
 KEEP = 2 * TRIES + 1
-"""Offset of the draws that decide about rejection."""
+"""Offset of the draws that decide on rejection."""
 OPAQUE = 300.0
-"""Imaginary phase of a film from which the transmitted amplitude is below the smallest number."""
+"""Imaginary phase of a film above which the transmitted amplitude is below the smallest representable number."""
 
 
 class Amplitudes(NamedTuple):
-    """Reflected and transmitted fractions of power in s and p, and complex factors for the product s p*."""
+    """Reflected and transmitted power fractions in s and p, and complex factors for the product s p*."""
 
     back_s: float
     back_p: float
@@ -53,7 +53,7 @@ class Amplitudes(NamedTuple):
 
 @compiled
 def acting(tables: Tables, c: int, colour: int) -> int:
-    """Behaviour of a treated interface at a wavelength: outside its band it is a bare refracting one."""
+    """Behaviour of a treated interface at a wavelength: outside its band it is bare and refracting."""
     t = treatment_row(tables.treatments, tables.treatment[c])
     nm = tables.wavelength[colour]
     within = t.band_low <= nm <= t.band_high
@@ -65,7 +65,7 @@ def acting(tables: Tables, c: int, colour: int) -> int:
 def at_treated(  # noqa: C901  one case for each kind of surface
     k: Precision, tables: Tables, splitting: int, c: int, colour: int, event: Event, ray: Incidence
 ) -> Divided:
-    """Both parts of a ray at curve ``c``; the remaining power is absorbed."""
+    """Return both parts of a ray at curve ``c``; the remaining power is absorbed."""
     x, z, dx, dz, nx, nz, n1, n2, s, p = ray
     t, behaviour = treatment_row(tables.treatments, tables.treatment[c]), acting(tables, c, colour)
     if behaviour < 0:
@@ -121,9 +121,9 @@ def at_treated(  # noqa: C901  one case for each kind of surface
 def at_grating(
     k: Precision, tables: Tables, t: Treatment, splitting: int, colour: int, event: Event, ray: Incidence
 ) -> Divided:
-    """As `at_treated`, at a grating with its normal on the side of the ray: one order, drawn, carries all power.
+    """As `at_treated`, at a grating with its normal on the side of the ray: a single drawn order carries all power.
 
-    The probability of an order is proportional to its fraction. Positive orders are to the right of the light's
+    The probability of an order is proportional to its power fraction. Positive orders are to the right of the light
     direction.
     """
     _, _, dx, dz, nx, nz, n1, n2, s, p = ray
@@ -153,7 +153,7 @@ def at_grating(
 def focused(
     mx: float, mz: float, focal: float, x: float, z: float, dx: float, dz: float, nx: float, nz: float
 ) -> tuple[float, float]:
-    """Direction behind an ideal thin lens about (mx, mz): its slope to the axis falls by height over f."""
+    """Direction behind an ideal thin lens at (mx, mz): its slope to the axis decreases by height divided by f."""
     along, height = dx * -nz + dz * nx, (x - mx) * -nz + (z - mz) * nx
     onwards = -(dx * nx + dz * nz)
     slope = along / onwards - height / focal
@@ -165,9 +165,9 @@ def focused(
 def facet(
     event: Event, tilt: float, dx: float, dz: float, nx: float, nz: float, n1: float, n2: float
 ) -> tuple[float, float]:
-    """Normal of the facet of a ripple that a ray meets, on the ray's side.
+    """Normal of the ripple facet that a ray meets, on the side of the ray.
 
-    Facets are drawn in proportion to their projected size. Those that would send light through the surface again, or
+    Facets are drawn in proportion to their projected size. Facets that would send light through the surface again, or
     that the ray cannot reach, are rejected.
     """
     cos_in, sine = -(dx * nx + dz * nz), dx * -nz + dz * nx
@@ -197,7 +197,7 @@ def facet(
 def scattered(
     tables: Tables, t: Treatment, event: Event, purpose: int, dx: float, dz: float, nx: float, nz: float
 ) -> tuple[float, float]:
-    """Direction of a part on the side of the normal: unchanged, or drawn from the profile about it."""
+    """Direction of a part on the side of the normal: unchanged, or drawn from the profile around it."""
     if not chance_of(event, purpose) < t.share:
         return dx, dz
     smooth = dx * -nz + dz * nx
@@ -242,9 +242,9 @@ def offset(tables: Tables, t: Treatment, share: float, in_space: bool) -> tuple[
 
 @compiled
 def by_angle(tables: Tables, t: Treatment, from_right: bool, cos: float, shut: bool) -> Amplitudes:
-    """Fractions from a table at an angle of incidence, linear between its rows; without transmission all is reflected.
+    """Power fractions at an angle of incidence, linearly interpolated; without transmission all light is reflected.
 
-    A table has no phases: reflected fields have those of a perfect mirror, and transmitted ones those of air.
+    A table has no phases: reflected fields have the phases of a perfect mirror, and transmitted fields those of air.
     """
     low = int(t.first_row + t.rows) if from_right and t.rows_right > 0.0 else int(t.first_row)
     high = low + int(t.rows_right if from_right and t.rows_right > 0.0 else t.rows) - 1
@@ -266,7 +266,7 @@ def by_angle(tables: Tables, t: Treatment, from_right: bool, cos: float, shut: b
 
 @compiled
 def harvey_shack_kept(width: float, wing: float, far: float) -> float:
-    """Acceptance probability of a draw from Cauchy's distribution for (1 + far²)^(−wing/2), truncated at 2."""
+    """Acceptance probability of a Cauchy draw for the profile (1 + far²)^(−wing/2), truncated at 2."""
     widest = 2.0 / width
     power = 1.0 - 0.5 * wing
     most = (1.0 + widest * widest) ** power if power > 0.0 else 1.0
@@ -275,7 +275,7 @@ def harvey_shack_kept(width: float, wing: float, far: float) -> float:
 
 @compiled
 def shut(tables: Tables, t: Treatment, colour: int, cos: float, n1: float) -> bool:
-    """Whether counting has total reflection, at a film thicker than the wavelength that light cannot enter."""
+    """Whether counting mode has total reflection, at a film thicker than the wavelength that light cannot enter."""
     sine2 = n1 * n1 * (1.0 - cos * cos)
     found = False
     for i in range(int(t.layers)):
@@ -288,7 +288,7 @@ def shut(tables: Tables, t: Treatment, colour: int, cos: float, n1: float) -> bo
 def film(
     tables: Tables, t: Treatment, colour: int, from_right: bool, cos_in: float, n1: float, n2: float
 ) -> Amplitudes:
-    """Effect of a stack of films on power and fields, with characteristic matrices.
+    """Effect of a film stack on power and fields, from characteristic matrices.
 
     (Macleod, Thin-Film Optical Filters, chapter 2.) A film in which waves decay below the smallest number is taken as
     infinitely thick.
@@ -318,12 +318,12 @@ def film(
     on_p = max(4.0 * in_p * last_p / abs(below_p) ** 2, 0.0)
     turn = below_p * below_s.conjugate()  # phase difference of the transmitted fields
     both = math.sqrt(on_s * on_p) * turn / abs(turn)
-    back = -r_s * r_p.conjugate()  # of fields along the surface p has the other sign
+    back = -r_s * r_p.conjugate()  # for fields along the surface, p has the opposite sign
     return Amplitudes(abs(r_s) ** 2, abs(r_p) ** 2, back.real, back.imag, on_s, on_p, both.real, both.imag)
 
 
 @compiled
 def root(square: complex) -> complex:
-    """Root of a squared wave number along the normal, for a decaying wave (time dependence exp(+iωt))."""
+    """Square root of a squared wave number along the normal, for a decaying wave (time dependence exp(+iωt))."""
     axial = cmath.sqrt(square)
     return -axial if axial.imag > 0.0 else axial

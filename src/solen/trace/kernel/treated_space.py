@@ -1,6 +1,6 @@
 """Treated surfaces in space: the counterpart of `solen.trace.kernel.treated` in the plane.
 
-Profiles of scatter are rotationally symmetric in the disc of direction cosines, scattered light is unpolarised, and a
+Scatter profiles are rotationally symmetric in the disc of direction cosines, scattered light is unpolarised, and a
 texture tilts the surface along the interface or along y. Ideal elements and gratings exist only in the plane.
 """
 
@@ -51,7 +51,7 @@ from solen.trace.tables import Tables
 def treated_parts(
     tables: Tables, splitting: int, c: int, colour: int, event: Event, beam: Beam, border: Border
 ) -> Parts:
-    """Both parts at a treated wall."""
+    """Return both parts at a treated wall."""
     t, behaviour = treatment_row(tables.treatments, tables.treatment[c]), acting(tables, c, colour)
     if behaviour < 0:
         return smooth_parts(beam, border)
@@ -91,7 +91,7 @@ def treated_parts(
 
 @compiled
 def facet(t: Treatment, event: Event, d: Vector, border: Border) -> Vector:
-    """Normal of the facet of a ripple that a ray meets; see `solen.trace.kernel.treated.facet`."""
+    """Normal of the ripple facet that a ray meets; see `solen.trace.kernel.treated.facet`."""
     n, n1, n2, _ = border
     along = Vector(0.0, 1.0, 0.0) if t.across > 0.0 else Vector(-n.z, 0.0, n.x)
     cos_in, sine = -scalar(d, n), scalar(d, along)
@@ -115,7 +115,7 @@ def facet(t: Treatment, event: Event, d: Vector, border: Border) -> Vector:
 
 @compiled
 def scattered(tables: Tables, t: Treatment, event: Event, purpose: int, d: Vector, n: Vector) -> Vector:
-    """Direction drawn from the profile about the smooth one, on the side of the normal of a wall."""
+    """Direction drawn from the profile around the smooth direction, on the side of the wall normal."""
     flat = d.x * -n.z + d.z * n.x
     for i in range(TRIES):
         one, two = chance_of(event, purpose + 2 * i + 1), chance_of(event, purpose + 2 * i + 2)
@@ -141,7 +141,7 @@ def scattered(tables: Tables, t: Treatment, event: Event, purpose: int, d: Vecto
 
 @compiled
 def harvey_shack_radius(width: float, wing: float, share: float) -> float:
-    """Distance in shoulders that contains the fraction ``share`` of the profile truncated at offsets of 2."""
+    """Radius in shoulders that contains the fraction ``share`` of the profile truncated at offsets of 2."""
     widest, power = 1.0 + (2.0 / width) ** 2, 1.0 - 0.5 * wing
     if abs(power) < 1e-9:
         return math.sqrt(math.expm1(share * math.log(widest)))

@@ -1,7 +1,7 @@
 """One ray with all its branches, for adaptive integration over the launch angle.
 
 The steps are those of `solen.trace.kernel.step`, one ray at a time. The *tree* of a ray is the sequence of interfaces
-that it and its branches meet, hashed into one number: neighbouring rays of one tree differ only in geometry.
+that the ray and its branches meet, hashed into one number: neighbouring rays with equal trees differ only in geometry.
 """
 
 import math
@@ -19,8 +19,8 @@ from solen.trace.result import ABSORBED, DETECTED, ESCAPED, GOES_ON
 from solen.trace.tables import Tables
 
 STACK = 64
-"""Largest number of waiting branches: the weaker of two is first, so it is at most the logarithm of the least
-weight.
+"""Maximum number of waiting branches. The weaker of two branches is followed first, so the number is at most the
+logarithm of the inverse minimum weight.
 """
 WIDTH = 10
 LEG_COLUMNS = 5
@@ -28,9 +28,9 @@ NO_ROOM = -1
 
 
 class Family(NamedTuple):
-    """Rays of one point source: position, axis in radians, fractions of s and p, and rules.
+    """Rays from one point source: position, axis in radians, fractions of s and p, and rules.
 
-    Their angles are from ``low`` to ``high``, in radians from the axis; the weight of a ray is (``base`` + ``slope``
+    Launch angles are from ``low`` to ``high``, in radians from the axis; the weight of a ray is (``base`` + ``slope``
     angle) cos(angle)^``power``.
     """
 
@@ -42,7 +42,7 @@ class Family(NamedTuple):
     colour: int
     rules: Rules
     far: float
-    """length of an escaping ray's last leg, mm"""
+    """length of the last leg of an escaping ray, mm"""
     low: float
     high: float
     base: float
@@ -69,9 +69,9 @@ def trace_tree(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
 ) -> tuple[int, np.uint64, bool]:
     """Trace the ray of power 1 at an angle (radians) from the axis.
 
-    ``value`` (D + 2,) becomes its power by receiver, escaped and absorbed; ``legs`` (capacity, 5) the corners of its
-    legs: start and end, and 1 if it ends on a curved face. Returns the number of legs (−1: no room), its tree, and
-    whether a branch was undefined.
+    ``value`` (D + 2,) receives the power at each receiver, followed by the escaped and absorbed power. Each row of
+    ``legs`` (capacity, 5) receives the start and end of a leg, and 1 if it ends on a curved face. Returns the number of
+    legs (−1 if there is no room), the tree of the ray, and whether a branch was undefined.
     """
     receivers = len(value) - 2
     for d in range(len(value)):

@@ -1,7 +1,7 @@
-"""The tables of a Y at an angle, computed from a design's numbers alone by compiled code.
+"""The tables of a Y at an angle, computed from the design parameters alone by compiled code.
 
-`solen.geometry.y`, `solen.scene.sensor` and `solen.trace.tables`, which together create them, remain the reference; the
-formulas here are theirs, and tests compare the rays through both.
+`solen.geometry.y`, `solen.scene.sensor` and `solen.trace.tables`, which together create these tables in Python, remain
+the reference; the formulas here are the same, and tests compare rays traced through both.
 """
 
 import math
@@ -15,16 +15,18 @@ from solen.trace.kernel.rows import CONIC, CUBIC, OVAL, RECEIVER, REFRACTING, SE
 from solen.trace.tables import BOX_MARGIN, BOX_MARGIN_MM, Tables
 
 FLAT, WHOLE_OVAL, PIECES = range(3)
-"""Kinds of lens: the stem's flat face, an oval, pieces of a spline."""
+"""Kinds of lens: the flat face of the stem, an oval, pieces of a spline."""
 AT_BASE, AT_EMITTER, AT_POINT = range(3)
 """Pivots."""
 AIR, BODY = range(2)
 """Regions."""
 WALLS = 13
-"""Largest number of pieces besides those of a spline: a lens, five on either side, and two receivers behind gaps."""
+"""Maximum number of pieces other than spline pieces: a lens, five on either side, and two receivers behind gaps."""
 FIT_POINTS = 17
 MOST_TURN, MOST_GAP = 0.3, 0.25
-"""Turning angle in radians, and gap between lens and stem over the half width, up to which joints need no search."""
+"""Turning angle in radians, and gap between lens and stem divided by the half width, up to which joints need no
+search.
+"""
 LEAST_MM = 0.01
 """Lengths and gaps below which `solen.scene` must check for overlaps."""
 SOUND, UNSURE = 1, 0
@@ -32,7 +34,7 @@ NO_JOIN, TOO_WIDE = -1, -2
 
 
 class Y(NamedTuple):
-    """A design as numbers; lengths in mm."""
+    """Design parameters; lengths in mm."""
 
     lens: float
     distance: float
@@ -40,9 +42,9 @@ class Y(NamedTuple):
     half_width: float
     cut_index: float
     depth: float
-    """of a lens made of pieces"""
+    """depth of a lens made of pieces"""
     left_edge: float
-    """depths of its edges, which may differ from the design's"""
+    """depth of the left edge; edge depths may differ from those in the design"""
     right_edge: float
     refractive_index: float
     absorption: float
@@ -51,7 +53,7 @@ class Y(NamedTuple):
     arm_length: float
     arm_width: float
     arm_angle: float
-    """radians"""
+    """angle of the arms in radians"""
     pivot: float
     pivot_x: float
     pivot_z: float
@@ -60,9 +62,9 @@ class Y(NamedTuple):
     turns_receivers: float
     seam: float
     gap: float
-    """NaN for receivers on the arms' ends"""
+    """gap in front of the receivers; NaN for receivers on the ends of the arms"""
     receiver_height: float
-    """infinite if it is that of the body"""
+    """receiver height; infinite if it equals that of the body"""
     first_piece: float
     pieces: float
 
@@ -72,14 +74,14 @@ class Front(NamedTuple):
 
     depth: float
     corner: float
-    """intersection of the tangents at the edges with that at the vertex"""
+    """intersection of the edge tangents with the vertex tangent"""
     p0: float
     p1: float
     p2: float
 
 
 class Turn(NamedTuple):
-    """A rotation and a shift."""
+    """A rotation and a translation."""
 
     cos: float
     sin: float
@@ -108,13 +110,13 @@ def turn_about(x: float, z: float, angle_deg: float) -> Turn:
 
 @compiled
 def moved(t: Turn, x: float, z: float) -> tuple[float, float]:
-    """Return a point after a rotation and shift."""
+    """Return a point after a rotation and translation."""
     return t.cos * x - t.sin * z + t.x, t.sin * x + t.cos * z + t.z
 
 
 @compiled
 def oval_depth(y: Y, x: float) -> tuple[float, float]:
-    """Depth z of the oval at x, and its slope there; see `solen.lens.OvalLens.z_mm`."""
+    """Depth z of the oval at x, and the slope there; see `solen.lens.OvalLens.z_mm`."""
     n2, s, f, z = y.cut_index, y.distance, y.focus, 0.0
     for _ in range(60):
         before, behind = math.hypot(z + s, x), math.hypot(f - z, x)
@@ -130,7 +132,7 @@ def oval_depth(y: Y, x: float) -> tuple[float, float]:
 
 @compiled
 def fitted(y: Y, depth: float) -> tuple[float, float, float]:
-    """Conic r² = p0 + p1 w + p2 w², fitted by least squares at equal angles, for the start of Newton's method."""
+    """Conic r² = p0 + p1 w + p2 w², fitted by least squares at equal angles, as a start for Newton's method."""
     edge = math.atan2(y.half_width, y.distance + depth)
     a, c = y.cut_index * y.cut_index - 1.0, y.distance + y.cut_index * y.focus
     d = y.distance + y.focus
@@ -188,7 +190,7 @@ def put_segment(t: Tables, p: int, ax: float, az: float, bx: float, bz: float) -
 
 @compiled
 def put_stem(t: Tables, p: int, side: float, x: float, z: float, c: float, begin: float, end: float) -> None:
-    """Write a side of the stem, from a height above its base up to the fork: a parabola from the corner (x, z)."""
+    """Write one side of the stem, from a height above its base up to the fork: a parabola from the corner (x, z)."""
     t.kind[p] = CONIC
     row = t.shape[p]
     row[0], row[1], row[2], row[3], row[4], row[5] = x, z, 0.0, -1.0, 2.0 * side * c, 0.0
@@ -230,7 +232,7 @@ def put_oval(t: Tables, p: int, y: Y, front: Front, turn: Turn) -> None:
 
 @compiled
 def put_cubic(t: Tables, p: int, piece: Floats, turn: Turn) -> None:
-    """Write a cubic piece from a row of a table in the lens's own frame."""
+    """Write a cubic piece from a table row in the lens frame."""
     row = t.shape[p]
     t.kind[p] = CUBIC
     for i in range(4):
@@ -262,7 +264,7 @@ def dress(t: Tables, p: int, owner: int, receiver: int, left: int, height: float
 
 @compiled
 def wall_start(y: Y, depth: float, edge_x: float, edge_z: float, side: float) -> tuple[float, float]:
-    """Height above its base at which a side of the stem begins, and its distance from the lens's edge.
+    """Height above the base at which a side of the stem begins, and its distance from the lens edge.
 
     See `solen.geometry.y`; negative if no such stem exists.
     """
@@ -282,7 +284,7 @@ def wall_start(y: Y, depth: float, edge_x: float, edge_z: float, side: float) ->
 
 
 class Pose(NamedTuple):
-    """Pose of an emitter: its position without decentre, and its axis in radians."""
+    """Emitter pose: position without decentre, and axis direction in radians."""
 
     x: float
     z: float
@@ -291,7 +293,7 @@ class Pose(NamedTuple):
 
 @compiled
 def put_lens(t: Tables, pieces: Floats, before: IntArray, y: Y, front: Front, turn: Turn, first: int) -> int:
-    """Write the rows of a lens from row ``first``; return the next row."""
+    """Write the rows of a lens from row ``first`` on; return the next row."""
     p = first
     if y.lens == FLAT:
         put_segment(t, p, -y.half_width, 0.0, y.half_width, 0.0)
@@ -334,11 +336,11 @@ def put_receivers(
 def y_tables(
     t: Tables, pieces: Floats, before: IntArray, y: Y, front: Front, angle_deg: float, first: int
 ) -> tuple[int, int, Pose]:
-    """Write the rows of a Y at an angle from row ``first``; return the next row, whether it is sound, and the emitter.
+    """Write the rows of a Y from row ``first`` on; return the next row, the soundness code and the emitter.
 
-    ``pieces`` (N, 12) are rows of cubics of all lenses in their own frames, ``before`` (N,) the piece that each
-    continues. `UNSURE` marks a body whose outline might cross itself or enclose its emitter, to be checked by
-    `solen.geometry`; `NO_JOIN` and `TOO_WIDE` mark bodies that it rejects.
+    ``pieces`` (N, 12) are rows of cubics for all lenses in their own frames, and ``before`` (N,) is the piece that each
+    one continues. `UNSURE` marks a body whose outline might intersect itself or enclose its emitter; `solen.geometry`
+    must check it. `NO_JOIN` and `TOO_WIDE` mark bodies that `solen.geometry` rejects.
     """
     pivot_x = y.pivot_x if y.pivot == AT_POINT else 0.0
     pivot_z = front.depth if y.pivot == AT_BASE else (-y.distance if y.pivot == AT_EMITTER else y.pivot_z)
@@ -414,7 +416,7 @@ def is_sound(
     t: Tables, first: int, y: Y, front: Front, turn: Turn, pose: Pose, crotch: float, edge_z: float, gap: float,
     inner_x: float, inner_z: float,
 ) -> int:  # fmt: skip
-    """Whether an outline is certainly simple and its emitter is in front of the lens."""
+    """Whether an outline certainly does not intersect itself and its emitter is in front of the lens."""
     lowest = math.inf
     for p in range(first, first + (int(y.pieces) if y.lens == PIECES else 1)):
         lowest = min(lowest, t.box[p, 2])
@@ -423,7 +425,7 @@ def is_sound(
     above = crotch > max(edge_z, front.depth) + 0.1 * y.half_width
     slant, c = inner_x / (inner_z - crotch), y.stem_curve
     flares = c >= 0.0 and y.arm_angle < 1.5
-    # the inner edges pass the stem's sides inside: half_width + c u² − slant (u − low) > 0 up to the fork
+    # the inner edges pass inside the sides of the stem: half_width + c u² − slant (u − low) > 0 up to the fork
     low = crotch - front.depth
     at = min(max(slant / (2.0 * c), max(low, 0.0)), y.stem_length) if c > 0.0 else y.stem_length
     inside = low >= y.stem_length or y.half_width + c * at * at - slant * (at - low) > 1e-3
