@@ -141,7 +141,7 @@ def test_the_uncertainty_covers_light_and_edges(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("greys", "line"),
     [
-        ((0.2, 0.4, 0.6, 0.8), "no disc of the full grey"),
+        ((0.2, 0.4, 0.6, 0.8), "no disc with the full grey level"),
         ((1.0, 0.5, 0.7), "at least 4 grey levels"),
         ((1.0, 0.5, 0.7, 1.4), "must be fractions up to 1"),
     ],

@@ -243,8 +243,8 @@ def test_a_mesh_that_is_inside_out_is_turned_and_one_in_metres_is_reported(told:
 def test_level_faces_between_layers_are_reported(told: Run) -> None:
     """Pockets from 1.325 to 2.675 mm are whole layers of 25 µm; of 50 µm, both faces lie in the middle of one."""
     arguments = ("print", "layers", "my sensor.toml", "--out", "out", "--sheet-only", "--set", "fabricate.pockets=true")
-    assert not any("level faces" in line for line in told(*arguments)["warnings"])
-    line = "2 level faces are within a layer (the first at 1.325 mm) and move by up to 25.0 µm"
+    assert not any("horizontal faces" in line for line in told(*arguments)["warnings"])
+    line = "2 horizontal faces are within a layer (the first at 1.325 mm) and move by up to 25.0 µm"
     assert line in told(*arguments, "--layer-um", "50")["warnings"]
     first = told(*arguments[:-1], "fabricate.pockets=true")["files"]["placed"]
     assert line in told("print", "layers", first, "--out", "again", "--sheet-only", "--layer-um", "50")["warnings"]

@@ -43,7 +43,7 @@ Control = tuple[Point, Point, Point, Point]
 class Bspline:
     """A non-rational B-spline, clamped at both ends.
 
-    ``points`` are the control points in mm; ``knots`` ascend from 0 to 1, and ``multiplicities`` states how often each
+    ``points`` are the control points in mm; ``knots`` ascend from 0 to 1, and ``multiplicities`` gives how often each
     knot is repeated.
     """
 

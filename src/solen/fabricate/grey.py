@@ -2,9 +2,10 @@
 
 Edges are drawn by partly covered pixels, and their transmitted light is usually assumed proportional to their grey
 level. The pixels of a screen need not respond in proportion. If the response (light against grey level) was measured, a
-pixel is drawn with the grey level that transmits its covered fraction of the light; otherwise light and grey level are
-assumed equal. An exponent on the measured light represents its uncertainty: an error of the penetration depth used to
-measure the response acts as exactly this exponent, because the depth appears in the exponent of Jacobs' law.
+pixel is drawn with the grey level that transmits its covered fraction of the light; otherwise the light is assumed
+proportional to the grey level. An exponent on the measured light represents its uncertainty: an error of the
+penetration depth used to measure the response acts as exactly this exponent, because the depth appears in the exponent
+of Jacobs' law.
 
 `Greys.light` and `Greys.pictured` are functions of the covered fraction in 255ths; `Greys.shift` is the edge shift.
 """

@@ -90,7 +90,7 @@ class Hollow:
         return self.lens.half_width_mm, self.lens.half_height_mm
 
     def blank(self) -> Body:
-        """The body with a straight front, upright."""
+        """Upright body with a straight front."""
         half, z = self.lens.half_width_mm, self.front_mm
         return fronted(self.body, Segment((-half, z), (half, z)))
 
@@ -151,7 +151,7 @@ class Hollow:
         return np.stack([across, control, self.lens.half_height_mm - up], axis=-1)
 
     def _depth(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the depth of the face, continued level beyond its edges."""
+        """Return the depth of the face, continued horizontally beyond its edges."""
         half, up = self._halves
         return self.lens.z_at(np.clip(x, -half, half), np.clip(y, -up, up))
 
@@ -177,7 +177,7 @@ class Hollow:
         return max(float(one.max()) for one in off)
 
     def _closed(self, x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, IntArray]:
-        """Return closed triangles of the face and of a level plane in front of the blank."""
+        """Return closed triangles of the face and of a flat plane in front of the blank."""
         across, up = np.meshgrid(x, self.lens.half_height_mm - y, indexing="ij")
         level = np.full_like(z, self.front_mm - BEFORE_MM)
         vertices = np.vstack([np.column_stack([across.ravel(), one.ravel(), up.ravel()]) for one in (z, level)])

@@ -1,6 +1,6 @@
 """Mesh files in the formats STL, 3MF and GLB, written directly from their specifications.
 
-- STL (binary): 32-bit numbers; the format has no unit, and the 80 bytes before the triangles state mm and the label.
+- STL (binary): 32-bit numbers; the format has no unit, but the 80 bytes before the triangles name it, with the label.
 - 3MF (3MF Consortium, core specification 1.3): a ZIP with the mesh in mm; its metadata contains the label.
 - GLB (Khronos Group, glTF 2.0): glTF uses metres with Y up, so a node scales from mm and stands the part up;
   ``extras`` contains the label.

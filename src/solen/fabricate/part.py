@@ -121,7 +121,7 @@ class Part:
 
     @property
     def wall_mm2(self) -> float:
-        """Total area of the upright walls; the volume error of a mesh is at most this area times the mesh tolerance."""
+        """Total area of the vertical walls; a mesh has a volume error of at most this times the mesh tolerance."""
         prisms = (*self.prisms, *(cut.tool for cut in self.cuts))
         return sum(prism.perimeter_mm * prism.height_mm for prism in prisms)
 

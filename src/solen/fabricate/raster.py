@@ -90,7 +90,7 @@ def coverage(
     Returns
     -------
     shares
-        Shape ``shape``, 0 to 1; exact up to rounding of about 1e-15 times the number of columns.
+        Shape ``shape``, 0 to 1; exact up to a rounding error of about 1e-15 times the number of columns.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Closed outlines of named exact curves, from a lens and a guide or from a drawing, in any state of motion."""
+"""Closed outlines of named exact curves, from a lens and a guide or from a drawing, at any motion angle."""
 
 from solen.geometry.bend import bend_of, bent
 from solen.geometry.body import Body, Face, Front, Pose, material

@@ -135,7 +135,7 @@ class Body:
         return polyline(self.faces, tolerance_mm)
 
     def area_mm2(self) -> float:
-        """Enclosed area, exact to rounding; positive for counter-clockwise outlines."""
+        """Enclosed area, exact to within rounding error; positive for counter-clockwise outlines."""
         from solen.geometry.measures import area_mm2
 
         return area_mm2(self.outlines)

@@ -2,7 +2,7 @@
 
 The displacement is specified at points along every wall. A cubic spline through them, as a function of wall length, is
 added to the exact wall. The sum is a smooth curve, which is stored as a spline within `SPLINE_MM`, like a bent wall. A
-wall that moves as a rigid body remains the same kind of curve: a clamped lens stays an exact oval. Walls stay upright:
+wall that moves as a rigid body remains the same kind of curve: a clamped lens stays an exact oval. Walls stay vertical:
 the displacement is in the plane and the same at every height. A notch that closes begins where its walls separate
 (`solen.geometry.notches`).
 
@@ -70,7 +70,7 @@ class Touch:
 
 @dataclass(frozen=True)
 class Displaced:
-    """A body in its displaced state.
+    """A displaced body.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class Displaced:
 def displaced(
     body: Body, moves: Mapping[str, Moves], emitter_on: str = LENS, touches: Sequence[Touch] = ()
 ) -> Displaced:
-    """Displace a body from its undeformed state.
+    """Displace an undeformed body.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def _front(body: Body, walls: Mapping[str, DisplacedCurve]) -> Front | None:
             "lens.shape",
             value=body.front.lens.shape,
             limit=f"is deformed by {off_mm:.2g} mm, but a surface in space must be rigid to {FRONT_MM:g} mm",
-            remedy='clamp the lens, or set lens.shape = "cartesian-oval", whose walls stay upright',
+            remedy='clamp the lens, or set lens.shape = "cartesian-oval", whose walls stay vertical',
         )
     return replace(body.front, motion=motion)
 

@@ -74,7 +74,7 @@ def drawn_kind(draw: Callable[[Mapping[str, float]], Drawing], parameters: Mappi
 
 def _y(design: Design, lens: Lens | None, angle_deg: float) -> Body:
     if lens is None:
-        raise AssertionError("a Y requires a lens, at least a flat face")
+        raise AssertionError("a Y-shaped body requires a lens or a flat face")
     return y_body(design, lens, angle_deg)
 
 

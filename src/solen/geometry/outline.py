@@ -1,4 +1,4 @@
-"""A drawn body: closed outlines from a file, with emitter and receivers by name, in any state of motion.
+"""A drawn body: closed outlines from a file, with emitter and receivers by name, at any motion angle.
 
 Faces have the names of their layers or elements, numbered if names repeat (``wall.2``). A face whose name begins with
 ``receiver`` detects, with ``mirror`` reflects, with ``black`` absorbs; any other face is a bare wall. Outlines inside

@@ -1,4 +1,4 @@
-"""The Y-shaped waveguide: stem, two arms and the lens at the base of the stem, in any state of its motion.
+"""The Y-shaped waveguide: stem, two arms and the lens at the base of the stem, at any motion angle.
 
 The stem flares: its half width is ``half_width_mm + stem_curve_per_mm u²`` at u above its base. The arms leave the
 corners of the fork at ``arm_angle_deg`` to the axis; by default they continue the edge of the stem there (its tangent),

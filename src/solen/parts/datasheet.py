@@ -98,7 +98,7 @@ class SpectrumPart(Sourced):
             limit = f"must have as many values as wavelength_nm, {len(self.wavelength_nm)}"
             raise refused("relative", limit, value=len(self.relative))
         if len(self.wavelength_nm) < 2 or any(low >= high for low, high in pairwise(self.wavelength_nm)):
-            raise refused("wavelength_nm", "must be at least 2, ascending")
+            raise refused("wavelength_nm", "must contain at least 2 ascending values")
         if not max(self.relative) > 0.0:
             raise refused("relative", "must not be 0 everywhere")
         return self

@@ -128,7 +128,7 @@ def _middle(emitter: Emitter) -> float | None:
 
 
 def _spectrum(emitter: Emitter, part: EmitterPart | None, peak_nm: float) -> tuple[tuple[float, float], ...]:
-    """Lines of a specified spectrum, or of a Gaussian spectrum with the specified width or that of the part."""
+    """Lines of a specified spectrum, or of a Gaussian spectrum with the specified width or the width of the part."""
     if emitter.spectrum:
         return tuple(sorted(emitter.spectrum))
     fwhm_nm = emitter.fwhm_nm
@@ -138,7 +138,7 @@ def _spectrum(emitter: Emitter, part: EmitterPart | None, peak_nm: float) -> tup
 
 
 def _table(design: Design, part: EmitterPart | None) -> tuple[tuple[float, float], ...]:
-    """Return the pattern against angle: the table or file of the design, or else that of the part."""
+    """Return the pattern against angle: the table or file of the design, or else the pattern of the part."""
     emitter = design.emitter
     path = design.file_of(emitter.pattern_file)
     if path is not None:

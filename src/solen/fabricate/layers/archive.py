@@ -40,7 +40,7 @@ Watch = Callable[[Layer], object]
 class Stack:
     """A stack of layers: volume in mm³, areas in mm² of the first and the largest layer, and islands.
 
-    ``islands`` are pairs of a layer number and the number of segments in that layer with nothing below them.
+    ``islands`` are pairs of a layer number and the number of regions in that layer with nothing below them.
     """
 
     layers: int

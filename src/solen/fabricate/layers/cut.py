@@ -2,8 +2,8 @@
 
 A vertex is either above a plane or not; a vertex on the plane counts as above. The plane then crosses either no edge of
 a triangle or exactly two, and each crossing is shared by two triangles. Following the crossings therefore gives closed
-rings, even if the plane contains vertices or level faces. Seen from above, the crossing of a triangle leads from its
-descending to its ascending edge with the solid on the left, so holes are clockwise.
+rings, even if the plane contains vertices or horizontal faces. Seen from above, the crossing of a triangle leads from
+its descending to its ascending edge with the solid on the left, so holes are clockwise.
 
 `Cutter.rings` returns the section at a height; `Shells.of` finds the shells of a mesh.
 """

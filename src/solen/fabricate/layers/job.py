@@ -40,7 +40,7 @@ class Layer:
 
     ``image`` (rows, columns) has the largest Y in its first row; identical layers share one array. ``feature`` names
     the part if it is exposed alone; it is empty for a layer of a stack. ``area_mm2`` is the covered area of all copies.
-    ``islands`` is the number of segments of a copy that have nothing of the previous layer below them.
+    ``islands`` is the number of regions of a copy that begin with nothing of the previous layer below them.
     """
 
     index: int
@@ -96,7 +96,7 @@ class Job:
 
     @property
     def count(self) -> int:
-        """Number of layers with mid-height in the solid; for parts with individual exposures, number of images."""
+        """Number of layers whose mid-height is in the solid, or of images for individually exposed parts."""
         if self.solid.exposures_s:
             return len(self.solid.exposures_s)
         return layer_count(self.solid.size_mm[2], self.layer_mm)
@@ -303,7 +303,7 @@ class Job:
 
 
 def islands_over(tile: Bytes, below: Bytes) -> int:
-    """Return the number of connected segments of an image that touch no lit pixel of the image below."""
+    """Return the number of connected regions of an image that touch no lit pixel of the image below."""
     lit, held = tile > 0, below > 0
     if not np.any(lit & ~held):
         return 0

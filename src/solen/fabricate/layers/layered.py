@@ -45,7 +45,7 @@ class LayeredPrint(Result):
     solid_volume_mm3, stack_volume_mm3, volume_error
         Volume of the parts, volume of their layers, and the relative difference; None without images.
     islands
-        Layers in which segments begin in the air, each with the number of these segments.
+        Layers in which regions begin in the air, each with the number of these regions.
     settings
         Settings to enter in the slicing program.
     sources, warnings
@@ -191,7 +191,7 @@ def _of_burn_in(job: Job) -> list[Caution]:
 
 
 def _of_level_faces(job: Job) -> list[Caution]:
-    """Warn of level faces within a layer, because they are printed at one of its boundaries."""
+    """Warn of horizontal faces within a layer, because they are printed at one of its boundaries."""
     faces = [height for height in job.solid.heights_mm if 0.0 < height < job.solid.size_mm[2] - 1e-4]
     moves_um = [abs(math.ceil(height / job.layer_mm - 0.5) * job.layer_mm - height) * 1000.0 for height in faces]
     between = [height for height, move_um in zip(faces, moves_um, strict=True) if move_um > HEIGHT_UM]
@@ -199,7 +199,9 @@ def _of_level_faces(job: Job) -> list[Caution]:
         return []
     first = f"the first at {between[0]:.4g} mm"
     return [
-        look_at(f"{len(between)} level faces are within a layer ({first}) and move by up to {max(moves_um):.1f} µm")
+        look_at(
+            f"{len(between)} horizontal faces are within a layer ({first}) and move by up to {max(moves_um):.1f} µm"
+        )
     ]
 
 
@@ -227,7 +229,7 @@ def _of_stack(job: Job, stack: Stack) -> list[Caution]:
         total = sum(count for _, count in stack.islands)
         warnings.append(
             look_at(
-                f"{total} segments begin in the air (first {where}): they require supports, which solen does not make"
+                f"{total} regions begin in the air (first {where}): they require supports, which solen does not make"
             )
         )
     if stack.first_mm2 < NARROW * stack.largest_mm2:

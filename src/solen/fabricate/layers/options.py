@@ -47,7 +47,7 @@ class Slicing(Options):
     phase_px: tuple[Phase, Phase] = (0.0, 0.0)
     """Position of the part origin (for a sensor, the lens vertex) in its pixel along X and Y; 0 is at a corner."""
     no_anti_aliasing: bool = False
-    """Light only pixels that are covered by half or more; by default, pixels at an edge are grey."""
+    """Expose only pixels that are covered by half or more; by default, pixels at an edge are grey."""
     process: Path | None = None
     """Process file: its measured grey levels draw edges, its layers and exposures apply, and its cure is on the
     sheet.

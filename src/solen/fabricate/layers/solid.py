@@ -1,8 +1,8 @@
 """Solids to be sliced: exact outlines by height, or a closed mesh, with the lowest corner at the origin.
 
-A part that is printed flat needs no mesh: its plan only changes at its level faces, so all layers between two of these
-are identical. Any other part is a mesh, sliced by `solen.fabricate.layers.cut`; overlapping shells are first united by
-manifold3d.
+A part that is printed flat needs no mesh: its plan only changes at its horizontal faces, so all layers between two of
+these are identical. Any other part is a mesh, sliced by `solen.fabricate.layers.cut`; overlapping shells are first
+united by manifold3d.
 """
 
 from abc import ABC, abstractmethod
@@ -33,7 +33,7 @@ MESH_MM = 2e-4
 OVERLAP = 1e-6
 """Fraction of the mesh volume above which shells overlap rather than touch."""
 LEVEL_MM = 1e-5
-"""A face is level if the heights of its corners differ by less than this."""
+"""A face is horizontal if the heights of its corners differ by less than this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Solid(ABC):
     volume_mm3
         Volume of the solid.
     heights_mm
-        Heights of the level faces, ascending.
+        Heights of the horizontal faces, ascending.
     """
 
     size_mm: tuple[float, float, float]
@@ -151,7 +151,7 @@ class Slices(Solid):
 
 
 def solid_of(part: Part, rotation: FloatArray, tolerance_mm: float = MESH_MM) -> Solid:
-    """Solid of a part rotated by a matrix (3, 3): a `Plan` if its Z stays upright, otherwise `Slices` of its mesh.
+    """Solid of a part rotated by a matrix (3, 3): a `Plan` if its Z axis stays vertical, otherwise `Slices`.
 
     Raises
     ------
@@ -215,7 +215,7 @@ def _united(mesh: Mesh, name: str) -> Mesh:
 
 
 def _levels(vertices: FloatArray, triangles: NDArray[np.int64]) -> tuple[float, ...]:
-    """Return the heights of the level triangles."""
+    """Return the heights of the horizontal triangles."""
     z = vertices[triangles, 2]
     level = z[np.ptp(z, axis=1) < LEVEL_MM, 0]
     return tuple(np.unique((level / LEVEL_MM).round() * LEVEL_MM).tolist())

@@ -91,7 +91,7 @@ class PixelScale(Strict):
 
 
 class _File(Strict):
-    """A feature file; other keys, for example those of `solen print fidelity --out`, are ignored."""
+    """A feature file; other keys, for example from `solen print fidelity --out`, are ignored."""
 
     model_config = ConfigDict(extra="ignore")
     error: ClassVar[type[SolenError]] = DataError

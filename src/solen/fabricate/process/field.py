@@ -4,8 +4,8 @@ The grid is finer than the pixels. Every term of a dose is an image convolved wi
 Gaussian. Its spectrum is therefore the product of the spectrum of the image, that of the pixel
 (`solen.fabricate.process.response`) and exp(-σ²k²/2). Terms with the same image are added before the inverse transform;
 a part whose layers all show one image needs only one transform in each direction. The pixel blur limits the spectrum,
-so a fine grid represents the dose to rounding. Between grid points, the dose is interpolated by a cubic spline of its
-logarithm, which is nearly a parabola at an edge.
+so a fine grid represents the dose to within rounding error. Between grid points, the dose is interpolated by a cubic
+spline of its logarithm, which is nearly a parabola at an edge.
 
 A transform is periodic: within a few halo widths of its borders, an image must be dark or uniform.
 """

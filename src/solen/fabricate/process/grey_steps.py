@@ -1,10 +1,10 @@
 """Light transmitted by grey pixels, determined from discs of several grey levels cured in one exposure.
 
 The cure depth of a disc is Dp ln(E/Ec) (Jacobs). For two discs from one exposure the critical dose cancels: the light
-of a grey level, relative to the full grey, is exp((C - C₁)/Dp) with the thickness C, and C₁ for the full grey. An error
-of Dp is an error of the exponent, so it is reported as the uncertainty of `Settings.grey_power`, together with the
-scatter of the discs. If light falls with rising grey level, this is due to scatter; the closest ascending values are
-used instead (isotonic regression, weighted by the thickness uncertainties).
+of a grey level, relative to the full level, is exp((C - C₁)/Dp) with the thickness C, and C₁ for the full level. An
+error of Dp is an error of the exponent, so it is reported as the uncertainty of `Settings.grey_power`, together with
+the scatter of the discs. If light falls with rising grey level, this is due to scatter; the closest ascending values
+are used instead (isotonic regression, weighted by the thickness uncertainties).
 
 `measured_greys` returns `MeasuredGreys`, whose ``process`` contains the measured grey levels.
 """
@@ -32,7 +32,7 @@ U_THICKNESSES = tuple(f"u_{name}" for name in THICKNESSES)
 DISCS = ("disc", "disk", "sample", "specimen", "id", *REPEATS)
 _STEP_UM = 1e-3
 FEWEST = 4
-"""Minimum number of grey levels for a curve, including the full grey."""
+"""Minimum number of grey levels for a curve, including the full level."""
 DARK = 0.5
 """A grey level below this should have been measured."""
 APART = 3.0
@@ -51,7 +51,7 @@ class GreyOptions(RowOptions):
 
 
 class MeasuredGreys(Measured, kw_only=True):
-    """Light of grey pixels, as fractions of the light of the full grey.
+    """Light of grey pixels, as fractions of the light at the full grey level.
 
     Attributes
     ----------
@@ -96,8 +96,8 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     Raises
     ------
     DataError
-        If a column is missing, no disc has the full grey, too few grey levels cured a disc, or light falls with rising
-        grey level.
+        If a column is missing, no disc has the full grey level, too few grey levels cured a disc, or light falls with
+        rising grey level.
     """
     recording = chosen_rows(recording, options)
     thickness = recording.need(*THICKNESSES)
@@ -118,9 +118,11 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
             f"{thickness.name} in row {blank[0] + 1}", limit=limit, remedy="delete the row, or measure the disc"
         )
     if not len(greys) or greys[-1] != 1.0:
-        raise DataError("grey", limit="no disc of the full grey was cured, which is the reference for all others")
+        raise DataError(
+            "grey", limit="no disc with the full grey level was cured, although it is the reference for all others"
+        )
     if len(greys) < FEWEST:
-        limit = f"at least {FEWEST} grey levels, including the full grey, must have cured a disc"
+        limit = f"at least {FEWEST} grey levels, including the full level, must have cured a disc"
         raise DataError("grey", value=len(greys), limit=limit, remedy="expose for longer")
     u_disc = _u_um(depth[set_at], which, None if stated is None else stated.to("um")[set_at], options)
     weight = np.bincount(which, u_disc**-2)
@@ -138,7 +140,7 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
     if not log_light[0] < 0.0:
         raise DataError(
             "thickness",
-            limit="all discs are as thick as those of the full grey: check whether a single image was used",
+            limit="all discs are as thick as the discs with the full grey level: check whether a single image was used",
         )
     u_own = _u_of_exponent(log_light[:-1], u_mean * per_um)
     u_power = float(np.hypot(np.hypot(u_Dp / Dp, 0.01 * options.u_scale_percent), u_own))
@@ -160,15 +162,15 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
 def _u_of_exponent(log_light: FloatArray, u_log: FloatArray) -> float:
     """Return the standard uncertainty of the exponent of all light, by generalised least squares.
 
-    All logarithms (N,) share the error of the full grey, the last element of ``u_log`` (N + 1,), which does not average
-    out.
+    All logarithms (N,) share the error of the full level, the last element of ``u_log`` (N + 1,), which does not
+    average out.
     """
     covariance = np.diag(u_log[:-1] ** 2) + u_log[-1] ** 2
     return float(1.0 / np.sqrt(log_light @ np.linalg.solve(covariance, log_light)))
 
 
 def _shares(recording: Recording) -> tuple[FloatArray, str]:
-    """Return grey levels as fractions of the full grey, and their column."""
+    """Return grey levels as fractions of the full level, and their column."""
     grey = recording.need(*GREYS)
     values = grey.to("1") if grey.unit == "%" else np.asarray(grey.values, float)
     if not grey.unit and np.nanmax(values) > 1.0:

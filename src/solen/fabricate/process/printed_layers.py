@@ -123,7 +123,7 @@ class PrintedLayers(Result):
 
     @reported
     def u_remaining(self) -> dict[str, tuple[float, ...]]:
-        """Standard uncertainty of `remaining`, from that of both contrasts; 0 for the printed cylinder itself."""
+        """Standard uncertainty of `remaining`, computed from both contrasts; 0 for the printed cylinder itself."""
         return {name: tuple(u.tolist()) for name, (_, u) in self._remaining.items()}
 
     @property

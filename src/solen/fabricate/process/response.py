@@ -132,7 +132,7 @@ class GaussianPixel:
 
     @property
     def fine(self) -> int:
-        """Grid points per pixel that represent the response to rounding; raises `DataError` if it is too sharp."""
+        """Grid points per pixel that represent the response exactly to rounding; `DataError` if it is too sharp."""
         width, pixel_um = math.sqrt(-2.0 * math.log(FAINTEST)), max(self.pixels_um)
         needed = math.ceil(width * pixel_um / (math.pi * self.blur_um))
         if needed > MOST_FINE:

@@ -70,7 +70,7 @@ class Scales:
         return cls(tuple(coupons), distinct, rows, places)
 
     def u_own_mm(self, used: Sequence[tuple[int, MeasuredFeature]]) -> FloatArray:
-        """Return standard uncertainties (n,) of features, excluding those of their scales."""
+        """Return standard uncertainties (n,) of features, excluding scale uncertainties."""
         return np.array([one.own_u_mm(self._stated(number, axis_of(one)).u_relative or 0.0) for number, one in used])
 
     @property

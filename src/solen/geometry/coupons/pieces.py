@@ -47,7 +47,7 @@ def grey_steps(options: CouponOptions = CouponOptions()) -> Coupon:
     ]  # fmt: skip
     cautions = (
         "a disc's thickness is its cure depth: project the image once, without the build platform, onto a "
-        "drop on the floor of the vat; the first disc has the full grey",
+        "drop on the floor of the vat; the first disc has the full grey level",
         "enter the thicknesses next to their grey levels in a table for solen print grey; measure Dp on the same day, "
         "with the cure discs",
     )

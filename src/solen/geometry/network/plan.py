@@ -68,7 +68,7 @@ class GuidePath:
 
 @dataclass(frozen=True)
 class Plan:
-    """Guides in their current state by name, node positions, and lenses by name.
+    """Guides by name after motion, node positions, and lenses by name.
 
     ``carried`` are the motions of the nodes from the unmoved state; empty if no node has moved.
     """
@@ -112,7 +112,7 @@ def at_rest(design: Design) -> Plan:
 
 @dataclass(frozen=True)
 class _Key:
-    """Cache key of a design, equal to that of any other design with the same network, lenses and material."""
+    """Cache key of a design, equal for all designs with the same network, lenses and material."""
 
     design: Design
     of: tuple[object, ...]

@@ -66,7 +66,7 @@ def assumed(design: Design) -> list[tuple[str, str]]:
     rows = [
         (
             "Plane",
-            f"Plane {plane}: {along_y}, and walls stay upright. The body is {design.body.thickness_mm:g} mm thick.",
+            f"Plane {plane}: {along_y}, and walls stay vertical. The body is {design.body.thickness_mm:g} mm thick.",
         ),
         ("Material", f"{model}, uniform."),
         ("Holds", f"{', '.join(held)}, and nothing else."),
