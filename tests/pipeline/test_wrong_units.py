@@ -33,7 +33,7 @@ def discs(path: Path, unit_um: float = 1.0) -> Path:
 def test_thicknesses_in_mm_under_a_header_in_um_are_warned_of(tmp_path: Path) -> None:
     wrong = curve_of_discs(read(discs(tmp_path / "wrong.csv", unit_um=1000.0)))
     right = curve_of_discs(read(discs(tmp_path / "right.csv")))
-    assert f"mm under a header that states µm: Dp would be {right.Dp_um:.3g} µm" in wrong.warnings[0]
+    assert f"mm under a header in µm: Dp would be {right.Dp_um:.3g} µm" in wrong.warnings[0]
     assert not any("header" in one for one in right.warnings)
 
 

@@ -1,11 +1,11 @@
-"""Comparison of results for a resin that determine the same quantity in two ways.
+"""Compare results for a resin that determine the same quantity in two ways.
 
 A layer's k and a cut-back measure the same loss; R and T of a layer and a refractometer measure the same index; an
 absorbance and a working curve give the same penetration depth. If two results differ by more than their uncertainties
 explain, one of them is wrong, and the resin made from them carries a warning.
 
-The interface is `loss_disagreement`, `index_disagreement` and `penetration_disagreement`. Each returns warnings, or an
-empty list if the two results agree or cannot be compared.
+`loss_disagreement`, `index_disagreement` and `penetration_disagreement` return warnings, or an empty list if the two
+results agree or cannot be compared.
 """
 
 import math
@@ -19,16 +19,16 @@ from solen.material.resin import Cure, Loss
 from solen.ranks import Caution, look_at
 
 SURE = 3.0
-"""Number of standard uncertainties above which two results are reported as different."""
+"""Two results are reported as different if they differ by more than this number of standard uncertainties."""
 NEAR_NM = 20.0
-"""Largest distance between a wavelength and a measured k that is used for it."""
+"""A measured k is used for a wavelength at most this far away, in nm."""
 DEFINITIONS = 0.2
-"""Relative difference that is tolerated between two penetration depths because their definitions differ."""
+"""Relative difference tolerated between two penetration depths, because their definitions differ."""
 NM_PER_MM = 1e6
 _DB_PER_CM = 100.0 / math.log(10.0)  # loss in dB/cm at an absorption of 1 per mm
 
 Row = tuple[float, float | None, float | None, float | None]
-"""Wavelength in nm, k, its standard uncertainty and its upper 95 % bound; None if one is not known."""
+"""Wavelength in nm, k, its standard uncertainty and its upper 95 % bound; None marks an unknown value."""
 
 
 def loss_disagreement(rows: Sequence[Row], loss: Loss) -> list[Caution]:
@@ -37,7 +37,7 @@ def loss_disagreement(rows: Sequence[Row], loss: Loss) -> list[Caution]:
         return []
     nm = loss.wavelength_nm
     if nm is None:
-        return [look_at("the cut-back states no wavelength, so the layer's k is not compared with it")]
+        return [look_at("the cut-back specifies no wavelength, so the layer's k is not compared with it")]
     near = [row for row in rows if abs(row[0] - nm) <= NEAR_NM]
     guide, u_guide = (_DB_PER_CM * value for value in (loss.absorption_per_mm, loss.u_absorption_per_mm))
     measured = f"the cut-back gives {guide:.2g} ± {u_guide:.1g} dB/cm at {nm:g} nm"

@@ -1,12 +1,12 @@
 """Dispersion: the refractive index against wavelength, with its uncertainty.
 
-An index is a number, a table, or a formula with a few parameters. If a covariance of the parameters is known, the
+An index is a number, a table, or a formula with a few parameters. If a covariance of the parameters is specified, the
 standard uncertainty of the index follows by linear propagation, u² = J Σ Jᵀ, where J contains the exact derivatives
-with respect to the parameters. Outside the measured range, an index is an error, not an extrapolation. An index also
-states its `mode`, that is, how it was determined, and its warnings; one computed as published, without a measured
+with respect to the parameters. Outside the measured range, an index raises an error instead of extrapolating. An index
+also has a `mode`, which tells how it was determined, and warnings; an index computed as published, without a measured
 reflectance, must have a warning.
 
-The interface is `Dispersion.index` and `Dispersion.u_index` at a wavelength in nm; the subclasses are `Constant`,
+`Dispersion.index` and `Dispersion.u_index` evaluate an index at a wavelength in nm. The subclasses are `Constant`,
 `Tabulated`, `Cauchy` and `Sellmeier`, listed by ``kind`` in `KINDS`, and `Unknown` for a resin without an index.
 """
 
@@ -38,7 +38,7 @@ _ROUNDING = 1e-9  # tolerated asymmetry and negative eigenvalues, relative to th
 
 
 def refuse_covariance(covariance: Sequence[Sequence[float]] | None, parameters: int) -> None:
-    """Raise unless a covariance is square with the given size, symmetric and without negative eigenvalue."""
+    """Raise unless a covariance is square with the given size, symmetric and without a negative eigenvalue."""
     if covariance is None:
         return
     if len(covariance) != parameters or any(len(row) != parameters for row in covariance):
@@ -109,7 +109,7 @@ class Dispersion(Strict, ABC):
         Raises
         ------
         DataError
-            If the wavelength is outside `range_nm`, or the formula gives less than 1 or a value that is not finite.
+            If the wavelength is outside `range_nm`, or the formula gives an index below 1 or one that is not finite.
         """
         self._refuse_outside(wavelength_nm)
         try:
@@ -166,7 +166,7 @@ class Dispersion(Strict, ABC):
 
     @abstractmethod
     def _variance(self, wavelength_nm: float) -> float | None:
-        """Return the variance of the index, or None if none is known."""
+        """Return the variance of the index, or None if no uncertainty is known."""
 
 
 class Unknown(Dispersion):
@@ -189,7 +189,7 @@ class Unknown(Dispersion):
 
 
 class Constant(Dispersion):
-    """One number for all wavelengths (within `valid_nm`)."""
+    """A single number for all wavelengths (within `valid_nm`)."""
 
     kind: Literal["number"] = "number"
     n: Positive = Field(ge=1, lt=5, description="refractive index, 1 to 5.")
@@ -203,7 +203,7 @@ class Constant(Dispersion):
 
 
 class Tabulated(Dispersion):
-    """Measured indices at ascending wavelengths with linear interpolation, which adds nothing to the measurement."""
+    """Measured indices at ascending wavelengths, linearly interpolated, so no shape is assumed."""
 
     kind: Literal["table"] = "table"
     wavelength_nm: tuple[Positive, ...] = Field(min_length=2, description="ascending wavelengths in nm.")

@@ -1,4 +1,4 @@
-"""Selection of the evaluations that the columns of a recording of a resin allow."""
+"""Select the evaluations that the columns of a resin recording allow."""
 
 from collections.abc import Callable
 
@@ -12,12 +12,12 @@ from solen.recording.optical import kind_of
 
 
 def evaluations(recording: Recording) -> tuple[str, ...]:
-    """Return the names of the evaluations that a recording suits, such as ``cure``, the most probable first.
+    """Return the names of the evaluations that suit a recording, such as ``cure``, the most probable first.
 
     Raises
     ------
     DataError
-        If it suits none.
+        If no evaluation suits it.
     """
     found = tuple(name for name, suits in _SUITS.items() if suits(recording))
     if not found:
@@ -31,7 +31,7 @@ def evaluations(recording: Recording) -> tuple[str, ...]:
 
 
 def _kinds(recording: Recording) -> set[str | None]:
-    """Return the kinds of the spectra: T, R, A, or None for another kind."""
+    """Return the kinds of spectra: T, R, A, or None for any other kind."""
     axes = {channel.name for channel in recording.channels if channel.quantity == "wavelength"}
     return {kind_of(channel) for channel in recording.channels if channel.axis in axes and channel.name not in axes}
 

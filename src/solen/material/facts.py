@@ -1,7 +1,6 @@
-"""The content of a resin, as a typed result: its tables, its index at some wavelengths, its warnings.
+"""The content of a resin file as a typed result: its tables, its index at some wavelengths, and its warnings.
 
-The interface is `facts_of`, which returns the `ResinFacts` of a resin, and `listed`, which returns the library as a
-`ResinList`.
+`facts_of` returns the content of a resin, and `listed` the resins in the library.
 """
 
 import contextlib
@@ -36,7 +35,7 @@ class IndexAt:
 
 
 class ResinFacts(Result):
-    """Everything that a resin file states.
+    """Complete content of a resin file.
 
     Attributes
     ----------
@@ -74,17 +73,17 @@ class ResinFacts(Result):
 
     @reported
     def loss(self) -> Loss | None:
-        """Loss; None if it is not known."""
+        """Loss; None if the loss is not known."""
         return self.contents.loss if self.contents.has("loss") else None
 
     @reported
     def cure(self) -> Cure | None:
-        """Working curve; None if it is not known."""
+        """Working curve; None if it was not measured."""
         return self.contents.cure
 
     @reported
     def stiffness(self) -> Stiffness | None:
-        """Modulus and hyperelastic model; None if they are not known."""
+        """Modulus and hyperelastic model; None if they were not measured."""
         return self.contents.stiffness
 
     @reported
@@ -94,7 +93,7 @@ class ResinFacts(Result):
 
     @reported
     def sources(self) -> tuple[Source, ...]:
-        """The files that the tables were measured from."""
+        """Files with the results that the tables were taken from."""
         return self.contents.sources
 
     @reported
@@ -115,12 +114,12 @@ class ResinList(Result):
 
 
 def facts_of(resin: Resin, name: str, at_nm: Sequence[float] = ()) -> ResinFacts:
-    """Return the content of a resin, with its index at wavelengths, by default at `LISTED_NM`.
+    """Return the content of a resin, with its index at the given wavelengths, by default at `LISTED_NM`.
 
     Raises
     ------
     DataError
-        If its index is not known at a requested wavelength.
+        If the resin's index is not known at a requested wavelength.
     """
     with error_context(f"resin {resin.name}"):
         for nm in at_nm:
@@ -134,7 +133,7 @@ def listed() -> ResinList:
 
 
 def _at(resin: Resin, wavelength_nm: float) -> IndexAt:
-    """Return the index at a wavelength; None outside the known range."""
+    """Return the index at a wavelength; None outside the measured range."""
     with contextlib.suppress(SolenError):
         return IndexAt(wavelength_nm, resin.index.index(wavelength_nm), resin.index.u_index(wavelength_nm))
     return IndexAt(wavelength_nm, None, None)

@@ -1,7 +1,4 @@
-"""Limitations of a working curve, as warnings with numbers.
-
-The interface is `cautions` of a `WorkingCurve`.
-"""
+"""Limitations of a working curve, as warnings with numbers; `cautions` returns them."""
 
 import math
 
@@ -52,7 +49,7 @@ def _of_shape(curve: WorkingCurve) -> list[Caution]:
             return []
         return [
             look_at(
-                "no dose was repeated: the scatter of discs, and whether the points lie on a line, can be judged "
+                "no dose was repeated, so the scatter of the discs and the linearity can be judged "
                 "only from the deviations from the line; cure three discs at each dose"
             )
         ]
@@ -72,7 +69,7 @@ def _bend(curve: WorkingCurve) -> str:
     x = np.log([disc.dose_mJ_per_cm2 for disc in means])
     y = np.array([disc.thickness_um for disc in means])
     if len(x) < 4:
-        return "one line does not fit them"
+        return "a single line does not fit them"
     fit = fitted(np.column_stack([np.ones(len(x)), x, (x - x.mean()) ** 2]), y)
     low, high = fit.interval((0.0, 0.0, 1.0))
     if low > 0.0:
@@ -93,9 +90,7 @@ def _of_intervals(curve: WorkingCurve) -> list[Caution]:
         )
     if curve.interval95_Dp_um[0] <= 0.0 or curve.interval95_Ec_mJ_per_cm2 is None:
         warnings.append(
-            do_not_use(
-                "the slope is so uncertain that the critical dose has no interval: use doses that are further apart"
-            )
+            do_not_use("the slope is so uncertain that the critical dose has no interval: use more widely spaced doses")
         )
     return warnings
 

@@ -1,20 +1,20 @@
-"""The working curve, thickness of cured discs against dose, Dc = Dp ln(E/Ec), with its uncertainty.
+"""Working curve Dc = Dp ln(E/Ec), the thickness of cured discs against dose, with its uncertainty.
 
 Light decays exponentially with depth, and resin sets where the dose exceeds a threshold (Jacobs, Rapid Prototyping &
-Manufacturing, 1992, chapter 4). Thickness is therefore a straight line in the logarithm of dose, a + b ln E, with Dp =
-b and ln Ec = −a/b. Thick discs often scatter more than thin ones, and thin soft ones scatter badly: with
-``scatter="auto"`` the scatter is assumed to grow with a power 0, ½ or 1 of thickness, whichever has the maximum
-likelihood, and the intervals follow from the residuals, which makes them valid even if that choice is wrong (decision
-0028). Ec is where the line crosses zero; its interval is Fieller's, which is not symmetric. Outliers are set aside by a
-stated rule and listed. Doses whose mean thickness is below a stated limit are omitted as whole doses, never disc by
+Manufacturing, 1992, chapter 4). The thickness is therefore linear in the logarithm of the dose, a + b ln E, with Dp = b
+and ln Ec = −a/b. Thick discs often scatter more than thin ones, and thin soft ones scatter badly: with
+``scatter="auto"`` the scatter is assumed to grow with the power 0, ½ or 1 of the thickness, whichever has the maximum
+likelihood. The intervals follow from the residuals, so they are valid even if that choice is wrong (decision 0028). Ec
+is the dose at which the line crosses zero; its interval is Fieller's, which is not symmetric. Outliers are excluded by
+a documented rule and listed. Doses whose mean thickness is below a specified limit are omitted entirely, never disc by
 disc.
 
-The model assumes one wavelength, a resin that does not bleach, and a dose that acts the same at any rate; it includes
-neither oxygen inhibition nor diffusion. Where these matter, the points deviate from a line, which the test of fit
-reports.
+The model assumes a single wavelength, a resin that does not bleach, and a dose whose effect is independent of the rate;
+it includes neither oxygen inhibition nor diffusion. If any of these effects matters, the points deviate from a line,
+which the lack-of-fit test reports.
 
-The interface is `working_curve`, which returns a `WorkingCurve`; its methods return values and intervals at a dose or
-for a depth. `cautions` states the limitations in sentences.
+`working_curve` returns a `WorkingCurve`, whose methods compute values and intervals for a dose or a depth. `cautions`
+describes the limitations in sentences.
 """
 
 import math
@@ -32,15 +32,15 @@ from solen.results import HIDDEN, Result, reported
 
 Scatter = Literal["auto", "proportional", "constant"]
 EXPONENTS = {"auto": (0.0, 0.5, 1.0), "proportional": (1.0,), "constant": (0.0,)}
-"""Powers of thickness with which scatter may grow."""
+"""Powers of the thickness that the scatter may follow."""
 THINNEST = 0.05
-"""Fraction of the thickest disc's thickness below which scatter is that of a disc of this thickness."""
+"""Discs thinner than this fraction of the thickest disc are assumed to scatter like a disc of this thickness."""
 MOST_OUTLIERS = 0.2
-"""Fraction of the discs that may be set aside; one disc always may be."""
+"""Maximum fraction of the discs that may be excluded; one disc may always be excluded."""
 DOSES_MJ_PER_CM2, THICKEST_UM = (1e-6, 1e9), 1e6
 """Limits of doses and thicknesses."""
 SIGNIFICANCE = 0.05
-"""Probability below which the means at each dose are reported as off the line."""
+"""The mean thicknesses are reported to deviate from the line if the p-value is below this probability."""
 _ROUNDS, _SETTLED = 30, 1e-9
 
 
@@ -55,7 +55,7 @@ class Disc:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A disc that is omitted from the fit, with the reason; ``t`` is the deletion residual of an outlier, else None."""
+    """A disc that is omitted from the fit, with the reason; ``t`` is an outlier's deletion residual, otherwise None."""
 
     disc: Disc
     reason: str
@@ -64,7 +64,9 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """Test of the line: variance of the means at each dose over that of discs about their mean, and its p-value."""
+    """Lack-of-fit test: variance of the mean thicknesses at each dose over that of the discs about their mean, and
+    p-value.
+    """
 
     F: float
     df: tuple[int, int]
@@ -77,15 +79,15 @@ class WorkingCurve(Result, kw_only=True):
     Attributes
     ----------
     fit
-        Fit of thickness in µm against (1, ln E), E in mJ/cm².
+        Fit of the thickness in µm to (1, ln E), with E in mJ/cm².
     scatter_exponent
-        Power of thickness with which the scatter of discs grows.
+        Power of the thickness with which the discs' scatter grows.
     sd_thickness_um, mean_thickness_um
         Standard deviation of discs with the mean thickness, and the mean thickness.
     used, left_out
         Discs included in the fit, and omitted discs.
     lack_of_fit
-        None if fewer than three doses, or no replicates, remain.
+        Lack-of-fit test; None if fewer than three doses, or no replicates, remain.
     by_dose
         Whether the means at each dose were fitted instead of the discs, because the means scatter more than the discs
         explain.
@@ -132,7 +134,7 @@ class WorkingCurve(Result, kw_only=True):
 
     @reported
     def interval95_Ec_mJ_per_cm2(self) -> tuple[float, float] | None:
-        """95 % interval of the critical dose; None if the slope is too uncertain to have one."""
+        """95 % interval of the critical dose; None if the slope is too uncertain for an interval to exist."""
         return self.dose_interval95(0.0)
 
     @reported
@@ -160,7 +162,7 @@ class WorkingCurve(Result, kw_only=True):
 
     @reported
     def dose_range_mJ_per_cm2(self) -> tuple[float, float]:
-        """Lowest and highest dose of the fitted discs."""
+        """Lowest and highest doses of the fitted discs."""
         doses = [disc.dose_mJ_per_cm2 for disc in self.used]
         return min(doses), max(doses)
 
@@ -169,7 +171,9 @@ class WorkingCurve(Result, kw_only=True):
         return np.asarray(self.fit.parameters[0] + self.fit.parameters[1] * np.log(np.asarray(dose, float)))
 
     def half_width_um(self, dose: ArrayLike, *, of_one_disc: bool = False) -> FloatArray:
-        """Return the half width of the 95 % interval of the cure depth at a dose, for the curve or one further disc."""
+        """Return the half width of the 95 % interval for the cure depth at a dose, either of the curve or of one
+        further disc.
+        """
         doses = np.atleast_1d(np.asarray(dose, float))
         halves = []
         for ln_dose, depth in zip(np.log(doses).tolist(), self.depth_um(doses).tolist(), strict=True):
@@ -189,7 +193,8 @@ class WorkingCurve(Result, kw_only=True):
         return math.exp(ln_dose) if ln_dose < _LARGEST_LN else math.inf
 
     def dose_interval95(self, depth_um: float) -> tuple[float, float] | None:
-        """Return the 95 % interval of the dose that cures to a depth; None if the slope is too uncertain to have one.
+        """Return the 95 % interval of the dose that cures to a depth; None if the slope is too uncertain for an
+        interval.
 
         The interval contains all doses at which the curve may reach that depth (Fieller, Journal of the Royal
         Statistical Society B 16, 175, 1954).
@@ -227,9 +232,9 @@ def working_curve(
     dose
         Dose of each disc in mJ/cm², shape (n,).
     thickness_um
-        Thickness of each disc, shape (n,); NaN if not measured, 0 if nothing set: both are omitted and listed.
+        Thickness of each disc, shape (n,). Discs with NaN (not measured) or 0 (nothing set) are omitted and listed.
     scatter
-        How discs scatter: proportional to thickness, constant, or to be estimated.
+        How the discs scatter: proportional to thickness, constant, or to be estimated.
     min_thickness_um
         Doses whose discs have a lower mean thickness are omitted.
     keep_all
@@ -240,8 +245,8 @@ def working_curve(
     Raises
     ------
     DataError
-        If a dose is not above 0, a thickness is negative, or one is too large for any print; if fewer than two doses or
-        three discs remain; or if thickness does not grow with dose.
+        If a dose is not above 0; if a thickness is negative or implausibly large; if fewer than two doses or three
+        discs remain; or if the thickness does not grow with the dose.
     """
     discs = _discs(dose, thickness_um, rows)
     out = _unusable(discs) + _too_thin(discs, min_thickness_um)
@@ -262,7 +267,7 @@ def working_curve(
             "working curve: slope",
             value=f"{b:.3g} µm per factor e of dose from {min(doses):.3g} to {max(doses):.3g} mJ/cm²",
             limit="thickness must grow with dose, and Ec must be within reach",
-            remedy="check which column is which, or use doses that are further apart",
+            remedy="check which column is which, or use more widely spaced doses",
         )
     at = float(np.mean([disc.thickness_um for disc in used]))
     return WorkingCurve(
@@ -324,7 +329,7 @@ def _refuse_too_few(used: tuple[Disc, ...], out: list[LeftOut]) -> None:
     if len(doses) >= 2 and len(used) >= 3:
         return
     discs = f"{len(used)} discs at {len(doses)} doses" + (f" ({len(out)} omitted)" if out else "")
-    remedy = "cure discs at five doses or more, three of each"
+    remedy = "cure three discs at each of at least five doses"
     raise DataError("working curve: points", value=discs, limit="needs at least 3 discs at 2 doses", remedy=remedy)
 
 
@@ -344,7 +349,9 @@ def _columns(discs: tuple[Disc, ...]) -> tuple[FloatArray, FloatArray]:
 
 
 def _weights(x: FloatArray, y: FloatArray, exponent: float) -> FloatArray:
-    """Return weights from the fitted thickness; weights from the measured one would favour discs that came out thin."""
+    """Return weights computed from the fitted thickness; those from the measured one would favour discs that came out
+    thin.
+    """
     weights = np.ones(len(y))
     while_settling = 1 if exponent == 0.0 else _ROUNDS
     before = 0.0
@@ -360,7 +367,7 @@ def _weights(x: FloatArray, y: FloatArray, exponent: float) -> FloatArray:
 
 
 def _most_likely(x: FloatArray, y: FloatArray, scatter: Scatter) -> tuple[LinearFit, float]:
-    """Return the maximum-likelihood fit and its exponent of scatter."""
+    """Return the maximum-likelihood fit and its scatter exponent."""
     design = np.column_stack([np.ones(len(x)), x])
     tried = {e: fitted(design, y, weights=_weights(x, y, e)) for e in EXPONENTS[scatter]}
     best = min(tried, key=lambda exponent: tried[exponent].criterion)
@@ -368,7 +375,9 @@ def _most_likely(x: FloatArray, y: FloatArray, scatter: Scatter) -> tuple[Linear
 
 
 def _fit(discs: tuple[Disc, ...], scatter: Scatter) -> tuple[LinearFit, float]:
-    """Return the maximum-likelihood fit, with residual-based intervals if scatter is a guess, and its exponent."""
+    """Return the maximum-likelihood fit and its exponent; the intervals follow from the residuals if scatter is a
+    guess.
+    """
     x, y = _columns(discs)
     fit, exponent = _most_likely(x, y, scatter)
     if scatter != "auto" or fit.sigma == 0.0:
@@ -378,7 +387,7 @@ def _fit(discs: tuple[Disc, ...], scatter: Scatter) -> tuple[LinearFit, float]:
 
 
 def _outliers(used: tuple[Disc, ...], scatter: Scatter) -> list[LeftOut]:
-    """Return the outliers. If most discs of a dose deviate together, the line is at fault and the discs are kept."""
+    """Return the outliers. If most discs at a dose deviate together, the line is at fault and the discs are kept."""
     most = min(max(1, int(MOST_OUTLIERS * len(used))), len(used) - 4)
     if most < 1:
         return []

@@ -1,4 +1,4 @@
-"""Table of cured discs: thickness and dose of each disc, from the columns of a recording."""
+"""Table of cured discs: the thickness and dose of each disc, from the columns of a recording."""
 
 from dataclasses import dataclass
 
@@ -31,7 +31,7 @@ class Table:
 
 
 def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
-    """Return the discs of a table. Rows with the same dose and disc are repeated readings and are averaged."""
+    """Return the discs in a table. Rows with the same dose and disc are repeated readings and are averaged."""
     thickness = recording.need(*THICKNESSES)
     thickness_um = thickness.to("um")
     dose, used = _doses(recording, irradiance_mW_per_cm2)
@@ -54,7 +54,7 @@ def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
 
 
 def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> tuple[FloatArray, list[str]]:
-    """Return doses in mJ/cm², as stated or computed from times, and the columns that they come from."""
+    """Return the doses in mJ/cm², either listed or computed from times, and the columns that they come from."""
     dose, time = _with_unit(recording, DOSES, DOSE), _with_unit(recording, TIMES, "s")
     rate = _with_unit(recording, ("irradiance", "intensity"), "mW/cm2")
     if dose is not None:
@@ -67,12 +67,14 @@ def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> tuple[F
         return time.to("s") * rate.to("mW/cm2"), [time.name, rate.name]
     if irradiance_mW_per_cm2 is not None:
         return time.to("s") * irradiance_mW_per_cm2, [time.name]
-    limit = "states exposure times, but the curve needs doses"
+    limit = "contains exposure times, but the curve needs doses"
     raise DataError(recording.provenance.file, value=time.name, limit=limit, remedy="add --irradiance-mW-per-cm2")
 
 
 def _agreeing(recording: Recording, dose: Channel, time: Channel, rate: Channel) -> list[str]:
-    """Return the names of time and irradiance; `DataError` if their product does not equal the stated doses."""
+    """Return the names of the time and irradiance columns; `DataError` if their product does not equal the listed
+    doses.
+    """
     product, stated = time.to("s") * rate.to("mW/cm2"), dose.to(DOSE)
     off = np.abs(product - stated) > _ROUNDED_DOSE * stated
     if off.any():

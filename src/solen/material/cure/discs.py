@@ -57,7 +57,7 @@ class CureOptions(RowOptions):
     keep_all: bool = False
     """Keep outliers."""
     wavelength_nm: Wavelength | None = None
-    """Wavelength of the lamp, stated in the result; default: the one that the table states for all rows."""
+    """Wavelength of the lamp, reported in the result; default: the one that the table gives for all rows."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -91,11 +91,11 @@ class LayerNeed:
     Attributes
     ----------
     layer_um, overcure
-        Thickness of the layer, and cure depth in layer thicknesses.
+        Layer thickness, and cure depth in layer thicknesses.
     needed_mJ_per_cm2, interval95_needed_mJ_per_cm2
-        Dose, and its 95 % interval; None if it overflows, or has no interval.
+        Required dose and its 95 % interval; None if the dose overflows or has no interval.
     needed_s, interval95_needed_s
-        Exposure time, and its 95 % interval; None without an irradiance.
+        Required exposure time and its 95 % interval; None without an irradiance.
     """
 
     layer_um: float
@@ -108,7 +108,7 @@ class LayerNeed:
 
 @dataclass(frozen=True)
 class LayerExposure:
-    """Effect of the exposure of a layer.
+    """Effect of a layer's exposure.
 
     Attributes
     ----------
@@ -117,9 +117,9 @@ class LayerExposure:
     cure_depth_um, interval95_cure_depth_um, cure_depth_layers
         Cure depth, its 95 % interval, and the cure depth in layer thicknesses.
     dose_below_mJ_per_cm2, dose_below_over_Ec
-        Dose below the layer, and that dose in units of the critical dose.
+        Dose at the far side of the layer, in mJ/cm² and in units of the critical dose.
     print_through_um, print_through_many_layers_um
-        How far resin sets beyond one layer, and beyond many layers, exposed above a gap.
+        How far resin sets into a gap beyond a single layer, and beyond many layers.
     """
 
     exposure_s: float
@@ -135,12 +135,12 @@ class LayerExposure:
 
 @dataclass(frozen=True)
 class InLampExposure:
-    """Effect of the exposure of a layer according to the law with the lamp's spectrum, for comparison with Jacobs' law.
+    """Effect of a layer's exposure according to the law with the lamp's spectrum, for comparison with Jacobs' law.
 
     Attributes
     ----------
     cure_depth_um, print_through_many_layers_um, interior_mean_mJ_per_cm2
-        Values according to the law with the spectrum, of the quantities in `LayerExposure` and `StackDose`.
+        The quantities in `LayerExposure` and `StackDose`, computed with the law for the lamp's spectrum.
     interior_over_jacobs
         Ratio of the interior mean dose to its value from Jacobs' law.
     """
@@ -152,7 +152,7 @@ class InLampExposure:
 
 
 class CurveBeside(WorkingCurve, Measured, kw_only=True):
-    """Working curve of another table, for comparison with the first.
+    """Working curve from another table, for comparison with the first.
 
     Attributes
     ----------
@@ -164,18 +164,19 @@ class CurveBeside(WorkingCurve, Measured, kw_only=True):
 
 
 class MeasuredCurve(WorkingCurve, Measured, kw_only=True):
-    """Working curve of a table of discs, and its consequences for a print.
+    """Working curve from a table of discs, and its consequences for a print.
 
     Attributes
     ----------
     irradiance_mW_per_cm2, wavelength_nm
-        Irradiance and wavelength of the lamp, as stated.
+        Irradiance and wavelength of the lamp, as specified.
     layer, exposure, stack
         Exposure that a layer needs, effect of the chosen exposure, and the dose inside a part; None if not requested.
     beside
-        Working curves of further tables, for example of other resins.
+        Working curves from further tables, for example of other resins.
     in_lamp, in_lamp_exposure
-        The law with the lamp's spectrum, and the effect of a layer's exposure according to it; None if not requested.
+        The law with the lamp's spectrum, and the effect of a layer's exposure according to this law; None if not
+        requested.
     """
 
     irradiance_mW_per_cm2: float | None
@@ -194,19 +195,19 @@ class MeasuredCurve(WorkingCurve, Measured, kw_only=True):
 
 
 def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -> MeasuredCurve:
-    """Return the penetration depth and critical dose with their intervals and, for a given layer, the consequences.
+    """Return the penetration depth and critical dose with their intervals and, for a specified layer, the consequences.
 
     Parameters
     ----------
     recording
-        Table with a column of thicknesses, and one of doses or times.
+        Table with a thickness column and a dose or time column.
     options
         Evaluation options; the irradiance converts times to doses.
 
     Raises
     ------
     DataError
-        If the table has no such columns, or they determine no curve.
+        If the table lacks these columns, or they determine no curve.
     """
     recording = stacked_replicates(chosen_rows(recording, options), THICKNESSES, (*DISCS, *REPLICATES))
     table = discs(recording, options.irradiance_mW_per_cm2)
@@ -240,7 +241,9 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
 
 
 def curves_of_discs(recordings: Sequence[Recording], options: CureOptions = CureOptions()) -> MeasuredCurve:
-    """Return the curve of the first recording, as `curve_of_discs` does, with the others' curves for comparison."""
+    """Return the curve of the first recording, as `curve_of_discs` does, with the curves of the others for
+    comparison.
+    """
     first, *others = (curve_of_discs(recording, options) for recording in recordings)
     fields = [field.name for field in dataclasses.fields(CurveBeside) if field.name != "file"]
     beside = tuple(
@@ -252,7 +255,7 @@ def curves_of_discs(recordings: Sequence[Recording], options: CureOptions = Cure
 
 
 def with_lamp(curve: MeasuredCurve, fit: InLamp) -> MeasuredCurve:
-    """Return the curve with the law for the lamp's spectrum, and the effect of that law on an exposure."""
+    """Return the curve with the law for the lamp's spectrum, and the effect of an exposure according to this law."""
     exposure = None
     if curve.exposure is not None and curve.layer is not None:
         dose, layer_um = curve.exposure.dose_mJ_per_cm2, curve.layer.layer_um
@@ -320,7 +323,7 @@ def _exposure(curve: WorkingCurve, options: CureOptions) -> LayerExposure | None
 
 
 def _stack(Dp_um: float, options: CureOptions) -> StackDose | None:
-    """Return the dose inside a part of these layers, by default of enough layers for a constant interior dose."""
+    """Return the dose inside a part with these layers, by default with enough layers for a constant interior dose."""
     if options.layer_um is None or options.exposure_s is None or options.irradiance_mW_per_cm2 is None:
         return None
     settled = stack_dose(Dp_um, options.layer_um, [1.0]).layers_to_99_percent
@@ -330,11 +333,11 @@ def _stack(Dp_um: float, options: CureOptions) -> StackDose | None:
 
 
 def _unusual(curve: WorkingCurve) -> list[Caution]:
-    """Warn of a unit that is probably wrong."""
+    """Warn if a unit is probably wrong."""
     low, high = PLAUSIBLE_DP_UM
     if low <= curve.Dp_um <= high:
         return []
-    for factor_, what in ((1e3, "mm under a header that states µm"), (1e-3, "µm under a header that states mm")):
+    for factor_, what in ((1e3, "mm under a header in µm"), (1e-3, "µm under a header in mm")):
         if low <= factor_ * curve.Dp_um <= high:
             return [
                 do_not_use(
@@ -351,7 +354,7 @@ def _unusual(curve: WorkingCurve) -> list[Caution]:
 
 
 def _outside(curve: WorkingCurve, layer_um: float | None, exposure: LayerExposure | None) -> list[Caution]:
-    """Warn if a layer's exposure is outside the doses of the discs, or may not cure the layer through."""
+    """Warn if a layer's exposure is outside the doses of the discs, or may not cure through the layer."""
     if exposure is None or layer_um is None:
         return []
     warnings, dose, (lowest, highest) = [], exposure.dose_mJ_per_cm2, curve.dose_range_mJ_per_cm2

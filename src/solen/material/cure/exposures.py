@@ -1,11 +1,11 @@
-"""Optical properties of layers against their exposure: transmittance, and index where known, at some wavelengths.
+"""Optical properties of layers against their exposure: transmittance and, if R was measured, index at some wavelengths.
 
 Layers cured for 2, 4 and 6 s give three points, which support a trend with an interval but not a curve. Each sample
-counts once. A trend of the transmittance belongs to the layers, not necessarily to the resin: a layer that was cured
-longer may also be thicker, rougher or yellower, and the trend alone does not distinguish these causes.
+counts once. A trend in transmittance belongs to the layers, not necessarily to the resin: a layer that was cured longer
+may also be thicker, rougher or yellower, and the trend alone does not distinguish these causes.
 
-The interface is `exposure_trends`, which returns `ExposureTrends` of recordings with `ExposureOptions`; `samples_of`,
-which returns the `Sample`s of a recording; and `trend`, which returns a `Trend` of values against exposure.
+`exposure_trends` evaluates recordings; `samples_of` extracts the layers from a recording, and `trend` fits a line to
+values against exposure.
 """
 
 import math
@@ -32,9 +32,9 @@ from solen.spec.strict import Above0, Wavelength
 from solen.units import factor
 
 WAVELENGTHS_NM = (450.0, 500.0, 860.0)
-"""Wavelengths of the three designs of the paper."""
+"""Wavelengths of the paper's three designs."""
 TIMES = ("exposure", "exposure time", "time", "t")
-"""Accepted names of a column of exposures."""
+"""Accepted names of the exposure column."""
 _SAMPLES = ("sample", "specimen", "name", "replicate")
 _TIME_IN_NAME = re.compile(r"(?<![a-zA-Z0-9.,])(\d+(?:[.,]\d+)?)\s*(ms|s|sec|sek|seconds|min)(?![a-zA-Z])")
 _SECONDS = {"ms": 1e-3, "min": 60.0}
@@ -83,7 +83,7 @@ class Trend:
         Change per second of exposure, its standard uncertainty and 95 % interval; the last two are None with two
         samples.
     p
-        Probability of a slope this steep by chance; None with two samples.
+        Probability that a slope this steep occurs by chance; None with two samples.
     middle, middle_s
         Value of the line at the mean exposure, and the mean exposure.
     samples, exposures
@@ -100,7 +100,7 @@ class Trend:
     exposures: int
 
     def value(self, exposure_s: ArrayLike) -> FloatArray:
-        """Return the value of the line at an exposure."""
+        """Return the value of the line at a given exposure."""
         return self.middle + self.slope_per_s * (np.asarray(exposure_s, float) - self.middle_s)
 
 
@@ -160,7 +160,7 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
     Raises
     ------
     DataError, SpecError
-        If an exposure is not stated, or there are fewer than two.
+        If an exposure is missing, or there are fewer than two exposures.
     """
     recordings = [chosen_rows(each, options) for each in recordings]
     beside = [note for each in recordings for note in _unused(each, options)]
@@ -183,7 +183,9 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
 
 
 def trend(exposure_s: ArrayLike, values: ArrayLike) -> Trend | None:
-    """Return the trend of values against exposures, shape (n,), ignoring NaN; None with fewer than two exposures."""
+    """Return the trend of values against exposures, shape (n,), ignoring NaN; None with fewer than two different
+    exposures.
+    """
     x, y = np.asarray(exposure_s, float), np.asarray(values, float)
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
@@ -216,13 +218,13 @@ def samples_of(recording: Recording) -> list[Sample]:
 
 
 def _time(recording: Recording) -> Channel | None:
-    """Return the column of exposures of a table with a row per exposure and wavelength; None for any other file."""
+    """Return the exposure column of a table with one row per exposure and wavelength; None for any other file."""
     times = [recording.find(name) for name in TIMES]
     return next((channel for channel in times if channel and factor(channel.unit or "1", "s")), None)
 
 
 def _unused(recording: Recording, options: ExposureOptions) -> list[Caution]:
-    """Reject conditions without effect: labels of separate traces, or any further column of a long table."""
+    """Reject conditions that have no effect: labels of separate traces, or further columns of a long table."""
     time, every = _time(recording), spectra(recording)
     if time is None:
         return refuse_unused(recording, options, (), labels_only=True)
@@ -235,16 +237,16 @@ def _unused(recording: Recording, options: ExposureOptions) -> list[Caution]:
 
 
 def _exposure_in_name(recording: Recording, name: str) -> float:
-    """Return the exposure stated in the name of a trace or, failing that, of its file."""
+    """Return the exposure specified in the name of a trace or, failing that, of its file."""
     for text in (name, Path(recording.provenance.file).stem.replace("_", " ")):
         if match := _TIME_IN_NAME.search(text):
             return float(match[1].replace(",", ".")) * _SECONDS.get(match[2], 1.0)
-    limit = "must state its exposure, for example 2 s"
+    limit = "must specify its exposure, for example 2 s"
     raise DataError(f"{recording.provenance.file}: trace {name}", limit=limit, remedy="add it to the name")
 
 
 def _paired(seconds: float, transmittances: list[Spectrum], reflectances: list[Spectrum]) -> list[Sample]:
-    """Return samples of one exposure: each trace of T, paired with a trace of R if there are equally many."""
+    """Return the samples with one exposure: each trace of T, paired with a trace of R if there are equally many."""
     paired = len(reflectances) == len(transmittances)
     samples = []
     for number, transmittance in enumerate(transmittances):
@@ -257,7 +259,7 @@ def _paired(seconds: float, transmittances: list[Spectrum], reflectances: list[S
 
 
 def _long(recording: Recording, by_kind: dict[str | None, Spectrum], seconds: FloatArray) -> list[Sample]:
-    """Return samples of a table with a row for each exposure and wavelength."""
+    """Return the samples from a table with one row per exposure and wavelength."""
     if "T" not in by_kind:
         raise DataError(recording.provenance.file, limit="holds no transmittance", remedy="name its column T")
     labels = [texts for name in _SAMPLES if (texts := recording.label(name)) is not None]
@@ -283,7 +285,7 @@ def _ascending(nm: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArr
 
 
 def _wavelengths(layers: Sequence[Sample], wanted: Sequence[float]) -> list[float]:
-    """Return the wavelengths common to all samples; `DataError` if a requested one is not among them."""
+    """Return the wavelengths common to all samples; `DataError` if a requested wavelength is not among them."""
     for nm in wanted:
         far = [layer.name for layer in layers if not _reaches(layer, nm)]
         if far:
@@ -297,7 +299,7 @@ def _wavelengths(layers: Sequence[Sample], wanted: Sequence[float]) -> list[floa
 
 
 def _reaches(sample: Sample, nm: float) -> bool:
-    """Whether a wavelength is within a sample's range and near one of its points."""
+    """Whether a wavelength is within a sample's range and close to one of its points."""
     own = sample.wavelength_nm
     return own.size > 0 and own[0] <= nm <= own[-1] and float(np.min(np.abs(own - nm))) <= _NEAR_NM
 

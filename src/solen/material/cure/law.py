@@ -1,10 +1,10 @@
-"""Cure law of a working curve's file or of a print process: cure depth, and the doses in a part.
+"""Cure law from a working-curve file or a print process: cure depth, and the doses in a part.
 
-A dose E at the surface leaves E Σ w e^(-d r/Dp) at a depth d, where w and r are the fraction of power and the relative
-absorption of each of the lamp's lines (with one line, this is Jacobs' law). Resin sets down to the depth where this
-equals Ec. A layer of a part receives its own dose and the light that all later layers transmit.
+From a dose E at the surface, E Σ w e^(-d r/Dp) remains at a depth d, where w and r are the power fraction and the
+relative absorption of each of the lamp's lines (with a single line, this is Jacobs' law). Resin sets down to the depth
+at which this dose equals Ec. A layer of a part receives its own dose and the light that all later layers transmit.
 
-The interface is `CureLaw`, and `read_law` for a file written by `solen resin cure --out`.
+`CureLaw` computes depths and doses; `read_law` reads a file written by `solen resin cure --out`.
 """
 
 import math
@@ -37,11 +37,11 @@ class CureLaw:
         return max(self.Dp_um * float(depth(self.lines, math.log(dose / self.Ec_mJ_per_cm2))), 0.0)
 
     def left(self, depth_um: ArrayLike) -> FloatArray:
-        """Return the fraction of the light that remains at depths."""
+        """Return the fraction of the light that remains at given depths."""
         return left(self.lines, np.asarray(depth_um, float) / self.Dp_um)
 
     def received(self, doses: FloatArray, layer_um: float) -> FloatArray:
-        """Return the mean dose (N,) of layers, each exposed with its own dose and then through the later ones."""
+        """Return the mean dose (N,) of each layer, exposed with its own dose and then through the later layers."""
         total = np.zeros(len(doses))
         for share, absorption in self.lines:
             thick = absorption * layer_um / self.Dp_um
@@ -53,7 +53,7 @@ class CureLaw:
 
 
 class _InLamp(Strict):
-    """Values of the law with a lamp's lines that are read from a file."""
+    """Values of the law for a lamp's lines, as read from a file."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 
@@ -67,7 +67,7 @@ class _InLamp(Strict):
 
 
 class CureFile(Strict):
-    """Values read from a working curve's file; the law with the lamp in addition to Jacobs' law."""
+    """Values read from a working-curve file, including the law for the lamp's spectrum if present."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
     error: ClassVar[type[SolenError]] = DataError
@@ -80,7 +80,9 @@ class CureFile(Strict):
 
     @property
     def values(self) -> dict[str, Any]:
-        """Return the parameters of a process by key: those of the lamp's law, unless the discs prefer Jacobs' law."""
+        """Return the process parameters by key, from the law for the lamp's spectrum unless the discs prefer Jacobs'
+        law.
+        """
         if self.in_lamp is not None and self.in_lamp.preferred != "Jacobs":
             law = self.in_lamp
             return {"Dp_um": law.Dp_um, "Ec_mJ_per_cm2": law.Ec_mJ_per_cm2, "lamp": law.lamp_lines}
@@ -88,14 +90,14 @@ class CureFile(Strict):
 
     @property
     def uncertainties(self) -> dict[str, float]:
-        """Return the standard uncertainties of the lamp's law; Jacobs' law has a covariance instead."""
+        """Return the standard uncertainties for the lamp's law; Jacobs' law has a covariance instead."""
         if not self.values["lamp"] or self.in_lamp is None:
             return {}
         return {"Dp_um": self.in_lamp.u_Dp_um, "Ec_mJ_per_cm2": self.in_lamp.u_Ec_mJ_per_cm2}
 
 
 def read_law(path: Path) -> CureFile:
-    """Read the working curve of a file; `DataError` if the file is not one."""
+    """Read the working curve from a file; `DataError` if the file contains none."""
     data = parsed(read_text(path, DataError), str(path), remedy="write it with solen resin cure --out")
     if not isinstance(data, dict) or data.get("kind") != "cure":
         limit = "is not a working curve"

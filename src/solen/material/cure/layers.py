@@ -1,17 +1,18 @@
-"""A print in layers according to a working curve: depth, exposure, print-through, and the dose at a point.
+"""A layered print according to a working curve: depth, exposure, print-through, and the dose at a point.
 
-A layer is exposed from the window side, and light that it does not absorb enters the layers printed before it. With
-dose E per exposure, layer thickness h and penetration depth Dp, a point at s above the window side of a layer receives
-E e^(-s/Dp) from its own exposure, and from each later exposure less by a factor q = e^(-h/Dp) than from the one before:
-in total E e^(-s/Dp) / (1 - q) deep inside, where later exposures contribute E / (e^(h/Dp) - 1) at the window side. The
-mean over the layer is E Dp/h, but only (E Dp/h) (1 - q) in a single layer, on which the index is measured. The last
-layers of a part receive less than those inside, and the dose has a gradient within each layer.
+A layer is exposed from the window side, and the light that it does not absorb enters the layers printed before it. With
+dose E per exposure, layer thickness h and penetration depth Dp, a point at a distance s from the window side of a layer
+receives E e^(-s/Dp) from the layer's own exposure. Each later exposure contributes less than the previous one by a
+factor q = e^(-h/Dp). Deep inside a part, the total is E e^(-s/Dp) / (1 - q), to which the later exposures contribute E
+/ (e^(h/Dp) - 1) at the window side. The mean over the layer is E Dp/h, but only (E Dp/h) (1 - q) in a single layer, on
+which the index is measured. The last layers of a part receive less than the interior, and the dose has a gradient
+within each layer.
 
-Only light is counted: doses are summed regardless of rate and number of steps, cured resin is assumed to absorb like
-the liquid, later exposures to light the same place, and neither platform nor window to reflect light.
+Only light is counted: doses are summed regardless of rate and number of steps. Cured resin is assumed to absorb like
+the liquid, later exposures are assumed to illuminate the same place, and neither the platform nor the window reflects
+light.
 
-The interface is `cure_depth_um`, `dose_below` and `stack_print_through_um`, which are formulas, and `stack_dose`, which
-returns a `StackDose`.
+`cure_depth_um`, `dose_below` and `stack_print_through_um` are formulas; `stack_dose` returns the dose inside a part.
 """
 
 import math
@@ -28,7 +29,7 @@ _NEARLY = 0.99
 
 
 def cure_depth_um(dose: ArrayLike, Dp_um: float, Ec_mJ_per_cm2: float) -> FloatArray:
-    """Return the depth to which a dose in mJ/cm² cures, Dp ln(E/Ec); negative where nothing sets."""
+    """Return the depth to which a dose in mJ/cm² cures, Dp ln(E/Ec); negative if nothing sets."""
     return np.asarray(Dp_um * np.log(np.asarray(dose, float) / Ec_mJ_per_cm2))
 
 
@@ -40,7 +41,7 @@ def dose_below(dose: ArrayLike, depth_um: ArrayLike, Dp_um: float) -> FloatArray
 def stack_print_through_um(dose: float, layer_um: float, Dp_um: float, Ec_mJ_per_cm2: float) -> float:
     """Return how far resin sets beyond the first of many layers that are exposed above a gap; negative if none does.
 
-    Doses add up there too: the result is Dp ln(E / (Ec (1 - q))) - h, which is Dp ln(1/(1 - q)) more than below a
+    Doses add up in the gap too: the result is Dp ln(E / (Ec (1 - q))) - h, which is Dp ln(1/(1 - q)) more than below a
     single exposure.
     """
     return float(cure_depth_um(dose / -math.expm1(-layer_um / Dp_um), Dp_um, Ec_mJ_per_cm2)) - layer_um
@@ -82,23 +83,23 @@ class StackDose:
 
     @reported
     def interior_range_mJ_per_cm2(self) -> tuple[float, float]:
-        """Lowest and highest dose far inside, at the two sides of a layer."""
+        """Lowest and highest doses far inside, at the two sides of a layer."""
         highest = float(self.exposures_mJ_per_cm2[-1]) / -math.expm1(-self.layer_um / self.Dp_um)
         return highest * self.q, highest
 
     @reported
     def single_layer_mean_mJ_per_cm2(self) -> float:
-        """Mean dose of a single layer with the last layer's exposure, as when the index of one layer is measured."""
+        """Mean dose of a single layer with the last layer's exposure, as in an index measurement of one layer."""
         return float(self.exposures_mJ_per_cm2[-1]) * self._mean_of_window_side
 
     @reported
     def interior_over_single_layer(self) -> float:
-        """Ratio of the dose far inside to that of a single layer, 1/(1 - q)."""
+        """Ratio of the dose far inside to the dose of a single layer, 1/(1 - q)."""
         return self.interior_mean_mJ_per_cm2 / self.single_layer_mean_mJ_per_cm2
 
     @reported
     def layers_to_99_percent(self) -> int:
-        """Number of later layers after which a layer has 99 % of the dose deep inside."""
+        """Number of later layers after which a layer has received 99 % of the dose deep inside."""
         return math.ceil(round(-math.log(1.0 - _NEARLY) * self.Dp_um / self.layer_um, 9)) - 1
 
     @property
@@ -106,9 +107,9 @@ class StackDose:
         return -math.expm1(-self.layer_um / self.Dp_um) * self.Dp_um / self.layer_um
 
     def at(self, height_um: ArrayLike) -> FloatArray:
-        """Return the dose at heights above the part's first side, from 0 to n times the layer's thickness.
+        """Return the dose at heights above the part's first side, from 0 to n layer thicknesses.
 
-        Between two layers, the result is the dose on the far side of the later one.
+        At the interface between two layers, the result is the dose on the far side of the later layer.
         """
         height = np.asarray(height_um, float)
         number = np.clip((height / self.layer_um).astype(int), 0, len(self.exposures_mJ_per_cm2) - 1)

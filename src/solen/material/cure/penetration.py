@@ -1,16 +1,16 @@
-"""Penetration depth from an absorbance, at one wavelength and for the spectrum of a lamp.
+"""Penetration depth from an absorbance, at single wavelengths and for the spectrum of a lamp.
 
-A resin that transmits 10^(-A) through a path h attenuates light as e^(-z/Dp) with Dp = h/(A ln 10). A lamp has many
-wavelengths, and with depth its light is increasingly made up of those that the resin absorbs least: the dose falls more
-slowly with depth, so no single Dp describes it. `Attenuation` computes the sum over the lamp's lines; its `local_um` is
-the penetration depth at one depth, and `between_um` between two depths is the slope of a working curve through discs of
-these thicknesses.
+A resin that transmits 10^(-A) through a path h attenuates light as e^(-z/Dp) with Dp = h/(A ln 10). A lamp emits many
+wavelengths, and with depth its light is increasingly composed of those that the resin absorbs least: the dose falls
+more slowly with depth, so no single Dp describes it. `Attenuation` computes the sum over the lamp's lines; its
+`local_um` is the penetration depth at a single depth, and `between_um` the slope of a working curve through discs with
+two thicknesses.
 
 Only absorption is included. The Dp of a working curve also depends on how well each wavelength starts the cure, on
 bleaching and on the absorption of the cured resin: the two agree if these effects are small.
 
-The interface is `penetration_of`, which returns a `Penetration` of a recording with `PenetrationOptions`;
-`penetration_depth_um`, which returns one number; and `attenuation`, which returns an `Attenuation`.
+`penetration_of` evaluates a recording, `penetration_depth_um` converts an absorbance to a depth, and `attenuation`
+describes a lamp's light in a resin.
 """
 
 import math
@@ -33,7 +33,9 @@ from solen.results import HIDDEN, reported
 from solen.spec.strict import Above0, refused
 
 SHALLOW_UM, DEEP_UM = 25.0, 200.0
-"""Depths between which the slope of a working curve is reported: thinnest layer and stated cure depth of the paper."""
+"""Depths between which the slope of a working curve is reported: the paper's thinnest layer and its reported cure
+depth.
+"""
 _SATURATED = 3.0  # absorbance beyond the range of most instruments
 _OFFSET = 0.01  # relative change of Dp from an offset above which to warn
 _ALL_OFFSET = 0.5  # fraction of the absorbance above which an offset may explain all of it
@@ -94,17 +96,17 @@ class Attenuation:
     per_um: FloatArray
 
     def share(self, depth_um: ArrayLike) -> FloatArray:
-        """Return the fraction of the light that reaches a depth."""
+        """Return the fraction of the light that reaches a given depth."""
         depth = np.asarray(depth_um, float)
         return np.asarray(np.exp(-depth[..., None] * self.per_um) @ self.weight)
 
     def local_um(self, depth_um: float = 0.0) -> float:
-        """Return the local penetration depth at a depth: the light there divided by its rate of decrease."""
+        """Return the local penetration depth at a given depth: the light there divided by its rate of decrease."""
         reached = self.weight * np.exp(-depth_um * (self.per_um - self._least))
         return float(reached.sum() / (reached @ self.per_um))
 
     def between_um(self, upper_um: float, lower_um: float) -> float:
-        """Return the penetration depth of the exponential through two depths."""
+        """Return the penetration depth of the exponential through two given depths."""
         fall = self._ln_share(upper_um) - self._ln_share(lower_um)
         return (lower_um - upper_um) / fall if fall > 0.0 else self.local_um(upper_um)  # too little attenuation
 
@@ -113,7 +115,7 @@ class Attenuation:
         return float(self.per_um.min())
 
     def _ln_share(self, depth_um: float) -> float:
-        """Return the logarithm of `share`, even if that is too small for a number."""
+        """Return the logarithm of `share`, even if `share` itself underflows."""
         beside = self.weight @ np.exp(-depth_um * (self.per_um - self._least))
         return math.log(float(beside)) - depth_um * self._least
 
@@ -156,7 +158,9 @@ class Penetration(Measured, kw_only=True):
 
     @reported
     def lamp_lines(self) -> tuple[tuple[float, float], ...] | None:
-        """Power fraction of each line of the lamp, and its absorption over the mean at the surface; None if no lamp."""
+        """Power fraction of each of the lamp's lines, and its absorption over the mean at the surface; None without a
+        lamp.
+        """
         from solen.material.cure.spectral import lamp_lines
 
         return None if self.attenuation is None else lamp_lines(self.attenuation)
@@ -168,7 +172,7 @@ def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetra
     Raises
     ------
     DataError
-        If the recording contains no absorbance, or the lamp emits where the resin does not absorb.
+        If the recording contains no absorbance, or the lamp emits light that the resin does not absorb.
     """
     light, path_um = options.lamp, options.path_um
     recording = chosen_rows(recording, options)
@@ -188,7 +192,7 @@ def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetra
     else:
         warnings += _lamp_warnings(decay, nm, absorbance, path_um)
     limits = note(
-        "this Dp is from the absorption of the liquid alone; a working curve's Dp also depends on which wavelengths "
+        "this Dp describes the absorption of the liquid alone; a working curve's Dp also depends on which wavelengths "
         "start the cure, and on changes as the resin sets"
     )
     return Penetration(
@@ -262,7 +266,7 @@ def attenuation(path_um: float, wavelength_nm: ArrayLike, absorbance: ArrayLike,
             "lamp",
             value=f"{nm[0]:g} to {nm[-1]:g} nm",
             limit=limit,
-            remedy="measure it over the whole spectrum of the lamp",
+            remedy="measure it over the entire spectrum of the lamp",
         )
     at = np.interp(nm, resin_nm, values)
     if not np.all(at > 0.0):
@@ -278,7 +282,7 @@ def _check_path(path_um: float) -> None:
 
 
 def _sorted(nm: ArrayLike, values: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return the pairs with both numbers known, by ascending wavelength; duplicate wavelengths are averaged."""
+    """Return the pairs without NaN, by ascending wavelength; duplicate wavelengths are averaged."""
     x, y = np.asarray(nm, float), np.asarray(values, float)
     known = np.isfinite(x) & np.isfinite(y)
     if not known.any():
@@ -288,7 +292,7 @@ def _sorted(nm: ArrayLike, values: ArrayLike) -> tuple[FloatArray, FloatArray]:
 
 
 def _absorbance(recording: Recording, spectra: OpticalSpectra) -> tuple[FloatArray, list[Caution]]:
-    """Return the mean absorbance of the traces, base 10, with remarks on its meaning."""
+    """Return the mean absorbance of the traces, base 10, with notes on its meaning."""
     if "A" in spectra.rows:
         names = spectra.names["A"]
         if any(recording.channel(name).quantity == "absorptance" for name in names):
@@ -306,7 +310,7 @@ def _absorbance(recording: Recording, spectra: OpticalSpectra) -> tuple[FloatArr
 
 
 def _uncertainty(surface_um: float, options: PenetrationOptions) -> float | None:
-    """Return the standard uncertainty of the penetration depth at the surface; None if none is stated."""
+    """Return the standard uncertainty of the penetration depth at the surface; None if none is specified."""
     if options.u_path_um is None and options.u_absorbance is None:
         return None
     by_a = (options.u_absorbance or 0.0) * math.log(10.0) / options.path_um * surface_um
@@ -328,7 +332,7 @@ def _lamp_warnings(decay: Attenuation, nm: FloatArray, absorbance: FloatArray, p
     lowest = int(np.nanargmin(absorbance))
     offset = float(absorbance[lowest]) * math.log(10.0) / path_um * surface
     if abs(offset) > _OFFSET:
-        change = "not known at all"
+        change = "not determined at all"
         if offset < _ALL_OFFSET:
             change = f"{abs(offset) / (1.0 - offset):.0%} {'longer' if offset > 0.0 else 'shorter'}"
         warnings.append(

@@ -1,11 +1,11 @@
 """Bounds on a resin's working curve from published statements without data points.
 
 "39 mJ/cm² cures more than 200 µm" is an inequality, Dp ln(39/Ec) > 200 µm, so for each penetration depth the critical
-dose is below 39 e^(-200/Dp). Several statements leave a region of (Dp, Ec), not a value; any point in it is consistent
-with them, no more. `PAPER` contains the statements of the paper that solen is built around (Cafiso et al., Methods: 13
-mW/cm²; main text: depths); Dp and Ec themselves are not given there.
+dose is below 39 e^(-200/Dp). Several statements define a region of (Dp, Ec), not a value; they are consistent with any
+point in it. `PAPER` contains the statements of the paper that solen is built around (Cafiso et al., Methods: 13 mW/cm²;
+main text: depths), which does not report Dp and Ec themselves.
 
-The interface is `largest_Ec` for a set of `Statement`s, and `binding`, which returns the limiting statement.
+`largest_Ec` returns the bound from a set of `Statement`s, and `binding` the statement that sets the bound.
 """
 
 import math
@@ -24,7 +24,7 @@ class Statement:
     words: str
 
     def largest_Ec(self, Dp_um: float) -> float:
-        """Return the critical dose in mJ/cm² below which a penetration depth is consistent with the statement."""
+        """Return the largest critical dose in mJ/cm² that is consistent with the statement at a penetration depth."""
         return self.dose_mJ_per_cm2 * math.exp(-self.depth_um / Dp_um)
 
     def holds(self, Dp_um: float, Ec_mJ_per_cm2: float) -> bool:
@@ -37,7 +37,7 @@ PAPER = (
     Statement(26.0, 25.0, "prints in layers of 25 µm with 2 s at 13 mW/cm², 26 mJ/cm²"),
     Statement(91.0, 100.0, "prints in layers up to 100 µm with less than 7 s, 91 mJ/cm²"),
 )
-"""Cure depths stated by the paper; each is at least reached, so it is a bound."""
+"""Cure depths reported by the paper; each depth is a lower bound."""
 
 
 def binding(Dp_um: float, statements: Sequence[Statement] = PAPER) -> Statement:

@@ -1,12 +1,12 @@
 """The cure law for a lamp with a spectrum, compared with Jacobs' law.
 
 At depth z, the fraction e^(-z r/Dp) of each line of the lamp remains. Dp is the penetration depth at the surface, and r
-is the absorption of the line relative to that of all light there. Resin sets down to the depth C where the remaining
-sum equals Ec: E Σ w e^(-C r/Dp) = Ec, which is Jacobs' C = Dp ln(E/Ec) if all r are 1 (Caplins et al., Influence of
-spectral bandwidth on the working curve in vat photopolymerization, Additive Manufacturing, 2024). Both laws have two
-parameters, so their likelihoods can be compared directly.
+is the absorption of the line relative to the mean over all light there. Resin sets down to the depth C at which the
+remaining sum equals Ec: E Σ w e^(-C r/Dp) = Ec, which is Jacobs' C = Dp ln(E/Ec) if all r are 1 (Caplins et al.,
+Influence of spectral bandwidth on the working curve in vat photopolymerization, Additive Manufacturing, 2024). Both
+laws have two parameters, so their likelihoods can be compared directly.
 
-The interface is `lamp_lines` of an `Attenuation`, `left` at a depth, `depth` of a dose, and `in_lamp`, which fits
+`lamp_lines` reduces an `Attenuation` to a few lines, `left` and `depth` evaluate the law, and `in_lamp` fits it to
 discs.
 """
 
@@ -30,14 +30,16 @@ Lines = tuple[tuple[float, float], ...]
 ONE_LINE: Lines = ((1.0, 1.0),)
 MOST_LINES = 48
 SURE = 2.0
-"""Logarithm of the likelihood ratio above which the discs prefer a law: 7 to 1."""
+"""The discs prefer a law if the logarithm of the likelihood ratio exceeds this value: 7 to 1."""
 _LEAST_DISCS = 5
 _POWERS = (0.0, 0.5, 1.0)  # powers of thickness with which the scatter of discs may grow
 _STEPS = 60
 
 
 def lamp_lines(decay: Attenuation) -> Lines:
-    """Return the lines of a lamp in a resin; lines of similar absorption are merged, down to at most `MOST_LINES`."""
+    """Return the lines of a lamp in a resin; lines with similar absorption are merged until at most `MOST_LINES`
+    remain.
+    """
     log = np.log(decay.per_um)
     edges = np.linspace(log.min(), log.max() + 1e-9, MOST_LINES + 1)
     bins = np.clip(np.digitize(log, edges) - 1, 0, MOST_LINES - 1)
@@ -104,14 +106,16 @@ class InLamp(Result, kw_only=True):
 
     @reported
     def preferred(self) -> Literal["spectrum", "Jacobs"] | None:
-        """The law that the discs prefer; None if they do not distinguish the two."""
+        """The law that the discs prefer; None if they do not distinguish between the two."""
         if abs(self.ln_likelihood_ratio) < SURE:
             return None
         return "spectrum" if self.ln_likelihood_ratio > 0.0 else "Jacobs"
 
     @reported
     def lamp_lines(self) -> tuple[tuple[float, float], ...]:
-        """Lines of the lamp, used by a process: fraction of the light, and absorption over the mean at the surface."""
+        """Lines of the lamp, used by a print process: fraction of the light, and absorption over the mean at the
+        surface.
+        """
         return self.lines
 
     def depth_um(self, dose: ArrayLike) -> FloatArray:
@@ -135,7 +139,7 @@ class InLamp(Result, kw_only=True):
 def in_lamp(curve: WorkingCurve, lines: Lines, liquid_Dp_um: float, lamp: str) -> InLamp:
     """Fit the law with a spectrum to the discs that a working curve was fitted to.
 
-    For each law, the scatter, constant or growing with thickness, is the one with which it explains the discs best.
+    For each law, the scatter model (constant, or growing with thickness) is the one with the maximum likelihood.
 
     Raises
     ------
@@ -175,7 +179,7 @@ class _Fit:
 
 
 def _best(doses: FloatArray, um: FloatArray, lines: Lines, start: tuple[float, float]) -> _Fit:
-    """Return the maximum-likelihood fit of a law, over the models of the discs' scatter."""
+    """Return the maximum-likelihood fit of a law over all scatter models."""
     even = _residuals(doses, um, lines)
     expected = um + even(np.asarray(least_squares(even, start, xtol=1e-12, ftol=1e-12).x))
     expected = np.maximum(expected, 0.05 * um.max()) / um.max()

@@ -1,14 +1,13 @@
 """The index of a printed layer: n and k with uncertainty from spectrophotometer or refractometer measurements.
 
-An index is never read off a curve that carries no information about it. Each method of determining an index is a named
-route; it states its assumptions, and masks values that it cannot determine, with the reason. Wavelengths are in nm,
-thicknesses in µm; reflectance and transmittance are fractions; arrays may have any shapes that broadcast.
+An index is never computed from a curve that carries no information about it. Each method of determining an index is a
+named route with documented assumptions; values that a route cannot determine are masked, with the reason. Wavelengths
+are in nm, thicknesses in µm; reflectance and transmittance are fractions; arrays may have any shapes that broadcast.
 
-The interface is `index_of_layer`, which converts a recording to a `LayerIndex`. It uses the forward model in
-`solen.material.index.stack`; its exact inverse, in `solen.material.index.inversion` for a layer in air and in
-`solen.material.index.substrate` for one on a substrate; the readings with their errors in
-`solen.material.index.reading`; the routes to an `IndexSpectrum` in `solen.material.index.routes`; and the reasons for
-masking a value in `solen.material.index.masks`.
+`index_of_layer` converts a recording to a `LayerIndex`. It uses the forward model in `solen.material.index.stack`; its
+exact inverse, in `solen.material.index.inversion` for a layer in air and in `solen.material.index.substrate` for a
+layer on a substrate; the readings with their errors in `solen.material.index.reading`; the routes to an `IndexSpectrum`
+in `solen.material.index.routes`; and the reasons for masking a value in `solen.material.index.masks`.
 """
 
 from solen.material.index.inversion import invert, invert_many, slopes

@@ -7,12 +7,12 @@ absorbed. The fraction is a Fourier series,
     1/(1 − 2g cos φ + g²) = (1 + 2 Σ gᵐ cos mφ)/(1 − g²),
 
 so a slit, a varying thickness, a wedge or a rough face only multiplies each harmonic by a factor. If all factors are 0,
-the result is the sum of powers of `solen.material.index.stack`; if all are 1, it is the coherent film; one formula
-covers the whole range.
+the result is the sum of powers of `solen.material.index.stack`; if all are 1, it is the coherent film; the same formula
+covers the entire range.
 
-The interface is `Blur`, which contains the causes of lost contrast; `layer`, which returns a layer as a piece to be
-`joined`; and `stacked`, which returns the instrument's readings of a layer on its sheet. All functions are analytic in
-their arguments, so the complex-step method gives their derivatives.
+`Blur` describes the causes of lost contrast; `layer` returns a layer as an element of a stack; and `stacked` returns
+the instrument readings for a layer on its sheet. All functions are analytic in their arguments, so the complex-step
+method gives their derivatives.
 """
 
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ from solen.material.index.stack import Powers, Readings, Setup, incoherent, inte
 from solen.units import NM_PER_UM
 
 HARMONICS = 4
-"""Number of harmonics in the series; for n = 1.6 in air, the next one is 5e-7 of the light."""
+"""Number of harmonics in the series; for n = 1.6 in air, the first omitted harmonic is 5e-7 of the light."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +38,13 @@ class Blur:
     slit_nm
         Full width at half maximum of the monochromator's triangular slit function.
     rough
-        Relative standard deviation of a normally distributed thickness within the beam, for example of a rough face.
+        Relative standard deviation of a normally distributed thickness within the beam, for example due to a rough
+        face.
     wedge
-        Relative standard deviation of an evenly distributed thickness, for example of a wedge.
+        Relative standard deviation of a uniformly distributed thickness, for example due to a wedge.
     other
-        Further relative loss of contrast, for example from a slit function that is not triangular or a face not plane.
+        Further relative loss of contrast, for example from a slit function that is not triangular or a face that is not
+        plane.
     """
 
     slit_nm: Any
@@ -71,7 +73,7 @@ def _sincs(x: Any) -> Iterator[Any]:
 
 
 def layer(n: Any, slope_per_nm: Any, k: Any, thickness_um: Any, wavelength_nm: Any, behind: Any, blur: Blur) -> Powers:
-    """Return a layer between air and a medium of index ``behind`` as a piece of a stack, including its faces.
+    """Return a layer between air and a medium of index ``behind`` as an element of a stack, including its faces.
 
     Parameters
     ----------
@@ -102,7 +104,9 @@ def layer(n: Any, slope_per_nm: Any, k: Any, thickness_um: Any, wavelength_nm: A
 
 
 def stacked(piece: Powers, sheet: tuple[Any, Any, Any] | None, wavelength_nm: Any, setup: Setup | None) -> Readings:
-    """Return the readings of a layer, free or on a sheet given by its index, extinction and thickness."""
+    """Return the readings for a layer, either free-standing or on a sheet specified by its index, extinction and
+    thickness.
+    """
     if sheet is None or setup is None:
         return Readings(piece.through, piece.front)
     n, k, thickness_um = sheet

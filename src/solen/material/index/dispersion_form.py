@@ -1,13 +1,12 @@
-"""Form of the index of a layer against wavelength while its fringes are fitted: Cauchy, Sellmeier, or free.
+"""Functional form of a layer's index against wavelength in a fringe fit: Cauchy, Sellmeier, or free.
 
-With u from −1 to 1 along 1/λ², the index n in the middle, its rise and its bend are Cauchy's three terms. One pole of
-Sellmeier's formula has the same middle and rise and no other parameter: n² = 1 + (n₀² − 1)/(1 − q u) with q = 2 n₀
-rise/(n₀² − 1). A free n is Cauchy's formula plus a smooth curve whose knots are a few fringes apart and from which the
-part representable by the three terms is removed. One wavelength of a fringe does not determine n, so this is the
-largest freedom that the data allow.
+With u from −1 to 1 along 1/λ², the index n at the centre, its linear and its quadratic change are Cauchy's three terms.
+One pole of Sellmeier's formula has the same centre and linear change and no other parameter: n² = 1 + (n₀² − 1)/(1 − q
+u) with q = 2 n₀ rise/(n₀² − 1). A free n is Cauchy's formula plus a smooth curve whose knots are a few fringes apart
+and which contains no part that the three terms can represent. A single wavelength of a fringe does not determine n, so
+this is the largest freedom that the data allow.
 
-The interface is `DispersionForm`, which returns n and its slope, and `free_knots`, which returns the number of knots
-that a number of fringes allows.
+`DispersionForm` computes n and its slope, and `free_knots` the number of knots that a number of fringes allows.
 """
 
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from solen.arrays import FloatArray
 
 Kind = Literal["cauchy", "sellmeier", "free"]
 LEAST_FRINGES = 20
-"""Smallest number of fringes with which n can be free."""
+"""Smallest number of fringes for which n can be free."""
 _PER_KNOT, _MOST_KNOTS, _TERMS = 4, 18, 3
 
 
@@ -31,7 +30,7 @@ def free_knots(fringes: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class DispersionForm:
-    """A form of the index.
+    """Functional form of the index.
 
     Attributes
     ----------
@@ -40,7 +39,8 @@ class DispersionForm:
     u, u_per_nm
         Coordinate from −1 to 1 along 1/λ², and its derivative with respect to wavelength, shape (n,).
     waves, slopes
-        Curves added to a free index, of root mean square 1, and their derivatives by u, shape (n, curves).
+        Curves added to a free index, with root mean square 1, and their derivatives with respect to u, shape (n,
+        curves).
     """
 
     kind: Kind
@@ -51,7 +51,7 @@ class DispersionForm:
 
     @classmethod
     def of(cls, kind: Kind, u: FloatArray, u_per_nm: FloatArray, knots: int = 0) -> "DispersionForm":
-        """Return a form along some wavelengths; a free one has the given number of knots."""
+        """Return a form for given wavelengths; a free form has the given number of knots."""
         if kind != "free":
             return cls(kind, u, u_per_nm, np.zeros((u.size, 0)), np.zeros((u.size, 0)))
         spline = CubicSpline(np.linspace(-1.0, 1.0, knots), np.eye(knots), bc_type="natural")

@@ -1,14 +1,15 @@
-"""A layer whose faces interfere: n(λ), k(λ) ≥ 0 and thickness from T, R or both; blurring of the fringes is fitted too.
+"""A layer whose faces interfere: n(λ), k(λ) ≥ 0 and thickness from T, R or both, with fitted blurring of the fringes.
 
 Unknowns other than the index are fitted with it, as nuisance parameters with priors
 (`solen.material.index.film_model`). Fringes then determine n times thickness to one part in ten thousand, the level of
-R determines n, the micrometer separates the two, and the covariance contains what the data leave open. The scatter is
-estimated from the residuals. n is free only if there are many fringes, and three terms leave more than noise.
+R determines n, the micrometer separates the two, and the covariance contains what the data do not determine. The
+scatter is estimated from the residuals. n is free only if there are many fringes and Cauchy's three terms leave more
+than noise.
 
-Fringes have many nearly equal solutions, one order apart. Solutions of neighbouring orders are tried; an alternative
-solution enters the covariance with its weight.
+Fringes have many nearly equivalent solutions, one order apart. Solutions with neighbouring orders are tried; an
+alternative solution enters the covariance with its weight.
 
-The interface is `fit_film`, which returns the `Film` of a `Measured`.
+`fit_film` fits a `Film` to the readings in a `Measured`.
 """
 
 from collections.abc import Callable, Sequence
@@ -41,18 +42,18 @@ class Film:
     n, k
         Index and extinction coefficient.
     parts_n, parts_k
-        Uncertainty as independent errors common to all wavelengths, shape (parts, n): the covariance of two wavelengths
-        is the sum of their products.
+        Uncertainty as independent errors, each shared by all wavelengths, shape (parts, n): the covariance of two
+        wavelengths is the sum of their products.
     thickness_um, u_thickness_um
         Mean thickness and its standard uncertainty.
     optical_um, u_optical_um
-        n times thickness at the middle wavelength, and its standard uncertainty.
+        n times thickness at the central wavelength, and its standard uncertainty.
     spread
         Relative standard deviation of the thickness within the beam.
     slit_nm
         Fitted slit width.
     visibility
-        Contrast at the middle wavelength, as a fraction of that of a perfect film.
+        Contrast at the central wavelength, as a fraction of that of a perfect film.
     residual
         Root mean square of measured minus fitted values, for each reading.
     amplitude
@@ -60,7 +61,7 @@ class Film:
     fitted
         Fitted spectra, for each reading.
     form
-        Form of n in the fit.
+        Functional form of n in the fit.
     """
 
     n: FloatArray
@@ -81,7 +82,7 @@ class Film:
 
 
 def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Kind | None = None) -> Film:
-    """Fit a layer whose fringes and levels match the readings.
+    """Fit a layer to the fringes and levels of the readings.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def fit_film(measured: Measured, level: float, phases: Sequence[Phase], kind: Ki
     phases
         Possible interpretations of the fringes, the best first.
     kind
-        Form of n; None for Cauchy's, or a free one if it explains much more.
+        Functional form of n; None for Cauchy's, or a free one if it explains much more.
 
     Raises
     ------
@@ -129,7 +130,7 @@ def _weighed(model: FilmModel, p: FloatArray) -> FloatArray:
 def _freed(
     model: FilmModel, p: FloatArray, others: Sequence[tuple[FilmModel, FloatArray]], *, asked: bool
 ) -> tuple[FilmModel, FloatArray]:
-    """Return a free index if requested, or if three terms fit much worse; otherwise the arguments unchanged."""
+    """Return a free index if requested, or if three terms fit much worse; otherwise return the arguments unchanged."""
     if not free_knots(model.fringes):
         if not asked:
             return model, p
@@ -143,7 +144,9 @@ def _freed(
     clean = not free.misfits(moved, _CLEAN) and free.widening(moved) < _CLEAN
     if asked and not clean:
         limit = "leaves residuals beyond noise even with a free index"
-        raise DataError("film", limit=limit, remedy="omit the option: n is then from the levels, and less certain")
+        raise DataError(
+            "film", limit=limit, remedy="omit the option: n is then computed from the levels, and is less certain"
+        )
     gain = (free.likelihood(moved) - model.likelihood(p)) / free.widening(moved)
     points = model.um.size * len(model.blocks)
     better = gain - 0.5 * free.form.curves * float(np.log(points)) > _EVIDENCE  # Schwarz's criterion
@@ -151,7 +154,7 @@ def _freed(
 
 
 def _free_best(model: FilmModel, p: FloatArray) -> tuple[FilmModel, FloatArray]:
-    """Return a free index from a solution of three terms, trying neighbouring orders and following the phases."""
+    """Return a free index, starting from a three-term solution, trying neighbouring orders and following the phases."""
     free, moved = model.freed(p)
     tried = [
         free.solve(_phase_matched(free, free.shifted_order(_phase_matched(free, moved), by)), 15) for by in _FREE_ORDERS
@@ -170,7 +173,7 @@ def _phase_matched(model: FilmModel, p: FloatArray) -> FloatArray:
 
 
 def fit_levels(measured: Measured, level: float) -> Film:
-    """Fit a layer by its levels alone, with the sum of powers; remaining fringes count as correlated scatter."""
+    """Fit a layer to the levels alone, with the sum of powers; remaining fringes count as correlated scatter."""
     thickness_um = 25.0 if measured.thickness is None else measured.thickness.um
     model = FilmModel(measured, level, level * thickness_um, coherent=False)
     p = model.start(Phase(model.optical_um, 0.01, 0.0, 0.0, 0.0))
@@ -244,10 +247,10 @@ def _film(model: FilmModel, p: FloatArray, cost: float, rivals: Sequence[tuple[F
 
 
 def _parts(model: FilmModel, p: FloatArray, *, k_is_free: bool = False) -> FloatArray:
-    """Return the covariance of the parameters as rows whose products it sums; a parameter at its bound is fixed.
+    """Return rows whose products sum to the parameters' covariance; a parameter at its bound is fixed.
 
-    For bounds of k itself, its knots are free even at 0. Correlated residuals of neighbours, for example with a slit
-    wider than the step, widen the covariance.
+    For the bounds of k itself, its knots are free even at 0. Correlated residuals of neighbours, for example if the
+    slit is wider than the step, widen the covariance.
     """
     low, high = model.bounds
     free: BoolArray = (p > low + 1e-9) & (p < high - 1e-9)
@@ -259,7 +262,7 @@ def _parts(model: FilmModel, p: FloatArray, *, k_is_free: bool = False) -> Float
     _, sizes, axes = np.linalg.svd(slopes / scale, full_matrices=False)
     if sizes[-1] < 1e-10 * sizes[0]:
         raise DataError(
-            "film", limit="is not determined by these spectra", remedy="state the thickness and the bandwidth"
+            "film", limit="is not determined by these spectra", remedy="specify the thickness and the bandwidth"
         )
     rows = np.zeros((sizes.size, p.size))
     rows[:, free] = axes / sizes[:, None] / scale

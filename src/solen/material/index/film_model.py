@@ -1,11 +1,11 @@
 """The model of a layer whose faces interfere: its parameters with their priors, and the spectra that they predict.
 
-Parameters that are known before the fit have a prior: the thickness from a micrometer, the slit width from the
-instrument, and an error of a 100 % reading from the stated accuracy. The variation of the thickness within the beam has
-only a wide one. k is piecewise linear between knots, each at least 0. n is Cauchy's formula with three terms, one pole
-of Sellmeier's formula, or free (`solen.material.index.dispersion_form`).
+Parameters with independent information have a prior: the thickness from a micrometer, the slit width from the
+instrument, and the error of a 100 % reading from the specified accuracy. The variation of the thickness within the beam
+has only a wide prior. k is piecewise linear between knots, each at least 0. n is Cauchy's formula with three terms, one
+pole of Sellmeier's formula, or free (`solen.material.index.dispersion_form`).
 
-The interface is `Measured`, which contains the readings and prior knowledge, and `FilmModel`, which predicts readings.
+`Measured` contains the readings and prior knowledge; `FilmModel` predicts the readings.
 """
 
 from dataclasses import dataclass, field
@@ -23,9 +23,9 @@ from solen.material.index.stack import Setup, incoherent
 from solen.units import NM_PER_UM
 
 SLIT_SHARE = 0.1
-"""Relative standard uncertainty of a stated slit width, including that of the shape of the slit function."""
+"""Relative standard uncertainty of a specified slit width, which includes the uncertain shape of the slit function."""
 U_THICKNESS = 0.1
-"""Relative standard uncertainty assumed for a thickness without a stated one."""
+"""Relative standard uncertainty assumed for a thickness if none is specified."""
 _MOST_SPREAD, _MOST_SLIT_NM = 0.1, 20.0
 _BEND = 0.01  # prior standard deviation of the third term of n at the ends of the range
 _ADDED = 0.01  # the same for each curve of a free index
@@ -49,11 +49,11 @@ class Measured:
     readings
         ``T``, ``R`` or both.
     thickness
-        Thickness from a micrometer; None if it is not known.
+        Thickness from a micrometer; None if it was not measured.
     slit_nm
         Slit width; None if it is not known.
     setup
-        Sheet under the layer; None in air. If the sheet was measured too, its index is the start of the fit.
+        Sheet under the layer; None in air. If the sheet was measured too, its index is the initial value in the fit.
     bare
         ``T`` and ``R`` of the bare sheet in air.
     """
@@ -67,7 +67,7 @@ class Measured:
 
 
 class FilmModel:
-    """Parameters of a layer and their predictions; ``names`` maps a name to its place in the vector of parameters."""
+    """Parameters of a layer and their predictions; ``names`` maps a name to its position in the parameter vector."""
 
     def __init__(
         self, measured: Measured, level: float, optical_um: float, kind: Kind = "cauchy", *, coherent: bool = True
@@ -101,7 +101,7 @@ class FilmModel:
         self.u_off = {kind: max(float(np.sqrt(variance)), 1e-6) for kind, variance in common.items()}
 
     def start(self, phase: Phase) -> FloatArray:
-        """Return initial parameters: those of the fringes' phase, with the blur that fits the contrast best."""
+        """Return initial parameters from the fringes' phase, with the blur that fits the contrast best."""
         p = np.zeros(self.size)
         slit = self.measured.slit_nm
         values = {"n": self.level, "rise": self.level * phase.rise, "bend": self.level * phase.bend}
@@ -116,7 +116,7 @@ class FilmModel:
         return float(off @ off)
 
     def blurred(self, p: FloatArray, slit: float) -> FloatArray:
-        """Return the parameters with the best-fitting variation of thickness from a small grid."""
+        """Return the parameters with the best-fitting thickness variation from a small grid."""
         if not self.coherent:
             return p
         middle = 4.0 * np.pi * self.optical_um * np.sqrt(self.middle)
@@ -154,13 +154,13 @@ class FilmModel:
         return self.optical_um * np.exp(p[self.names["ln_optical"]]) / p[self.names["n"]]
 
     def blur(self, p: Any) -> Blur:
-        """Return the loss of contrast, which is complete for a layer that is evaluated by its levels alone."""
+        """Return the loss of contrast, which is complete for a layer that is evaluated from its levels alone."""
         if not self.coherent:
             return Blur(0.0, 10.0)
         return Blur(*(p[self.names[name]] for name in ("slit", "rough", "wedge", "other")))
 
     def spectra(self, p: Any, blur: Blur | None = None) -> dict[str, Any]:
-        """Return the modelled readings of the instrument, by kind."""
+        """Return the modelled instrument readings, by kind."""
         setup, nm = self.measured.setup, self.measured.wavelength_nm
         n, slope = self.index(p)
         k = self.k_unit * (self.hats @ p[self.first_k : self.last_k])
@@ -179,7 +179,7 @@ class FilmModel:
         return found
 
     def sheet(self, p: Any, setup: Setup) -> tuple[Any, Any]:
-        """Return the index and extinction of the sheet, as known or as fitted."""
+        """Return the index and extinction of the sheet, either as specified or as fitted."""
         known = np.asarray(setup.substrate.n)
         if not self.measured.bare:
             return known + p[self.names["sheet"]] * _unit(np.asarray(setup.substrate.u_n)), setup.substrate.k
@@ -237,7 +237,7 @@ class FilmModel:
     def solve(self, p: FloatArray, steps: int = 25) -> tuple[FloatArray, float]:
         """Return the least-squares parameters from a start, and their sum of squares.
 
-        The Levenberg-Marquardt steps change the parameters that are free, that is, not at a bound that the step would
+        The Levenberg-Marquardt steps change only the free parameters, that is, those not at a bound that the step would
         cross.
         """
         low, high = self.bounds
@@ -264,7 +264,7 @@ class FilmModel:
         return p, cost
 
     def shifted_order(self, p: FloatArray, by: float) -> FloatArray:
-        """Return parameters for fringes whose orders are higher by ``by``, with phases as similar as possible."""
+        """Return parameters for fringes with orders higher by ``by`` and with phases as similar as possible."""
         names, basis = self.names, np.stack([np.ones_like(self.u), self.u, self.u**2], axis=1)
         shift = np.linalg.lstsq(basis, by * self.um / 2.0, rcond=None)[0]
         places = [names[name] for name in ("n", "rise", "bend")]
@@ -335,7 +335,7 @@ class FilmModel:
         return -0.5 * float(sum(one.size * np.log(np.mean(one**2)) for one in off))
 
     def weigh(self, p: FloatArray) -> None:
-        """Set the scatter of the readings to that of the residuals, or to that of their repeats if it is larger."""
+        """Set the scatter of the readings to that of the residuals, or of the repeats if theirs is larger."""
         spectra = self.spectra(p)
         for kind, reading in self.blocks.items():
             off = reading.value - spectra[kind]
@@ -348,6 +348,6 @@ def _unit(u: FloatArray) -> FloatArray:
 
 
 def _hats(nm: FloatArray, count: int) -> FloatArray:
-    """Return piecewise linear functions of wavelength, each 1 at one of ``count`` knots, shape (n, count)."""
+    """Return piecewise linear functions of wavelength, each equal to 1 at one of ``count`` knots, shape (n, count)."""
     knots = np.linspace(nm[0], nm[-1], count)
     return np.stack([np.interp(nm, knots, row) for row in np.eye(count)], axis=1)
