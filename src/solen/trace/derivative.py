@@ -45,8 +45,8 @@ number of times that the step is doubled.
 """
 TRAPPED_SAMPLES, TRAPPED_SHARE, TRAPPED_WEIGHT, TRAPPED_DOUBLINGS = 2**17, 1e-3, 3e-4, 1
 """For trapped light: maximum number of rays at each end of a difference, accepted error as a fraction of the largest
-slope, weight below which light is not followed, and number of times that the step is doubled. With a
-16 % of the refractive index range, the true error was four times the reported one.
+slope, weight below which light is not followed, and number of times that the step is doubled. With
+steps of 16 % of a refractive index, the true error was four times the reported one.
 """
 CAUTION = 1.25
 """Safety factor on the standard error of the differences, because these are few and the step with the smallest error is
