@@ -100,6 +100,6 @@ def test_fringes_wider_than_the_bandwidth_are_warned_of() -> None:
     (coarse,) = fringe_warnings(NM[::4], N[::4], 25.0, 2.0)[1:]
     assert coarse.startswith("do not use: its wavelengths are 8 nm apart, too far to show the fringes")
     (unknown,) = fringe_warnings(NM, N, 25.0, None)
-    assert "the instrument's bandwidth is not stated" in unknown
+    assert "the instrument's bandwidth is not specified" in unknown
     assert len(fringe_warnings(NM[:1], N[:1], 25.0, 2.0)) == 2
     assert fringe_warnings(NM, np.full(NM.shape, np.nan), 25.0, 2.0) == ()

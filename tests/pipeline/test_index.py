@@ -163,7 +163,7 @@ def test_a_substrate_as_baseline_is_no_free_standing_layer(tmp_path: Path) -> No
     file = table(tmp_path, {"wavelength_nm": NM, "T": T * 1.12, "R": R})
     found = index(file, options())
     assert found["masked_n"] == NM.size
-    assert "if so, state --baseline substrate" in warned(found, "T exceeds 1 at 100% of the wavelengths")
+    assert "if so, specify --baseline substrate" in warned(found, "T exceeds 1 at 100% of the wavelengths")
     with pytest.raises(SolenError, match="substrate; is required with"):
         index(file, options(baseline="substrate"))
 
@@ -176,7 +176,7 @@ def test_as_published_has_no_use_for_the_baseline(tmp_path: Path) -> None:
 
 def test_the_baseline_is_asked_for(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
-    assert "state --baseline" in warned(index(file, options()), "the baseline is not stated")
+    assert "specify --baseline" in warned(index(file, options()), "the baseline is not specified")
     assert not [line for line in index(file, options(baseline="air"))["warnings"] if "baseline" in line]
 
 
@@ -312,7 +312,7 @@ def test_other_wavelengths_are_interpolated_and_reported(tmp_path: Path) -> None
 
 def test_fringes_are_judged_by_the_bandwidth(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
-    assert "the instrument's bandwidth is not stated" in warned(index(file, options()), "fringes")
+    assert "the instrument's bandwidth is not specified" in warned(index(file, options()), "fringes")
     seen = index(file, options(bandwidth_nm=2.0))["warnings"]
     assert any("contains interference" in line for line in seen)
     assert any("its wavelengths are 10 nm apart, too far to show the fringes" in line for line in seen)

@@ -64,9 +64,7 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """Lack-of-fit test: variance of the mean thicknesses at each dose over that of the discs about their mean, and
-    p-value.
-    """
+    """Lack-of-fit test: variance of the means at each dose over that of the discs about their mean, and p-value."""
 
     F: float
     df: tuple[int, int]
@@ -171,9 +169,7 @@ class WorkingCurve(Result, kw_only=True):
         return np.asarray(self.fit.parameters[0] + self.fit.parameters[1] * np.log(np.asarray(dose, float)))
 
     def half_width_um(self, dose: ArrayLike, *, of_one_disc: bool = False) -> FloatArray:
-        """Return the half width of the 95 % interval for the cure depth at a dose, either of the curve or of one
-        further disc.
-        """
+        """Return the half width of the 95 % interval of the cure depth at a dose, for the curve or one more disc."""
         doses = np.atleast_1d(np.asarray(dose, float))
         halves = []
         for ln_dose, depth in zip(np.log(doses).tolist(), self.depth_um(doses).tolist(), strict=True):
@@ -193,8 +189,7 @@ class WorkingCurve(Result, kw_only=True):
         return math.exp(ln_dose) if ln_dose < _LARGEST_LN else math.inf
 
     def dose_interval95(self, depth_um: float) -> tuple[float, float] | None:
-        """Return the 95 % interval of the dose that cures to a depth; None if the slope is too uncertain for an
-        interval.
+        """Return the 95 % interval of the dose that cures to a depth; None if the slope is too uncertain to have one.
 
         The interval contains all doses at which the curve may reach that depth (Fieller, Journal of the Royal
         Statistical Society B 16, 175, 1954).
@@ -349,9 +344,7 @@ def _columns(discs: tuple[Disc, ...]) -> tuple[FloatArray, FloatArray]:
 
 
 def _weights(x: FloatArray, y: FloatArray, exponent: float) -> FloatArray:
-    """Return weights computed from the fitted thickness; those from the measured one would favour discs that came out
-    thin.
-    """
+    """Return weights from the fitted thickness; the measured one would favour discs that came out thin."""
     weights = np.ones(len(y))
     while_settling = 1 if exponent == 0.0 else _ROUNDS
     before = 0.0
@@ -375,9 +368,7 @@ def _most_likely(x: FloatArray, y: FloatArray, scatter: Scatter) -> tuple[Linear
 
 
 def _fit(discs: tuple[Disc, ...], scatter: Scatter) -> tuple[LinearFit, float]:
-    """Return the maximum-likelihood fit and its exponent; the intervals follow from the residuals if scatter is a
-    guess.
-    """
+    """Return the maximum-likelihood fit and its exponent; if scatter is a guess, residuals give the intervals."""
     x, y = _columns(discs)
     fit, exponent = _most_likely(x, y, scatter)
     if scatter != "auto" or fit.sigma == 0.0:

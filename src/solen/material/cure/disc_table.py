@@ -72,9 +72,7 @@ def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> tuple[F
 
 
 def _agreeing(recording: Recording, dose: Channel, time: Channel, rate: Channel) -> list[str]:
-    """Return the names of the time and irradiance columns; `DataError` if their product does not equal the listed
-    doses.
-    """
+    """Return the names of the time and irradiance columns; `DataError` if their product is not the listed dose."""
     product, stated = time.to("s") * rate.to("mW/cm2"), dose.to(DOSE)
     off = np.abs(product - stated) > _ROUNDED_DOSE * stated
     if off.any():

@@ -241,9 +241,7 @@ def curve_of_discs(recording: Recording, options: CureOptions = CureOptions()) -
 
 
 def curves_of_discs(recordings: Sequence[Recording], options: CureOptions = CureOptions()) -> MeasuredCurve:
-    """Return the curve of the first recording, as `curve_of_discs` does, with the curves of the others for
-    comparison.
-    """
+    """Return the curve of the first recording, as `curve_of_discs` does, with the other curves for comparison."""
     first, *others = (curve_of_discs(recording, options) for recording in recordings)
     fields = [field.name for field in dataclasses.fields(CurveBeside) if field.name != "file"]
     beside = tuple(

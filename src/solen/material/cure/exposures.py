@@ -183,9 +183,7 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
 
 
 def trend(exposure_s: ArrayLike, values: ArrayLike) -> Trend | None:
-    """Return the trend of values against exposures, shape (n,), ignoring NaN; None with fewer than two different
-    exposures.
-    """
+    """Return the trend of values against exposures, shape (n,), ignoring NaN; None if fewer than two differ."""
     x, y = np.asarray(exposure_s, float), np.asarray(values, float)
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]

@@ -80,9 +80,7 @@ class CureFile(Strict):
 
     @property
     def values(self) -> dict[str, Any]:
-        """Return the process parameters by key, from the law for the lamp's spectrum unless the discs prefer Jacobs'
-        law.
-        """
+        """Return the process parameters by key, from the lamp's law unless the discs prefer Jacobs' law."""
         if self.in_lamp is not None and self.in_lamp.preferred != "Jacobs":
             law = self.in_lamp
             return {"Dp_um": law.Dp_um, "Ec_mJ_per_cm2": law.Ec_mJ_per_cm2, "lamp": law.lamp_lines}

@@ -158,9 +158,7 @@ class Penetration(Measured, kw_only=True):
 
     @reported
     def lamp_lines(self) -> tuple[tuple[float, float], ...] | None:
-        """Power fraction of each of the lamp's lines, and its absorption over the mean at the surface; None without a
-        lamp.
-        """
+        """Power fraction of each line of the lamp, and its absorption over the mean at the surface; None if no lamp."""
         from solen.material.cure.spectral import lamp_lines
 
         return None if self.attenuation is None else lamp_lines(self.attenuation)

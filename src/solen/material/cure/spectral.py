@@ -37,9 +37,7 @@ _STEPS = 60
 
 
 def lamp_lines(decay: Attenuation) -> Lines:
-    """Return the lines of a lamp in a resin; lines with similar absorption are merged until at most `MOST_LINES`
-    remain.
-    """
+    """Return the lines of a lamp in a resin; similar lines are merged until at most `MOST_LINES` remain."""
     log = np.log(decay.per_um)
     edges = np.linspace(log.min(), log.max() + 1e-9, MOST_LINES + 1)
     bins = np.clip(np.digitize(log, edges) - 1, 0, MOST_LINES - 1)
@@ -113,9 +111,7 @@ class InLamp(Result, kw_only=True):
 
     @reported
     def lamp_lines(self) -> tuple[tuple[float, float], ...]:
-        """Lines of the lamp, used by a print process: fraction of the light, and absorption over the mean at the
-        surface.
-        """
+        """Lines of the lamp for a print process: fraction of the light, and absorption over the surface mean."""
         return self.lines
 
     def depth_um(self, dose: ArrayLike) -> FloatArray:

@@ -104,9 +104,7 @@ def layer(n: Any, slope_per_nm: Any, k: Any, thickness_um: Any, wavelength_nm: A
 
 
 def stacked(piece: Powers, sheet: tuple[Any, Any, Any] | None, wavelength_nm: Any, setup: Setup | None) -> Readings:
-    """Return the readings for a layer, either free-standing or on a sheet specified by its index, extinction and
-    thickness.
-    """
+    """Return the readings for a layer, free-standing or on a sheet with a given index, extinction and thickness."""
     if sheet is None or setup is None:
         return Readings(piece.through, piece.front)
     n, k, thickness_um = sheet

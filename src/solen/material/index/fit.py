@@ -3,17 +3,17 @@
 A formula with two to four parameters is fitted to hundreds of points by least squares, weighted with the independent
 errors of the points. Shared errors (calibration, the substrate's index, thickness) do not average out: they enter the
 covariance through the same weights, so the estimate does not depend on their assumed shape and the uncertainty does not
-shrink with the number of points. Scatter beyond the stated uncertainties, and correlation between neighbours (from a
+shrink with the number of points. Scatter beyond the specified uncertainties, and correlation between neighbours (from a
 slit wider than the step, or fringes), also widen the covariance.
 
-Internally, each formula has nearly uncorrelated parameters; A, B, C and their covariance are derived from those at the
+Internally, each formula has nearly uncorrelated parameters; A, B, C and their covariance are computed from these at the
 end and checked to reproduce the same numbers.
 
-Unless the caller states it, the number of terms follows from Akaike's criterion for small samples, AICc (K. P. Burnham
-and D. R. Anderson, Model Selection and Multimodel Inference, 2002), in its form for overdispersed data if the points
-scatter beyond their uncertainties.
+Unless the caller specifies it, the number of terms follows from Akaike's criterion for small samples, AICc (K. P.
+Burnham and D. R. Anderson, Model Selection and Multimodel Inference, 2002), in its form for overdispersed data if the
+points scatter beyond their uncertainties.
 
-The interface is `fit`, which accepts a name of `FITS` and returns a `Fit`.
+`fit` accepts one of the names in `FITS` and returns a `Fit`.
 """
 
 import math
@@ -49,15 +49,15 @@ class Fit(Result):
     points
         Number of fitted points.
     residuals
-        Points minus formula, in the shape of the given points; NaN if masked.
+        Points minus formula, in the shape of the input points; NaN if masked.
     rms
         Root mean square of the residuals.
     chi2_reduced
-        Sum of squares in units of the stated independent uncertainties, per degree of freedom; None without them.
+        Sum of squares in units of the specified independent uncertainties, per degree of freedom; None without them.
     neighbours
         Correlation of a residual with the next one.
     widened
-        Factor on the independent uncertainties for scatter and correlation; 1 if they suffice.
+        Factor on the independent uncertainties that accounts for scatter and correlation; 1 if they suffice.
     aicc
         AICc for each number of terms tried; the smallest wins.
     refused
@@ -93,7 +93,7 @@ class Fit(Result):
 
     @reported
     def u_n(self) -> FloatArray:
-        """Standard uncertainty of the index along the curve; NaN where none is known."""
+        """Standard uncertainty of the index along the curve; NaN where it is unknown."""
         return self.model.along(self.wavelength_nm)[1]
 
 
@@ -101,7 +101,7 @@ FITS: Mapping[str, Mapping[int, Callable[[FloatArray], Form]]] = {
     "cauchy": {terms: partial(CauchyForm, terms=terms) for terms in (1, 2, 3)},
     "sellmeier": {1: OnePole, 2: TwoPoles},
 }
-"""Functional forms by the name of the formula and the number of terms."""
+"""Functional forms, by formula name and number of terms."""
 
 _TRIED = {"cauchy": (2, 3), "sellmeier": (1, 2)}
 _PER_TERM = {"cauchy": 1, "sellmeier": 2}
@@ -125,14 +125,14 @@ def fit(
     wavelength_nm, n
         Wavelengths and indices, shape (points,), in any order; a NaN in n is skipped.
     u_n
-        Standard uncertainties that are independent from point to point, above 0, one for all or one for each; a NaN
-        masks its point. None: estimated from the scatter.
+        Standard uncertainties, above 0, that are independent from point to point: a single number, or one per point; a
+        NaN masks its point. None: estimated from the scatter.
     shared
         Errors common to all points, shape (rows, points) or (points,): change of n by one standard uncertainty of each
-        error. One number is an offset.
+        error. A single number is an offset.
     terms
-        Number of terms: 1, 2 (A and B) or 3 for Cauchy's formula, 1 or 2 for Sellmeier's; None selects it by AICc,
-        except Cauchy's with 1.
+        Number of terms: 1, 2 (A and B) or 3 for Cauchy's formula, 1 or 2 for Sellmeier's; None selects it by AICc, but
+        never a single Cauchy term.
 
     Raises
     ------
@@ -150,7 +150,7 @@ def fit(
     for count in (terms,) if terms is not None else _TRIED[kind]:
         needed = count * _PER_TERM[kind] + 1
         if (distinct := np.unique(points.um).size) < needed:
-            refused[count] = f"has {distinct} different wavelengths, needs at least {needed}"
+            refused[count] = f"has {distinct} different wavelengths but needs at least {needed}"
             continue
         try:
             roots[count] = solved(FITS[kind][count](points.um), points)
@@ -166,7 +166,7 @@ def fit(
 
 
 def _scores(roots: Mapping[int, Solved], points: Points) -> dict[int, float]:
-    """Return the AICc of each number of terms, with the scatter left by the richest formula; the smallest is best."""
+    """Return the AICc for each number of terms, using the scatter about the formula with the most terms."""
     richest = roots[max(roots)]
     spread = 1.0 if points.u is None else max(1.0, richest.chi2 / richest.freedom)
     rho = max(richest.neighbours, 0.0)
@@ -224,8 +224,8 @@ def _delivered(
 def _with_model_uncertainty(chosen: Cauchy, models: Mapping[int, Cauchy], scores: Mapping[int, float]) -> Cauchy:
     """Return the chosen formula with a covariance that includes the fits with other numbers of terms, by their weights.
 
-    A third term that is omitted because the points do not require it may still exist; without this step, the stated 95
-    % interval would cover the truth in only 90 % of cases. Burnham and Anderson, section 4.3.
+    A third term that is omitted because the points do not require it may still exist; without this step, the reported
+    95 % interval would contain the true value in only 90 % of cases. Burnham and Anderson, section 4.3.
     """
     least = min(scores.values())
     weights = {count: math.exp((least - scores[count]) / 2) for count in models}
@@ -239,7 +239,7 @@ def _with_model_uncertainty(chosen: Cauchy, models: Mapping[int, Cauchy], scores
 
 
 def _check_delivered(kind: str, one: Solved, model: Cauchy | Sellmeier, points: Points) -> None:
-    """Reject coefficients that lost the accuracy of the fit, for example over a range too short for them."""
+    """Reject coefficients that lost the accuracy of the fit, for example because the wavelength range is too short."""
     value, slope = one.form.value(one.inner)
     for i in np.linspace(0, points.n.size - 1, 5).astype(int):
         nm = min(max(float(points.um[i]) * NM_PER_UM, model.range_nm[0]), model.range_nm[1])
@@ -260,7 +260,7 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[Ca
     if rise > 2 * spread:
         warnings.append(
             do_not_use(
-                f"the fitted index rises by {rise:.2g} from {low:g} to {high:g} nm, but that of "
+                f"the fitted index rises by {rise:.2g} from {low:g} to {high:g} nm, but the index of "
                 "transparent materials falls"
             )
         )
@@ -273,7 +273,9 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[Ca
         )
     if points.u is None and not points.shared.size:
         warnings.append(
-            look_at("the uncertainty of the fit is from scatter alone: errors common to all points are not included")
+            look_at(
+                "the uncertainty of the fit follows from scatter alone: errors common to all points are not included"
+            )
         )
     if isinstance(model, Sellmeier):
         warnings += [

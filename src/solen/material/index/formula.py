@@ -1,6 +1,6 @@
 """The formula through an index spectrum, with separate independent and shared errors.
 
-The interface is `formula_through`, and `smoothed_scatter` for other uses of a spectrum's scatter.
+`formula_through` fits the formula; `smoothed_scatter` serves other uses of a spectrum's scatter.
 """
 
 from dataclasses import replace
@@ -21,14 +21,14 @@ _BESIDE = 15  # points to either side whose scatter is pooled
 def formula_through(
     spectrum: IndexSpectrum, kind: str | None = None, terms: int | None = None
 ) -> tuple[Fit | None, list[Caution]]:
-    """Fit a formula to n; return it and warnings, or None and the reason for its absence.
+    """Fit a formula to n; return it with warnings, or None with the reason why there is none.
 
     Parameters
     ----------
     spectrum
         Index at ascending wavelengths. For values that are not measurements, the formula has no uncertainty.
     kind
-        ``cauchy``, ``sellmeier`` or ``none``; default: Cauchy's if n was measured, else none.
+        ``cauchy``, ``sellmeier`` or ``none``; default: Cauchy's if n was measured, otherwise none.
     terms
         Number of terms; None for Akaike's criterion.
 
@@ -55,10 +55,10 @@ def formula_through(
 
 
 def smoothed_scatter(n: Estimate) -> FloatArray | None:
-    """Return the standard uncertainty from scatter, pooled over nearby points; NaN where n is masked, or None.
+    """Return the standard uncertainty from scatter, pooled over nearby points; NaN where n is masked; None if unknown.
 
-    The scatter of one point, from two or three repeats, is a bad weight: points that agree by chance would dominate a
-    fit.
+    The scatter at a single point, from two or three repeats, is a bad weight: points that agree by chance would
+    dominate a fit.
     """
     square = n.scatter[n.known] ** 2
     total, at = np.append(0.0, np.cumsum(square)), np.arange(square.size)

@@ -1,10 +1,10 @@
-"""The fitted formulas, in parameters that suit a fit, and their conversion to the coefficients of a file.
+"""The fitted formulas, in parameters that suit a fit, and their conversion to the coefficients stored in a file.
 
-Over a short range of wavelengths, A, B and C of Cauchy's formula are strongly correlated, and so are B and C of
-Sellmeier's. A fit therefore uses other parameters: Legendre polynomials of 1/λ² scaled to its range; the straight line
-of 1/(n² − 1) against 1/λ² for one Sellmeier term; and logarithms for two terms.
+Over a short wavelength range, A, B and C of Cauchy's formula are strongly correlated, and so are B and C of
+Sellmeier's. A fit therefore uses other parameters: Legendre polynomials of 1/λ², scaled to the range of the points; the
+straight line of 1/(n² − 1) against 1/λ² for a single Sellmeier term; and logarithms for two terms.
 
-The interface is a `Form` with `start`, `value`, `check` and `model`: `CauchyForm`, `OnePole` or `TwoPoles`. A form
+`CauchyForm`, `OnePole` and `TwoPoles` are `Form`s, with the methods `start`, `value`, `check` and `model`. A form
 raises `UnfitError` if it cannot follow the points.
 """
 
@@ -28,7 +28,7 @@ class UnfitError(Exception):
 
 
 def _scaled(um: FloatArray) -> tuple[FloatArray, float, float]:
-    """Return 1/λ² scaled to −1..1, and its middle and half range."""
+    """Return 1/λ² scaled to −1..1, and the centre and half width of its range."""
     x = um**-2
     middle, half = float(x.max() + x.min()) / 2, float(x.max() - x.min()) / 2 or 1.0
     return (x - middle) / half, middle, half
@@ -48,10 +48,10 @@ class Form(ABC):
         """Return the index, shape (points,), and its derivatives, shape (points, size)."""
 
     def check(self, inner: FloatArray) -> None:  # noqa: B027  nothing to refuse is the rule
-        """Raise `UnfitError` for a formula that no transparent material can have."""
+        """Raise `UnfitError` if no transparent material can have this formula."""
 
     def check_covariance(self, inner: FloatArray, covariance: FloatArray) -> None:  # noqa: B027
-        """Raise `UnfitError` if a linear uncertainty is meaningless."""
+        """Raise `UnfitError` if a linear uncertainty would be meaningless."""
 
     @abstractmethod
     def model(self, inner: FloatArray, covariance: FloatArray, span_nm: tuple[float, float]) -> Cauchy | Sellmeier:
@@ -88,9 +88,9 @@ class CauchyForm(Form):
 
 
 class OnePole(Form):
-    """Sellmeier's formula with one term.
+    """Sellmeier's formula with a single term.
 
-    1/(n² − 1) = 1/B − (C/B)/λ² is a straight line, whose middle and rise are the inner parameters.
+    1/(n² − 1) = 1/B − (C/B)/λ² is a straight line, whose value at the centre and rise are the inner parameters.
     """
 
     size = 2
@@ -141,7 +141,7 @@ class OnePole(Form):
 class TwoPoles(Form):
     """Sellmeier's formula with two terms, in the logarithms of B1, B2, C1 and C2.
 
-    The second resonance is beyond either end of the range.
+    The second resonance is outside the range, at either end.
     """
 
     size = 4
@@ -188,7 +188,7 @@ class TwoPoles(Form):
                 best = fit
         assert best is not None  # noqa: S101  there are two starts
         if best.active_mask.any():
-            raise UnfitError("drives its second term to the limit of its range: one term suffices")
+            raise UnfitError("pushes its second term to the limit of the allowed range: a single term suffices")
         return np.asarray(best.x)
 
     def value(self, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -216,7 +216,7 @@ class TwoPoles(Form):
             )
 
     def model(self, inner: FloatArray, covariance: FloatArray, span_nm: tuple[float, float]) -> Sellmeier:
-        """Return B and C of both terms, the resonance of shorter wavelength first."""
+        """Return B and C of both terms, starting with the resonance at the shorter wavelength."""
         values = np.exp(inner)
         spread = np.outer(values, values) * covariance
         order = [0, 1, 2, 3] if values[2] <= values[3] else [1, 0, 3, 2]

@@ -1,14 +1,15 @@
-"""Interference between the two faces of a layer, for which adding powers fails.
+"""Interference between the two faces of a layer, which the sum of powers ignores.
 
 Fringes are λ²/(2nh) apart. A monochromator with a much larger bandwidth averages over them, and powers add; with a
-smaller bandwidth, they are visible if the wavelengths are close enough. Points too far apart show no fringes but are
-still affected.
+smaller bandwidth, they are visible if the wavelengths are close enough. Points that are too far apart do not show the
+fringes but are still affected by them.
 
 Fringes are periodic in n/λ, and nothing else in a spectrum is: they are detected by the fraction of scatter that a
-cosine of 4πnh/λ removes, over n·h and the dispersion, and are significant if noise would hardly ever remove as much.
+cosine of 4πnh/λ removes, over a range of n·h and dispersion. They are significant if noise would hardly ever remove as
+much.
 
-The interface is `find_fringes`, which returns a `Phase` for each interpretation (none without fringes), and
-`fringe_warnings`, which states what a bandwidth leaves undetermined.
+`find_fringes` returns a `Phase` for each interpretation (none without fringes), and `fringe_warnings` reports what a
+bandwidth leaves undetermined.
 """
 
 import math
@@ -74,7 +75,7 @@ def find_fringes(
     wavelength_nm, values
         Ascending wavelengths, and T or (T − R)/2; shape (n,).
     optical_um
-        Lower and upper bound of n times thickness.
+        Lower and upper bounds of n times thickness.
     beside
         (T + R)/2, which absorption affects and fringes do not.
     """
@@ -111,7 +112,7 @@ def find_fringes(
 
 
 def _are_fringes(um: FloatArray, u: FloatArray, off: FloatArray, beside: FloatArray | None, phase: Phase) -> bool:
-    """Whether the oscillation extends through much of the spectrum, or is absent from T + R; a band does neither.
+    """Whether the oscillation extends through much of the spectrum or is absent from T + R; no absorption band does.
 
     A slit of several nm leaves the fringes of a thick layer only at long wavelengths.
     """
@@ -134,7 +135,7 @@ def _level(values: FloatArray) -> FloatArray:
 def _periodogram(
     um: FloatArray, u: FloatArray, off: FloatArray, optical_um: tuple[float, float]
 ) -> list[tuple[float, float, float]]:
-    """Return log probability, n·h and rise of the strongest periods that noise does not explain."""
+    """Return the log probability, n·h and rise of the strongest periods that noise does not explain."""
     span = abs(2.0 / um[0] - 2.0 / um[-1])
     optical = np.arange(max(optical_um[0], _LEAST_FRINGES / span), optical_um[1], 0.2 / span)
     total, freedom = float(off @ off), (um.size - _SMOOTH - 3) / 2.0
@@ -151,7 +152,7 @@ def _periodogram(
 
 
 def _refined(um: FloatArray, u: FloatArray, off: FloatArray, optical: float, rise: float) -> Phase:
-    """Return the period near a coarse one whose cosine, with a smoothly varying amplitude, explains most."""
+    """Return the period close to a coarse one whose cosine, with a smoothly varying amplitude, explains most."""
     envelope = np.stack([np.ones_like(u), u, u**2])
 
     def explained(near: FloatArray, slope: float) -> tuple[FloatArray, FloatArray]:
@@ -173,14 +174,14 @@ def _refined(um: FloatArray, u: FloatArray, off: FloatArray, optical: float, ris
 
 
 def _shifted_order(um: FloatArray, u: FloatArray, off: FloatArray, phase: Phase, by: float) -> Phase:
-    """Return fringes whose orders are shifted by a number, with phases as similar to the old ones as possible."""
+    """Return fringes with orders shifted by a number, and with phases as similar to the old ones as possible."""
     shape = np.stack([np.ones_like(u), u, u**2])
     shift = np.linalg.lstsq(shape.T, by * um / 2.0, rcond=None)[0]
     return _polished(um, u, off, phase.optical_um * np.array([1.0, phase.rise, phase.bend]) + shift)
 
 
 def _polished(um: FloatArray, u: FloatArray, off: FloatArray, p: FloatArray) -> Phase:
-    """Refine a phase, including a bend in the dispersion, by Gauss-Newton steps from a start."""
+    """Refine a phase, including a quadratic dispersion term, by Gauss-Newton steps."""
     per_um = 4.0 * np.pi / um
     shape: FloatArray = np.stack([np.ones_like(u), u, u**2])
     envelope: FloatArray = np.stack([np.ones_like(u), u, u**2, u**3])
@@ -210,9 +211,9 @@ def _polished(um: FloatArray, u: FloatArray, off: FloatArray, p: FloatArray) -> 
 def fringe_warnings(
     wavelength_nm: FloatArray, n: FloatArray, thickness_um: float, bandwidth_nm: float | None
 ) -> tuple[Caution, ...]:
-    """Return warnings about fringes of a spectrum along ascending wavelengths.
+    """Return warnings about the fringes in a spectrum with ascending wavelengths.
 
-    ``n`` may contain NaN, which is replaced by the median of the other values. ``bandwidth_nm`` is None if not known.
+    A NaN in ``n`` is replaced by the median of the other values. ``bandwidth_nm`` is None if it is not known.
     """
     if not np.isfinite(n).any():
         return ()
@@ -223,7 +224,7 @@ def fringe_warnings(
         ends += f" and {spacing[-1]:.2g} nm at {wavelength_nm[-1]:g} nm"
     what = f"fringes of a layer of {thickness_um:g} µm are {ends}"
     if bandwidth_nm is None:
-        return (look_at(f"{what}: powers add if the bandwidth is larger; the instrument's bandwidth is not stated"),)
+        return (look_at(f"{what}: powers add if the bandwidth is larger; the instrument's bandwidth is not specified"),)
     wide = spacing > bandwidth_nm
     if not wide.any():
         return ()
@@ -234,8 +235,6 @@ def fringe_warnings(
     found = [do_not_use(f"{lost}: the spectrum contains interference, which the sum of powers ignores")]
     step = float(np.median(np.diff(wavelength_nm))) if wavelength_nm.size > 1 else np.inf
     if step > spacing[wide].min() / 2.0:
-        apart = f"its wavelengths are {step:g} nm apart" if np.isfinite(step) else "it has one wavelength"
-        found.append(
-            do_not_use(f"{apart}, too far to show the fringes: they affect n as an error that looks like scatter")
-        )
+        apart = f"its wavelengths are {step:g} nm apart" if np.isfinite(step) else "it has a single wavelength"
+        found.append(do_not_use(f"{apart}, too far to show the fringes, which affect n like scatter"))
     return tuple(found)

@@ -1,6 +1,6 @@
-"""A layer in air and its inverse, computed with fifty digits, one wavelength at a time, from the formulas as printed.
+"""A layer in air and its inverse, computed with fifty digits, one wavelength at a time, from the formulas as published.
 
-The code is arranged neither for speed nor against rounding, which fifty digits make unnecessary. `forward` of
+The code optimises neither speed nor rounding, which fifty digits make unnecessary. `forward` in
 `solen.material.index.stack` and `solen.material.index.inversion` are tested against it.
 """
 
@@ -25,7 +25,7 @@ def layer(n: Number, k: Number, thickness_um: Number, wavelength_nm: Number) -> 
 def index(
     reflectance: Number, transmittance: Number, thickness_um: Number, wavelength_nm: Number
 ) -> tuple[Decimal, Decimal]:
-    """Return R_F, k and n of a layer with R and T, from the formulas as Nichelatti (2002) and the paper print them.
+    """Return R_F, k and n of a layer with R and T, from the formulas as published by Nichelatti (2002) and the paper.
 
     Raise `ArithmeticError` if a logarithm or a root has no value.
     """

@@ -1,11 +1,11 @@
-"""The index for light with a given spectrum: that of an LED, or of one wavelength.
+"""The index for light with a given spectrum: from an LED, or a single wavelength.
 
-An index between measured wavelengths is interpolated linearly, so the power-weighted index is a sum of measured ones
+An index between measured wavelengths is interpolated linearly, so the power-weighted index is a sum of measured indices
 with known weights. Scatter from wavelength to wavelength averages out in it; errors common to all wavelengths do not.
-Light outside the measured range is not extrapolated to.
+Nothing is extrapolated to light outside the measured range.
 
-The interface is an `Illuminant` from `lines`, `led`, `measured_light`, or by name from `named_light`; `index_in`, which
-returns the `Evaluated` index of a spectrum in its light; and `formula_in`, which does so for a formula.
+`lines`, `led`, `measured_light` and `named_light` return an `Illuminant`. `index_in` evaluates a spectrum in its light,
+and `formula_in` a formula.
 """
 
 from dataclasses import dataclass, replace
@@ -24,15 +24,15 @@ from solen.recording import read, spectra
 from solen.recording.optical import listed
 
 MOST_OUTSIDE = 0.02
-"""Largest fraction of the light that may be at wavelengths without measurement."""
+"""Largest fraction of the light that may be at wavelengths without a measurement."""
 NOISE = 0.01
-"""Fraction of the peak below which a measured spectrum is noise."""
+"""Values of a measured spectrum below this fraction of the peak are treated as noise."""
 _LINES, _REACH = 241, 3.0  # number of lines of an LED, and their range in standard deviations
 
 
 @dataclass(frozen=True, eq=False)
 class Illuminant:
-    """Ascending wavelengths in nm, the fraction of the power at each (1 in total), and their origin in words."""
+    """Ascending wavelengths in nm, the fraction of the power at each (in total 1), and their origin in words."""
 
     wavelength_nm: FloatArray
     share: FloatArray
@@ -40,7 +40,7 @@ class Illuminant:
 
     @property
     def mean_nm(self) -> float:
-        """Mean wavelength, weighted with power."""
+        """Mean wavelength, weighted by power."""
         return float(self.wavelength_nm @ self.share)
 
 
@@ -80,7 +80,7 @@ class Evaluated:
 def lines(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "") -> Illuminant:
     """Return light with given powers at given wavelengths, in any order.
 
-    A measured spectrum on an even grid can be used directly. `DataError` if a power is negative or all are zero.
+    A measured spectrum on a uniform grid can be used directly. `DataError` if a power is negative or all are zero.
     """
     nm, weight = np.asarray(wavelength_nm, dtype=float), np.asarray(power, dtype=float)
     seen = np.isfinite(nm) & np.isfinite(weight)
@@ -95,7 +95,7 @@ def lines(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "") -> Illum
 def measured_light(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "") -> Illuminant:
     """Return light with a measured power per nm; each wavelength represents its nearest neighbourhood.
 
-    Values below 1 % of the peak are omitted: there a spectrometer shows its noise, on both sides of 0.
+    Values below 1 % of the peak are omitted, because a spectrometer shows noise on both sides of 0 there.
     """
     nm, values = np.asarray(wavelength_nm, dtype=float), np.asarray(power, dtype=float)
     order = np.argsort(nm)
@@ -106,7 +106,7 @@ def measured_light(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "")
 
 
 def led(peak_nm: float, fwhm_nm: float | None, source: str = "") -> Illuminant:
-    """Return the light of an LED: a normal distribution about its peak, or one line if no width is known."""
+    """Return the light of an LED: a normal distribution about its peak, or a single line if no width is known."""
     if not fwhm_nm:
         return lines([peak_nm], [1.0], source)
     steps = np.linspace(-_REACH, _REACH, _LINES)
@@ -114,7 +114,7 @@ def led(peak_nm: float, fwhm_nm: float | None, source: str = "") -> Illuminant:
 
 
 def named_light(name: str) -> Illuminant:
-    """Return the light of an emitter of the library, of a part's .toml file, or of a file with a spectrum."""
+    """Return the light of an emitter from the library, from a part's .toml file, or from a file with a spectrum."""
     if name in library() or not Path(name).suffix:
         return _light_of_part(library_part(name))
     if Path(name).suffix.lower() == ".toml":
@@ -123,7 +123,7 @@ def named_light(name: str) -> Illuminant:
     traces = spectra(recording)
     if len(traces) != 1:
         names = listed([trace.channel.name for trace in traces])
-        limit = f"needs one column of power in addition to the wavelength; it has {names}"
+        limit = f"needs one power column in addition to the wavelength, but has {names}"
         raise DataError(recording.provenance.file, limit=limit)
     source = f"spectrum of {recording.provenance.file}"
     return measured_light(traces[0].wavelength_nm, traces[0].channel.values, source)
@@ -133,7 +133,7 @@ def _light_of_part(part: object) -> Illuminant:
     if not isinstance(part, EmitterPart):
         raise DataError("--led", value=getattr(part, "name", None), limit="is not an emitter")
     peak_nm, fwhm_nm = part.peak_nm.nominal, part.fwhm_nm.nominal if part.fwhm_nm else None
-    width = f", {fwhm_nm:g} nm wide" if fwhm_nm else ", its width not known"
+    width = f", {fwhm_nm:g} nm wide" if fwhm_nm else ", width unknown"
     return led(peak_nm, fwhm_nm, f"{part.name}, peak at {peak_nm:g} nm{width}")
 
 
@@ -160,8 +160,8 @@ def index_in(spectrum: IndexSpectrum, light: Illuminant) -> Evaluated:
 def formula_in(model: Dispersion, light: Illuminant) -> Evaluated:
     """Return the index of a formula for some light.
 
-    Its uncertainty is the mean of the uncertainties at the light's wavelengths, as if their errors were fully
-    correlated, which they nearly are.
+    The uncertainty is the mean over the light's wavelengths, as if their errors were fully correlated, which they
+    nearly are.
     """
     inside, result = _inside(light, *model.range_nm, "the formula holds")
     if result.reason:
@@ -172,7 +172,7 @@ def formula_in(model: Dispersion, light: Illuminant) -> Evaluated:
 
 
 def _inside(light: Illuminant, low_nm: float, high_nm: float, what: str) -> tuple[Illuminant, Evaluated]:
-    """Return the light within a range, and a result without index that has a reason if too much light is outside."""
+    """Return the light within a range and, if too much is outside, a result with a reason but no index."""
     inside = (light.wavelength_nm >= low_nm) & (light.wavelength_nm <= high_nm)
     outside = float(1.0 - light.share[inside].sum())
     if outside > MOST_OUTSIDE:
@@ -184,7 +184,7 @@ def _inside(light: Illuminant, low_nm: float, high_nm: float, what: str) -> tupl
 
 
 def _shares(nm: FloatArray, place: IndexArray, at: FloatArray, weight: FloatArray) -> tuple[FloatArray, float]:
-    """Return the weights of the known wavelengths in an interpolation, and the fraction of light at masked ones."""
+    """Return the interpolation weights of the unmasked wavelengths, and the fraction of light at masked ones."""
     share = np.zeros(nm.size)
     right = np.clip(np.searchsorted(nm, at, side="left"), 1 if nm.size > 1 else 0, nm.size - 1)
     left = np.maximum(right - 1, 0)

@@ -1,10 +1,10 @@
 """Route for a layer with visible fringes: from T, R or both to an `IndexSpectrum`, or back to the sum of powers.
 
 Fringes in the data are detected automatically. The index is then that of a film whose coherence is fitted too
-(`solen.material.index.film`). If the residuals still have fringes, no such film explains the data, and n is computed
-from the levels of T and R, with the fringes as scatter in its uncertainty.
+(`solen.material.index.film`). If the residuals still contain fringes, no film of this kind explains the data, and n is
+computed from the levels of T and R, with the fringes as scatter in its uncertainty.
 
-The interface is `fringes_of` readings, and `fringed`, which returns the spectrum and an `Interference`.
+`fringes_of` detects the fringes in readings; `fringed` returns the spectrum and an `Interference`.
 """
 
 from collections.abc import Mapping
@@ -45,20 +45,20 @@ class Interference(Result):
     thickness_um, u_thickness_um
         Mean thickness, and its standard uncertainty.
     optical_thickness_um, u_optical_thickness_um
-        n times thickness at the middle of the spectrum, and its standard uncertainty; None if the index is from the
+        n times thickness at the centre of the spectrum, and its standard uncertainty; None if n is computed from the
         levels of T and R alone.
     thickness_spread_percent
         Standard deviation of the thickness within the beam, estimated from the contrast.
     slit_nm
         Fitted slit width.
     visibility
-        Contrast in the middle of the spectrum, as a fraction of that of a perfect film.
+        Contrast at the centre of the spectrum, as a fraction of that of a perfect film.
     by_levels
-        Whether no film explains the fringes, so n is from the levels of the spectra.
+        Whether no film explains the fringes, so that n is computed from the levels of the spectra.
     residual
         Root mean square of measured minus fitted values, for each reading.
     dispersion
-        Form of n in the fit: cauchy (three terms), sellmeier (one pole), free (a smooth curve with knots).
+        Functional form of n in the fit: cauchy (three terms), sellmeier (one pole), free (a smooth curve with knots).
     """
 
     thickness_um: float
@@ -77,7 +77,7 @@ class Interference(Result):
 def fringes_of(
     wavelength_nm: FloatArray, readings: Mapping[str, ArrayLike], thickness: Length | None = None
 ) -> list[Phase]:
-    """Return the fringes of T, of R, or of their difference if both were measured; none if noise explains them."""
+    """Return the fringes in T, in R, or in their difference if both were measured; none if noise explains them."""
     spectra = {kind: np.asarray(values, dtype=float) for kind, values in readings.items()}
     beside = None
     if set(spectra) == {"T", "R"}:
@@ -102,7 +102,7 @@ def fringed(
     bare: Mapping[str, Reading] | None = None,
     kind: Kind | None = None,
 ) -> tuple[IndexSpectrum, Interference | None]:
-    """Return the index and extinction of a layer with fringes, or of one fitted jointly with its bare substrate.
+    """Return the index and extinction of a layer with fringes, or of a layer fitted jointly with its bare substrate.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def fringed(
 
 
 def _refuse_form(measured: Measured, film: Film, other: Film | None) -> None:
-    """Raise `DataError` if a requested form of n leaves fringes and another one leaves none."""
+    """Raise `DataError` if the requested form of n leaves fringes and another form leaves none."""
     if other is None or other.form == film.form:
         return
     left = {kind: reading.value - other.fitted[kind] for kind, reading in measured.readings.items()}
@@ -199,21 +199,21 @@ def _common(parts: FloatArray) -> Combined:
 
 
 def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool) -> list[Caution]:
-    """Return remarks on the choice of model, and on missing inputs."""
+    """Return notes on the choice of model, and on missing inputs."""
     found = [
         note("fringes were detected: the index is that of a layer whose faces interfere, and the coherence was fitted")
     ]
     if by_levels:
         found = [
             look_at(
-                "fringes were detected, but no film with one slit width, one thickness variation and a smooth n "
-                "explains them: n is from the levels of the spectra, with the fringes as scatter in its "
+                "fringes were detected, but no film with a single slit width, a single thickness variation and a "
+                "smooth n explains them: n is computed from the levels of the spectra, with the fringes as scatter in its "
                 "uncertainty; measure a flatter spot"
             )
         ]
     elif dispersion == "free":
         found.append(
-            note("Cauchy's three terms leave more than noise: n is a smooth curve with knots some fringes apart")
+            note("Cauchy's three terms leave more than noise: n is a smooth curve with knots a few fringes apart")
         )
     if mode == JOINT:
         found = [
@@ -222,7 +222,7 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
     elif measured.slit_nm is None:
         found.append(
             look_at(
-                "the bandwidth is not stated and was fitted: state --bandwidth-nm, because the "
+                "the bandwidth is not specified and was fitted: specify --bandwidth-nm, because the "
                 "contrast of fringes depends on it"
             )
         )
@@ -237,7 +237,9 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
     if unknown:
         options = " and ".join(f"--u-{kind}" for kind in unknown)
         found.append(
-            look_at(f"the accuracy of {' and '.join(unknown)} is not stated and not included in u(n): state {options}")
+            look_at(
+                f"the accuracy of {' and '.join(unknown)} is not specified and not included in u(n): specify {options}"
+            )
         )
     if "R" not in measured.readings:
         found.append(

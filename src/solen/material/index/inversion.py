@@ -1,20 +1,19 @@
 """Inversion of R and T of a free-standing layer to n and k: exact, stable, with exact derivatives.
 
-The formulas as printed subtract nearly equal numbers, in R_F = (B − S)/(2(2 − R)) at small R and in R − R_F if little
+The published formulas subtract nearly equal numbers: in R_F = (B − S)/(2(2 − R)) at small R, and in R − R_F if little
 light is transmitted. Both have forms without a difference. With c = R(2 − R),
 
-    S² = (1 − R)⁴ + T² (2 + 2c + T²),   R_F = 2R / (1 + c + T² + S),
-    τ = 2T / ((1 − R_F)² + √((1 − R_F)⁴ + 4 R_F² T²)),   k = −λ ln τ / (4πh),
-    n = (1 + R_F)/(1 − R_F) + √(4R_F/(1 − R_F)² − k²),
+    S² = (1 − R)⁴ + T² (2 + 2c + T²),   R_F = 2R / (1 + c + T² + S), τ = 2T / ((1 − R_F)² + √((1 − R_F)⁴ + 4 R_F² T²)),
+    k = −λ ln τ / (4πh), n = (1 + R_F)/(1 − R_F) + √(4R_F/(1 − R_F)² − k²),
 
-where all sums have positive terms. R + T > 1 is equivalent to τ > 1 and gives a negative k, which is returned as it is,
-to be judged by its uncertainty. n depends only on k² and remains meaningful there.
+where all sums have positive terms. R + T > 1 is equivalent to τ > 1 and gives a negative k, which is returned
+unchanged, to be judged by its uncertainty. n depends only on k² and remains meaningful in this case.
 
 The square root has two signs. The other index with the same R_F and k is (1 + k²)/n: below 1 and irrelevant if k is
 small, but a real alternative inside strong absorption bands.
 
-The interface is `invert`, which returns an `Inverted`; `invert_many`, which returns the same n and k for more numbers
-than fit in memory at once; and `slopes`, which returns the derivatives with respect to R, T and h.
+`invert` returns an `Inverted`; `invert_many` returns the same n and k for data that exceed the memory; and `slopes`
+returns the derivatives with respect to R, T and h.
 """
 
 import os
@@ -42,7 +41,7 @@ MUCH = 1 << 20  # numbers above which a call uses several cores
 
 @dataclass(frozen=True, eq=False)
 class Inverted:
-    """Index of a layer in air from R and T, with only missing values masked: arrays of one shape.
+    """Index of a layer in air from R and T, with only missing values masked; all arrays have the same shape.
 
     Attributes
     ----------
@@ -51,9 +50,9 @@ class Inverted:
     other_n
         The second index that fits equally well, (1 + k²)/n.
     face
-        Reflectance of one face, the R_F of the formulas.
+        Reflectance of a single face, the R_F of the formulas.
     tau
-        Transmittance of one pass; above 1 if R + T > 1.
+        Transmittance of a single pass; above 1 if R + T > 1.
     """
 
     n: FloatArray
@@ -64,12 +63,12 @@ class Inverted:
 
 
 Slopes = Mapping[str, FloatArray]
-"""Derivatives by input: ``T``, ``R``, ``thickness_um``, and on a substrate its properties."""
+"""Derivatives by input: ``T``, ``R``, ``thickness_um`` and, on a substrate, the sheet's properties."""
 
 
 @dataclass(frozen=True, eq=False)
 class Inverse:
-    """n and k with their derivatives; arrays of shape (wavelengths,), NaN where there is no value.
+    """n and k with their derivatives; arrays of shape (wavelengths,), NaN if there is no value.
 
     Attributes
     ----------
@@ -78,8 +77,8 @@ class Inverse:
     other_n
         The second index that fits the same readings.
     n_by, k_by
-        Derivatives with respect to ``T``, ``R``, ``thickness_um`` of the layer, ``n`` (if the layer's index was given)
-        and the known properties of a substrate: ``sheet_n``, ``sheet_k``, ``sheet_um``.
+        Derivatives with respect to ``T``, ``R``, ``thickness_um`` of the layer, ``n`` (if the layer's index was
+        specified) and the substrate's properties: ``sheet_n``, ``sheet_k``, ``sheet_um``.
     """
 
     n: FloatArray
@@ -121,7 +120,7 @@ def invert_many(
     reflectance, transmittance, thickness_um, wavelength_nm
         As for `invert`.
     out
-        Arrays of the common shape into which n and k are written, to reuse memory.
+        Arrays with the broadcast shape of the inputs, into which n and k are written to reuse memory.
     """
     arguments = _broadcast(reflectance, transmittance, 1.0 / optical_depth(thickness_um, wavelength_nm))
     n, k = out or (np.empty(arguments[0].shape), np.empty(arguments[0].shape))
@@ -135,7 +134,7 @@ def invert_many(
 def slopes(
     reflectance: ArrayLike, transmittance: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike
 ) -> tuple[Slopes, Slopes]:
-    """Return the exact derivatives of n and k of `invert`, whose arguments it shares.
+    """Return the exact derivatives of the n and k that `invert` computes from the same arguments.
 
     They follow from the quadratic equations that R_F and τ solve, (2 − R) R_F² − (2 + T² − (1 − R)²) R_F + R = 0 and
     R_F² T τ² + (1 − R_F)² τ − T = 0.
@@ -178,7 +177,7 @@ def _invert_into(
 def _inverted(
     r: FloatArray, t: FloatArray, per_depth: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return R_F, τ, k and n; NaN where there are none."""
+    """Return R_F, τ, k and n; NaN if they do not exist."""
     possible = (r > 0.0) & (r < 1.0) & (t > 0.0)
     if not possible.all():
         r = np.where(possible, r, np.nan)
@@ -192,7 +191,7 @@ def _inverted(
 
 
 def _s(r: FloatArray, t: FloatArray) -> FloatArray:
-    """Return the square root in R_F."""
+    """Return the square root in the formula for R_F."""
     t2, past = t * t, 1.0 - r
     past2 = past * past
     return np.asarray(np.sqrt(past2 * past2 + t2 * (2.0 + 2.0 * r * (2.0 - r) + t2)))

@@ -1,10 +1,10 @@
 """The index of a printed layer, from a recording of its spectra to n and k against wavelength.
 
 The route follows from the spectra that were measured, unless one is requested; the published formulas are used only on
-request. Every form of the result states its limits: a masked value is null with a reason next to it, and each property
-of the instrument or the layer that was not stated is a warning.
+request. Every form of the result reports its limits: a masked value is null with the reason next to it, and each
+unspecified property of the instrument or the layer causes a warning.
 
-The interface is `index_of_layer`, which returns the `LayerIndex` of a recording with `IndexOptions`.
+`index_of_layer` evaluates a recording with `IndexOptions` and returns a `LayerIndex`.
 """
 
 from collections.abc import Mapping
@@ -42,18 +42,18 @@ _MOST_UNUSED = 3  # largest number of unused traces that are named
 
 
 class LayerIndex(Measured, kw_only=True):
-    """Index and extinction of a layer against wavelength; arrays of shape (n,), NaN where masked or not known.
+    """Index and extinction of a layer against wavelength; arrays of shape (n,), NaN where masked or unknown.
 
     Attributes
     ----------
     file
-        Name of the file of the spectra.
+        Name of the file with the spectra.
     mode
         Route from the spectra to the index.
     measurement
         Whether n follows from measured values.
     baseline
-        Reference of the 100 % of T, air or substrate.
+        Reference for 100 % transmittance, air or substrate.
     bandwidth_nm
         Spectral bandwidth of the instrument, in nm.
     options
@@ -69,13 +69,13 @@ class LayerIndex(Measured, kw_only=True):
     k, u_k
         Extinction coefficient and its standard uncertainty.
     interval95_k
-        95 % bounds of k ≥ 0, shape (n, 2); also given where k is masked as not resolved.
+        95 % bounds of k ≥ 0, shape (n, 2); also available where k is masked as not resolved.
     correlation_n_k
         Correlation of the errors of n and of k.
     reason
-        Why n or k is masked at a wavelength; null where neither is.
+        Why n or k is masked at a wavelength; null if neither is.
     masked_n, masked_k
-        Number of wavelengths at which n, and k, is masked.
+        Number of wavelengths at which n and k, respectively, are masked.
     lossless_n, u_lossless_n
         Index from T alone assuming k = 0, and its standard uncertainty.
     T, R
@@ -95,7 +95,7 @@ class LayerIndex(Measured, kw_only=True):
     repeats_nm, repeats_lossless_n
         Longest wavelength at which all repeats of T have a lossless index, in nm, and the index of each repeat there.
     interference
-        Results of the fringes; None if none were detected.
+        Results from the fringes; None if none were detected.
     """
 
     file: str
@@ -140,7 +140,7 @@ def index_of_layer(recording: Recording, options: IndexOptions = IndexOptions())
     Raises
     ------
     DataError, SpecError
-        If traces must be chosen, something must be stated, or no index follows from the measurement.
+        If traces must be selected, required information is missing, or no index follows from the measurement.
     """
     chosen = {"T": options.transmittance, "R": options.reflectance, "A": options.absorbance}
     recording = chosen_rows(recording, options)
@@ -254,7 +254,7 @@ def _interfering(
 
 
 def _bare(recording: Recording, spectra: OpticalSpectra, options: IndexOptions) -> tuple[dict[str, Reading], Setup]:
-    """Return T and R of the bare sheet at the layer's wavelengths, and the sheet as derived from them alone."""
+    """Return T and R of the bare sheet at the layer's wavelengths, and the sheet's index from them alone."""
     chosen = {"T": options.bare_transmittance, "R": options.bare_reflectance, "A": ()}
     sheet, nm = optical_spectra(recording, chosen), spectra.wavelength_nm
     if sheet.wavelength_nm.shape != nm.shape or not np.allclose(sheet.wavelength_nm, nm):
@@ -290,7 +290,7 @@ def _routed(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
         )
         raise SpecError("--mode measured", limit=limit, remedy=remedy)
     if "A" not in spectra.rows or options.absorbance_kind != "absorptance":
-        remedy = "name its trace with --absorbance and state --absorbance-kind absorptance"
+        remedy = "name its trace with --absorbance and add --absorbance-kind absorptance"
         raise SpecError("--mode absorptance", limit="needs a measured absorptance", remedy=remedy)
     return routes.absorptance(nm, t, _reading(spectra, options, "A"), options.thickness)
 
@@ -331,13 +331,13 @@ def _transmittance(spectra: OpticalSpectra, options: IndexOptions) -> Reading:
 
 
 def _ask_kind(spectra: OpticalSpectra) -> SpecError:
-    limit = f"must be stated for {spectra.names['A'][0]}: log10, ln, absorptance"
+    limit = f"must be specified for {spectra.names['A'][0]}: log10, ln, absorptance"
     remedy = "a spectrophotometer exports log10, −log10 T; an absorptance is measured in an integrating sphere"
     return SpecError("--absorbance-kind", limit=limit, remedy=remedy)
 
 
 def _check_published(spectra: OpticalSpectra, options: IndexOptions, t: Reading) -> None:
-    """Raise if A was given but is not the absorbance that the published formula uses."""
+    """Raise if A was supplied but is not the absorbance that the published formula uses."""
     if options.absorbance_kind not in {None, "log10"}:
         limit = "the as-published mode requires A as log10"
         raise SpecError("--absorbance-kind", value=options.absorbance_kind, limit=limit)
@@ -347,7 +347,7 @@ def _check_published(spectra: OpticalSpectra, options: IndexOptions, t: Reading)
 
 
 def _stated_bandwidth_nm(recording: Recording) -> float | None:
-    """Return the spectral bandwidth that an instrument wrote into its file."""
+    """Return the spectral bandwidth that an instrument wrote to its file."""
     for name, text in recording.provenance.metadata.items():
         if "sbw" in name.lower():
             try:
@@ -360,7 +360,7 @@ def _stated_bandwidth_nm(recording: Recording) -> float | None:
 
 
 def _literature(spectrum: IndexSpectrum, options: IndexOptions) -> tuple[Band | None, list[Caution]]:
-    """Return the band of the literature's indices, and warnings if n is outside it or falls more than any of them."""
+    """Return the literature's index band, and warnings if n is outside it or falls too steeply."""
     if options.literature == "none":
         return None, []
     nm, n, package = spectrum.wavelength_nm, spectrum.n, options.literature == "package"
@@ -380,7 +380,7 @@ def _repeats(spectra: OpticalSpectra) -> tuple[float | None, FloatArray | None]:
 
 
 def _other_baseline(spectra: OpticalSpectra, options: IndexOptions) -> list[Caution]:
-    """Warn if an absorbance and a transmittance of the same file have different baselines."""
+    """Warn if an absorbance and a transmittance in the same file have different baselines."""
     base = BASES.get(options.absorbance_kind or "")
     if base is None or not {"A", "T"} <= spectra.rows.keys():
         return []
@@ -388,18 +388,20 @@ def _other_baseline(spectra: OpticalSpectra, options: IndexOptions) -> list[Caut
         return []
     name, other = spectra.names["A"][0], spectra.names["T"][0]
     return [
-        look_at(f"{name} is not the absorbance of {other}: they have different baselines, or are of different samples")
+        look_at(
+            f"{name} is not the absorbance of {other}: they have different baselines, or belong to different samples"
+        )
     ]
 
 
 def _about_instrument(
     spectrum: IndexSpectrum, spectra: OpticalSpectra, options: IndexOptions, bandwidth_nm: float | None
 ) -> list[Caution]:
-    """Return warnings: properties of instrument and layer that were not stated, or that T or the fringes contradict."""
+    """Return warnings about properties that are unspecified, or that T or the fringes contradict."""
     warnings = []
     if options.baseline is None:
         warnings.append(
-            look_at("the baseline is not stated; air is assumed, for a free-standing layer: state --baseline")
+            look_at("the baseline is not specified; air is assumed, for a free-standing layer: specify --baseline")
         )
     if options.substrate is None and "T" in spectra.rows:
         t = spectra.mean("T")
@@ -408,7 +410,7 @@ def _about_instrument(
                 look_at(
                     f"T exceeds 1 at {above:.0%} of the wavelengths, up to {np.nanmax(t):.4f}: this is impossible "
                     "for a free-standing layer, but possible for one measured against its bare substrate; if so, "
-                    "state --baseline substrate"
+                    "specify --baseline substrate"
                 )
             )
     if options.thickness_um is not None and spectrum.mode not in {MODE, JOINT}:

@@ -1,10 +1,10 @@
-"""Weighted least squares of a formula, and the covariance from independent and shared errors.
+"""Weighted least squares for a formula, and the covariance from independent and shared errors.
 
-Weights are from the independent errors. Shared errors enter the covariance through the same weights, G V Gᵀ with G the
-linear response of the parameters to the points, and the independent part is widened if scatter or correlation of
-neighbours shows that the stated uncertainties are too small.
+The weights are computed from the independent errors. Shared errors enter the covariance through the same weights, G V
+Gᵀ with G the linear response of the parameters to the points. The independent part is widened if scatter or correlation
+of neighbours shows that the specified uncertainties are too small.
 
-The interface is `points_of` and `solved`, used by `solen.material.index.fit`.
+`points_of` and `solved` are used by `solen.material.index.fit`.
 """
 
 import math
@@ -59,7 +59,7 @@ class Solved:
 
 
 def points_of(wavelength_nm: ArrayLike, n: ArrayLike, u_n: ArrayLike | None, shared: ArrayLike | None) -> Points:
-    """Return the points to be fitted, those with all values known.
+    """Return the points to be fitted, which are those without a missing value.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def _neighbours(weighted: FloatArray) -> float:
 
 
 def _excess(chi2: float, freedom: int, stated: bool) -> float:
-    """Return the factor on the stated variances, or the scatter itself if none are stated."""
+    """Return the factor on the specified variances, or the scatter itself if none are specified."""
     from scipy.special import gammaincc
 
     ratio = chi2 / freedom

