@@ -205,7 +205,7 @@ class StackedPart(Part):
 
 @dataclass(frozen=True, kw_only=True)
 class FacedPart(Part):
-    """A part with one prism, the blank, minus the space before a smooth face."""
+    """A part with one prism, the blank, minus the space in front of a smooth face."""
 
     hollow: Hollow
 

@@ -41,7 +41,7 @@ MM_IN_M = 1e-3
 STANDING = (-float(np.sqrt(0.5)), 0.0, 0.0, float(np.sqrt(0.5)))
 """Quaternion x, y, z, w that rotates Z up to the Y up of glTF."""
 FLOAT, UNSIGNED, VERTICES, INDICES = 5126, 5125, 34962, 34963
-"""Codes of types and buffers in glTF."""
+"""glTF codes of types and buffers."""
 
 
 def as_stl(mesh: Mesh, label: Label) -> bytes:

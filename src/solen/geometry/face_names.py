@@ -10,7 +10,7 @@ from solen.geometry.drawing.model import EMITTER, PIVOT
 WORDS = ("receiver", "mirror", "black", EMITTER, PIVOT)
 """Reserved first words of names; ``lens`` is also recognised, but is otherwise an ordinary wall."""
 ORDINARY = {"back", "blank", "block", "slack", "pilot"}
-"""Similar words that are not misspellings."""
+"""Words similar to reserved words that are not misspellings."""
 NEAR = 0.79
 """Similarity, by `difflib`, above which a word counts as a misspelling."""
 

@@ -148,7 +148,7 @@ def lamp_pose(lamp: Lamp, faces: tuple[Face, ...]) -> Pose:
     sees = {side: _nearest_mm(middle, side, faces) for side in (left, right)}
     direction = min(sees, key=sees.__getitem__)
     if math.isinf(sees[direction]):
-        limit = "faces past the body on both sides"
+        limit = "points past the body on both sides"
         raise DesignError("emitter", value=f"a line at {place_text(middle)}", limit=limit, remedy="rotate or move it")
     return Pose(middle, math.degrees(math.atan2(-direction[0], direction[1])), math.hypot(*across))
 

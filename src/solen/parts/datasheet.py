@@ -194,7 +194,7 @@ class ReceiverPart(Datasheet):
     dark_doubling_k: Quantity | None = Field(None, description="Temperature rise that doubles the dark current, in K.")
     rise_percent_per_k: Quantity | None = Field(None, description="Increase of the sensitivity per K, in percent.")
     rise_us: Quantity | None = Field(None, description="Rise time with a small load, in µs.")
-    rise_us_per_kohm: Quantity | None = Field(None, description="Rise time that each kΩ of load adds, in µs.")
+    rise_us_per_kohm: Quantity | None = Field(None, description="Additional rise time per kΩ of load, in µs.")
 
 
 class AdcPart(Sheet):

@@ -151,7 +151,7 @@ class Printing:
 
 
 def compensated(printing: Printing) -> Compensation:
-    """Return the drawing of a body whose lens prints as its target according to the process model alone.
+    """Return the drawing with which, according to the process model, the lens of a body prints as its target.
 
     Raises
     ------

@@ -179,7 +179,7 @@ def _shares(recording: Recording) -> tuple[FloatArray, str]:
         raise DataError(
             grey.name,
             value=float(np.nanmax(values)),
-            limit="must be fractions up to 1, % up to 100 or values up to 255",
+            limit="must be fractions up to 1, percentages up to 100 or values up to 255",
         )
     return np.round(values, 6), grey.name
 

@@ -195,7 +195,7 @@ def _side_view(rings: Sequence[FloatArray], target: Target, settings: Settings, 
 
 
 def half_difference(process: Process, key: str, u: float, printed: Callable[[Settings], FloatArray]) -> FloatArray:
-    """Half of the change between a parameter minus and plus its uncertainty; one-sided if one of the prints fails."""
+    """Half the difference between prints with a parameter plus and minus its uncertainty; one-sided if one fails."""
 
     def changed(by: float) -> FloatArray | None:
         try:

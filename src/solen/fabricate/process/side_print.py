@@ -187,7 +187,7 @@ def _check_work(layers: int, columns: float, settings: Settings) -> None:
     work = layers * later * columns * settings.pixel_light.fine * SUBLAYERS
     if work > MOST_WORK:
         limit = (
-            f"{layers:,} layers near the lens, each lit through {later:,.0f} later ones, would take minutes to compute"
+            f"{layers:,} layers near the lens, each exposed through {later:,.0f} others, would take minutes to compute"
         )
         raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="use thicker layers")
 

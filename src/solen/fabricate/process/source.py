@@ -81,11 +81,12 @@ def with_cure(process: Process, path: Path) -> Process:
     Raises
     ------
     DataError
-        If the file is not a working curve, or the process was calibrated: its critical dose then describes its walls.
+        If the file is not a working curve, or the process was calibrated: its critical dose is then an effective value
+        for its walls.
     """
     curve = read_law(path)
     if process.keeps_growth:
-        limit = f"the process {process.name} was calibrated with another Dp, and its critical dose describes its walls"
+        limit = f"the process {process.name} was calibrated with another Dp; its critical dose applies only to walls"
         remedy = "calibrate with a process that has this Dp and lamp"
         raise DataError("--cure", value=path.name, limit=limit, remedy=remedy)
     keys = ("Dp_um", "Ec_mJ_per_cm2")

@@ -20,7 +20,7 @@ from solen.plane import Point
 from solen.results import HIDDEN, reported
 
 Field = Callable[[FloatArray], FloatArray]
-"""Function of points (..., 2) in mm that is positive in set resin."""
+"""Function of points (..., 2) in mm that is positive in cured resin."""
 
 _DENSE = 4001
 _BISECTIONS = 30

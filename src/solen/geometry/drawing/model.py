@@ -9,7 +9,7 @@ from solen.plane import Point
 PIVOT = "pivot"
 EMITTER = "emitter"
 WALL = "wall"
-"""Name of an unnamed face."""
+"""Default name of a face."""
 UNITS_MM = {"um": 1e-3, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 NO_UNITS_REMEDY = 'specify it, for example body.units = "mm"'
 

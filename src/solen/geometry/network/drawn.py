@@ -179,7 +179,7 @@ def _check_ahead(what: str, placed: PlacedEmitter, pose: Pose, body: Body) -> Po
     where = f"from {place_text(pose.point)} towards {pose.axis_deg:.4g} deg"
     if not hits:
         limit, remedy = (
-            f"faces past the body, {where}",
+            f"points past the body, {where}",
             ("draw the emitter as a line across its axis, or specify its lens"),
         )
         raise DesignError(f"{what}.name", value=placed.name, limit=limit, remedy=remedy)
