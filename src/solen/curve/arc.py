@@ -32,7 +32,7 @@ class Arc(Curve):
 
     @classmethod
     def circle(cls, center: Point, radius_mm: float) -> "Arc":
-        """Return a whole circle, counter-clockwise, so that its inside is on the left."""
+        """Return an entire circle, counter-clockwise, so that its inside is on the left."""
         return cls(center, radius_mm, 0.0, 360.0)
 
     @classmethod

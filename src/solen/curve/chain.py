@@ -94,7 +94,7 @@ class CubicChain(Curve):
 
     @cached_property
     def pieces(self) -> tuple[Piece, ...]:
-        """Simple pieces of the whole chain, in order; ``u_from`` and ``u_to`` are parameters of `points`."""
+        """Simple pieces of the entire chain, in order; ``u_from`` and ``u_to`` are parameters of `points`."""
         n = len(self.controls)
         found: list[Piece] = []
         for i, control in enumerate(self.controls):

@@ -196,7 +196,7 @@ class Conic(Curve):
         return (1.0 - (1.0 + self.conic_constant) * c * depth, c * lateral)
 
     def _holds(self, lateral: float, depth: float) -> bool:
-        """Return whether a point of the whole conic is on this part: on the vertex's side and not beyond either end."""
+        """Return whether a point of the entire conic is on this part: on the vertex's side and not beyond either end."""
         low, high = sorted((self.from_mm, self.to_mm))
         on_sheet = self._tangent(lateral, depth)[0] > SHEET
         past = max(self._past_mm(lateral, depth, high, 1.0), self._past_mm(lateral, depth, low, -1.0))

@@ -17,7 +17,7 @@ from solen.errors import DesignError
 
 Function = Callable[[FloatArray], FloatArray]
 Carry = Callable[[Curve, float, float], tuple[Function, Function, Sequence[float] | FloatArray]]
-"""For a piece without corners between two parameters of the whole curve: functions for positions and velocities with
+"""For a piece without corners between two parameters of the entire curve: functions for positions and velocities with
 respect to its own parameter, and where pieces must end.
 """
 

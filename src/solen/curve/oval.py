@@ -153,7 +153,7 @@ class CartesianOval(Curve):
         return within and self._slope(point, ray) < 0.0
 
     def _roots(self, origin: Point, direction: Point, leaving: bool) -> Iterator[float]:
-        """Return the intersections of a line with the whole oval, or only the far one if the ray starts on it."""
+        """Return the intersections of a line with the entire oval, or only the far one if the ray starts on it."""
         from_focus = minus(origin, self.image_focus)
         circle_mm = self.constant_mm / self.n2  # about F2; the oval lies inside it
         middle, nearest = -dot(from_focus, direction), cross(from_focus, direction)

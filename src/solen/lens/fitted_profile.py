@@ -1,7 +1,7 @@
 """The deviation of a measured profile from the designed lens, smoothed as its uncertainty requires.
 
 The deviation from the design is smoothed, not the profile itself. The vertex of an oval is its most curved point, and
-smoothing the whole profile would flatten it first; the deviation from the design is small and varies slowly, and it is
+smoothing the entire profile would flatten it first; the deviation from the design is small and varies slowly, and it is
 smoothed no more than the uncertainty of the points requires (`solen.lens.smoothing`). A spline through the points of a
 picture is unsuitable: half a micrometre of noise at points 2 µm apart turns the normals by about 10 degrees, while a
 tenth of a degree already moves the focal spot by 10 µm.
@@ -53,7 +53,7 @@ PLACES = 801
 class Deviation:
     """Deviation of a profile from the designed lens along its normal, in micrometres; positive is more material.
 
-    ``rms_um`` and ``max_um`` describe the whole deviation; ``max_um`` is signed and occurs at ``max_x_mm``. The best
+    ``rms_um`` and ``max_um`` describe the entire deviation; ``max_um`` is signed and occurs at ``max_x_mm``. The best
     fit of a shift by ``shift_um`` (x, z) and a rotation by ``turn_mrad``, counter-clockwise about the vertex, leaves a
     residual of ``rest_um`` (rms).
     """

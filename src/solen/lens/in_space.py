@@ -39,7 +39,7 @@ class LensInSpace(OvalLens, eq=True):
     Raises
     ------
     DesignError
-        If no such face exists over the whole aperture, or the emitter's light grazes it.
+        If no such face exists over the entire aperture, or the emitter's light grazes it.
     """
 
     thickness_mm: float = 4.0
@@ -126,7 +126,7 @@ class LensInSpace(OvalLens, eq=True):
         return np.linspace(-self.half_height_mm, self.half_height_mm, 2 * PLACES_UP - 1)
 
     def _check_face(self) -> None:
-        """Reject a face that does not exist over the whole aperture or comes too close to the emitter."""
+        """Reject a face that does not exist over the entire aperture or comes too close to the emitter."""
         check_range("body.thickness_mm", self.thickness_mm, above=0.0)
         x, y, z = self.checked
         if np.isnan(z).any():

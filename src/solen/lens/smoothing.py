@@ -48,7 +48,7 @@ class Smooth(Result):
 
     @reported
     def resolution_mm(self) -> float:
-        """Length over which values are averaged: the whole length divided by the number of parameters."""
+        """Length over which values are averaged: the entire length divided by the number of parameters."""
         return self.length_mm / self.parameters
 
 

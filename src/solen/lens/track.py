@@ -35,7 +35,7 @@ class Track:
 
     @property
     def total_mm(self) -> float:
-        """Length of the whole lens."""
+        """Length of the entire lens."""
         return float(self.length_mm[-1])
 
     def length_at(self, x_mm: FloatArray) -> FloatArray:

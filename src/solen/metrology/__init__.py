@@ -1,4 +1,4 @@
-"""Measurement of prints in pictures: micrographs with their scale, sub-pixel edges, and deviations from the design.
+"""Measurement of prints in images: micrographs with their scale, sub-pixel edges, and deviations from the design.
 
 `read_image` returns an `Image`: grey values with a scale that is never guessed. `measure_lens` measures a printed lens
 in it against its design, and `solen.metrology.coupons.measure_coupon` measures a coupon. `fit_edge` locates an edge

@@ -1,6 +1,6 @@
 """Comparison of a printed outline with several designs: the nearest one, with probabilities.
 
-The outline is fitted to each design in turn, together with everything that makes a whole print larger or smaller (see
+The outline is fitted to each design in turn, together with everything that makes an entire print larger or smaller (see
 `solen.metrology.print_fit`), so a design is not nearer because the scale is wrong or the print is overgrown. With equal
 priors, the posterior probabilities are the marginal likelihoods divided by their sum; they apply to these designs
 alone. Whether any of them explains the outline is a separate question, which `p_form` answers: if the residual form
@@ -27,7 +27,7 @@ from solen.spec import Design, with_values
 
 SURE = 0.95
 LIKELY = 0.05
-"""Probability of a form error as large as the outline's, below which it is not a print of the design."""
+"""Probability below which a form error as large as the outline's rules out a print of the design."""
 PAPER_INDICES = (1.44, 1.49, 1.54)
 PAPER_MM = (1.0, 20.0, 2.0)
 """Emitter distance, focus and half width of the paper's lenses."""
@@ -42,7 +42,7 @@ class ComparedDesign:
     name
         Name of the design.
     registration
-        Registration with the scale as stated and the size as designed.
+        Registration with the scale as specified and the size as designed.
     front_mm
         The front as designed, shape (n, 2).
     size
@@ -60,7 +60,7 @@ class ComparedDesign:
 
     @reported
     def rms_um(self) -> float:
-        """Rms deviation with the scale as stated and the size as designed."""
+        """Rms deviation with the scale as specified and the size as designed."""
         return self.registration.rms_um
 
     @property
@@ -151,6 +151,6 @@ def comparison_warnings(designs: Sequence[ComparedDesign], form_um: float) -> li
         look_at(
             f"{first.name} and {second.name} cannot be distinguished: after size and overgrowth the outline deviates "
             f"by {first.size.form_um:.3g} and {second.size.form_um:.3g} µm (rms) from them, and neighbouring points "
-            f"are not independent ({first.size.independent_values:.0f} independent values)"
+            f"are correlated ({first.size.independent_values:.0f} independent values)"
         )
     ]

@@ -1,10 +1,10 @@
 """Sub-pixel edges: the position of a contour from the blurred step along its normals.
 
-Contours from a threshold are off by a fraction of a pixel, and by more where the background is uneven. Here an initial
-contour only states where to search. Along each of its normals, the grey values are averaged over a few neighbouring
-lines, and a step blurred by a Gaussian is fitted with its own levels; the edge is the centre of the step. A point
-without such a step (because of dust, a reflection, or an edge that is too weak for the noise) is rejected with a
-reason.
+Contours from a threshold deviate by a fraction of a pixel, and by more if the background is non-uniform. Here an
+initial contour only defines where to search. Along each of its normals, the grey values are averaged over a few
+neighbouring lines, and a step blurred by a Gaussian is fitted with its own levels; the edge is the centre of the step.
+A point without such a step (because of dust, a reflection, or an edge that is too weak for the noise) is rejected with
+a reason.
 
 Public names: `fit_edge`, `Edge`, `normals_of` and `profiles`. Positions are (x, y) = (column, row) in pixels, integer
 at the centre of a pixel, y downwards.
@@ -20,30 +20,32 @@ from solen.arrays import BoolArray, FloatArray
 from solen.metrology.step_fit import MOST_BLUR_PX, StepPriors, Steps, fit_steps
 
 LINES = 5
-"""Neighbouring lines, one pixel apart, whose grey values are averaged."""
+"""Number of neighbouring lines, one pixel apart, whose grey values are averaged."""
 BLURS = 5.0
-"""Half the length of a fitted line, in blurs."""
+"""Half length of a fitted line, in blurs."""
 FIRST_BLUR_PX = 2.0
-"""First guess of the blur, from which the picture's own blur is determined."""
+"""Initial value of the blur, from which the image's own blur is determined."""
 LEAST_HALF_PX = 5.0
 SOME, WIDER = 120, 1.25
-"""Number of positions from which the blur is estimated, and its growth below which search lines are long enough."""
+"""Number of positions from which the blur is estimated, and the relative growth of the estimate below which search
+lines are long enough.
+"""
 FEWEST = 20
-"""Number of good fits that is needed to estimate typical parameters."""
+"""Minimum number of good fits for an estimate of typical parameters."""
 U_LOG_BLUR, U_SLOPE_SHARE = 0.2, 3e-3
-"""Relative variation of the blur along a contour, and the slope of the background per px, in rises."""
+"""Relative variation of the blur along a contour, and the background slope per px, as a fraction of the rise."""
 SATURATED = 0.5
 """Fraction of saturated pixels across a line above which it is rejected; noise alone saturates fewer."""
 MOST_U_PX = 1.0
 LEAST_SNR = 4.0
-"""Smallest rise of a step over the noise of a line."""
+"""Minimum ratio of a step's rise to the noise of a line."""
 LEAST_RISE = 0.25
-"""Rise over the median rise along the contour, below which the step is another edge or none."""
+"""Ratio to the median rise along the contour below which a step belongs to another edge or to none."""
 ODD_BLUR = 2.5
 ODD_SHAPE = 2.2
-"""Residuals over their median, above which something else is on the edge."""
+"""Ratio of the residuals to their median above which another object lies on the edge."""
 ODD_SHARE = 0.02
-"""Fraction of the rise below which residuals are insignificant."""
+"""Fraction of the rise below which residuals are negligible."""
 BESIDE = 2
 NEIGHBOURS = 15
 OFF_SIGMAS, OFF_PX = 5.0, 0.5
@@ -51,7 +53,7 @@ ALONE_PLACES, ALONE_SHARE = 9, 0.4
 NOISE_PLACES, NEIGHBOURS_WEIGHT = 31, 4.0
 """Number of neighbours used for a point's noise, and their weight relative to its own residuals."""
 LEAST_TRIPLES = 40
-"""Number of comparisons of points with their neighbours, below which their scatter is not evaluated."""
+"""Number of comparisons with neighbours below which the scatter is not evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +73,7 @@ class Edge:
     rise
         Shape (N,): rise of the grey value along the normal.
     inside
-        Shape (N,): whether the fitted line lies in the picture.
+        Shape (N,): whether the fitted line lies in the image.
     kept
         Shape (N,): whether the point is an edge.
     rejected
@@ -94,7 +96,7 @@ class Edge:
 
     @property
     def share_kept(self) -> float:
-        """Fraction of the points in the picture that are accepted."""
+        """Fraction of the points in the image that are accepted."""
         return float(self.kept.sum()) / max(int(self.inside.sum()), 1)
 
     @property
@@ -109,7 +111,7 @@ class Edge:
 
 
 def normals_of(contour_px: FloatArray, *, closed: bool, over: int = 5) -> FloatArray:
-    """Return the unit normals (N, 2) of a contour, to its left as seen in the picture.
+    """Return the unit normals (N, 2) of a contour, to its left as seen in the image.
 
     The tangent (dx, dy) runs from ``over`` points before to ``over`` points after, and is rotated to (dy, −dx).
     """
@@ -131,7 +133,7 @@ def profiles(
     lines: int = LINES,
     order: Literal[1, 3] = 3,
 ) -> tuple[FloatArray, BoolArray]:
-    """Return grey values (N, M) at distances ``t_px`` (M,) along normals, and whether each line is in the picture.
+    """Return grey values (N, M) at distances ``t_px`` (M,) along normals, and whether each line is in the image.
 
     Values between pixels are interpolated by splines, cubic ones by default; ``lines`` parallel lines, a pixel apart,
     are averaged.
@@ -153,7 +155,7 @@ def profiles(
 def _patch(
     grey: FloatArray, points: FloatArray, reach: float, order: Literal[1, 3]
 ) -> tuple[FloatArray, tuple[int, int]]:
-    """Return the spline coefficients of the required part of the picture, and its first column and row."""
+    """Return the spline coefficients of the required part of the image, and its first column and row."""
     rows, columns = grey.shape
     margin = reach + 12.0  # spline coefficients depend on a few pixels beyond
     x0, y0 = (int(max(0.0, np.floor(float(points[:, i].min()) - margin))) for i in (0, 1))
@@ -219,7 +221,7 @@ def fit_two_edges(
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """A contour in a picture, and how the lines across it are sampled."""
+    """A contour in an image, and how the lines across it are sampled."""
 
     grey: FloatArray
     contour_px: FloatArray
@@ -242,7 +244,9 @@ class _View:
         return guess_px
 
     def two_blurs(self, at: FloatArray, guess_px: float) -> FloatArray:
-        """Return the blurs of two edges at a sample of points: the pair with the most, and the best, fits."""
+        """Return the blurs of two edges at a sample of points: the pair that gives the most good fits, and the best
+        ones.
+        """
         part, at = self._sample(at)
         best, blurs = -np.inf, np.array([guess_px, guess_px])
         for factors in ((1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (2.0, 2.0)):
@@ -259,7 +263,7 @@ class _View:
         return replace(self, contour_px=self.contour_px[some], normals=self.normals[some]), at[some]
 
     def fitted(self, at: FloatArray, blur_px: float | FloatArray) -> tuple[Steps, BoolArray, BoolArray]:
-        """Return the fits, whether each line is in the picture, and its saturated fraction.
+        """Return the fits, whether each line is in the image, and its saturated fraction.
 
         A second fit uses parameters that the lines of the first have in common: if edges overlap or are faint, a single
         line cannot determine its own blur and slope.
@@ -276,7 +280,7 @@ class _View:
         return (alone if usual is None else fit_steps(t, values, at, blur_px, use, usual)), seen, saturated
 
     def _saturated(self, t: FloatArray, use: BoolArray) -> BoolArray:
-        """Return the lines with a saturated point, which shifts the fitted step."""
+        """Return the lines that contain a saturated point, which would shift the fitted step."""
         limit = self.grey >= self.ceiling
         if not limit.any():
             return np.zeros(len(use), dtype=bool)
@@ -284,7 +288,7 @@ class _View:
         return np.asarray(((share > SATURATED) & use).any(axis=1))
 
     def checked(self, steps: Steps, which: int, rising: bool | None, inside: BoolArray, saturated: BoolArray) -> Edge:
-        """Return one of the fitted edges, with the outliers rejected."""
+        """Return one of the fitted edges, with outliers rejected."""
         at, u, rise, blur = (values[:, which] for values in (steps.at_px, steps.u_at_px, steps.rise, steps.blur_px))
         points = self.contour_px + self.normals * at[:, None]
         fit = inside & ~saturated
@@ -324,11 +328,12 @@ def _noise_factors(noise: FloatArray) -> FloatArray:
 def scatter_over_u(
     points: FloatArray, normals: FloatArray, u: FloatArray, kept: BoolArray, lines: int = LINES
 ) -> float:
-    """Return the ratio of the edges' scatter between neighbours to that expected from the residuals; at least 1.
+    """Return the ratio of the edge's scatter between neighbours to that expected from the residuals; at least 1.
 
-    The fit treats residuals as independent, but those of a sharpened, compressed or textured picture are not, nor fully
-    those between pixels. Each point is compared with the mean of one before and one after that share no pixel with it;
-    slow bending does not count as scatter. Roughness finer than about ten pixels therefore counts as uncertainty too.
+    The fit treats residuals as independent, but the residuals of a sharpened, compressed or textured image are not, and
+    interpolation correlates them too. Each point is compared with the mean of one point before and one after that share
+    no pixel with it; slow bending does not count as scatter. Roughness finer than about ten pixels therefore counts as
+    uncertainty too.
     """
     step = float(np.median(np.hypot(*np.diff(points, axis=0).T))) if len(points) > 1 else 0.0
     lag = int(np.ceil((lines + 1.0) / step)) if step > 0.0 else 0
@@ -363,7 +368,7 @@ def _typical(steps: Steps, fit: BoolArray) -> StepPriors | None:
 
 
 def _counted(bad: dict[str, BoolArray], count: int) -> tuple[BoolArray, dict[str, int]]:
-    """Return the points without a reason for rejection, and the number of points that each reason rejects."""
+    """Return a mask of the points that are not rejected, and the number of points rejected for each reason."""
     kept, rejected = np.ones(count, dtype=bool), {}
     for reason, flags in bad.items():
         rejected[reason] = int(np.sum(kept & flags))
@@ -372,7 +377,7 @@ def _counted(bad: dict[str, BoolArray], count: int) -> tuple[BoolArray, dict[str
 
 
 def _isolated(kept: BoolArray, inside: BoolArray) -> BoolArray:
-    """Return points whose neighbours in the picture are mostly not edges, and which are therefore not trusted."""
+    """Return points that are isolated: most of their neighbours in the image are not edges, so they are rejected."""
     shares = (ndimage.uniform_filter1d(flags.astype(float), ALONE_PLACES, mode="nearest") for flags in (kept, inside))
     own, all_of_them = shares
     return np.asarray(own < ALONE_SHARE * all_of_them)

@@ -1,9 +1,9 @@
-"""Edges along a whole front, traced in the band around it.
+"""Edges along an entire front, traced in the band around it.
 
 The band around the front is straightened, with one axis along the front and the other across it. An edge of the lens is
-then a line from one end of the band to the other; dust and reflections are short. The path without jumps that gathers
-the largest change of one sign is computed exactly by dynamic programming, and then the next one near it: the two rims
-of a thick transparent part, or both sides of a dark band.
+then a line from one end of the band to the other; dust and reflections are short. Dynamic programming finds the exact
+continuous path with the largest total change of one sign, and then the next one near it: the two rims of a thick
+transparent part, or both sides of a dark band.
 """
 
 from dataclasses import dataclass
@@ -23,17 +23,17 @@ JUMP = 2
 """Pixels by which a path may move sideways from one position to the next."""
 JUMP_COST = 0.08
 APART, APART_OTHER = 3.5, 1.0
-"""Smallest distance between two paths of the same sign and of opposite signs (as on both sides of a narrow dark band),
-in smoothing widths.
+"""Minimum distance between two paths, in smoothing widths: for paths of the same sign, and for opposite signs, as on
+both sides of a narrow dark band.
 """
 FLANK = 3
-"""Pixels to each side at which the change must be less than on the path."""
+"""Distance to each side, in pixels, at which the change must be smaller than on the path."""
 MOST_EDGES = 4
 LEAST_COVERED, LEAST_COVERED_FURTHER = 0.5, 0.35
 """Fraction of positions at which the first edge, and a further one, must be distinct; two edges may cross."""
 LEAST_SNR = 5.0
 FAINTEST = 0.15
-"""Smallest change across a further edge, relative to that of the first."""
+"""Minimum change across a further edge, relative to that of the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Band:
     change
         Shape (N, M), smoothed derivative of the grey value across the front.
     seen
-        Shape (N, M), whether the position is in the picture.
+        Shape (N, M), whether the position is in the image.
     """
 
     arc_mm: FloatArray
@@ -59,7 +59,7 @@ class Band:
 
     @classmethod
     def of(cls, grey: FloatArray, pose: Pose, nominal: NominalFront, reach_mm: float) -> "Band":
-        """Return the band of a picture, ``reach_mm`` to each side of the front."""
+        """Return the band of an image, ``reach_mm`` to each side of the front."""
         arc = np.linspace(0.0, float(nominal.arc_mm[-1]), ALONG)
         return cls.along(grey, pose, arc, *nominal.at(arc), reach_mm)
 
@@ -82,13 +82,13 @@ class Band:
 
     @property
     def share_seen(self) -> float:
-        """Fraction of the front itself that is in the picture."""
+        """Fraction of the front itself that is in the image."""
         return float(np.mean(self.seen[:, len(self.offset_mm) // 2]))
 
 
 @dataclass(frozen=True, eq=False)
 class TracedEdge:
-    """An edge along the whole front, to about a pixel of the band.
+    """An edge along the entire front, to about a pixel of the band.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class TracedEdge:
     strength
         Median change across the edge.
     covered
-        Fraction of positions in the picture at which the edge is distinct.
+        Fraction of positions in the image at which the edge is distinct.
     shown
         Shape (N,): whether the edge is distinct at a position.
     """
@@ -134,7 +134,9 @@ def trace_edges(band: Band, most: int = MOST_EDGES) -> list[TracedEdge]:
 
 
 def _traced(band: Band, rising: bool, free: BoolArray, scale: float, least: float) -> TracedEdge:
-    """Return the edge of one sign with the largest total change on a free path; visible above a change of ``least``."""
+    """Return the edge of one sign with the largest total change on a free path; changes above ``least`` count as
+    visible.
+    """
     change = band.change if rising else -band.change
     allowed = np.where(free, change, 0.0)
     gain = np.maximum(allowed, 0.0)

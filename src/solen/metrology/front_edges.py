@@ -19,14 +19,14 @@ FIRST_BLUR_PX = (0.5, 2.0, 8.0)
 OVERLAP = 12.0
 """Distance between edges, in blurs, below which they are fitted together."""
 SHARPER = 1.25
-"""Ratio of blurs above which one of two edges is in focus and the other is not."""
+"""Ratio of blurs above which only the sharper of two edges is considered in focus."""
 
 
 def edges_along(image: Image, pose: Pose, nominal: NominalFront, band: Band, traced: list[TracedEdge]) -> list[Edge]:
     """Fit the traced edges, from the outermost inwards; two edges near each other are fitted together.
 
-    A picture shows a curved edge too far inwards, by σ²/2R for a blur σ and a radius R, and by a similar amount for the
-    variance of the averaged lines; both shifts are corrected.
+    The image of a curved edge is displaced inwards by σ²/2R for a blur σ and a radius R, and by a similar amount due to
+    the variance of the averaged lines; both shifts are corrected.
     """
     length = float(nominal.arc_mm[-1])
     count = int(min(MOST_PLACES, max(100, length * pose.px_per_mm / SPACING_PX)))
@@ -73,7 +73,7 @@ def _spaces(offset: FloatArray, px_per_mm: float) -> list[float]:
 
 
 def by_focus(outer: Edge, inner: Edge) -> tuple[Edge, Edge] | None:
-    """Return the sharper and the softer edge if they change sides along the front, as in a tilted part, else None."""
+    """Return the sharper and the softer edge if they swap sides along the front, as on a tilted part, else None."""
     both = outer.kept & inner.kept
     if both.sum() < 50:
         return None

@@ -1,8 +1,8 @@
 """A micrograph as grey values with a scale.
 
-Whatever the file is (a TIFF with its microscope's metadata, a PNG, a photograph), it becomes one plane of grey values
-in [0, 1] with the size of a pixel, or it is rejected with the reason: several planes, no scale, too large. The format,
-the size and the number of planes are read from the header, before any pixel is decoded.
+Any supported file (a TIFF with its microscope's metadata, a PNG, a photograph) is converted to one plane of grey values
+in [0, 1] with a pixel size, or is rejected with the reason: several planes, no scale, too large. The format, the size
+and the number of planes are read from the header before any pixel is decoded.
 
 `read_image` returns an `Image`. TIFF needs the extra ``vision``.
 """
@@ -23,7 +23,7 @@ from solen.ranks import Caution, look_at
 from solen.recording import Provenance
 
 CLIPPED_SHARE = 1e-3
-"""Fraction of pixels at the picture's highest level above which the camera was saturated there."""
+"""Fraction of pixels at the image's highest level above which the camera is assumed to be saturated there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +39,11 @@ class Image:
     bits
         Number of bits of a stored grey value; None for floating-point numbers.
     ceiling
-        Grey value at which the camera was saturated; infinite if no part of the picture is saturated.
+        Grey value at which the camera was saturated; infinite if no part of the image is saturated.
     provenance
         The file.
     warnings
-        Warnings about the picture.
+        Warnings about the image.
     """
 
     grey: FloatArray
@@ -55,7 +55,7 @@ class Image:
 
     @property
     def um_per_px(self) -> float:
-        """Side of a pixel in the object, µm."""
+        """Side of a pixel in the object plane, µm."""
         return self.scale.um_per_px
 
     @property
@@ -67,7 +67,7 @@ class Image:
 def read_image(
     path: Path, um_per_px: float | None = None, u_um_per_px: float | None = None, *, options: ScaleOptions | None = None
 ) -> Image:
-    """Read a picture from a file: TIFF, OME-TIFF, PNG, JPEG, BMP, or another format that Pillow reads.
+    """Read an image from a file: TIFF, OME-TIFF, PNG, JPEG, BMP, or another format that Pillow reads.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def read_image(
 
 
 def read_plane(path: Path) -> tuple[Plane, Provenance]:
-    """Read the grey values of a picture without their scale, and their provenance; raises as `read_image`."""
+    """Read the grey values of an image without their scale, and their provenance; raises as `read_image`."""
     data = read_bytes(path)
     plane = (read_tiff if data[:4] in MAGIC else read_raster)(str(path), data)
     rows, columns = plane.grey.shape
@@ -118,7 +118,7 @@ def read_plane(path: Path) -> tuple[Plane, Provenance]:
 
 
 def png_of(path: Path) -> bytes:
-    """Return the grey values of a picture as an 8-bit PNG for a browser; raises as `read_image`."""
+    """Return the grey values of an image as an 8-bit PNG for a browser; raises as `read_image`."""
     from PIL import Image as Picture
 
     plane, _ = read_plane(path)
@@ -130,7 +130,7 @@ def png_of(path: Path) -> bytes:
 
 
 def as_image(grey: FloatArray, um_per_px: float, *, u_um_per_px: float | None = None, name: str = "array") -> Image:
-    """Return the picture of an array (rows, columns) of grey values 0 to 1; `DataError` if the array is not valid."""
+    """Return an array (rows, columns) of grey values 0 to 1 as an image; `DataError` if the array is not valid."""
     if grey.ndim != 2 or not np.isfinite(grey).all():
         raise DataError(name, value=grey.shape, limit="must be rows and columns of finite grey values")
     scale, _ = choose_scale(name, (), ScaleOptions(um_per_px=um_per_px, u_um_per_px=u_um_per_px))
@@ -147,9 +147,9 @@ def binned(grey: FloatArray, factor: int) -> FloatArray:
 
 
 def _ceiling(grey: FloatArray) -> float:
-    """Return the highest level if enough pixels have it for it to be the camera's limit, else infinity.
+    """Return the highest level if enough pixels have it to indicate saturation of the camera, else infinity.
 
-    A picture with only one or two levels, such as a mask, does not count as saturated.
+    An image of one level, or of two levels such as a mask, does not count as saturated.
     """
     highest, lowest = float(grey.max()), float(grey.min())
     at_it = grey >= highest

@@ -1,6 +1,7 @@
-"""Inspection of a printed lens: its outline in a picture, its deviations from the design, and the nearest design.
+"""Inspection of a printed lens: its outline in an image, its deviations from the design, and the nearest design.
 
-`measure_lens` of a picture and a design returns a `LensInspection`; its `profile` can replace the lens of a design.
+`measure_lens` compares an image with a design and returns a `LensInspection`; its `profile` can replace the lens of a
+design.
 """
 
 from collections.abc import Sequence
@@ -26,21 +27,21 @@ from solen.results import HIDDEN, Result, plain, reported
 from solen.spec import Design
 
 OTHER_SIZE, SURE_SIZE = 0.01, 3.0
-"""Relative difference in size that causes a warning if it exceeds this multiple of its uncertainty."""
+"""Relative size difference that causes a warning if it also exceeds this multiple of its uncertainty."""
 FACES = {"sharper": "top", "softer": "bottom"}
 LEAST_STEP_MM = 1e-4
 """Distance in x below which points are treated as one."""
 
 
 class InspectOptions(PrintPriors, ScaleOptions):
-    """Options for the measurement of a lens in a picture."""
+    """Options for the measurement of a lens in an image."""
 
     edge: EdgeChoice = "auto"
     """Edge of a thick transparent part to measure; auto selects the sharper one, or the outer one if neither is
     sharper.
     """
     seen_from: SeenFrom | None = None
-    """Face that the picture shows: top faces away from the build plate; bottom was on the plate and appears
+    """Face that the image shows: top faces away from the build plate; bottom was on the plate and appears
     mirrored.
     """
 
@@ -49,8 +50,8 @@ class InspectOptions(PrintPriors, ScaleOptions):
 class FrontDeviation:
     """Deviations of a printed front from its design, positive outwards, with their uncertainty.
 
-    The rms of a perfect print would be that of the edge noise: ``rms_beyond_noise_um`` excludes it, and ``u_rms_um``
-    covers it. The largest of many deviations is biased by noise: its interval holds for all points simultaneously.
+    The rms of a perfect print would equal the edge noise: ``rms_beyond_noise_um`` excludes it, and ``u_rms_um`` covers
+    it. The largest of many deviations is biased by noise: its interval applies to all points simultaneously.
 
     Attributes
     ----------
@@ -67,7 +68,7 @@ class FrontDeviation:
     rms_of_u_um
         Root mean square of the points' standard uncertainties, including common shifts of the edge.
     rms_um_per_percent_of_scale
-        Rms change of the deviations for a change of the scale by 1 %.
+        Rms change of the deviations if the scale changes by 1 %.
     independent_values
         Number of independent values among the deviations.
     """
@@ -165,14 +166,14 @@ class EdgeSummary:
 
 
 class LensInspection(Result):
-    """A printed lens in a picture, measured against its design.
+    """A printed lens in an image, measured against its design.
 
     Attributes
     ----------
     design
         Name of the design.
     simulated
-        Whether the picture was computed.
+        Whether the image was computed.
     scale
         Size of a pixel and its origin.
     deviation
@@ -186,30 +187,30 @@ class LensInspection(Result):
     edges
         All edges along the front, the chosen one first.
     rotation_deg, u_rotation_deg
-        Counter-clockwise rotation of the part in the picture; 0 if its front faces down.
+        Counter-clockwise rotation of the part in the image; 0 if its front faces down.
     vertex_px, u_shift_um
         (x, y) of the designed vertex, and standard uncertainties of the registration along the lens's x and z.
     mirrored
-        Whether the picture shows the part from its other side; None if the design is mirror-symmetric and the face is
-        not stated.
+        Whether the image shows the part from its other side; None if the design is mirror-symmetric and the face is
+        not specified.
     points_rejected
         Number of rejected points of the chosen edge, by reason.
     seen
-        Fraction of the front that the picture shows.
+        Fraction of the front that the image shows.
     measured_x_mm
         Lateral range that was measured.
     width_mm
-        Width of the part just behind the front; None unless picture and design show both walls.
+        Width of the part just behind the front; None unless image and design show both walls.
     outline_mm
         Shape (N, 2): points of the chosen edge in lens coordinates.
     outline_deviation_um, u_outline_deviation_um
         Shape (N,): their deviations from the design, and standard uncertainties.
     sources
-        The picture.
+        The image.
     warnings
         Warnings.
     image, outline, nominal
-        The picture, its outline, and the designed front.
+        The image, its outline, and the designed front.
     """
 
     design: str
@@ -278,12 +279,12 @@ def measure_lens(
     priors: PrintPriors = PrintPriors(),
     seen_from: SeenFrom | None = None,
 ) -> LensInspection:
-    """Measure a printed lens in a picture against its design.
+    """Measure a printed lens in an image against its design.
 
     Parameters
     ----------
     image
-        The picture, as `solen.metrology.read_image` reads it.
+        The image, as `solen.metrology.read_image` reads it.
     design
         The design of the part.
     edge
@@ -293,12 +294,12 @@ def measure_lens(
     priors
         Priors of the print's size and form.
     seen_from
-        Face that the picture shows.
+        Face that the image shows.
 
     Raises
     ------
     DataError
-        If the picture shows no such lens, or the design has no lens.
+        If the image shows no such lens, or the design has no lens.
     OutputError
         If the extra ``vision`` is not installed.
     """
@@ -343,7 +344,7 @@ def measure_lens(
 
 
 class FacesInspection(Result):
-    """Both faces of a printed lens, each measured in its own picture.
+    """Both faces of a printed lens, each measured in its own image.
 
     Attributes
     ----------
@@ -373,7 +374,7 @@ class FacesInspection(Result):
 
     @reported
     def simulated(self) -> bool:
-        """Whether either picture was computed."""
+        """Whether either image was computed."""
         return self.first_layer.simulated or self.last_layer.simulated
 
     @property
@@ -397,7 +398,7 @@ def measure_faces(
     Raises
     ------
     DataError
-        If both pictures are the same.
+        If both images are the same.
     """
     if top.provenance.sha256 and top.provenance.sha256 == bottom.provenance.sha256:
         limit = f"is the same picture as {top.provenance.file}"

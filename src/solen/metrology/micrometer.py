@@ -1,11 +1,11 @@
-"""The scale of an objective from a picture of a stage micrometer: parallel lines at an equal, known spacing.
+"""The scale of an objective from an image of a stage micrometer: parallel lines at an equal, known spacing.
 
-Equally spaced lines have one period, whatever each of them looks like. Their direction is found from the gradients of
-the grey values. In strips across the lines, the position of each line is the centroid of its darkness (or brightness)
-beyond its sides; a straight fit of all positions against the line numbers gives the period and the remaining tilt. The
-positions on one line share the same optical errors, so the uncertainty counts lines, not readings. A period that
-changes across the picture is a sign of distortion or a tilted micrometer, and is part of the uncertainty of any length
-measured there.
+Equally spaced lines have a single period, whatever their individual profiles. Their direction is found from the
+gradients of the grey values. In strips across the lines, the position of each line is the centroid of its darkness (or
+brightness) relative to its sides; a straight-line fit of all positions against the line numbers gives the period and
+the remaining tilt. The positions on one line share the same optical errors, so the uncertainty is based on the number
+of lines, not of readings. A period that changes across the image is a sign of distortion or a tilted micrometer, and
+contributes to the uncertainty of any length measured there.
 
 `measured_scale` returns a `MeasuredScale`; `scale_text` writes it as the file that ``--scale`` accepts
 (`solen.metrology.scale.ScaleFile`).
@@ -28,17 +28,19 @@ from solen.spec.strict import Finite, Options
 FEWEST_LINES = 5
 STRIPS = 12
 TURNS = 3
-"""Number of rounds in which the direction across the lines is refined with the positions of the lines."""
+"""Number of iterations that refine the direction across the lines from the line positions."""
 FILLED = 0.6
-"""Fraction of a strip's pixels above which its profile is valid; near the picture's corners it is not filled."""
+"""Minimum fraction of a strip's pixels for a valid profile; strips near the image corners are only partly filled."""
 REACH = 0.35
 """Half width, as a fraction of the period, of the window about a line in which its centroid is computed."""
 UNEVEN = 0.015
-"""Largest rms irregularity of the lines, as a fraction of the period, without a linear change across the picture."""
+"""Largest rms spacing error of the lines, as a fraction of the period, after a steady change across the image is
+removed.
+"""
 MOST_OFFSET = 0.15
-"""Largest displacement of a line, as a share of the period."""
+"""Largest displacement of a line, as a fraction of the period."""
 PROMINENT = 0.4
-"""Smallest contrast of a line, as a fraction of that of the strongest line."""
+"""Minimum contrast of a line, as a fraction of that of the strongest line."""
 LEAST_PERIOD_PX = 4.0
 STRETCH_SIGMAS = 3.0
 NORMAL = 1.96
@@ -46,7 +48,7 @@ _CENTROID_ROUNDS = 3
 
 
 class MicrometerOptions(Options):
-    """Options for the measurement of a stage micrometer in a picture."""
+    """Options for the measurement of a stage micrometer in an image."""
 
     spacing_mm: Finite = Field(gt=0.0, le=100.0)
     """Distance between the centres of neighbouring lines."""
@@ -62,23 +64,23 @@ class MeasuredScale(Measured, kw_only=True):
     Attributes
     ----------
     objective
-        Name of the objective, as stated.
+        Name of the objective, as specified.
     um_per_px, u_um_per_px
         Side of a pixel in the object, and its standard uncertainty.
     spacing_mm, u_spacing_mm
-        Distance of the micrometer's lines, and its standard uncertainty; None if none is stated.
+        Distance of the micrometer's lines, and its standard uncertainty; None if none is specified.
     lines
         Number of lines.
     period_px, u_period_px
-        Distance of the lines in the picture, and its standard uncertainty.
+        Distance of the lines in the image, and its standard uncertainty.
     angle_deg
-        Angle of the direction across the lines from the picture's rows.
+        Angle of the direction across the lines from the image's rows.
     rms_um
         Residuals of the lines' positions (rms).
     stretch_percent
-        Change of the scale from one side of the picture to the other; None if it is not significant.
+        Change of the scale from one side of the image to the other; None if it is not significant.
     columns, rows
-        Size of the picture.
+        Size of the image.
     """
 
     objective: str
@@ -111,7 +113,7 @@ class MeasuredScale(Measured, kw_only=True):
 
 @dataclass(frozen=True, eq=False)
 class _Ruler:
-    """Equally spaced lines: numbers, positions in strips (n, strips), NaN if missing, and the strips' centres."""
+    """Equally spaced lines: line numbers, positions (n, strips), NaN if missing, and the strip centres."""
 
     number: IntArray
     places: FloatArray
@@ -119,12 +121,12 @@ class _Ruler:
 
 
 def measured_scale(grey: FloatArray, source: Provenance, options: MicrometerOptions) -> MeasuredScale:
-    """Measure the scale of a picture (rows, columns) of a stage micrometer.
+    """Measure the scale of an image (rows, columns) of a stage micrometer.
 
     Raises
     ------
     DataError
-        If the picture shows too few lines, or lines that are not equally spaced.
+        If the image shows too few lines, or lines that are not equally spaced.
     """
     across = _direction(grey)
     for _ in range(TURNS):
@@ -163,7 +165,7 @@ def measured_scale(grey: FloatArray, source: Provenance, options: MicrometerOpti
 
 
 def _ruler(grey: FloatArray, across: FloatArray, file: str) -> _Ruler:
-    """Find the equally spaced lines of a picture, given the direction across them."""
+    """Find the equally spaced lines of an image, given the direction across them."""
     profile = _profiles(grey, across, 1)[0][0]
     sign, period = _period(profile, file)
     flat = sign * (profile - ndimage.uniform_filter1d(profile, round(2.0 * period), mode="nearest"))
@@ -207,10 +209,10 @@ def _direction(grey: FloatArray) -> FloatArray:
 
 
 def _profiles(grey: FloatArray, across: FloatArray, strips: int) -> tuple[list[FloatArray], FloatArray]:
-    """Return the mean grey values by distance across the lines in strips along them, and the strips' centres.
+    """Return mean grey values against the distance across the lines, in strips along them, and the strip centres.
 
-    A value is divided between the two nearest pixels of the profile, which widens lines evenly and displaces none.
-    Parts of a strip outside the picture are NaN in its profile.
+    A value is divided between the two nearest pixels of the profile, which broadens all lines equally and displaces
+    none. Parts of a strip outside the image are NaN in its profile.
     """
     rows, columns = grey.shape
     y, x = np.indices(grey.shape)
@@ -316,10 +318,10 @@ def _fit_spacing(number: IntArray, places: FloatArray) -> tuple[float, float, fl
 
 
 def _u_of_uneven(x: FloatArray, residuals: FloatArray) -> float:
-    """Return the standard uncertainty of a slope for points (n,) that scatter unequally.
+    """Return the standard uncertainty of a slope for points (n,) with unequal scatter.
 
-    It uses residuals over 1 − leverage: the lines at the picture's corners are short, so their positions scatter
-    more, and they influence the slope most (HC3: J. G. MacKinnon and H. White, J. Econometrics 29, 305, 1985).
+    It uses residuals over 1 − leverage: lines near the image corners are short, so their positions scatter more, and
+    they influence the slope most (HC3: J. G. MacKinnon and H. White, J. Econometrics 29, 305, 1985).
     """
     leverage = 1.0 / len(x) + x**2 / float(x @ x)
     return float(np.sqrt(np.sum((x * residuals / (1.0 - leverage)) ** 2))) / float(x @ x)
@@ -329,7 +331,8 @@ def _warnings(options: MicrometerOptions, number: IntArray, stretch_percent: flo
     warnings = []
     if options.u_spacing_mm is None:
         warnings.append(
-            look_at("the micrometer's own uncertainty is not stated (--u-spacing-mm), so that of the scale excludes it")
+            look_at("the micrometer's own uncertainty is not specified (--u-spacing-mm), so the "
+"scale uncertainty excludes it")
         )
     if stretch_percent is not None:
         warnings.append(

@@ -25,21 +25,21 @@ from solen.spec import Design
 SeenFrom = Literal["top", "bottom"]
 """Face of a print: ``top`` faces away from the build plate, ``bottom`` was on it."""
 TOLERANCE_MM = 1e-6
-"""Largest distance of the dense points' chords from the exact curve: a nanometre."""
+"""Maximum distance of the dense points' chords from the exact curve: a nanometre."""
 SPACING_MM = 2e-3
 WALL = 0.35
 """Length of the walls behind the front that help to find the lens, as a fraction of its width."""
 PAST_CORNER = 0.25
-"""Part of a wall behind the corner that is not evaluated, as a fraction of the wall's length."""
+"""Part of a wall next to the corner that is not evaluated, as a fraction of the wall's length."""
 END_MM = 0.03
 """Length at each end of the front that is omitted, because no step along a normal fits a corner."""
 NEAR_END = 0.25
-"""Fraction of the front at each end whose points may belong to the wall behind it."""
+"""Fraction of the front at each end in which points may belong to the adjacent wall."""
 SYMMETRIC_MM = 1e-4
 FLATTEST = 0.01
-"""Sag over chord below which a front cannot be registered."""
+"""Ratio of sag to chord below which a front cannot be registered."""
 LOWEST_OF = 2001
-"""Number of points among which the vertex of a drawn front is searched."""
+"""Number of points among which the vertex of a drawn front is searched for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +158,7 @@ class NominalFront:
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether the front is its own mirror image, in which case a picture does not show the visible side."""
+        """Whether the front is its own mirror image, in which case an image does not show which side is visible."""
         mirrored = self.front_mm[::-1] * np.array([-1.0, 1.0])
         return bool(np.abs(self.nearest(mirrored).deviation_mm).max() < SYMMETRIC_MM)
 
@@ -209,7 +209,7 @@ def nominal_front(design: Design, name: str = "", seen_from: SeenFrom | None = N
     DataError
         If the design has no lens, a nearly flat one, or a drawn body without exactly one face called lens.
     SpecError
-        If the lens varies with height and the visible face is not stated.
+        If the lens varies with height and the visible face is not specified.
     """
     sensor = Sensor.of(design)
     name = name or design.name
@@ -228,7 +228,7 @@ def nominal_front(design: Design, name: str = "", seen_from: SeenFrom | None = N
 
 
 def _height_mm(lens: Lens, seen_from: SeenFrom | None) -> float:
-    """Return the height of the visible face from the middle of the body; 0 for a cylinder."""
+    """Return the height of the visible face above the mid-plane of the body; 0 for a cylinder."""
     if not isinstance(lens, LensInSpace):
         return 0.0
     if seen_from is None:

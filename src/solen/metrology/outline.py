@@ -1,4 +1,4 @@
-"""The printed front in a picture: location, names of its edges, and their positions to a small fraction of a pixel.
+"""The printed front in an image: location, names of its edges, and their positions to a small fraction of a pixel.
 
 The design only states what to search for and where its normals are; the grey values alone determine the position of an
 edge. A thick transparent part shows the rim of its upper face and that of its lower one. If both run along the front,
@@ -43,13 +43,13 @@ EdgeChoice = Literal["auto", "outer", "inner", "sharper"]
 REACH = 0.08
 """Distance on each side of the design in which an edge is searched, as a fraction of the lens's width."""
 REACH_PX = 14.0
-"""Smallest value of this distance in pixels: the noise of a picture is estimated near the edge, not on it."""
+"""Minimum value of this distance in pixels: the noise of an image is estimated near the edge, not on it."""
 LEAST_SCORE = 0.08
 LEAST_KEPT = 0.4
-"""Fraction of the positions in the picture that must have an edge."""
+"""Fraction of the positions in the image that must have an edge."""
 RIVAL = 0.9
 SIDES = 0.8
-"""Ratio of rms deviations above which the side that a picture was taken from is uncertain."""
+"""Ratio of rms deviations above which the side that an image was taken from is uncertain."""
 
 
 UNKNOWN_SIDE = look_at(
@@ -92,18 +92,18 @@ class NamedEdge:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Front as seen in a picture.
+    """Front as seen in an image.
 
     Attributes
     ----------
     edges
         All edges, the chosen one first.
     seen
-        Fraction of the front that the picture shows.
+        Fraction of the front that the image shows.
     ends_x_mm
         Lateral range over which the chosen edge was measured, lens coordinates.
     width_mm
-        Width of the part just behind the front, from wall to wall; None if the picture or the design does not show
+        Width of the part just behind the front, from wall to wall; None if the image or the design does not show
         both.
     warnings
         Warnings.
@@ -128,12 +128,12 @@ def measure_outline(
     priors: PrintPriors = PrintPriors(),
     seen_from: SeenFrom | None = None,
 ) -> Outline:
-    """Measure the front of a lens in a picture.
+    """Measure the front of a lens in an image.
 
     Parameters
     ----------
     image
-        The picture.
+        The image.
     nominal
         The design that the part was made from, or a similar one.
     choice
@@ -142,7 +142,7 @@ def measure_outline(
     priors
         Priors of the print's size and form.
     seen_from
-        Face that the picture shows; ``bottom`` was on the build plate and appears mirrored. None selects the side that
+        Face that the image shows; ``bottom`` was on the build plate and appears mirrored. None selects the side that
         fits.
 
     Raises
@@ -150,7 +150,7 @@ def measure_outline(
     SpecError
         If ``choice`` is not one of these.
     DataError
-        If no such lens is found, too little of it is in the picture, or too little of its edge can be measured.
+        If no such lens is found, too little of it is in the image, or too little of its edge can be measured.
     """
     if choice not in get_args(EdgeChoice):
         raise SpecError("edge", value=choice, limit=f"must be one of {', '.join(get_args(EdgeChoice))}")

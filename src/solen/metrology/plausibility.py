@@ -1,4 +1,4 @@
-"""Plausibility: whether the outline in a picture can be a print of the design at the picture's scale.
+"""Plausibility: whether the outline in an image can be a print of the design at the image's scale.
 
 A lens of another size or shape, or at a wrong scale, has edges too. It is recognised by the ends of the front, the
 width of the part behind it, and the residual of the registration: each of these has one limit for rejection and a lower
@@ -27,11 +27,11 @@ MOST_WIDTH, ODD_WIDTH = 1.3, 0.03
 MOST_RMS = 0.015
 """Rms deviation over the lens's width above which a part is not a print of the design."""
 MOST_MISSING = 0.1
-"""Fraction of the front without an edge at one end that gives a warning; at both ends the picture is rejected."""
+"""Fraction of the front without an edge at one end that gives a warning; at both ends the image is rejected."""
 MOST_OF_PICTURE, LEAST_SHARE = 1.2, 0.1
-"""Limits of the width of a lens over that of the picture for which another unit of the scale is the probable cause."""
+"""Limits of the width of a lens over that of the image for which another unit of the scale is the probable cause."""
 COARSEST_PX = 60
-"""Smallest number of pixels across the lens."""
+"""Minimum number of pixels across the lens."""
 NEAR_PX = 4
 """Distance in pixels below which two edges cannot be resolved."""
 RESOLVED_PX = 200
@@ -39,11 +39,11 @@ RESOLVED_PX = 200
 WIDER, LEAST_PLACES = 1.3, 20
 """Blur relative to a wall's above which an edge may be two, and number of points that this requires along the wall."""
 LEAST_SEEN = 0.5
-"""Fraction of the front that a picture must show."""
+"""Fraction of the front that an image must show."""
 
 
 def no_lens(image: Image, nominal: NominalFront, why: str) -> DataError:
-    """Return the error for a picture without such a lens, with the remedy; too few pixels are the usual cause."""
+    """Return the error for an image without such a lens, with the remedy; too few pixels are the usual cause."""
     limit = f"shows no lens like that of {nominal.name}: {why}"
     across = nominal.width_mm * 1e3 / image.um_per_px
     if across < RESOLVED_PX:
@@ -62,7 +62,7 @@ def no_lens(image: Image, nominal: NominalFront, why: str) -> DataError:
 
 
 def check_scale(image: Image, nominal: NominalFront) -> None:
-    """Raise `DataError` if the lens would be too small in the picture or far larger than it."""
+    """Raise `DataError` if the lens would be too small in the image or far larger than it."""
     across = nominal.width_mm * 1e3 / image.um_per_px
     size = f"at {image.um_per_px:.4g} µm per pixel the lens of {nominal.width_mm:g} mm is {across:.0f} pixels wide"
     limit, change = "", ""
@@ -75,7 +75,7 @@ def check_scale(image: Image, nominal: NominalFront) -> None:
 
 
 def _other_unit(image: Image, nominal: NominalFront) -> str:
-    """Return the most probable cause: a scale in another unit, for which the whole lens would be in the picture."""
+    """Return the most probable cause: a scale in another unit, for which the entire lens would be in the image."""
     stated, size = image.um_per_px, nominal.width_mm * 1e3
     units = {"mm per pixel": 1e3 * stated, "pixels per mm": 1e3 / stated, "nm per pixel": 1e-3 * stated}
     units |= {"pixels per µm": 1.0 / stated, "dpi": 25.4e3 / stated}
@@ -103,7 +103,7 @@ def of_pixels(image: Image, nominal: NominalFront) -> list[Caution]:
 
 
 def check_seen(image: Image, seen: float) -> None:
-    """Raise `DataError` if too little of the front is in the picture."""
+    """Raise `DataError` if too little of the front is in the image."""
     if seen < LEAST_SEEN:
         limit = f"shows {seen:.0%} of the front; at least {LEAST_SEEN:.0%} is needed for the registration"
         raise DataError(image.provenance.file, limit=limit, remedy="take a picture of the whole lens")
@@ -159,7 +159,7 @@ def merged_edges(walls: Sequence[Edge | None], edge: Edge) -> list[Caution]:
 
 
 def missing_ends(edge: Edge) -> list[Caution]:
-    """Return warnings for ends of the front that are in the picture but have no edge."""
+    """Return warnings for ends of the front that are in the image but have no edge."""
     return [
         look_at(
             f"the last {share:.0%} of the front on the {side} is in the picture but has no edge that can be measured"
@@ -182,7 +182,7 @@ def odd_width(width: float | None, nominal: NominalFront) -> list[Caution]:
 
 
 def cropped(seen: float, ends: tuple[float, float]) -> list[Caution]:
-    """Return a warning for a front that is only partly in the picture."""
+    """Return a warning for a front that is only partly in the image."""
     if seen > 0.99:
         return []
     return [
@@ -194,7 +194,7 @@ def cropped(seen: float, ends: tuple[float, float]) -> list[Caution]:
 
 
 def _missing(edge: Edge) -> tuple[float, float]:
-    """Return the fractions of the front at its left and right end that are in the picture but have no edge."""
+    """Return the fractions of the front at its left and right end that are in the image but have no edge."""
     at = np.flatnonzero(edge.kept)
     shown = np.flatnonzero(edge.inside)
     return (max(float(at[0] - shown[0]), 0.0) / len(edge.kept), max(float(shown[-1] - at[-1]), 0.0) / len(edge.kept))

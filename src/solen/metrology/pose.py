@@ -1,4 +1,4 @@
-"""Pose of a part in a picture: the transformation between its coordinates in mm and pixels."""
+"""Pose of a part in an image: the transformation between its coordinates in mm and pixels."""
 
 import cmath
 import math
@@ -11,18 +11,18 @@ from solen.arrays import FloatArray
 
 @dataclass(frozen=True)
 class Pose:
-    """Position, rotation and scale of a part in a picture.
+    """Position, rotation and scale of a part in an image.
 
     Attributes
     ----------
     rotation_deg
-        Counter-clockwise rotation in the picture; at 0 the part's second axis (a lens's z, a layout's y) points up.
+        Counter-clockwise rotation in the image; at 0 the part's second axis (a lens's z, a layout's y) points up.
     origin_px
         (x, y) = (column, row) of the part's origin: a lens's vertex, the centre of a layout.
     um_per_px
         Size of a pixel.
     mirrored
-        Whether the picture shows the part from its other side, left and right exchanged before it is rotated.
+        Whether the image shows the part from its other side, left and right exchanged before it is rotated.
     """
 
     rotation_deg: float
@@ -46,20 +46,20 @@ class Pose:
         return 1e3 / self.um_per_px
 
     def to_px(self, points_mm: FloatArray) -> FloatArray:
-        """Return the positions (..., 2) in the picture of points (..., 2) of the part."""
+        """Return the positions (..., 2) in the image of points (..., 2) of the part."""
         return np.asarray(points_mm @ self._matrix.T * self.px_per_mm + np.asarray(self.origin_px))
 
     def to_mm(self, points_px: FloatArray) -> FloatArray:
-        """Return the points (..., 2) of the part at positions (..., 2) in the picture."""
+        """Return the points (..., 2) of the part at positions (..., 2) in the image."""
         return np.asarray((points_px - np.asarray(self.origin_px)) @ self._matrix * (self.um_per_px / 1e3))
 
     def direction_px(self, directions: FloatArray) -> FloatArray:
-        """Return the directions (..., 2) in the picture of directions (..., 2) of the part, of the same length."""
+        """Return the directions (..., 2) in the image of directions (..., 2) of the part, of the same length."""
         return np.asarray(directions @ self._matrix.T)
 
     @property
     def _matrix(self) -> FloatArray:
-        """Matrix from the part's axes to the picture's, x to the right and y downwards."""
+        """Matrix from the part's axes to the image's, x to the right and y downwards."""
         c, s = math.cos(math.radians(self.rotation_deg)), math.sin(math.radians(self.rotation_deg))
         flip = -1.0 if self.mirrored else 1.0
         return np.array([[flip * c, -s], [-flip * s, -c]])

@@ -1,8 +1,8 @@
 """Size and form of a print: pose, scale, shrinkage and uniform overgrowth fitted jointly.
 
-Three effects change the size of a whole print. A wrong scale and shrinkage multiply all lengths and cannot be separated
-in a picture; their priors decide how the factor is divided. Overgrowth, the usual fault of projection printing, moves
-every wall outwards by the same distance. The front alone hardly separates it from a factor (a circle not at all), but
+Three effects change the size of an entire print. A wrong scale and shrinkage multiply all lengths and cannot be separated
+in an image; their priors decide how the factor is divided. Overgrowth, the usual fault of projection printing, moves
+every wall outwards by the same distance. The front alone barely separates it from a factor (a circle not at all), but
 the walls behind the front do. Front and walls are therefore fitted jointly, all five parameters at once, with the form
 error of the print, of unknown magnitude, as residual.
 
@@ -36,7 +36,7 @@ from solen.spec.strict import Finite, Options
 U_SCALE = 0.03
 """Relative standard uncertainty assumed for a scale without a stated one."""
 EDGE_BIAS_PX = 0.05
-"""Shift of an edge by uneven illumination and the camera's tone curve: systematic, and not visible in scatter."""
+"""Shift of an edge by non-uniform illumination and the camera's tone curve: systematic, and not visible in scatter."""
 SPREAD_OF_FORM = 2.0
 """Factor of uncertainty of the usual form error of a print."""
 ABSORBED = 8.0
@@ -69,7 +69,7 @@ class PrintPriors(Options):
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """A print's outline in a picture: points (N, 2) of the front and of its walls, and the picture's scale."""
+    """A print's outline in an image: points (N, 2) of the front and of its walls, and the image's scale."""
 
     front_px: FloatArray
     walls_px: tuple[FloatArray | None, ...]
@@ -84,7 +84,7 @@ class Traced:
 
     @property
     def u_factor(self) -> float:
-        """Relative standard uncertainty of the scale, an assumed value if none is stated."""
+        """Relative standard uncertainty of the scale, an assumed value if none is specified."""
         return U_SCALE if self.u_scale is None else self.u_scale
 
 
@@ -97,7 +97,7 @@ class PrintFit:
     overgrowth_um, u_overgrowth_um
         Uniform displacement of all walls outwards.
     size_factor, u_size_factor
-        Size of the outline relative to the design, at the picture's scale and without overgrowth.
+        Size of the outline relative to the design, at the image's scale and without overgrowth.
     scale_factor, u_scale_factor
         Ratio of true to stated pixel size.
     shrinkage_percent, u_shrinkage_percent
@@ -109,7 +109,7 @@ class PrintFit:
     independent_values
         Number of independent values among the deviations.
     walls
-        Number of walls used; without them overgrowth and size are hardly separated.
+        Number of walls used; without them overgrowth and size are barely separated.
     log_evidence
         Logarithm of the design's marginal likelihood up to a constant, for a given number of independent values.
     on_front

@@ -1,4 +1,4 @@
-"""A picture as one plane of grey values, with the checks of every format; Pillow reads PNG, JPEG, BMP and others."""
+"""An image as one plane of grey values, with the checks of every format; Pillow reads PNG, JPEG, BMP and others."""
 
 import io
 import math
@@ -26,7 +26,7 @@ SMALLEST = 32
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Weights of red, green and blue in the luminance (ITU-R BT.709)."""
 COLOURED = 0.02
-"""Mean difference of the channels below which a picture counts as grey."""
+"""Mean difference of the channels below which an image counts as grey."""
 BITS = {"1": 1, "L": 8, "LA": 8, "P": 8, "RGB": 8, "RGBA": 8, "CMYK": 8, "YCbCr": 8, "I;16": 16, "I;16B": 16, "I": 16}
 PLAIN = {"1": "L", "LA": "RGBA", "P": "RGBA", "CMYK": "RGB", "YCbCr": "RGB"}
 EXIF_UM = {2: 25_400.0, 3: 10_000.0}
@@ -42,7 +42,7 @@ TURNED: dict[int, Callable[[FloatArray], FloatArray]] = {
     7: lambda a: np.rot90(a, 2).T,
     8: np.rot90,
 }
-"""Rotation that makes a picture upright, by its orientation tag (TIFF 6.0)."""
+"""Rotation that makes an image upright, by its orientation tag (TIFF 6.0)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def check_size(file: str, columns: int, rows: int) -> None:
-    """Raise `DataError` if a picture is too large to be decoded or too small to show anything."""
+    """Raise `DataError` if an image is too large to be decoded or too small to show anything."""
     if columns * rows >= LARGEST_PIXELS:
         limit = f"has {columns * rows / 1e6:.0f} megapixels ({columns} x {rows}); it must be below 100"
         raise DataError(file, limit=limit, remedy="crop it to the part, or bin it by two and double --um-per-px")
@@ -97,7 +97,7 @@ def readable(file: str) -> Iterator[None]:
 
 
 def brightness(values: FloatArray) -> tuple[FloatArray, tuple[Caution, ...]]:
-    """Return the luminance of (rows, columns, 3), and a warning if the picture is coloured."""
+    """Return the luminance of (rows, columns, 3), and a warning if the image is coloured."""
     spread = float(np.mean(values.max(axis=2) - values.min(axis=2)))
     warning = look_at(
         "the picture is coloured: its luminance is measured, and colour fringes of a lens can shift edges in it"
@@ -106,7 +106,7 @@ def brightness(values: FloatArray) -> tuple[FloatArray, tuple[Caution, ...]]:
 
 
 def upright(grey: FloatArray, orientation: int) -> FloatArray:
-    """Return a picture rotated as its orientation tag (1 to 8) states."""
+    """Return an image rotated as its orientation tag (1 to 8) states."""
     return np.ascontiguousarray(TURNED[orientation](grey)) if orientation in TURNED else grey
 
 
@@ -125,7 +125,7 @@ def float_levels(file: str, values: NDArray[np.generic]) -> FloatArray:
 
 
 def read_raster(file: str, data: bytes) -> Plane:
-    """Return the plane of a picture that Pillow reads; `DataError` if it has several frames or is damaged."""
+    """Return the plane of an image that Pillow reads; `DataError` if it has several frames or is damaged."""
     with readable(file), Pillow.open(io.BytesIO(data)) as opened:
         check_size(file, *opened.size)
         frames = getattr(opened, "n_frames", 1)

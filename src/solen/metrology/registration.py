@@ -1,6 +1,6 @@
 """Registration of a measured outline to its design: the rotation and the shift that minimise the deviations.
 
-A picture does not show where the part was placed, so rotation and shift are free. Its scale is fixed, because an error
+An image does not show where the part was placed, so rotation and shift are free. Its scale is fixed, because an error
 of size could not be detected otherwise (`solen.metrology.print_fit` fits size too). The distances of the points from
 the front, along its normal, are minimised by the Gauss-Newton method with Huber's weights (P. J. Huber, Ann. Math.
 Statist. 35, 73, 1964), so an outlier such as a speck has little influence. A print's deviations are form, not noise:
@@ -26,7 +26,7 @@ HUBER = 2.5
 """Deviation, in robust standard deviations, above which a point is given a lower weight."""
 CONVERGED_MM = 1e-8
 FEWEST = 4
-"""Smallest number of points to which a rotation and a shift are fitted."""
+"""Minimum number of points to which a rotation and a shift are fitted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class Registration:
     Attributes
     ----------
     pose
-        Pose of the design in the picture.
+        Pose of the design in the image.
     points_mm
         Shape (N, 2): the measured points in lens coordinates, in their order along the front.
     deviation_um
@@ -99,12 +99,12 @@ def register(
     u_scale: float = 0.0,
     only: BoolArray | None = None,
 ) -> Registration:
-    """Register points of a picture to a design.
+    """Register points of an image to a design.
 
     Parameters
     ----------
     points_px
-        Shape (N, 2), (x, y) in the picture, of the front and perhaps beyond it.
+        Shape (N, 2), (x, y) in the image, of the front and perhaps beyond it.
     u_px
         Shape (N,): standard uncertainties along the normal.
     pose

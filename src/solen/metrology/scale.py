@@ -128,7 +128,7 @@ class ScaleOptions(Options):
         return self
 
     def rescaled(self, rows: int, columns: int) -> list[Caution]:
-        """Return a warning if a picture has the same proportions as the scale's picture but another size."""
+        """Return a warning if an image has the same proportions as the scale's image but another size."""
         if self.scale is None:
             return []
         taken = read_scale(self.scale)
@@ -167,7 +167,7 @@ class Scale:
     um_per_px
         Side of a square pixel in the object, µm.
     u_um_per_px
-        Its standard uncertainty; None if none is stated.
+        Its standard uncertainty; None if none is specified.
     origin
         Source of the value: ``given``, ``OME-XML PhysicalSizeX``, ``ImageJ``, ``TIFF XResolution``, …
     """
@@ -178,13 +178,13 @@ class Scale:
 
     @property
     def u_relative(self) -> float:
-        """Relative standard uncertainty; 0 if none is stated."""
+        """Relative standard uncertainty; 0 if none is specified."""
         return (self.u_um_per_px or 0.0) / self.um_per_px
 
 
 @dataclass(frozen=True)
 class Tag:
-    """Size of a pixel as stated by a file.
+    """Size of a pixel as specified by a file.
 
     Attributes
     ----------
@@ -218,15 +218,15 @@ class Tag:
 
 
 def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[Scale, list[Caution]]:
-    """Choose the scale of a picture; return it with warnings.
+    """Choose the scale of an image; return it with warnings.
 
     The user's value takes precedence, with a warning if a usable tag differs by more than `SAME`: a wrong tag must not
-    make a picture unusable, and an outline of known size reveals a wrong value.
+    make an image unusable, and an outline of known size reveals a wrong value.
 
     Raises
     ------
     DataError
-        If the picture has no scale, or only an impossible one.
+        If the image has no scale, or only an impossible one.
     SpecError
         If the given uncertainty is half the scale or more.
     """

@@ -19,7 +19,7 @@ SETTLED_PX = 1e-4
 """Displacement of the edges below which a fit has converged."""
 LEAST_BLUR_PX, MOST_BLUR_PX = 0.35, 50.0
 """A pixel integrates over its width, 0.29 px as a standard deviation, and interpolation between pixels blurs a little
-more: no picture of an edge is sharper, and below this limit the position of an edge between two values is undetermined.
+more: no image of an edge is sharper, and below this limit the position of an edge between two values is undetermined.
 """
 NARROWER = 0.3
 """Largest change of the logarithm of the blur in one iteration."""

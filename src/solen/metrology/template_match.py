@@ -1,7 +1,7 @@
-"""Template matching: the approximate pose of a lens in a picture, for any illumination.
+"""Template matching: the approximate pose of a lens in an image, for any illumination.
 
 Whether a lens is bright on dark, dark on bright, or transparent with dark rims, the grey value changes across its
-outline. The picture is reduced, and its gradients are divided by their own magnitude so that one bright reflection
+outline. The image is reduced, and its gradients are divided by their own magnitude so that one bright reflection
 counts no more than a faint edge. For each of many rotations, the squared cosine between gradient and normal is summed
 over the design's outline for all positions at once, by Fourier transforms. The highest sum is the lens. A cropped lens
 has a lower sum, and dust does not have the shape of a lens.
@@ -25,7 +25,7 @@ from solen.metrology.pose import Pose
 ACROSS_PX = 70
 """Reduced pixels across the lens."""
 MOST_PX = 512
-"""Largest number of reduced pixels along the longer side of the picture."""
+"""Largest number of reduced pixels along the longer side of the image."""
 STEP_DEG = 5.0
 FINE_DEG = (-2.0, -1.0, 0.0, 1.0, 2.0)
 SMOOTH_PX = 1.2
@@ -38,14 +38,14 @@ REACH_PX = 4
 
 @dataclass(frozen=True)
 class Match:
-    """A pose and its score: the mean squared cosine between the normals of the outline and the picture's gradients."""
+    """A pose and its score: the mean squared cosine between the normals of the outline and the image's gradients."""
 
     pose: Pose
     score: float
 
 
 def match_template(grey: FloatArray, um_per_px: float, nominal: NominalFront, *, mirrored: bool = False) -> list[Match]:
-    """Return the poses at which a picture is most like a lens, best first; the others are at different positions.
+    """Return the poses at which an image is most like a lens, best first; the others are at different positions.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def match_template(grey: FloatArray, um_per_px: float, nominal: NominalFront, *,
     nominal
         The lens to find; a print of it may differ by about a fiftieth of its width.
     mirrored
-        Whether the picture shows the part from its other side.
+        Whether the image shows the part from its other side.
     """
     across = nominal.width_mm * 1e3 / um_per_px
     factor = max(1, math.floor(across / ACROSS_PX), math.ceil(max(grey.shape) / MOST_PX))
@@ -75,7 +75,7 @@ def match_template(grey: FloatArray, um_per_px: float, nominal: NominalFront, *,
 
 
 def _full_px(place: tuple[float, float], factor: int) -> tuple[float, float]:
-    """Return the position in the picture of a position in the reduced picture."""
+    """Return the position in the image of a position in the reduced image."""
     middle = 0.5 * (factor - 1)
     return (place[0] * factor + middle, place[1] * factor + middle)
 
@@ -129,7 +129,7 @@ class _Template:
 
 @dataclass(frozen=True, eq=False)
 class _Gradients:
-    """Products of the components of a picture's gradients, divided by their magnitude, as Fourier transforms."""
+    """Products of the components of an image's gradients, divided by their magnitude, as Fourier transforms."""
 
     spectra: tuple[NDArray[np.complex128], ...]
     shape: tuple[int, int]
@@ -173,7 +173,7 @@ class _Gradients:
 
 
 def _unwrapped(at: int, padded: int, own: int) -> int:
-    """Return a position along an axis; positions before the picture's first pixel are at the far end of the padding."""
+    """Return a position along an axis; positions before the image's first pixel are at the far end of the padding."""
     return at - padded if at >= 1.5 * own else at
 
 

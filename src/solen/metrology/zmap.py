@@ -1,7 +1,7 @@
 """A z map: heights on a grid of pixels, from a TIFF of a profiler or a depth-from-focus microscope, or a text table.
 
 There is no common tag for the height of one level, so the user must state it (`z_um`, µm for one level or unit); it is
-never guessed. The size of a pixel comes from the file's own tags or from the user, as with a picture. Pixels without a
+never guessed. The size of a pixel comes from the file's own tags or from the user, as with an image. Pixels without a
 height (NaN, an empty cell) are not filled in.
 
 `read_z_map` returns a `ZMap`.
@@ -43,7 +43,7 @@ class ZMapOptions(ScaleOptions):
     """The scales of a z map."""
 
     z_um: Annotated[Finite, Field(gt=0, le=1e4)] | None = None
-    """Height of one level or unit of a z map, µm; without it the file is read as a picture."""
+    """Height of one level or unit of a z map, µm; without it the file is read as an image."""
     u_z_um: Annotated[Finite, Field(ge=0, le=1e4)] | None = None
     """Standard uncertainty of that height, µm."""
 
@@ -63,7 +63,7 @@ class ZMap:
     warnings
         Warnings about the map.
     z_um, u_z_um
-        Height of a level or unit of the file, µm, and its standard uncertainty; None if not stated.
+        Height of a level or unit of the file, µm, and its standard uncertainty; None if not specified.
     """
 
     z_mm: FloatArray
@@ -75,7 +75,7 @@ class ZMap:
 
     @property
     def u_z_relative(self) -> float:
-        """Relative standard uncertainty of heights due to their scale; 0 if none is stated."""
+        """Relative standard uncertainty of heights due to their scale; 0 if none is specified."""
         return (self.u_z_um or 0.0) / self.z_um
 
     @cached_property
@@ -89,7 +89,7 @@ class ZMap:
 
     @cached_property
     def grey(self) -> FloatArray:
-        """Heights (rows, columns) scaled to 0 to 1 as a picture, gaps filled with the nearest height."""
+        """Heights (rows, columns) scaled to 0 to 1 as an image, gaps filled with the nearest height."""
         low, high = np.percentile(self.filled_mm, [0.1, 99.9])
         return np.asarray((self.filled_mm - low) / max(float(high - low), 1e-12))
 
@@ -155,7 +155,7 @@ def read_z_map(
 
 
 def read_image_or_z_map(path: Path, options: ZMapOptions) -> Image | ZMap:
-    """Read a z map if the height of one level is given, else a picture; `SpecError` for a text table without it."""
+    """Read a z map if the height of one level is given, else an image; `SpecError` for a text table without it."""
     if options.z_um is not None:
         return read_z_map(path, options.z_um, options.um_per_px, options.u_um_per_px, options.u_z_um)
     if options.u_z_um is not None:

@@ -110,24 +110,24 @@ class Band(Source):
 
     @property
     def rays(self) -> int:
-        """Number of rays of the whole source."""
+        """Number of rays of the entire source."""
         return self.whole.rays
 
     @property
     def shape_dimensions(self) -> int:
-        """See `Source.shape_dimensions`; same as the whole source."""
+        """See `Source.shape_dimensions`; same as the entire source."""
         return self.whole.shape_dimensions
 
     def dimensions(self, in_space: bool = False) -> int:
-        """See `Source.dimensions`; same as the whole source."""
+        """See `Source.dimensions`; same as the entire source."""
         return self.whole.dimensions(in_space)
 
     def place(self, u: FloatArray) -> Placed:
-        """Return rays of the whole source by their numbers."""
+        """Return rays of the entire source by their numbers."""
         return self.whole.place(u)
 
     def place_in_space(self, u: FloatArray) -> PlacedInSpace:
-        """Return rays of the whole source in space by their numbers."""
+        """Return rays of the entire source in space by their numbers."""
         return self.whole.place_in_space(u)
 
     def lines(self, u: FloatArray) -> IntArray:

@@ -100,7 +100,7 @@ class Sensor:
 
     @property
     def is_drawn(self) -> bool:
-        """Whether the body is drawn, or a network: a single lens does not precede the whole body."""
+        """Whether the body is drawn, or a network: a single lens does not precede the entire body."""
         return self.cut is None
 
     @property

@@ -1,4 +1,4 @@
-"""Measurement of coupons: the layout located in a picture or z map, feature sizes, and the smallest resolved ones.
+"""Measurement of coupons: the layout located in an image or z map, feature sizes, and the smallest resolved ones.
 
 `measure_coupon` does all of this and returns a `CouponMeasurement`. `locate` finds the coupon, `fit_disc` and `fit_gap`
 measure its features, `height_of` and `steps_of` evaluate a z map, and `limits` defines the smallest resolved features.

@@ -1,8 +1,8 @@
-"""Round blobs in a picture: candidates for a coupon's features.
+"""Round blobs in an image: candidates for a coupon's features.
 
-A top-hat filter keeps what is smaller than a window and brighter (or darker) than its surroundings, however uneven the
-illumination is. The result is thresholded at several levels, and connected regions that are as compact as a disc or a
-square are kept. A pillar that appears as a bright ring is counted with its interior.
+A top-hat filter keeps objects that are smaller than a window and brighter (or darker) than their surroundings, even
+under non-uniform illumination. The result is thresholded at several levels, and connected regions that are as compact
+as a disc or a square are kept. A pillar that appears as a bright ring is counted with its interior.
 """
 
 import math
@@ -19,12 +19,12 @@ LEVELS = (0.5, 0.35, 0.7, 0.25)
 HIGHEST = 99.5
 """Percentile that defines that height."""
 NOISE = 5.0
-"""Smallest height of a blob, in standard deviations of the noise."""
+"""Minimum height of a blob, in standard deviations of the noise."""
 MOST_PIXELS = 600_000
 FEWEST_PX = 12
 """Area in pixels below which the shape of a blob cannot be assessed."""
 LONGEST, COMPACT = 1.3, (0.8, 1.15)
-"""Largest ratio of axes, and limits of the area relative to the ellipse with the same second moments: 1 for a disc,
+"""Maximum axis ratio, and limits of the area relative to the ellipse with the same second moments: 1 for a disc,
 0.955 for a square.
 """
 MOST = 150
@@ -60,7 +60,7 @@ def blobs(grey: FloatArray, window_px: float, *, bright: bool, most_rise: float 
 
 
 def _noise(grey: FloatArray) -> float:
-    """Return the noise of a picture, estimated from the median of its second differences."""
+    """Return the noise of an image, estimated from the median of its second differences."""
     second = grey[:, 2:] - 2.0 * grey[:, 1:-1] + grey[:, :-2]
     return float(np.median(np.abs(second)) / (0.6745 * np.sqrt(6.0)))
 

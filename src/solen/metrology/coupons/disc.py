@@ -1,4 +1,4 @@
-"""The diameter of a disc in a picture, to a small fraction of a pixel, with its uncertainty.
+"""The diameter of a disc in an image, to a small fraction of a pixel, with its uncertainty.
 
 The disc's edge is a circle blurred by a Gaussian of standard deviation s. At the distance d from its centre, the
 blurred disc of radius r has the height
@@ -6,12 +6,12 @@ blurred disc of radius r has the height
     P(d) = probability that |X| < r, X normal about d with variance s² in both directions
          = the non-central chi-square distribution with two degrees of freedom at (r/s)², non-centrality (d/s)²,
 
-which for r >> s is a blurred straight edge, shifted by s²/2r because the edge is convex. Levels, a gradient of the
-illumination, the centre, r and s are fitted to the pixels around the edge. Small discs are therefore not
-underestimated, as they are when the half level is traced.
+which for r >> s is a blurred straight edge, shifted by s²/2r because the edge is convex. Grey levels, illumination
+gradient, centre, r and s are fitted to the pixels around the edge. The diameters of small discs are therefore not
+underestimated, as they are if the half-level contour is traced.
 
-The uncertainty does not rest on pixel noise alone: each of twenty-four sectors of the edge gives its distance from the
-circle, and the scatter of these distances, which includes roughness and form, gives the uncertainty.
+The uncertainty is not based on pixel noise alone: the edge is divided into twenty-four sectors, and the scatter of
+their radial deviations, which includes roughness and form, gives the uncertainty.
 """
 
 import math
@@ -28,21 +28,21 @@ SECTORS = 24
 MOST_FITTED = 3000
 """Largest number of pixels used in the fit; the sectors use all pixels."""
 SMALL = 12.0
-"""Radius over blur above which the edge is treated as a straight one with a shift."""
+"""Ratio of radius to blur above which the edge is treated as a straight one with a shift."""
 TABLE = np.linspace(-6.5, 6.5, 261)
 """Distances from the edge, in blurs, at which the height of a small disc is tabulated; interpolation is within 1e-4."""
 BLURS = 5.0
 """Half the width of the fitted ring, in blurs."""
 FLOOR_PX = 0.05
-"""Half width of the uniform error of a radius from the edge in any picture; its standard uncertainty is this over
-√3.
+"""Half width of the uniform distribution of a radius error due to the edge in any image; the standard uncertainty is
+this value over √3.
 """
 PRESENT = 0.4
-"""Smallest fraction of the disc's rise that a sector must have for its edge to count as present."""
+"""Minimum rise of a sector, as a fraction of the disc's rise, for its edge to count as present."""
 LEAST_BLUR_PX, MOST_BLUR_PX = 0.3, 30.0
 FEWEST_PIXELS = 24
 NUDGE = 0.03
-"""Step of the numerical derivatives, px."""
+"""Step of the numerical derivatives in px."""
 LEAST_RADIUS_PX = 1.2
 
 
@@ -97,7 +97,7 @@ def share(distance_px: FloatArray, radius_px: float, blur_px: float) -> FloatArr
 
 
 def _share(distance: FloatArray, radius: float, blur: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return a blurred disc (N,) and its derivatives with respect to distance, radius and the logarithm of the blur."""
+    """Return the heights (N,) of a blurred disc and their derivatives with respect to distance, radius and log blur."""
     if radius > SMALL * blur:
         u, bend = (radius - distance) / blur, 0.5 * blur / radius
         bell = np.exp(-0.5 * (u - bend) ** 2) / math.sqrt(math.tau)
@@ -178,7 +178,7 @@ def fit_disc(
 
 
 def _around(grey: FloatArray, place: tuple[float, float], reach: float) -> _Pixels | None:
-    """Return the pixels within a distance, or None if some of them are outside the picture."""
+    """Return the pixels within a distance, or None if some of them are outside the image."""
     x0, y0 = place
     left, right = math.floor(x0 - reach), math.ceil(x0 + reach)
     low, high = math.floor(y0 - reach), math.ceil(y0 + reach)
@@ -192,7 +192,7 @@ def _around(grey: FloatArray, place: tuple[float, float], reach: float) -> _Pixe
 
 
 def _first_radius(pixels: _Pixels, radius: float, reach: float, *, bright: bool) -> float | None:
-    """Return the distance at which the mean over rings falls (or rises) most."""
+    """Return the radius at which the ring-averaged grey value falls (or rises) most steeply."""
     ring = np.round(np.hypot(pixels.x, pixels.y)).astype(int)
     count = np.bincount(ring)
     mean = np.bincount(ring, pixels.grey) / np.maximum(count, 1)
@@ -207,7 +207,7 @@ def _first_radius(pixels: _Pixels, radius: float, reach: float, *, bright: bool)
 
 
 def _fit(pixels: _Pixels, radius: float, blur: float, most: float, *, fixed: bool, start: Fit | None) -> Fit | None:
-    """Fit x, y, radius, log blur, background level, rise and the slopes of the illumination."""
+    """Fit x, y, radius, log blur, background level, rise and the illumination gradient."""
     x0, y0 = (0.0, 0.0) if start is None else (float(start.values[0]), float(start.values[1]))
     distance = np.hypot(pixels.x - x0, pixels.y - y0)
     ring = pixels.of(np.abs(distance - radius) <= BLURS * blur + 2.0)
@@ -227,7 +227,7 @@ def _fit(pixels: _Pixels, radius: float, blur: float, most: float, *, fixed: boo
 
 
 def _levels(inside: FloatArray, ring: _Pixels) -> list[float]:
-    """Return background level and rise for known position, radius and blur, without slopes."""
+    """Return background level and rise for a fixed position, radius and blur, without an illumination gradient."""
     weight = inside - inside.mean()
     rise = float(np.sum(weight * ring.grey) / max(float(np.sum(weight**2)), 1e-12))
     return [float(ring.grey.mean() - rise * inside.mean()), rise, 0.0, 0.0]
@@ -246,7 +246,7 @@ def _model(pixels: _Pixels, p: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _checked(pixels: _Pixels, fit: Fit, place: tuple[float, float], *, bright: bool, ceiling: float) -> Disc | None:
-    """Return the disc after the check of its sectors, or None if its contrast has the opposite sign."""
+    """Check the disc by its sectors and return it, or None if its contrast has the opposite sign."""
     p = fit.values
     radius, blur, rise = float(p[2]), math.exp(float(p[3])), float(p[5])
     if rise * (1.0 if bright else -1.0) <= 0.0 or radius < LEAST_RADIUS_PX:
@@ -294,7 +294,7 @@ def _sectors(
     rise: float,
     usable: BoolArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the distance of each sector's edge from the circle, and its relative rise; NaN for no edge."""
+    """Return each sector's distance from the circle to its edge, and its relative rise; NaN without an edge."""
     away, rises = np.full(SECTORS, np.nan), np.full(SECTORS, np.nan)
     for number in range(SECTORS):
         mine = (sector == number) & usable

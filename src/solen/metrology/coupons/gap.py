@@ -1,11 +1,11 @@
 """The gap between two pillars: whether it is open, and how wide it is.
 
-Along lines from one pillar to the other, the grey value falls from the level of the pillars to that of the ground and
-rises again: a slit, with the blur of the pillars' edges. Off-centre lines are wider, by the geometry of the two
-circles. The depth of the slit is taken from the pillars' other edges, so even a slit narrower than the blur has a
-width, given by the missing light. If the slit is wide enough to show its own depth, the depth is fitted, and a film
-that closes the gap halfway up shows as a reduced depth. A merged pair has no slit: its width is zero within its
-uncertainty.
+Along lines from one pillar to the other, the grey value falls from the pillar level to the ground level and rises
+again: this dip is modelled as a slit with the same edge blur as the pillars. Off-centre lines are wider because of the
+geometry of the two circles. The depth of the slit is taken from the pillars' outer edges, so even a slit narrower than
+the blur can be assigned a width, from the missing light. If the slit is wide enough to show its own depth, the depth is
+fitted, and a film that closes the gap halfway up shows as a reduced depth. A merged pair has no slit: its width is zero
+within its uncertainty.
 """
 
 import math
@@ -20,18 +20,18 @@ from solen.metrology.coupons.disc import FLOOR_PX, Disc
 from solen.metrology.coupons.least_squares import least_squares
 
 STRIP = 0.15
-"""Half the width of the strip evaluated, in radii."""
+"""Half width of the evaluated strip, in radii."""
 INTO = 0.7
 """Distance by which the strip extends into the pillars, in radii."""
 OWN_DEPTH = 2.5
-"""Width in blurs above which the depth is fitted."""
+"""Width in blurs above which the slit's own depth is fitted."""
 SIGMAS = 4.0
-"""Smallest width of an open gap, in standard uncertainties."""
+"""Minimum width of an open gap, in standard uncertainties."""
 DEEP = 0.5
-"""Smallest depth of an open gap, as a fraction of the pillars' rise."""
+"""Minimum depth of an open gap, as a fraction of the pillars' rise."""
 WHOLE = math.sqrt(math.tau)
 NOISE_OF_LINES = 1.5
-"""Factor on the uncertainty because neighbouring samples share pixels."""
+"""Factor applied to the uncertainty because neighbouring samples share pixels."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +44,12 @@ class GapFit:
 
     @property
     def open(self) -> bool:
-        """Whether the gap is significant and reaches down to the ground."""
+        """Whether the gap is statistically significant and reaches down to the ground."""
         return self.width_px > SIGMAS * self.u_width_px and self.depth >= DEEP
 
 
 def fit_gap(grey: FloatArray, left: Disc, right: Disc) -> GapFit | None:
-    """Fit the gap between two standing pillars; return None if it is not in the picture."""
+    """Fit the gap between two standing pillars; return None if it is not in the image."""
     radius = 0.25 * (left.diameter_px + right.diameter_px)
     blur = 0.5 * (left.blur_px + right.blur_px)
     apart = math.hypot(right.x_px - left.x_px, right.y_px - left.y_px)
@@ -69,7 +69,7 @@ def fit_gap(grey: FloatArray, left: Disc, right: Disc) -> GapFit | None:
 
 
 def _strip(grey: FloatArray, left: Disc, right: Disc, along: FloatArray, aside: FloatArray) -> FloatArray | None:
-    """Return grey values (lines, positions) between two pillars, or None if the strip leaves the picture."""
+    """Return grey values (lines, positions) between two pillars, or None if the strip leaves the image."""
     middle = np.array([0.5 * (left.x_px + right.x_px), 0.5 * (left.y_px + right.y_px)])
     way = np.array([right.x_px - left.x_px, right.y_px - left.y_px])
     way = way / np.hypot(*way)

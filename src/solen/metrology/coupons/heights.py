@@ -1,9 +1,9 @@
 """Heights of columns from a z map, and the steps between them that are significant rises.
 
-A column's top, away from its edge, is cut into twelve sectors of equal angle. Its height is the mean of the sectors'
-medians above the plane of the ground around it, so dust and a tilted or bent slab have little effect. The scatter of
-the medians, which includes the roughness of the print over relevant distances, gives the uncertainty; that of the
-ground is determined in the same way.
+The top of a column, excluding its edge region, is divided into twelve sectors of equal angle. The column height is the
+mean of the sector medians above the fitted plane of the surrounding ground, so dust and a tilted or bent slab have
+little effect. The scatter of the medians, which includes the roughness of the print over relevant distances, gives the
+uncertainty; the uncertainty of the ground is determined in the same way.
 """
 
 import math
@@ -21,11 +21,11 @@ TOP = 0.65
 NEAR, FAR = 1.25, 2.2
 """Inner and outer radius of the free ground around a feature, in radii of the feature."""
 EDGE_MM = 0.03
-"""Distance kept between the evaluated ground and the edges of slab and blocks."""
+"""Minimum distance of the evaluated ground from the edges of slab and blocks."""
 PIECES = 12
 FEWEST_PIECES = 6
 VALID = 0.3
-"""Fraction of a top's pixels that must have a height."""
+"""Minimum fraction of a top's pixels that must have a height."""
 FEWEST_PX = 24
 FREEDOM = float(PIECES - 1)
 
@@ -69,9 +69,9 @@ def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, pose: Pose) ->
 
 
 def steps_of(coupon: Coupon, heights: dict[str, Height | str], u_scale: float = 0.0) -> list[MeasuredSize]:
-    """Return every step of the coupon with its rise and whether it is significant.
+    """Return every step of the coupon with its rise and whether the rise is significant.
 
-    ``u_scale`` is the relative standard uncertainty of the scale of heights.
+    ``u_scale`` is the relative standard uncertainty of the height scale.
     """
     steps = []
     for step in coupon.steps:
@@ -91,7 +91,7 @@ def steps_of(coupon: Coupon, heights: dict[str, Height | str], u_scale: float = 
 
 
 def _window(shape: tuple[int, ...], feature: Feature, pose: Pose) -> tuple[IntArray, IntArray] | None:
-    """Return the rows and columns around a feature, or None if a part of its top is outside the picture."""
+    """Return the rows and columns around a feature, or None if a part of its top is outside the image."""
     x, y = pose.to_px(np.array([feature.x_mm, feature.y_mm])).tolist()
     own = 0.5 * max(feature.width_mm, feature.depth_mm) * pose.px_per_mm
     rows, columns = shape

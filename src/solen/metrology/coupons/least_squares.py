@@ -1,7 +1,7 @@
-"""Smallest squares of a few parameters over many pixels, by the Levenberg-Marquardt method within limits.
+"""Least-squares fit of a few parameters to many pixels, by the Levenberg-Marquardt method with parameter limits.
 
 D. W. Marquardt, J. Soc. Indust. Appl. Math. 11, 431 (1963). The normal matrix is summed without a linear algebra
-library: for matrices this small, starting its threads costs more time than they save.
+library: for matrices this small, starting its threads takes more time than they save.
 """
 
 from collections.abc import Callable, Sequence

@@ -4,13 +4,13 @@ The paper's fidelity parts are "used to extract: (i) the minimum resolvable XY f
 the minimum XY separation required to avoid feature merging, (iii) the minimum resolvable diameter variation for
 recessed features, and (iv) the minimum reproducible Z step". Here each becomes a rule that needs no judgement:
 
-- (i) the smallest nominal diameter for which a pillar of this and of every larger diameter stands. The printed diameter
-  of that pillar is reported with it: the paper's resolvable size is a printed diameter, not a nominal one.
+- (i) the smallest nominal diameter for which this pillar and all larger ones stand. The printed diameter of that
+  pillar is reported with it: the paper's resolvable size is a printed diameter, not a nominal one.
 - (ii) the smallest nominal gap for which this and every larger gap is open; the same rule applies to holes.
-- (iii) the smallest nominal difference in diameter for which any two holes that differ by this much or more are printed
-  in the right order, each pair significantly. The reference is the scatter of the printed diameters about a straight
-  line of the nominal ones, or the measurement uncertainty if that is larger, by Student's t with 5 % shared among the
-  pairs (Bonferroni). Two holes of the same nominal size belong to the scatter.
+- (iii) the smallest nominal diameter difference for which any two holes that differ by this much or more are printed
+  in the right order with statistical significance. The scatter of the printed diameters about a straight-line fit to
+  the nominal ones, or the measurement uncertainty if that is larger, is compared by Student's t with 5 % shared among
+  the pairs (Bonferroni). Two holes of the same nominal size contribute to the scatter.
 - (iv) the smallest nominal step for which every step of this and of every larger size is a significant rise, by a
   one-sided Welch's t-test with 5 % shared among the steps of that size.
 
@@ -45,13 +45,13 @@ class MeasuredSize:
     measured_mm, u_measured_mm
         The measured value and its standard uncertainty; None if there is nothing to measure.
     resolved
-        Whether it stands, is open, or is a rise; None if the picture does not show it well enough.
+        Whether it stands, is open, or is a rise; None if the image does not show it well enough.
     reason
         Reason why it is not resolved or undecided.
     diameter_mm
         Nominal diameter of the pillars of a gap.
     u_own_mm
-        Standard uncertainty without that of the scale, which is common to all features of a picture.
+        Standard uncertainty without that of the scale, which is common to all features of an image.
     """
 
     name: str
@@ -108,7 +108,7 @@ def limits_of(measured: Sequence[MeasuredSize]) -> tuple[Limit, ...]:
 def smallest(kind: str, measured: Sequence[MeasuredSize]) -> Limit | None:
     """Return limit (i), (ii) or that of open holes: the smallest size before the first one that is not resolved.
 
-    Return None if the picture shows no feature of the kind.
+    Return None if the image shows no feature of the kind.
     """
     seen = [one for one in measured if one.resolved is not None or one.reason != OUTSIDE]
     if not seen:
@@ -165,7 +165,7 @@ def z_step(steps: Sequence[MeasuredSize]) -> Limit | None:
 
 
 def _mean_step(size: float, group: Sequence[MeasuredSize]) -> Limit:
-    """Return a limit with the mean of the steps of that size, its uncertainty from their scatter or from their own."""
+    """Return a limit with the mean of the steps of that size; its uncertainty is from their scatter or their own."""
     rises = np.array([step.measured_mm for step in group], dtype=float)
     own = np.array([step.u_measured_mm for step in group], dtype=float)
     count = len(rises)
@@ -174,7 +174,7 @@ def _mean_step(size: float, group: Sequence[MeasuredSize]) -> Limit:
 
 
 def rise_by_chance(rise: float, u_low: float, u_high: float, freedom: float) -> float:
-    """Return the p-value of a rise of the mean, from a one-sided Welch's t-test."""
+    """Return the probability that such a mean rise occurs by chance, by a one-sided Welch's t-test."""
     u = math.hypot(u_low, u_high)
     if u == 0.0:
         return 0.0 if rise > 0.0 else 1.0

@@ -1,9 +1,10 @@
-"""Location of a coupon in a picture or a height map, from the blobs of its features or from the slab.
+"""Location of a coupon in an image or a height map, from the blobs of its features or from the slab.
 
-Two blobs whose sizes and distance match two of the largest features fix the pose of the whole coupon, once as drawn and
-once mirrored. Each hypothesis is scored by the number of features with a blob at the expected position, and the best
-ones are fitted by least squares. The final choice uses positions, marks, and sizes up to a common offset, because print
-and illumination change all sizes alike. The pose is ambiguous if another one with other positions fits nearly as well.
+Two blobs whose sizes and distance match two of the largest features fix the pose of the entire coupon, once as drawn
+and once mirrored. Each hypothesis is scored by the number of features with a blob at the expected position, and the
+best ones are fitted by least squares. The final choice is based on positions, marks, and sizes up to a common offset,
+because print and illumination change all sizes alike. The pose is ambiguous if another pose with different positions
+fits nearly as well.
 
 A coupon of blocks is located in a height map by its rectangular slab, and oriented by the blocks' heights.
 """
@@ -27,31 +28,33 @@ WINDOW = 1.0
 diameter.
 """
 LARGEST = 9
-"""Number of the largest features that are tried as the two blobs of a guess."""
+"""Number of the largest features that are tried as the two blobs of a hypothesis."""
 SCALE = 0.06
 """Largest combined relative deviation of print and scale from the layout."""
 SIZE = 0.5
 """Largest natural logarithm of the ratio of a blob's size to its feature's."""
 SHORT = 0.12
-"""Smallest distance between the two features of a guess, as a fraction of the coupon's extent."""
+"""Minimum distance between the two features of a hypothesis, as a fraction of the coupon's extent."""
 NEAR_MM, NEARER_MM = 0.25, 0.12
 """Largest distance of a blob from the position of its feature, before and after the fit."""
 PLACE_MM, DIAMETER_MM = 0.02, 0.04
-"""Assumed standard deviation of a blob's position and size."""
+"""Assumed standard deviations of a blob's position and diameter."""
 GROWN_MM, STRETCHED = 0.06, 0.015
-"""The same for an offset of all sizes, and for the scale: a shift by one feature would imply a print of another
-size.
+"""Assumed standard deviations of a size offset common to all features, and of the scale: a shift by one feature would
+imply a print of another size.
 """
 MISSING, MARK = 4.0, 4.0
 """Cost of a feature without a blob, and the extra weight of a mark."""
 CLEAR = 4.0
-"""Smallest difference in cost between the best guess and any other."""
+"""Minimum cost difference between the best hypothesis and any other."""
 PARAMETERS, MANY, PLACED_MM = 4, 8, 0.003
-"""Parameters of a pose; number of further positions above which their scatter is known; and its minimum."""
+"""Number of pose parameters; number of further positions above which their scatter is reliable; and its minimum
+value.
+"""
 MOST_GUESSES, FITTED = 4000, 40
 FEWEST = 3
 AREA, SIDES = 0.15, 0.1
-"""Largest relative deviations of a slab's area, and of the ratio of its sides, from the layout."""
+"""Largest relative deviations of a slab's area and side ratio from the layout."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class Location:
     Attributes
     ----------
     pose
-        Pose of the layout in the picture, at the scale that fits the positions of the features.
+        Pose of the layout in the image, at the scale that fits the positions of the features.
     bright
         Whether its features are brighter than their surroundings.
     matched
@@ -90,7 +93,7 @@ class _Guess:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """A coupon's round features and the blobs of a picture that they are matched with."""
+    """A coupon's round features and the image blobs that they are matched with."""
 
     features: Sequence[Feature]
     blobs: Blobs
@@ -112,13 +115,13 @@ class _Search:
         return np.asarray(np.abs(np.log(ratio)) < SIZE)
 
     def guesses(self) -> list[_Guess]:
-        """Return fitted guesses of the coupon's pose."""
+        """Return fitted hypotheses of the coupon's pose."""
         if len(self.blobs.diameter_px) < FEWEST:
             return []
         return [self._refined(pose) for pose in self._rough()]
 
     def _rough(self) -> list[Pose]:
-        """Return poses from pairs of blobs, those that explain most features first."""
+        """Return poses from pairs of blobs, those that explain the most features first."""
         at, seen = self.places_mm, self.blobs.places_px
         extent = float(np.ptp(at, axis=0).max())
         order = np.argsort(-self.sizes_mm, kind="stable")[:LARGEST]
@@ -139,11 +142,11 @@ class _Search:
         return _distinct([poses[k] for k in np.argsort(-np.array(explained, dtype=float), kind="stable")], extent)
 
     def _explained(self, pose: Pose, alike: BoolArray) -> int:
-        """Return the number of features with a blob of about their size at their position."""
+        """Return the number of features that have a blob of about the right size at their position."""
         return int(np.count_nonzero(((self._apart_px(pose) < NEAR_MM * self.px_per_mm) & alike).any(axis=1)))
 
     def _apart_px(self, pose: Pose) -> FloatArray:
-        """Return the distances of the features' positions (rows) from the blobs (columns)."""
+        """Return the distances between feature positions (rows) and blobs (columns)."""
         apart = pose.to_px(self.places_mm)[:, None, :] - self.blobs.places_px[None, :, :]
         return np.asarray(np.hypot(apart[..., 0], apart[..., 1]))
 
@@ -160,7 +163,7 @@ class _Search:
         return _Guess(pose, tuple(pairs), cost, rms, self.bright)
 
     def _pairs(self, pose: Pose, near_mm: float) -> list[tuple[int, int]]:
-        """Return pairs of features and blobs that are each other's nearest."""
+        """Return pairs of features and blobs that are mutual nearest neighbours."""
         apart = np.where(self.alike(pose.px_per_mm), self._apart_px(pose), np.inf)
         nearest, back = apart.argmin(axis=1), apart.argmin(axis=0)
         most = near_mm * pose.px_per_mm
@@ -170,7 +173,7 @@ class _Search:
         """Return the cost of a pose, and the rms distance of its blobs from the features.
 
         The cost is the sum of squared deviations, each at most `MISSING`, plus `MISSING` for each feature without a
-        blob though it should be in the picture, minus `MISSING` for each blob that is explained.
+        blob though it should be in the image, minus `MISSING` for each blob that is explained.
         """
         weight = np.array([MARK if feature.kind == "mark" else 1.0 for feature in self.features])
         expected, scale, sizes = pose.to_px(self.places_mm), pose.px_per_mm, self.sizes_mm
@@ -195,7 +198,7 @@ def places(features: Sequence[Feature]) -> FloatArray:
 
 
 def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, most_rise: float = math.inf) -> Location:
-    """Find a coupon of round features in a picture.
+    """Find a coupon of round features in an image.
 
     Parameters
     ----------
@@ -204,9 +207,9 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, mos
     coupon
         The printed coupon.
     px_per_mm
-        Scale of the picture.
+        Scale of the image.
     what
-        Name of the picture in errors.
+        Name of the image in errors.
     most_rise
         Grey value above the surroundings beyond which features count as equally bright.
 
@@ -247,7 +250,9 @@ def _check_clear(best: _Guess, guesses: list[_Guess], measured_mm: FloatArray, w
 
 
 def _farther(other: _Guess, best: _Guess) -> float:
-    """Return the evidence of the positions beyond the cost, which assumes larger errors than this coupon's may be."""
+    """Return the evidence from positions in addition to the cost, which assumes larger position errors than this coupon
+    may have.
+    """
     free = 2 * len(best.pairs) - PARAMETERS
     if free < MANY:
         return 0.0

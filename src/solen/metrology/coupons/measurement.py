@@ -1,4 +1,4 @@
-"""Measurement of a coupon in a picture or z map: sizes with uncertainties, resolved features, and limits."""
+"""Measurement of a coupon in an image or z map: sizes with uncertainties, resolved features, and limits."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,22 +23,22 @@ from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
 SNR = 6.0
-"""Rise of a disc over its uncertainty below which it counts as missing."""
+"""Ratio of a disc's rise to its uncertainty below which the disc counts as missing."""
 COVERAGE = 0.75
 """Fraction of the edge that must be present."""
 RISE = 0.25
-"""Rise relative to the typical one, below which a disc is a stain or a stump."""
+"""Rise relative to the typical one below which a disc is treated as a stain or a stump."""
 UNSURE = 0.3
-"""Uncertainty relative to the diameter above which a disc is not measured."""
+"""Relative uncertainty of the diameter above which a disc is not measured."""
 FIRST_BLUR_PX = 2.0
 EDGE = 5.0
 """Half width of an edge, in blurs."""
 AWAY_MM = 0.12
-"""Largest distance of a feature from its nominal position."""
+"""Maximum distance of a feature from its nominal position."""
 LOW = 0.9
-"""Fraction of the lowest column's height up to which columns of a z map are distinguished."""
+"""Fraction of the lowest column's height; columns of a z map are separated up to this height."""
 SURE_PX = 8.0
-"""Radius above which a disc determines the blur."""
+"""Radius in pixels above which a disc determines the blur."""
 BLURRED_PX = 8.0
 CHANGED = 0.02
 """Relative difference between print or scale and layout above which a warning is given."""
@@ -54,7 +54,7 @@ class CouponMeasurement(Result):
     coupon
         Name of the coupon.
     simulated
-        Whether the picture was computed.
+        Whether the image was computed.
     image
         ``picture`` or ``z map``.
     scale
@@ -64,7 +64,7 @@ class CouponMeasurement(Result):
     heights
         Heights of columns, from a height map.
     blur_um
-        Standard deviation of the picture's blur; None if unknown.
+        Standard deviation of the image's blur; None if unknown.
     pitch_ratio, u_pitch_ratio
         Ratio of printed to nominal distances between features, and its standard uncertainty; None for fewer than three
         features.
@@ -73,9 +73,9 @@ class CouponMeasurement(Result):
     warnings
         Warnings about the values.
     z_um, u_z_um
-        Height of a grey level of a height map, and its standard uncertainty; None for a picture, or if not stated.
-    layout, picture
-        The printed coupon, and the picture or z map of it.
+        Height of a grey level of a height map, and its standard uncertainty; None for an image, or if not specified.
+    layout, image
+        The printed coupon, and the image or z map of it.
     measured
         Features, gaps and steps in the order of the layout.
     limits
@@ -115,22 +115,22 @@ class CouponMeasurement(Result):
 
     @reported
     def undecided(self) -> list[MeasuredSize]:
-        """Features that the picture does not show well enough, with the reason."""
-        return [feature for feature in self.measured if feature.kind in CALIBRATES and feature.resolved is None]
+        """Features that the image does not show well enough, with the reason."""
+        return [one for one in self.measured if one.kind in CALIBRATES and one.resolved is None]
 
     @reported
     def marks(self) -> list[MeasuredSize]:
-        """The marks that orient the picture."""
-        return [feature for feature in self.measured if feature.kind == "mark"]
+        """The marks that orient the image."""
+        return [one for one in self.measured if one.kind == "mark"]
 
 
 def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
-    """Measure a coupon in a picture or a height map.
+    """Measure a coupon in an image or a height map.
 
     Raises
     ------
     DataError
-        If the coupon has nothing that the picture or map can show, or is not found.
+        If the coupon has nothing that the image or map can show, or is not found.
     """
     z_mm = image.z_mm if isinstance(image, ZMap) else None
     what, px_per_mm = image.provenance.file, 1e3 / image.scale.um_per_px
@@ -215,7 +215,9 @@ class _DiscFits:
         return discs, reasons, blur
 
     def _fitted(self) -> tuple[dict[str, Disc | None], dict[str, str], float]:
-        """Return the fits of visible features, and reasons for the others; small ones use the blur of large ones."""
+        """Return the fits of visible features, and reasons for the others; small features use the blur of large
+        ones.
+        """
         fits: dict[str, Disc | None] = {}
         reasons: dict[str, str] = {}
         blur, known = FIRST_BLUR_PX, False
@@ -246,7 +248,9 @@ class _DiscFits:
         return fits, reasons, _blur(fits, blur)
 
     def _surroundings(self, feature: Feature, blur: float) -> tuple[float, list[float]]:
-        """Return the free distance beyond a feature's edge, px, and the directions in which another one is too near."""
+        """Return the free distance beyond a feature's edge in px, and the directions in which another feature is too
+        near.
+        """
         scale, coupon = self.pose.px_per_mm, self.coupon
         need = EDGE * blur + 3.0
         reach = max(0.4 * feature.diameter_mm * scale, need)
@@ -332,7 +336,7 @@ def _size_mm(size_px: float, u_px: float, scale: Scale) -> tuple[float, float, f
 
 
 def _pitch(coupon: Coupon, discs: Mapping[str, Disc], px_per_mm: float) -> tuple[float | None, float | None]:
-    """Return the ratio of printed to nominal distances, and its standard uncertainty from the fit of the positions."""
+    """Return the ratio of printed to nominal distances, and its standard uncertainty from the position fit."""
     names = [name for name in discs if not any(name in gap.between for gap in coupon.gaps)] or list(discs)
     if len(names) < 3:
         return None, None
