@@ -232,7 +232,7 @@ def _height_mm(lens: Lens, seen_from: SeenFrom | None) -> float:
     if not isinstance(lens, LensInSpace):
         return 0.0
     if seen_from is None:
-        limit = f"is missing: a {lens.shape} lens varies with height, and the picture shows one face"
+        limit = f"is missing: a {lens.shape} lens varies with height, and the image shows only one face"
         raise SpecError("--seen-from", limit=limit, remedy="set it to top or bottom")
     return lens.half_height_mm if seen_from == "bottom" else -lens.half_height_mm
 

@@ -1,11 +1,11 @@
 """The printed front in an image: location, names of its edges, and their positions to a small fraction of a pixel.
 
-The design only states what to search for and where its normals are; the grey values alone determine the position of an
-edge. A thick transparent part shows the rim of its upper face and that of its lower one. If both run along the front,
-both are measured: `outer` and `inner` by their position. If one is clearly sharper than the other, it belongs to the
-face on which the microscope was focused, usually the upper one, and is used as the outline.
+The design only defines where to search and in which directions; the position of an edge is determined by the grey
+values alone. A thick transparent part shows the rims of its upper and lower faces. If both run along the front, both
+are measured and named `outer` and `inner` by their position. If one is clearly sharper than the other, it belongs to
+the face on which the microscope was focused, usually the upper one, and is used as the outline.
 
-`measure_outline` returns an `Outline` with its edges in the order of the front, the chosen one first.
+`measure_outline` returns an `Outline` with its edges in order along the front, the chosen one first.
 """
 
 from collections.abc import Iterable, Sequence
@@ -41,15 +41,15 @@ from solen.ranks import Caution, do_not_use, look_at
 
 EdgeChoice = Literal["auto", "outer", "inner", "sharper"]
 REACH = 0.08
-"""Distance on each side of the design in which an edge is searched, as a fraction of the lens's width."""
+"""Distance on each side of the design within which an edge is searched for, as a fraction of the lens width."""
 REACH_PX = 14.0
-"""Minimum value of this distance in pixels: the noise of an image is estimated near the edge, not on it."""
+"""Minimum of this distance in pixels: image noise is estimated near the edge, not on it."""
 LEAST_SCORE = 0.08
 LEAST_KEPT = 0.4
-"""Fraction of the positions in the image that must have an edge."""
+"""Minimum fraction of the positions in the image that must have an edge."""
 RIVAL = 0.9
 SIDES = 0.8
-"""Ratio of rms deviations above which the side that an image was taken from is uncertain."""
+"""Ratio of rms deviations above which the viewing side is uncertain."""
 
 
 UNKNOWN_SIDE = look_at(
@@ -184,7 +184,9 @@ def measure_outline(
 
 
 def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Match, list[Caution]]:
-    """Return the location of the lens, and a warning of other candidates; ``sides`` are the allowed mirror states."""
+    """Return the location of the lens, and a warning about other candidates; ``sides`` are the allowed mirror
+    states.
+    """
     matches = [one for side in sides for one in match_template(image.grey, image.um_per_px, nominal, mirrored=side)]
     matches.sort(key=lambda one: -one.score)
     if not matches or matches[0].score < LEAST_SCORE:
@@ -216,7 +218,7 @@ def _traced(image: Image, pose: Pose, nominal: NominalFront) -> tuple[Pose, Band
 
 @dataclass(frozen=True, eq=False)
 class _Prior:
-    """Inputs of the registration of an edge: an initial pose, the design, and priors of prints."""
+    """Inputs for the registration of an edge: an initial pose, the design, and priors of the print."""
 
     pose: Pose
     nominal: NominalFront
@@ -232,7 +234,7 @@ class _Prior:
 
 
 def _named(edges: list[Edge], walls: Sequence[list[Edge]], image: Image, prior: _Prior) -> list[NamedEdge]:
-    """Return named edges of which enough can be measured."""
+    """Return the edges, with names, of which a sufficient part can be measured."""
     kept = [edge for edge in edges if edge.share_kept >= LEAST_KEPT]
     beside = [_walls_of(walls, edges.index(edge), len(edges)) for edge in kept]
     names: Iterable[str] = ("outer", *(f"middle {i}" for i in range(1, len(kept) - 1)), "inner")
@@ -256,7 +258,9 @@ def _named(edges: list[Edge], walls: Sequence[list[Edge]], image: Image, prior: 
 
 
 def _walls_of(walls: Sequence[list[Edge]], place: int, count: int) -> tuple[Edge | None, ...]:
-    """Return the edge of each wall that continues an edge of the front, or None if their numbers differ."""
+    """Return the edge of each wall that continues an edge of the front; None if walls and front have different
+    numbers of edges.
+    """
     return tuple(wall[place] if len(wall) == count else None for wall in walls)
 
 

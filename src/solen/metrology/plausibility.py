@@ -1,8 +1,8 @@
 """Plausibility: whether the outline in an image can be a print of the design at the image's scale.
 
-A lens of another size or shape, or at a wrong scale, has edges too. It is recognised by the ends of the front, the
-width of the part behind it, and the residual of the registration: each of these has one limit for rejection and a lower
-one for a warning. The functions that warn return a list of sentences, which is empty if nothing is wrong.
+A lens of another size or shape, or at a wrong scale, also has edges. Such a lens is recognised by the ends of the
+front, the width of the part behind the front, and the registration residual: each has one limit for rejection and a
+lower one for a warning. The functions that warn return a list of sentences, which is empty if nothing is wrong.
 """
 
 from collections.abc import Sequence
@@ -21,25 +21,27 @@ from solen.ranks import Caution, look_at
 
 SIDES = ("left", "right")
 WALL_REACH = 0.3
-"""Distance to each side in which a wall is searched, as a fraction of the lens's width."""
+"""Distance to each side within which a wall is searched for, as a fraction of the lens width."""
 MOST_WIDTH, ODD_WIDTH = 1.3, 0.03
-"""Factor of width above which a part is not a print of the design, and relative difference that gives a warning."""
+"""Width factor above which a part is not a print of the design, and relative difference that causes a warning."""
 MOST_RMS = 0.015
-"""Rms deviation over the lens's width above which a part is not a print of the design."""
+"""Ratio of the rms deviation to the lens width above which a part is not a print of the design."""
 MOST_MISSING = 0.1
-"""Fraction of the front without an edge at one end that gives a warning; at both ends the image is rejected."""
+"""Fraction of the front without an edge at one end that causes a warning; at both ends, the image is rejected."""
 MOST_OF_PICTURE, LEAST_SHARE = 1.2, 0.1
-"""Limits of the width of a lens over that of the image for which another unit of the scale is the probable cause."""
+"""Limits of the ratio of lens width to image width; outside them the scale is probably in another unit."""
 COARSEST_PX = 60
 """Minimum number of pixels across the lens."""
 NEAR_PX = 4
-"""Distance in pixels below which two edges cannot be resolved."""
+"""Separation in pixels below which two edges cannot be resolved."""
 RESOLVED_PX = 200
-"""Number of pixels across the lens above which two visible faces usually show as two edges."""
+"""Number of pixels across the lens above which both faces, if visible, usually appear as two edges."""
 WIDER, LEAST_PLACES = 1.3, 20
-"""Blur relative to a wall's above which an edge may be two, and number of points that this requires along the wall."""
+"""Ratio of blurs above which an edge that is more blurred than a wall may be two edges, and the minimum number of
+points along the wall for this test.
+"""
 LEAST_SEEN = 0.5
-"""Fraction of the front that an image must show."""
+"""Minimum fraction of the front that an image must show."""
 
 
 def no_lens(image: Image, nominal: NominalFront, why: str) -> DataError:
@@ -88,7 +90,7 @@ def _other_unit(image: Image, nominal: NominalFront) -> str:
 
 
 def of_pixels(image: Image, nominal: NominalFront) -> list[Caution]:
-    """Return a warning for a lens of few pixels: edges nearer than a blur are measured as one edge between them."""
+    """Return a warning for a lens that spans few pixels: edges separated by less than a blur are measured as one."""
     across = nominal.width_mm * 1e3 / image.um_per_px
     if across >= RESOLVED_PX:
         return []
@@ -145,7 +147,7 @@ def part_width_mm(walls: Sequence[Edge | None], pose: Pose, nominal: NominalFron
 
 
 def merged_edges(walls: Sequence[Edge | None], edge: Edge) -> list[Caution]:
-    """Return a warning for a single edge that is clearly more blurred than the adjacent walls: it may be two in one."""
+    """Return a warning for a single edge that is clearly more blurred than the adjacent walls: it may be two edges."""
     blurs = [wall.blur for wall in walls if wall is not None]
     if not blurs or edge.blur < WIDER * min(blurs):
         return []

@@ -32,7 +32,9 @@ class Pose:
 
     @classmethod
     def fitted(cls, points_mm: FloatArray, points_px: FloatArray, *, mirrored: bool) -> "Pose":
-        """Fit the pose to at least two matched points (N, 2) and (N, 2) by least squares, including the scale."""
+        """Fit the pose to at least two pairs of matched points, both arrays (N, 2), by least squares, including the
+        scale.
+        """
         p = (-1.0 if mirrored else 1.0) * points_mm[:, 0] - 1j * points_mm[:, 1]
         q = points_px[:, 0] + 1j * points_px[:, 1]
         p0, q0 = p.mean(), q.mean()
@@ -54,12 +56,12 @@ class Pose:
         return np.asarray((points_px - np.asarray(self.origin_px)) @ self._matrix * (self.um_per_px / 1e3))
 
     def direction_px(self, directions: FloatArray) -> FloatArray:
-        """Return the directions (..., 2) in the image of directions (..., 2) of the part, of the same length."""
+        """Return the image directions (..., 2) of part directions (..., 2), with the same length."""
         return np.asarray(directions @ self._matrix.T)
 
     @property
     def _matrix(self) -> FloatArray:
-        """Matrix from the part's axes to the image's, x to the right and y downwards."""
+        """Matrix from the part's axes to the image axes, x to the right and y downwards."""
         c, s = math.cos(math.radians(self.rotation_deg)), math.sin(math.radians(self.rotation_deg))
         flip = -1.0 if self.mirrored else 1.0
         return np.array([[flip * c, -s], [-flip * s, -c]])

@@ -1,16 +1,17 @@
 """Size and form of a print: pose, scale, shrinkage and uniform overgrowth fitted jointly.
 
-Three effects change the size of an entire print. A wrong scale and shrinkage multiply all lengths and cannot be separated
-in an image; their priors decide how the factor is divided. Overgrowth, the usual fault of projection printing, moves
-every wall outwards by the same distance. The front alone barely separates it from a factor (a circle not at all), but
-the walls behind the front do. Front and walls are therefore fitted jointly, all five parameters at once, with the form
-error of the print, of unknown magnitude, as residual.
+Three effects change the size of an entire print. A wrong scale and shrinkage multiply all lengths and cannot be
+separated in an image; their priors decide how the factor is divided. Overgrowth, the usual fault of projection
+printing, moves every wall outwards by the same distance. It is barely distinguishable from a size factor by the front
+alone (for a circle not at all), but the walls behind the front separate the two. Front and walls are therefore fitted
+jointly, all five parameters at once, with the form error of the print, of unknown magnitude, as residual.
 
-Form errors of neighbours correlate, so N points count as m independent values: with a form error of standard deviation
-σ, the logarithm of the likelihood is -m ln σ - (m/N) Σ d²/2σ². Deviations are linear in the five parameters near the
-best fit, so the integral over these is exact, and that over σ is computed on a grid with a prior about the usual form
-error. The integral is the marginal likelihood of the design (A. Gelman and others, Bayesian Data Analysis, chapters 7
-and 14). The same prior gives the probability that a print of this design deviates by as much: an absolute test.
+Form errors of neighbouring points are correlated, so N points count as m independent values: with a form error of
+standard deviation σ, the logarithm of the likelihood is -m ln σ - (m/N) Σ d²/2σ². Deviations are linear in the five
+parameters near the best fit, so the integral over these is exact, and the integral over σ is computed on a grid with a
+prior about the usual form error. The result is the marginal likelihood of the design (A. Gelman and others, Bayesian
+Data Analysis, chapters 7 and 14). The same prior gives the probability that a print of this design deviates by as much:
+an absolute test.
 
 Public names: `fit_print`, `Traced`, `PrintFit` and `PrintPriors`.
 """
@@ -34,18 +35,20 @@ from solen.results import HIDDEN
 from solen.spec.strict import Finite, Options
 
 U_SCALE = 0.03
-"""Relative standard uncertainty assumed for a scale without a stated one."""
+"""Relative standard uncertainty assumed for a scale without a specified uncertainty."""
 EDGE_BIAS_PX = 0.05
-"""Shift of an edge by non-uniform illumination and the camera's tone curve: systematic, and not visible in scatter."""
+"""Edge shift due to non-uniform illumination and the camera's tone curve: systematic, and not visible in the
+scatter.
+"""
 SPREAD_OF_FORM = 2.0
-"""Factor of uncertainty of the usual form error of a print."""
+"""Factor of one standard deviation in the prior of a print's form error."""
 ABSORBED = 8.0
 """The five fitted parameters remove slowly varying form from the residual, which then looks less correlated than it
 is: m values count as m²/(m + 8), for which intervals cover form errors of 0.15 to 0.6 mm correlation length (by
 simulation).
 """
 U_MOTION = 10.0
-"""Prior standard deviation of a rotation (rad) and a shift (mm): wide enough to have no effect, equal for all
+"""Prior standard deviation of a rotation (rad) and a shift (mm): wide enough to have no effect, and equal for all
 designs.
 """
 _FORMS_MM = np.geomspace(1e-6, 1.0, 121)
@@ -69,7 +72,7 @@ class PrintPriors(Options):
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """A print's outline in an image: points (N, 2) of the front and of its walls, and the image's scale."""
+    """A print's outline in an image: points (N, 2) of the front and of its walls, and the image scale."""
 
     front_px: FloatArray
     walls_px: tuple[FloatArray | None, ...]
@@ -78,7 +81,7 @@ class Traced:
 
     @classmethod
     def of(cls, edge: Edge, walls: Sequence[Edge | None], pose: Pose, u_scale: float | None) -> "Traced":
-        """Return the outline of measured edges; None stands for a wall that is not visible."""
+        """Return the outline from measured edges; None stands for a wall that is not visible."""
         beside = tuple(None if wall is None else wall.measured[0] for wall in walls)
         return cls(edge.measured[0], beside, pose, u_scale)
 
@@ -164,7 +167,9 @@ def fit_print(
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """Outline after a motion and a change of size: residuals (N,) in mm, derivatives (N, 5), weights, used points."""
+    """Outline after a motion and a size change: residuals (N,) in mm, derivatives (N, 5), weights, mask of used
+    points.
+    """
 
     values: FloatArray
     residual: FloatArray
@@ -185,7 +190,9 @@ class _Placed:
         return np.asarray(self.jacobian.T @ (self.weights * self.residual) / len(self.residual))
 
     def independent(self) -> float:
-        """Return the number of independent residuals, N over 1 + 2 Σ ρ_k as for a mean; front and walls share ρ_k."""
+        """Return the number of independent residuals, N over 1 + 2 Σ ρ_k as for a mean; front and walls share the
+        ρ_k.
+        """
         ends = np.cumsum([int(piece.sum()) for piece in self.pieces])
         rho = correlations(np.split(self.residual, ends[:-1]))
         count = len(self.residual) / (1.0 + 2.0 * float(np.sum(rho)))
@@ -240,7 +247,7 @@ class _Problem:
 def _piece(
     points: FloatArray, nominal: NominalFront, factor: float, grown: float
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return residuals, derivatives and use of the points of a front or a wall."""
+    """Return residuals, derivatives and the mask of used points for a front or a wall."""
     nearest = nominal.nearest(points / factor)
     outside = factor * nearest.deviation_mm
     motion = by_motion(points, nearest.normals)

@@ -26,7 +26,7 @@ SMALLEST = 32
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Weights of red, green and blue in the luminance (ITU-R BT.709)."""
 COLOURED = 0.02
-"""Mean difference of the channels below which an image counts as grey."""
+"""Mean channel difference below which an image counts as grey."""
 BITS = {"1": 1, "L": 8, "LA": 8, "P": 8, "RGB": 8, "RGBA": 8, "CMYK": 8, "YCbCr": 8, "I;16": 16, "I;16B": 16, "I": 16}
 PLAIN = {"1": "L", "LA": "RGBA", "P": "RGBA", "CMYK": "RGB", "YCbCr": "RGB"}
 EXIF_UM = {2: 25_400.0, 3: 10_000.0}
@@ -61,7 +61,7 @@ class Plane:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return the bytes of a file; `DataError` if it cannot be read, is empty or is larger than `LARGEST_MB`."""
+    """Return the bytes of a file; `DataError` if it cannot be read, is empty or exceeds `LARGEST_MB`."""
     return files.read_bytes(path, DataError, most_mb=LARGEST_MB, smaller="crop it to the part")
 
 
@@ -81,7 +81,7 @@ def check_vision(what: str) -> None:
 
 @contextmanager
 def readable(file: str) -> Iterator[None]:
-    """Turn any error of a decoder, which may raise almost anything, into one line; suppress warnings."""
+    """Convert any error of a decoder, which may raise almost anything, to a one-line error; suppress warnings."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -106,12 +106,12 @@ def brightness(values: FloatArray) -> tuple[FloatArray, tuple[Caution, ...]]:
 
 
 def upright(grey: FloatArray, orientation: int) -> FloatArray:
-    """Return an image rotated as its orientation tag (1 to 8) states."""
+    """Return an image rotated according to its orientation tag (1 to 8)."""
     return np.ascontiguousarray(TURNED[orientation](grey)) if orientation in TURNED else grey
 
 
 def is_simulated(*texts: str) -> bool:
-    """Return whether a file states that it was computed."""
+    """Return whether a file is marked as simulated."""
     return any("simulated" in text.casefold() or "synthetic" in text.casefold() for text in texts)
 
 

@@ -1,11 +1,11 @@
 """Registration of a measured outline to its design: the rotation and the shift that minimise the deviations.
 
-An image does not show where the part was placed, so rotation and shift are free. Its scale is fixed, because an error
-of size could not be detected otherwise (`solen.metrology.print_fit` fits size too). The distances of the points from
-the front, along its normal, are minimised by the Gauss-Newton method with Huber's weights (P. J. Huber, Ann. Math.
-Statist. 35, 73, 1964), so an outlier such as a speck has little influence. A print's deviations are form, not noise:
-neighbours agree. Uncertainties therefore use the number of independent values that follows from the correlation of the
-deviations, not the number of pixels.
+An image does not show where the part was placed, so rotation and shift are free. Its scale is fixed, because a size
+error could not be detected otherwise (`solen.metrology.print_fit` fits the size too). The distances of the points from
+the front, along its normal, are minimised by the Gauss-Newton method with Huber weights (P. J. Huber, Ann. Math.
+Statist. 35, 73, 1964), so an outlier such as a speck has little influence. A print's deviations are form errors, not
+noise: neighbouring points agree. Uncertainties are therefore based on the number of independent values that follows
+from the correlation of the deviations, not on the number of pixels.
 
 Public names: `register`, `Registration` and `effective_number`.
 """
@@ -23,7 +23,7 @@ from solen.metrology.pose import Pose
 
 ROUNDS = 60
 HUBER = 2.5
-"""Deviation, in robust standard deviations, above which a point is given a lower weight."""
+"""Deviation, in robust standard deviations, above which a point is down-weighted."""
 CONVERGED_MM = 1e-8
 FEWEST = 4
 """Minimum number of points to which a rotation and a shift are fitted."""
@@ -148,10 +148,10 @@ def register(
 
 
 def effective_number(values: FloatArray) -> float:
-    """Return the number of independent values with the same information on a mean square as a correlated sequence.
+    """Return the number of independent values that determine a mean square as well as a correlated sequence does.
 
-    It is N over 1 + 2 Σ ρ_k², ρ_k the correlation of values k positions apart, up to the first that is not positive
-    (see G. V. Bayley and J. M. Hammersley, J. R. Stat. Soc. Suppl. 8, 184, 1946, for variances).
+    It is N over 1 + 2 Σ ρ_k², where ρ_k is the correlation of values k positions apart, summed up to the first
+    non-positive one (see G. V. Bayley and J. M. Hammersley, J. R. Stat. Soc. Suppl. 8, 184, 1946, for variances).
     """
     count = len(values)
     if count < 4:
@@ -160,7 +160,7 @@ def effective_number(values: FloatArray) -> float:
 
 
 def correlations(parts: Sequence[FloatArray]) -> FloatArray:
-    """Return the correlations at lags 1, 2, … within parts of a sequence, up to the first that is not positive."""
+    """Return the correlations at lags 1, 2, … within parts of a sequence, up to the first non-positive one."""
     longest = max(len(part) for part in parts)
     size = 1 << (2 * longest - 1).bit_length()
     spectra = [np.fft.rfft(part, size) for part in parts]
@@ -186,7 +186,9 @@ def _fit(start: FloatArray, nominal: NominalFront, only: BoolArray) -> _Fit:
 
 
 def _placed(start: FloatArray, nominal: NominalFront, only: BoolArray, turn: float, shift: FloatArray) -> _Fit:
-    """Return the moved points: deviations, derivatives by rotation, shift and growth, and Huber's weights."""
+    """Return the moved points' deviations, their derivatives with respect to rotation, shift and growth, and Huber
+    weights.
+    """
     points = rotated(start, turn) + shift
     nearest = nominal.nearest(points)
     jacobian = by_motion(points, nearest.normals)
@@ -202,13 +204,15 @@ def rotated(points: FloatArray, turn: float) -> FloatArray:
 
 
 def by_motion(points: FloatArray, normals: FloatArray) -> FloatArray:
-    """Return derivatives (N, 4) of deviations by rotation, shift along x and z, and logarithm of the size."""
+    """Return derivatives (N, 4) of deviations with respect to rotation, shift along x and z, and logarithm of the
+    size.
+    """
     by_turn = -normals[:, 0] * points[:, 1] + normals[:, 1] * points[:, 0]
     return np.stack([by_turn, normals[:, 0], normals[:, 1], np.sum(normals * points, axis=1)], axis=1)
 
 
 def huber(deviation: FloatArray, inside: BoolArray) -> FloatArray:
-    """Return Huber's weights (N,) of deviations, from the robust standard deviation of those inside."""
+    """Return the Huber weights (N,) of deviations, based on a robust standard deviation."""
     size = np.abs(deviation)
     sigma = 1.4826 * float(np.median(size[inside])) if inside.any() else 1.0
     return np.minimum(1.0, HUBER * max(sigma, 1e-9) / np.maximum(size, 1e-12))
@@ -224,7 +228,7 @@ def _covariance(jacobian: FloatArray, deviation: FloatArray, weights: FloatArray
 
 
 def _u_of_pose(jacobian: FloatArray, u: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return the standard uncertainty at each point from the pose, due to the uncertainties of the edges."""
+    """Return each point's standard uncertainty due to the pose, from the uncertainties of the edges."""
     inverse = np.linalg.pinv(jacobian.T @ (weights[:, None] * jacobian))
     noise = jacobian.T @ ((weights * u)[:, None] ** 2 * jacobian)
     spread = inverse @ noise @ inverse

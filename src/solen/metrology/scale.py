@@ -1,8 +1,8 @@
-"""The size of a pixel: from the metadata of a file or from the user, and never guessed.
+"""Pixel size: from the metadata of a file or from the user, and never guessed.
 
 A wrong scale makes every length wrong without any visible sign, so only values written by a measuring program are
-trusted. A microscope's program writes its calibration (OME-XML, ImageJ) or a fine resolution tag; office and photo
-programs write 72 or 300 dpi into every file, which is the size to print it at.
+trusted. Microscope software writes its calibration (OME-XML, ImageJ) or a fine resolution tag; office and photo
+programs write 72 or 300 dpi into every file, which is the size for printing it.
 
 Public names: `Scale`, `Tag`, `choose_scale`, `ScaleOptions` and `ScaleFile`.
 """
@@ -37,7 +37,7 @@ SCALE_SCHEMA = 1
 SCALE_MIGRATIONS: Migrations = {}
 Count = Annotated[int, Field(strict=True, ge=1)]
 SAME = 0.01
-"""Largest relative difference of scales that agree."""
+"""Maximum relative difference of scales that count as equal."""
 COARSEST_TAG_UM = 20.0
 """Pixel size above which a plain resolution tag (below 1,270 dpi) is meant for printing, not written by a
 microscope.
@@ -45,7 +45,7 @@ microscope.
 CLICK_PX, LEAST_BAR_PX = 1.0, 10.0
 """Standard uncertainty of a clicked position, and the shortest scale bar."""
 SQUARE = 1e-3
-"""Largest relative difference of the sides of a square pixel."""
+"""Maximum relative difference between the sides of a square pixel."""
 REMEDY = "measure a stage micrometer at the same magnification (solen print scale) and pass its --scale or --um-per-px"
 UM = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "pm": 1e-6, "inch": 25_400.0}
 UM |= {"in": 25_400.0, "micron": 1.0, "microns": 1.0, "micrometer": 1.0, "millimeter": 1e3, "Å": 1e-4}
@@ -85,7 +85,7 @@ def scale_text(scale: ScaleFile) -> str:
 
 
 class ScaleOptions(Options):
-    """The size of a pixel as the user states it."""
+    """Pixel size as specified by the user."""
 
     scale: Path | None = None
     """File with the objective's scale, written by solen print scale; instead of --um-per-px."""
@@ -114,7 +114,7 @@ class ScaleOptions(Options):
 
     @classmethod
     def _check_alone(cls, data: dict[str, Any], name: str) -> None:
-        """Raise `SpecError` if the size of a pixel is stated twice."""
+        """Raise `SpecError` if the pixel size is specified twice."""
         for key in ("um_per_px", "u_um_per_px", *(("scale",) if name == "bar" else ())):
             if data.get(key) is not None:
                 option = f"--{key.replace('_', '-')}"
@@ -128,7 +128,7 @@ class ScaleOptions(Options):
         return self
 
     def rescaled(self, rows: int, columns: int) -> list[Caution]:
-        """Return a warning if an image has the same proportions as the scale's image but another size."""
+        """Return a warning if an image has the same proportions as the image used for the scale but another size."""
         if self.scale is None:
             return []
         taken = read_scale(self.scale)
@@ -144,7 +144,7 @@ class ScaleOptions(Options):
 
 
 def _of_bar(bar: Any) -> dict[str, float]:
-    """Return the size of a pixel from two points and their distance, with its uncertainty; empty for invalid values."""
+    """Return the pixel size from two points and their distance, with its uncertainty; empty for invalid values."""
     try:
         x0, z0, x1, z1, length_um = map(float, bar)
     except (TypeError, ValueError):
@@ -184,7 +184,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class Tag:
-    """Size of a pixel as specified by a file.
+    """Pixel size as stored in a file.
 
     Attributes
     ----------
@@ -228,7 +228,7 @@ def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[S
     DataError
         If the image has no scale, or only an impossible one.
     SpecError
-        If the given uncertainty is half the scale or more.
+        If the specified uncertainty is half the scale or more.
     """
     usable = sorted((tag for tag in tags if not tag.why_rejected), key=lambda tag: not tag.calibrated)
     if given.um_per_px is not None:

@@ -18,11 +18,12 @@ ROUNDS = 40
 SETTLED_PX = 1e-4
 """Displacement of the edges below which a fit has converged."""
 LEAST_BLUR_PX, MOST_BLUR_PX = 0.35, 50.0
-"""A pixel integrates over its width, 0.29 px as a standard deviation, and interpolation between pixels blurs a little
-more: no image of an edge is sharper, and below this limit the position of an edge between two values is undetermined.
+"""Limits of the blur. A pixel integrates over its width, 0.29 px as a standard deviation, and interpolation between
+pixels blurs a little more: no image of an edge is sharper, and below the lower limit the position of an edge
+between two values is undetermined.
 """
 NARROWER = 0.3
-"""Largest change of the logarithm of the blur in one iteration."""
+"""Maximum change of the logarithm of the blur in one iteration."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +165,7 @@ def _model(
 
 
 def _normal(jacobian: FloatArray, damping: FloatArray, stiff: FloatArray) -> FloatArray:
-    """Return the normal matrices (N, P, P) with the priors, their diagonals increased by a fraction."""
+    """Return the normal matrices (N, P, P) including the priors, with their diagonals increased by a fraction."""
     normal = np.matmul(np.swapaxes(jacobian, 1, 2), jacobian) + np.diag(stiff**2)
     diagonal = np.einsum("nii->ni", normal)
     floor = 1e-12 * (1.0 + diagonal.max(axis=1, keepdims=True))
@@ -180,7 +181,9 @@ def _step(
     expected: FloatArray,
     stiff: FloatArray,
 ) -> FloatArray:
-    """Return steps (N, P); a blur at its limit stays there, because parameters that depend on it would not converge."""
+    """Return steps (N, P); a blur at its limit stays there, because otherwise dependent parameters would not
+    converge.
+    """
     gradient = np.einsum("nmi,nm->ni", jacobian, residual) + stiff**2 * (expected - parameters)
     held = np.zeros(gradient.shape, dtype=bool)
     blur, way = parameters[:, 4::3], gradient[:, 4::3]

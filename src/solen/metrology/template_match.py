@@ -1,10 +1,10 @@
 """Template matching: the approximate pose of a lens in an image, for any illumination.
 
 Whether a lens is bright on dark, dark on bright, or transparent with dark rims, the grey value changes across its
-outline. The image is reduced, and its gradients are divided by their own magnitude so that one bright reflection
+outline. The image is downsampled, and its gradients are divided by their own magnitude so that one bright reflection
 counts no more than a faint edge. For each of many rotations, the squared cosine between gradient and normal is summed
-over the design's outline for all positions at once, by Fourier transforms. The highest sum is the lens. A cropped lens
-has a lower sum, and dust does not have the shape of a lens.
+over the design's outline for all positions at once, by Fourier transforms. The highest sum indicates the lens. A
+cropped lens has a lower sum, and dust does not have the shape of a lens.
 
 `match_template` returns a list of `Match`, each a pose and its score, best first.
 """
@@ -23,9 +23,9 @@ from solen.metrology.nominal import NominalFront, arc_lengths, interpolated, out
 from solen.metrology.pose import Pose
 
 ACROSS_PX = 70
-"""Reduced pixels across the lens."""
+"""Number of downsampled pixels across the lens."""
 MOST_PX = 512
-"""Largest number of reduced pixels along the longer side of the image."""
+"""Maximum number of downsampled pixels along the longer side of the image."""
 STEP_DEG = 5.0
 FINE_DEG = (-2.0, -1.0, 0.0, 1.0, 2.0)
 SMOOTH_PX = 1.2
@@ -33,7 +33,7 @@ WALL_WEIGHT = 0.5
 """Weight of the walls behind the front, which a print may lack."""
 PEAKS = 3
 REACH_PX = 4
-"""Distance in reduced pixels about a position within which its peak is searched."""
+"""Distance, in downsampled pixels, around a position within which its peak is searched for."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Match:
 
 
 def match_template(grey: FloatArray, um_per_px: float, nominal: NominalFront, *, mirrored: bool = False) -> list[Match]:
-    """Return the poses at which an image is most like a lens, best first; the others are at different positions.
+    """Return the poses at which an image most resembles a lens, best first, at distinct positions.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def match_template(grey: FloatArray, um_per_px: float, nominal: NominalFront, *,
 
 
 def _full_px(place: tuple[float, float], factor: int) -> tuple[float, float]:
-    """Return the position in the image of a position in the reduced image."""
+    """Return the full-resolution image position of a position in the downsampled image."""
     middle = 0.5 * (factor - 1)
     return (place[0] * factor + middle, place[1] * factor + middle)
 
@@ -105,7 +105,7 @@ def _differ(pose: Pose, other: Pose, least_px: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Template:
-    """The outline to find: points (N, 2) a reduced pixel apart, their normals (N, 2) and weights (N,)."""
+    """The outline to find: points (N, 2) spaced by one downsampled pixel, their normals (N, 2) and weights (N,)."""
 
     points_mm: FloatArray
     normals: FloatArray
@@ -129,7 +129,7 @@ class _Template:
 
 @dataclass(frozen=True, eq=False)
 class _Gradients:
-    """Products of the components of an image's gradients, divided by their magnitude, as Fourier transforms."""
+    """Fourier transforms of products of an image's gradient components, each divided by the gradient magnitude."""
 
     spectra: tuple[NDArray[np.complex128], ...]
     shape: tuple[int, int]
@@ -148,7 +148,7 @@ class _Gradients:
         return cls(spectra, (rows, columns), padded)
 
     def matches(self, template: _Template, pose: Pose, near: tuple[float, float] | None = None) -> Iterator[Match]:
-        """Return the best origins at a pose's rotation; near a given position only the best one."""
+        """Return the best origins at a pose's rotation; near a specified position only the best one."""
         scores = self._scores(replace(pose, origin_px=(0.0, 0.0)), template)
         rows, columns = self.padded
         reach = np.arange(-template.apart_px, template.apart_px + 1)
@@ -160,7 +160,7 @@ class _Gradients:
             yield Match(replace(pose, origin_px=(float(x), float(y))), score)
 
     def _scores(self, pose: Pose, template: _Template) -> FloatArray:
-        """Return the sum of squared cosines for every position of the origin, divided by the sum of weights."""
+        """Return, for every position of the origin, the sum of squared cosines divided by the sum of weights."""
         at = np.rint(pose.to_px(template.points_mm)).astype(int)
         normals = pose.direction_px(template.normals)
         total = np.zeros(self.spectra[0].shape, dtype=np.complex128)

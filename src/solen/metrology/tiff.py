@@ -79,13 +79,13 @@ def read_tiff(file: str, data: bytes) -> Plane:
 
 
 def stated(opened: "tifffile.TiffFile") -> tuple[tuple[Tag, ...], str, str]:
-    """Return the pixel sizes stated in a TIFF, and the instrument and date of its OME-XML, empty if missing."""
+    """Return the pixel sizes recorded in a TIFF, and the instrument and date of its OME-XML, empty if missing."""
     tags, instrument, date = _ome(opened.ome_metadata or "") if opened.is_ome else ((), "", "")
     return (*tags, *_imagej(opened), *_resolution(opened)), instrument, date
 
 
 def _check_planes(file: str, opened: "tifffile.TiffFile", series: Any) -> None:
-    """Raise `DataError` for more than one plane, with the name of their axis; resolution levels count once."""
+    """Raise `DataError`, naming the axis, for more than one plane; resolution levels count once."""
     for axis, size in zip(series.axes, series.shape, strict=True):
         if axis not in "YXS" and size > 1:
             what = AXES.get(axis, "{} planes along " + axis).format(size)
@@ -175,7 +175,7 @@ def _per_unit(page: Any) -> tuple[float, float] | None:
 
 
 def _imagej(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
-    """Return the unit stated by ImageJ, which applies to the resolution tags."""
+    """Return the unit specified by ImageJ, which applies to the resolution tags."""
     about, per_unit = opened.imagej_metadata, _per_unit(opened.pages.first)
     if not opened.is_imagej or not about or per_unit is None:
         return ()
@@ -186,7 +186,7 @@ def _imagej(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
 
 
 def _resolution(opened: "tifffile.TiffFile") -> tuple[Tag, ...]:
-    """Return the resolution tags that have a unit of their own."""
+    """Return the resolution tags that specify their own unit."""
     page = opened.pages.first
     per_unit, unit_um = _per_unit(page), UNIT_UM.get(int(_value(page, "ResolutionUnit", 2)))
     if per_unit is None or unit_um is None or opened.is_imagej:

@@ -1,7 +1,7 @@
 """A z map: heights on a grid of pixels, from a TIFF of a profiler or a depth-from-focus microscope, or a text table.
 
-There is no common tag for the height of one level, so the user must state it (`z_um`, µm for one level or unit); it is
-never guessed. The size of a pixel comes from the file's own tags or from the user, as with an image. Pixels without a
+There is no common tag for the height of one level, so the user must specify it (`z_um`, µm for one level or unit); it
+is never guessed. The pixel size comes from the file's own tags or from the user, as with an image. Pixels without a
 height (NaN, an empty cell) are not filled in.
 
 `read_z_map` returns a `ZMap`.
@@ -34,13 +34,13 @@ from solen.spec.strict import Finite
 TEXT = (".csv", ".txt", ".tsv", ".asc", ".xyz")
 EMPTY = {"", "nan", "-", "--", "---", "***", "bad", "n/a", "null"}
 HEAD = 4000
-"""Number of bytes at the start of a text table that are searched for a note that it is simulated."""
+"""Number of bytes at the start of a text table that are searched for a simulation mark."""
 LEAST_VALID = 0.2
-"""Fraction of the pixels that must have a height."""
+"""Minimum fraction of the pixels that must have a height."""
 
 
 class ZMapOptions(ScaleOptions):
-    """The scales of a z map."""
+    """Scales of a z map."""
 
     z_um: Annotated[Finite, Field(gt=0, le=1e4)] | None = None
     """Height of one level or unit of a z map, µm; without it the file is read as an image."""
@@ -80,7 +80,7 @@ class ZMap:
 
     @cached_property
     def filled_mm(self) -> FloatArray:
-        """Heights (rows, columns), gaps filled with the nearest height."""
+        """Heights (rows, columns), with gaps filled by the nearest height."""
         holes = ~np.isfinite(self.z_mm)
         if not holes.any():
             return self.z_mm
@@ -89,13 +89,13 @@ class ZMap:
 
     @cached_property
     def grey(self) -> FloatArray:
-        """Heights (rows, columns) scaled to 0 to 1 as an image, gaps filled with the nearest height."""
+        """Heights (rows, columns) scaled to 0 to 1 as an image, with gaps filled by the nearest height."""
         low, high = np.percentile(self.filled_mm, [0.1, 99.9])
         return np.asarray((self.filled_mm - low) / max(float(high - low), 1e-12))
 
 
 def is_text(path: Path) -> bool:
-    """Return whether the name of a file is that of a text table."""
+    """Return whether the file name is that of a text table."""
     return path.suffix.casefold() in TEXT
 
 
@@ -122,9 +122,9 @@ def read_z_map(
     Raises
     ------
     DataError
-        If the file cannot be read, is not a grid of heights, is too large, or states no scale.
+        If the file cannot be read, is not a grid of heights, is too large, or contains no scale.
     SpecError
-        If a given number cannot be a height or a size of a pixel.
+        If a specified number is not valid as a height or a pixel size.
     OutputError
         If a TIFF is to be read without the extra ``vision``.
     """
@@ -155,7 +155,7 @@ def read_z_map(
 
 
 def read_image_or_z_map(path: Path, options: ZMapOptions) -> Image | ZMap:
-    """Read a z map if the height of one level is given, else an image; `SpecError` for a text table without it."""
+    """Read a z map if the height of one level is specified, else an image; `SpecError` for a text table without it."""
     if options.z_um is not None:
         return read_z_map(path, options.z_um, options.um_per_px, options.u_um_per_px, options.u_z_um)
     if options.u_z_um is not None:
@@ -168,7 +168,7 @@ def read_image_or_z_map(path: Path, options: ZMapOptions) -> Image | ZMap:
 
 
 def _of_tiff(file: str, data: bytes) -> tuple[FloatArray, tuple[Tag, ...], str, bool]:
-    """Return the levels of the file, its stated pixel sizes, its format, and whether it is marked as simulated."""
+    """Return the levels of the file, its recorded pixel sizes, its format, and whether it is marked as simulated."""
     with opened_tiff(file, data) as opened:
         page: Any = opened.pages.first
         if len(opened.pages) > 1:

@@ -1,13 +1,13 @@
 """Effect of the receivers' directionality on traced power.
 
 A trace gives the power through a receiver's face. A part with a lens collects less of the light from the side, so its
-current is not proportional to that power. `Acceptance` applies its directionality to the light of a scene. All code
-that converts traced power to currents uses it: `solen.sensor.readings`, the simulated bench and the diagnosis.
+current is not proportional to that power. `Acceptance` applies the part's directionality to the light of a scene. All
+code that converts traced power to currents uses it: `solen.sensor.readings`, the simulated bench and the diagnosis.
 
-A trace gives the angle of incidence in projection. In space, light also arrives from above and below: upright walls
-conserve the product of the index and the y-component of a ray's direction, which is therefore known at the emitter.
-Light is traced in bands of this component, which gives the angle of incidence for each band. Scattering or textured
-walls do not conserve it; for them, the factor for smooth walls is used.
+A trace gives the angle of incidence in projection. In space, light also arrives from above and below: vertical walls
+conserve the product of the index and the y-component of a ray's direction, so this product is already known at the
+emitter. Light is traced in bands of this component, which gives the angle of incidence for each band. Scattering or
+textured walls do not conserve it; for them, the factor for smooth walls is used.
 """
 
 import math
@@ -29,9 +29,9 @@ from solen.trace.entry import through_face
 
 SIDES = ("right", "left")
 ANGLE_BINS, BANDS = 90, 8
-"""Bins of the angle of incidence in projection, and bands of the y-component of light."""
+"""Number of bins of the angle of incidence in projection, and number of bands of the y-component."""
 FLAT = 1e-6
-"""An exponent within this distance of 1 is treated as that of a flat window."""
+"""Maximum deviation from 1 of an exponent that is treated as that of a flat window."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Acceptance:
 def _bands(scene: Scene) -> Iterator[tuple[Source, tuple[float, ...]]]:
     """Yield bands of a scene's first source by the y-component of direction in air, each represented by two values.
 
-    They match the mean and the standard deviation of the band's emitted light.
+    The two values match the mean and the standard deviation of the band's emitted light.
     """
     source = scene.sources[0]
     if scene.extrusion is None:
@@ -102,7 +102,7 @@ def _bands(scene: Scene) -> Iterator[tuple[Source, tuple[float, ...]]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Band(Source):
-    """A source limited to y-components of direction with a size between two limits; other rays have no power."""
+    """A source limited to directions whose y-component has a magnitude between two limits; other rays have no power."""
 
     whole: Source
     least: float
@@ -143,6 +143,6 @@ class Band(Source):
 
 
 def _ups(launch: Launch) -> FloatArray:
-    """Return the sizes (N,) of the y-components of direction in air, at most 1."""
+    """Return the magnitudes (N,) of the y-components of direction in air, at most 1."""
     up = np.zeros_like(launch.dx) if launch.dy is None else np.abs(launch.dy)
     return up if launch.behind is None else np.minimum(launch.behind.inside * up, 1.0)

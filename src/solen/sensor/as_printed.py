@@ -1,10 +1,11 @@
 """Effect of the printed lens on the response, compared with the designed lens.
 
 Two lenses are traced with the same body, emitter and material. The difference of their responses is the effect of
-printing. Its uncertainty follows from outlines drawn within that of the measured profile. These are traced at fewer
-angles and with fewer rays than the lens itself: eight outlines give an uncertainty to a quarter. Light of a point is
-integrated, because its response has steps; for a chip, whose response is smooth, a fan of `DRAWN_RAYS` suffices. For a
-point emitter, a chip is also compared, since the steps hide the response of a real emitter.
+printing. Its uncertainty follows from outlines drawn at random within the uncertainty of the measured profile. These
+are traced at fewer angles and with fewer rays than the lens itself: eight outlines determine the uncertainty to about
+25 %. Light from a point is integrated, because its response has steps; for a chip, whose response is smooth, a fan of
+`DRAWN_RAYS` suffices. For a point emitter, a chip is also compared, since the steps hide the response of a real
+emitter.
 
 Public names: `as_printed` and `AsPrinted`.
 """
@@ -27,13 +28,13 @@ from solen.spec import with_values
 from solen.trace.adaptive import is_extended
 
 MOST_ANGLES, MOST_ANGLES_IN_SPACE = 13, 5
-"""Largest number of angles at which the two lenses are compared, in the plane and in space."""
+"""Maximum number of angles at which the two lenses are compared, in the plane and in space."""
 DRAWS = 8
-"""Number of outlines drawn within the uncertainty, which determines a standard uncertainty to a quarter."""
+"""Number of random outlines; eight determine a standard uncertainty to about 25 %."""
 DRAWN_TOLERANCE = 1e-3
-"""Tolerance of the integration through a drawn outline, as a fraction of the emitted power."""
+"""Integration tolerance for a drawn outline, as a fraction of the emitted power."""
 DRAWN_RAYS = 2**14
-"""Number of rays traced from a chip through a drawn outline; it gives the contrast to about 5e-4."""
+"""Number of rays from a chip through a drawn outline, for a contrast accuracy of about 5e-4."""
 
 
 @dataclass(frozen=True)
@@ -211,7 +212,7 @@ def _contrasts(drawn: Sensor, response: Response) -> FloatArray:
 
 
 def _u_null(response: Response, u_shape: FloatArray, null_deg: float | None) -> float | None:
-    """Return the uncertainty of a null: that of the contrast, divided by the slope between neighbouring angles."""
+    """Return the uncertainty of a null: the contrast uncertainty divided by the slope between neighbouring angles."""
     if null_deg is None or len(response.angle_deg) < 2:
         return None
     slope = slope_per_deg(response, null_deg)

@@ -20,17 +20,17 @@ from solen.trace.batch import places
 from solen.trace.batch.places import Chips, Places
 
 RAYS = 2**12
-"""Number of rays per angle, for an accuracy of about 1e-3 in the contrast with a chip of 0.2 mm."""
+"""Number of rays per angle, for a contrast accuracy of about 1e-3 with a chip of 0.2 mm."""
 FEWEST_RAYS = 16
-"""Smallest number of rays of one lattice."""
+"""Minimum number of rays of one lattice."""
 
 
 class Responses(NamedTuple):
     """Powers of D sensors with K chips at A angles, as fractions of the power emitted by each chip.
 
     ``u_power`` is the standard error of either receiver's power due to the positions of the rays; ``truncated`` is the
-    largest fraction of light that was followed no further. ``why`` is empty for a sensor that can be built at all
-    angles; otherwise it states the reason, and the powers are NaN.
+    largest fraction of light that was not followed further. ``why`` is empty for a sensor that can be built at all
+    angles; otherwise it gives the reason, and the powers are NaN.
     """
 
     right: FloatArray
@@ -66,8 +66,8 @@ def respond(
 ) -> Responses:
     """Return responses of sensors to their own emitters, or to emitters of several widths and decentres.
 
-    Every sensor is traced once for all positions covered by its chips, and each chip is a weighted sum of these; a
-    mirror-symmetric sensor is traced on one side only.
+    Every sensor is traced once for all positions covered by its chips, and the power of each chip is a weighted sum
+    over these positions; a mirror-symmetric sensor is traced on one side only.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def respond(
         Angles (A,) of the motion.
     widths_mm, offsets_mm
         Width of the chip and decentre, broadcast to (K,) for all sensors or (D, K); None: each sensor's own. The widths
-        of one call are either all 0 or all positive.
+        in one call are either all 0 or all positive.
     rays
         Number of rays at each angle, over all positions together.
     mode
@@ -92,7 +92,7 @@ def respond(
     Raises
     ------
     DesignError
-        If the batch does not support a sensor, or the numbers do not fit together.
+        If the batch does not support a sensor, or the numbers are inconsistent.
     """
     check_count("rays", rays, 1)
     check_count("seed", seed, 0)
@@ -139,7 +139,7 @@ class _Batch:
         self.responses = Responses(right, left, u, np.full(len(sensors), math.nan), [""] * len(sensors))
 
     def _mirrors(self) -> bool:
-        """Return whether one side of every response gives the other, and needs fewer rays than both."""
+        """Return whether every response follows from one side by symmetry, and that side needs fewer rays than both."""
         numbers = self.numbers.body
         symmetric = all(_is_symmetric(batch.Y(*row)) for row in numbers.tolist())
         low, high = self.offset - 0.5 * self.width, self.offset + 0.5 * self.width
@@ -165,7 +165,7 @@ class _Batch:
         out.truncated[d] = found.truncated.max(initial=0.0)
 
     def _why_not(self, d: int, angle_deg: FloatArray) -> str:
-        """Return why a body is impossible at one of the angles, as its scene reports."""
+        """Return why a body cannot be built at one of the angles, as its scene reports."""
         try:
             for angle in angle_deg.tolist():
                 self.sensors[d].scene(angle, 1)
@@ -195,12 +195,12 @@ class _Batch:
 
 
 def _is_symmetric(y: batch.Y) -> bool:
-    """Return whether a sensor is at every angle the mirror image of itself at the opposite angle."""
+    """Return whether a sensor at every angle is the mirror image of the sensor at the opposite angle."""
     return y.lens != batch.PIECES and not (y.pivot == batch.AT_POINT and y.pivot_x != 0.0)
 
 
 def _of_each(given: ArrayLike | None, own: Sequence[float]) -> FloatArray:
-    """Return numbers (D, K) of each sensor."""
+    """Return numbers (D, K), one row per sensor."""
     if given is None:
         return np.array(own, dtype=float)[:, None]
     values = np.atleast_1d(np.asarray(given, dtype=float))

@@ -1,7 +1,7 @@
 """Light budget of a sensor at rest: fractions of the emitter's power that add up to 1.
 
-A ledger cannot separate light reflected by the lens from light that missed everything. Tracing the scene with black
-faces and with a black body can. Public names: `budget` and `Budget`.
+The ledger of a single trace cannot separate light reflected by the lens from light that missed every surface. Two
+further traces, one with black faces and one with a black body, can. Public names: `budget` and `Budget`.
 """
 
 from dataclasses import dataclass, replace
@@ -28,19 +28,19 @@ class Budget:
     right, left
         Detected by the right and the left receiver.
     beside
-        Passes beside the lens and the body and meets nothing.
+        Passes the lens and the body at the side and meets no surface.
     above_below
         Passes above or below them, in space.
     reflected
         Is reflected by the body and never enters it.
     leaked
-        Leaves it through top or bottom, in space.
+        Leaves the body through its top or bottom, in space.
     escaped
-        Leaves it elsewhere.
+        Leaves the body elsewhere.
     absorbed
         Is absorbed in the material, at walls and at the backs of receivers.
     truncated
-        Was followed no further.
+        Was not followed further.
     u
         Uncertainty of each fraction.
     """
@@ -60,8 +60,9 @@ class Budget:
 def budget(sensor: Sensor) -> Budget:
     """Return the light budget of a sensor at rest.
 
-    Three traces are compared: of the scene itself; with all faces black, which leaves only light that hits nothing; and
-    with a body that absorbs all light entering it, which leaves only light that never enters.
+    Three traces are compared: the scene itself; the scene with all faces black, which leaves only light that is not
+    incident on any face; and the scene with a body that absorbs all light entering it, which leaves only light that
+    never enters.
     """
     scene = sensor.scene(0.0)
     scene = replace(scene, sources=scene.sources[:1])
@@ -129,7 +130,7 @@ def _opaque(scene: Scene) -> Scene:
 
 
 def _settled(scene: Scene) -> tuple[Trace, float]:
-    """Return the integrated or else sampled powers of a scene, and their uncertainty."""
+    """Return the powers of a scene, integrated if possible and otherwise sampled, and their uncertainty."""
     if not why_not(scene):
         settled = integrate(scene, "power", TOLERANCE)
         if settled.reached:
