@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from solen.sensor.sensor import Sensor
 
 SAMPLED_TOLERANCE = 2e-4
-"""Required standard error of sampled light, which is light in space or scattered light."""
+"""Required standard error of sampled light (light in space, and scattered light)."""
 AROUND_ZERO, LEAST_STEP_MM = ("emitter.offset_mm", "emitter.y_mm"), 0.003
 """Numbers with values around 0, and the smallest step for their derivatives."""
 SLOPE_DEG, WIDE_SLOPE_DEG = 0.04, 0.2
-"""Angle span of a slope: for a point in the plane, whose response is steep, and for any other light."""
+"""Angle span of a slope: for a point emitter in the plane, whose response is steep, and for any other light."""
 
 
 def derivative_of(sensor: "Sensor", key: str, angle_deg: float, mode: Mode, emitter: str | None) -> Derivative:
@@ -52,7 +52,9 @@ def derivative_of(sensor: "Sensor", key: str, angle_deg: float, mode: Mode, emit
 
 
 def _has_smooth_light(sensor: "Sensor", angle_deg: float) -> bool:
-    """Return whether the light is more than a point in the plane: numbers around 0 then need an absolute step."""
+    """Return whether the light is more than that of a point in the plane; if so, numbers around 0 need an absolute
+    step.
+    """
     scene = sensor.scene(angle_deg)
     return is_extended(scene) or scene.extrusion is not None
 
@@ -93,7 +95,7 @@ def sensitivities(
 
 
 def _sensitivity(sensor: "Sensor", key: str, value: float, angle_deg: float, base: Trace) -> Sensitivity:
-    """Return the row of one key; a value at the limit of its range has no derivative, and ``why`` states this."""
+    """Return the row of one key; a value at the limit of its range has no derivative, and ``why`` then says so."""
     nothing = Slope(math.nan, math.nan)
     try:
         derivative = sensor.derivative(key, angle_deg)

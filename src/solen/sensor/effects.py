@@ -1,10 +1,11 @@
 """Effects of tolerances: the change of the response when each number of a design deviates by its tolerance.
 
-Derivatives in different units cannot be ranked. Multiplied by tolerances, they are the effects of real prints and LEDs
-on the sensor. Each number is changed to both sides while the lens keeps its designed shape, and the contrast is
-integrated near the null, at a third of the motion and at its ends; on one side for symmetric sensors. The join of a
-turned lens to the stem is a choice of the model without a tolerance; for it, the other joins are compared. The body's
-rigidity is also such a choice: soft bodies with usual mounts are compared if the extra `mechanics` is installed.
+Derivatives in different units cannot be ranked. Multiplied by tolerances, they show how real prints and LEDs affect the
+sensor. Each number is changed in both directions while the lens keeps its designed shape, and the contrast is
+integrated near the null, at a third of the motion and at its ends; for symmetric sensors on one side only. The join
+between a turned lens and the stem is a modelling choice without a tolerance; for it, the other joins are compared. The
+body's rigidity is also a modelling choice: soft bodies with usual mounts are compared if the extra `mechanics` is
+installed.
 
 Public names: `effects` and `Effect`.
 """
@@ -36,7 +37,7 @@ KEYS = (
     *(f"emitter.{name}" for name in ("offset_mm", "width_mm", "distance_mm")),
     *("material.index", "material.absorption_per_mm", "body.arm_width_mm", "receivers.gap_mm"),
 )
-"""Numbers that are compared; others affect the light less in designs like the shipped ones."""
+"""Numbers that are compared; other numbers have less effect on the light in designs similar to the shipped ones."""
 JOIN, HOLD = "motion.join", "hold"
 HOLDS = {"outer-*": "the outer edges of the arms", "receiver-*": "the ends of the arms"}
 """Faces held by usual mounts, and their names in sentences."""
@@ -47,9 +48,9 @@ NEAR_SHARE = 1 / 3
 OF_MATERIAL = {"material.absorption_per_mm", "emitter.wavelength_nm"}
 """Numbers other than the index on which the material at the emitter's wavelength depends."""
 OFF_A_DRAWING = ("emitter.", "material.", "network.emitters[")
-"""Prefixes of keys whose deviations do not change the drawing of a network's lenses."""
+"""Key prefixes of deviations that do not change the drawing of a network's lenses."""
 RESOLVED = 2.0
-"""A change counts if it exceeds this multiple of its uncertainty."""
+"""A change is significant if it exceeds this multiple of its uncertainty."""
 
 
 class Effect(Result):
@@ -153,7 +154,7 @@ def _lenses_cut(sensor: Sensor, values: Mapping[str, float]) -> dict[str, Lens]:
 
 
 def swept(sensor: Sensor, angles: Sequence[float], known: Response | None = None) -> Response:
-    """Return the response at angles; angles of a known response are not traced again."""
+    """Return the response at angles; angles of an existing response are not traced again."""
     missing = [angle for angle in angles if known is None or angle not in known.angle_deg]
     old = None if known is None else known.part([known.at(angle) for angle in angles if angle not in missing])
     if not missing and old is not None:
@@ -178,7 +179,7 @@ def _base(sensor: Sensor, response: Response, null_deg: float) -> Response:
 
 
 def _of_number(sensor: Sensor, key: str, base: Response, null: tuple[float, Slope] | None) -> Effect:
-    """Return half of the change between the number minus and plus its tolerance; one-sided at a limit."""
+    """Return half the change between the number minus and plus its tolerance; one-sided at a limit."""
     tolerance, stated = tolerance_of(sensor, key)
     angles = base.angle_deg.tolist()
     ends = []
@@ -199,7 +200,9 @@ def _of_number(sensor: Sensor, key: str, base: Response, null: tuple[float, Slop
 
 
 def _still(sensor: Sensor, other: Sensor, base: Response) -> Response | None:
-    """Return the response at rest of symmetric sensors, whose contrast is 0 without a trace; None for others."""
+    """Return the response at rest of a symmetric sensor, whose contrast is 0 without a trace; None for any other
+    sensor.
+    """
     resting = base.angle_deg == 0.0
     if not (resting.any() and sensor.is_symmetric and other.is_symmetric):
         return None
@@ -239,13 +242,13 @@ def soft(sensor: Sensor, face: str) -> Sensor:
 
 
 def _turns(sensor: Sensor) -> bool:
-    """Return whether solen designs the lens and the motion turns it."""
+    """Return whether solen designs the lens and the motion rotates it."""
     motion = sensor.design.motion
     return motion.kind == "rotation" and "lens" in motion.moves and sensor.has_lens and not sensor.is_drawn
 
 
 def _joins(sensor: Sensor) -> tuple[str, ...]:
-    """Return the other joins of a lens that turns."""
+    """Return the other joins of a lens that rotates."""
     return tuple(join for join in get_args(Join) if _turns(sensor) and join != sensor.design.motion.join)
 
 

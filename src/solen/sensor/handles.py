@@ -1,7 +1,7 @@
 """Points of a drawn sensor that a user drags, and the numbers of the design that move them there.
 
-A Y and an outline are turned or bent with a lever. An emitter is moved in front of its lens, in the position to which
-the motion has moved both. A network's nodes, and the parts on its sides, move along the numbers that state their
+A Y and an outline are turned or bent with a lever. An emitter is dragged in front of its lens, in the position to which
+the motion has moved both. A network's nodes, and the parts on its sides, move along the numbers that define their
 positions.
 
 Public name: `handles_of`.
@@ -31,7 +31,7 @@ LEVER_MM = 8.0
 """Distance from the pivot of the handle that turns the lens."""
 LEAST_MM = 1e-3
 STEP, ENOUGH, STEPS = 1e-4, 1e-3, 5
-"""For a dragged node: step of the derivatives, change that ends the iteration, and largest number of iterations."""
+"""Parameters for a dragged node: derivative step, change that ends the iteration, and maximum number of iterations."""
 
 Values = dict[str, Any]
 
@@ -105,7 +105,7 @@ def _moved(
 
 
 def _parts(body: Body, to: Point) -> tuple[float, float]:
-    """Return the displacement of the emitter to a point, as components to its right and ahead."""
+    """Return the displacement from the emitter to a point, as components to the emitter's right and ahead."""
     ahead = heading(body.emitter.axis_deg)
     way = minus(to, body.emitter.point)
     return float(np.dot(way, right_of(ahead))), float(np.dot(way, ahead))
@@ -124,7 +124,7 @@ def _emitter(design: Design, body: Body, table: str, along_side: tuple[str, floa
 
 
 def _drawn_emitter(design: Design, body: Body, rest: Body) -> Handle:
-    """Return the handle of an outline's emitter: its position in the design replaces that in the drawing."""
+    """Return the handle of an outline's emitter: a position in the design replaces the drawn one."""
     drawn = {"axis_deg": rest.emitter.axis_deg} if design.emitter.axis_deg is None else {}
     if rest.emitter.width_mm and not design.emitter.states("width_mm"):
         drawn["width_mm"] = rest.emitter.width_mm
@@ -140,7 +140,7 @@ def _drawn_emitter(design: Design, body: Body, rest: Body) -> Handle:
 
 
 def _arm(design: Design, fork: Point, side: int) -> Handle:
-    """Return the handle at the middle of an arm's end."""
+    """Return the handle at the midpoint of an arm's end."""
     angle, half = math.radians(arm_angle_deg(design)), 0.5 * design.body.arm_width_mm
     shoulder = (fork[0] - side * half * math.cos(angle), fork[1] + half * math.sin(angle))
     end = along(shoulder, (side * math.sin(angle), math.cos(angle)), design.body.arm_length_mm)
@@ -185,9 +185,9 @@ Free = tuple[list[float], Callable[[list[float]], Values]]
 
 
 def _free(design: Design, number: int) -> Free | None:
-    """Return the numbers that state the position of a node, and a function that converts them to values of the design.
+    """Return the numbers that define the position of a node, and a function that converts them to values of the design.
 
-    None if no number states the position.
+    None if no number defines the position.
     """
     network = design.network
     node = network.nodes[number]
@@ -228,7 +228,7 @@ def _to_node(
 
 
 def _through(key: str, place: int, point: Point) -> Handle:
-    """Return the handle of a point on a guide's middle line."""
+    """Return the handle of a point on a guide's centre line."""
     return Handle(point, lambda to: {f"{key}[{place}]": [round(to[0], 3), round(to[1], 3)]})
 
 

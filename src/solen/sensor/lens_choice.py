@@ -1,9 +1,9 @@
-"""Choice of lens: a design compared with the cylinder, the layered and the line-focus lens.
+"""Lens choice: a design compared with the cylinder, the layered and the line-focus lens.
 
-Lenses for space preserve the focus for skew rays, so a small angle moves more light. They need an emitter at mid-height
-of the body, and their response is less linear. Each lens is therefore traced at a few angles of the design's motion
-and, at one angle, also with the emitter displaced in y. Angles are fractions of the distance from the null to the ends
-of the motion, on one side only for symmetric sensors.
+Lenses for space preserve the focus for skew rays, so a small rotation redistributes more light. They need an emitter at
+mid-height of the body, and their response is less linear. Each lens is therefore traced at a few angles of the design's
+motion and, at one angle, also with the emitter displaced in y. Angles are fractions of the distance from the null to
+the ends of the motion; for symmetric sensors on one side only.
 
 Public names: `lens_choice` and `LensChoice`.
 """
@@ -30,11 +30,11 @@ displaced.
 """
 Y_OFF_MM, LEAST_DEG = 0.1, 1e-6
 WORTH, RESOLVED = 1.1, 2.0
-"""Gain of the signal above which another lens is worthwhile, and the required margin in uncertainties of the gain."""
+"""Gain of the signal above which another lens is worthwhile, and the margin required, in uncertainties of the gain."""
 
 
 class LensFigures(Result):
-    """A design with one lens.
+    """Figures of a design with one lens.
 
     Attributes
     ----------
@@ -47,12 +47,12 @@ class LensFigures(Result):
     received, u_received
         Mean power at both receivers over the angles.
     nonlinearity, u_nonlinearity
-        Largest deviation of the contrast from the minimax straight line, relative to half its range.
+        Largest deviation of the contrast from the minimax straight line, relative to half the contrast range.
     off_deg, off_contrast, u_off_contrast, off_received
-        Angle that was also traced with the emitter displaced in y, and the results there. Given profiles are not
-        symmetric about the middle of the body: for them, the displacement is to the side with the smaller signal.
+        Angle that was also traced with the emitter displaced in y, and the results there. Profiles from a file are not
+        symmetric about the mid-plane of the body: for them, the displacement is to the side with the smaller signal.
     given
-        Whether its profiles are given: as printed, or drawn for a print.
+        Whether the profiles come from a file: as printed, or drawn for a print.
     """
 
     shape: str
@@ -85,7 +85,7 @@ class LensFigures(Result):
 
 
 class LensChoice(Result):
-    """A design with each lens.
+    """A design compared with each lens.
 
     Attributes
     ----------
@@ -202,7 +202,7 @@ def _is_mirrored(sensor: Sensor, known: Response) -> bool:
 
 
 def _ends_deg(known: Response, null_deg: float, *, mirrored: bool) -> list[float]:
-    """Return the ends of the motion used for the comparison, the farther first; one for a symmetric sensor."""
+    """Return the ends of the motion used for the comparison, the farther one first; one end for a symmetric sensor."""
     first, last = float(known.angle_deg[0]), float(known.angle_deg[-1])
     ends = [first] if mirrored and first < -LEAST_DEG else [first, last]
     return sorted((end for end in ends if abs(end - null_deg) > LEAST_DEG), key=lambda end: -abs(end - null_deg))

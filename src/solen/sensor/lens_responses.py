@@ -1,6 +1,6 @@
 """Responses of one sensor with several lenses: contrast at a few angles, and light, each with its standard error.
 
-All are sampled in the same way, which makes a cylinder and a lens for space comparable.
+All are sampled in the same way, so that a cylinder and a lens for space are comparable.
 
 Public name: `lens_responses`.
 """
@@ -43,7 +43,7 @@ class LensResponse:
 
     @classmethod
     def of(cls, name: str, sensor: Sensor, angles_deg: Sequence[float]) -> "LensResponse":
-        """Return the response of a sensor; angles above 0 brighten the right receiver."""
+        """Return the response of a sensor; positive angles increase the power at the right receiver."""
         read = Response.of("power", angles_deg, [sensor.sampled(-angle, TOLERANCE) for angle in angles_deg])
         u_light = 2.0 * float(read.u_power.max())
         return cls(name, read.angle_deg, read.contrast, read.u_contrast, read.received_share, u_light)

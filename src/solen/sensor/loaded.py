@@ -1,9 +1,9 @@
 """A soft sensor under load: its response to an angle, a depth or a force, compared with that of a rigid sensor.
 
-Every value driven by the motion gives a state of the body (`solen.mechanics.design`), and its light is traced as at an
-angle of any other motion. Two responses are computed for comparison. In the rigid one, the lens turns by the same angle
-on an undeformed body. The other uses the other plane model: a real part is between plane strain and plane stress, and
-the difference of the two is the uncertainty of the model.
+Every value of the driven quantity defines a state of the body (`solen.mechanics.design`), which is traced like an angle
+of any other motion. Two responses are computed for comparison. In the rigid one, the lens rotates by the same angle on
+an undeformed body. The other uses the other plane model: a real part is between plane strain and plane stress, and the
+difference between the two is the model uncertainty.
 
 Public names: `loaded_study` and `deform`.
 """
@@ -34,18 +34,20 @@ from solen.spec.soft import Mechanics, driven
 FEW = 3
 """Number of values at which the plane models are compared."""
 APART = 0.02
-"""Difference in contrast of the plane models that is accepted without a warning."""
+"""Contrast difference between the plane models that is accepted without a warning."""
 OFF_MM = 2e-3
-"""Distance of an optical wall from the finite elements that is accepted without a warning: about 0.001 of contrast."""
+"""Distance between an optical wall and the finite elements that is accepted without a warning: about 0.001 of
+contrast.
+"""
 SLIGHT_MM = 1e-4
-"""Overlap of the walls of a closed notch that is accepted without a warning."""
+"""Wall overlap in a closed notch that is accepted without a warning."""
 LARGE_STRAIN = 0.3
 """Strain above which a neo-Hookean model is unreliable."""
 
 
 @dataclass(frozen=True)
 class PlaneSpread:
-    """Contrast in both plane models at some values, and its largest difference."""
+    """Contrast in both plane models at some values, and the largest difference."""
 
     values: FloatArray
     strain: FloatArray
@@ -59,7 +61,7 @@ class PlaneSpread:
 
 
 class Deformation(Result):
-    """A soft body in one state of its load.
+    """A soft body in one load state.
 
     Attributes
     ----------
@@ -68,20 +70,21 @@ class Deformation(Result):
     angle_deg, depth_mm, force_N
         Value of that quantity; the other two are None.
     turn_deg, shift_mm
-        Turn, counter-clockwise, of the part that carries the emitter, and its displacement at the centre of the stem's
-        base.
+        Counter-clockwise rotation of the part that carries the emitter, and its displacement at the centre of the
+        stem's base.
     strain_largest
         Largest principal strain, ln λ, in magnitude.
     reactions
         Force and moment of each hold and load on the body.
     contacts
-        Contacts of fingers with the body.
+        Contacts between fingers and the body.
     off_mm
-        Largest distance of an optical wall from the finite elements between their nodes.
+        Largest distance between an optical wall and the finite elements between their nodes.
     bulge_mm
-        Distance of the walls from upright at mid-height for a body that is free along y; the light meets upright walls.
+        Distance of the walls from vertical at mid-height, for a body that is free along y; the tracer assumes vertical
+        walls.
     warnings
-        Reasons to doubt a value.
+        Reasons for uncertainty.
     simulated
         Always true.
     """
@@ -119,19 +122,19 @@ class LoadedStudy(Result):
     moment_Nmm
         Moment of a driven clamp, about its pivot; None otherwise.
     turn_deg, lens_turn_deg
-        Turn of the part that carries the emitter, 0 if that is the ground, and of the lens.
+        Rotation of the part that carries the emitter, 0 if the emitter is on the ground, and rotation of the lens.
     rigid_contrast, rigid_refused
-        Contrast of the rigid sensor with the lens turned by the same angle, or None with the reason.
+        Contrast of the rigid sensor with the lens rotated by the same angle, or None with the reason.
     receivers, voltage_V
-        Names of the receivers, and the voltage of the circuit of ``[readout]`` at each (N, 2).
+        Names of the receivers, and the voltage (N, 2) of the circuit of ``[readout]`` at each.
     strain_largest, off_mm
-        Largest principal strain, and largest distance of an optical wall from the finite elements.
+        Largest principal strain, and largest distance between an optical wall and the finite elements.
     planes
         Contrast in both plane models at some values; None if one of them has no solution.
     reactions
         For every value, the force and moment of each hold and load on the body.
     warnings
-        Reasons to doubt a value.
+        Reasons for uncertainty.
     simulated
         Always true.
     """
@@ -262,7 +265,7 @@ def loaded_study(sensor: Sensor, progress: Progress | None = None) -> LoadedStud
 
 
 def rigid_design(design: Design) -> Design:
-    """Return an optically equivalent design with a rigid lens that turns on a rigid body."""
+    """Return an optically equivalent design with a rigid lens that rotates on a rigid body."""
     pivots = [hold.about for hold in design.hold if hold.name == driven(design)[1] and hold.about is not None]
     moves = ("lens",) if design.motion.emitter_on == "ground" else ("lens", "emitter")
     motion = Motion(pivot=pivots[0] if pivots else "stem-base", moves=moves)
@@ -271,7 +274,7 @@ def rigid_design(design: Design) -> Design:
 
 
 def _rigid(sensor: Sensor, turns_deg: Sequence[float]) -> tuple[FloatArray | None, str | None]:
-    """Return the contrast of the rigid sensor at turns of its lens, or the reason why there is none."""
+    """Return the contrast of the rigid sensor for rotations of its lens, or the reason why there is none."""
     if sensor.is_drawn:
         return None, "the body is drawn: its lens is part of it and cannot turn separately"
     rigid = replace(sensor, design=rigid_design(sensor.design))
@@ -323,7 +326,7 @@ def force_of(sensor: Sensor, value: float) -> float:
 
 
 def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
-    """Return the warnings of the given states, without duplicates."""
+    """Return the warnings of several states, without duplicates."""
     found: list[Caution | str] = list(dict.fromkeys(text for state in states for text in state.deformed.warnings))
     strain = max(abs(state.deformed.strain_largest) for state in states)
     if LARGE_STRAIN < strain <= LARGE:  # above LARGE the body warns itself

@@ -29,19 +29,19 @@ MATCHED = (
 LAYERS = "the number of layers is an integer, so their borders jump: compare two designs with --set"
 OF_THE_MATERIAL = ("material.index", "material.absorption_per_mm")
 USUAL = {"material.index": 0.01, "material.absorption_per_mm": 0.005}
-"""Tolerances for a resin without a stated uncertainty: a reflectance known to 0.001 gives the index to 0.008."""
+"""Tolerances for a resin without a specified uncertainty: a reflectance known to 0.001 gives the index to 0.008."""
 DRAWN_MM, DRAWN_DEG = 0.05, 0.5
-"""Tolerance of a printed length and of a direction of a network."""
+"""Tolerances of a network's printed lengths and directions."""
 PLACED_MM = 0.5
-"""Tolerance of the position of a hold or a finger on a soft body."""
+"""Position tolerance of a hold or a finger on a soft body."""
 MODULUS_SHARE = 0.1
-"""Tolerance of the modulus of a soft body, as a fraction of it."""
+"""Relative tolerance of a soft body's modulus."""
 OF_THE_LIGHT = ("wavelength_nm", "cone_deg", "width_mm", "height_mm")
-"""Numbers of the emitter that a part may supply."""
+"""Emitter numbers that a part may supply."""
 
 
 def number(sensor: "Sensor", key: str) -> float:
-    """Return a number of the design; raise `SpecError` if it is not a real number stated in the design."""
+    """Return a number of the design; raise `SpecError` if it is not a real number specified in the design."""
     value = value_at(sensor.design, key)
     table, _, name = key.partition(".")
     if table == "emitter" and name in OF_THE_LIGHT:
@@ -121,7 +121,9 @@ def inert(sensor: "Sensor", key: str) -> str:
 
 
 def _without_effect_on(design: Design, key: str) -> str:
-    """Return why a number has no effect on a network: another kind of body has it, or all parts state it."""
+    """Return why a number has no effect on a network: it belongs to another kind of body, or all parts specify their
+    own.
+    """
     table, _, name = key.partition(".")
     if table == "body" and name != "thickness_mm":
         return "the body is a network"
@@ -150,7 +152,7 @@ def usual_keys(sensor: "Sensor") -> tuple[str, ...]:
 
 
 def _of_network(network: Network) -> Iterator[str]:
-    """Yield widths, lengths and directions of guides, and the numbers that lenses and emitters state themselves."""
+    """Yield widths, lengths and directions of guides, and the numbers that lenses and emitters specify themselves."""
     for number, guide in enumerate(network.guides):
         key = f"network.guides[{number}]"
         yield f"{key}.width_mm" if isinstance(guide.width_mm, float) else f"{key}.width_mm[0]"
@@ -162,7 +164,7 @@ def _of_network(network: Network) -> Iterator[str]:
 
 
 def _of_loads(sensor: "Sensor") -> Iterator[str]:
-    """Yield the stated positions of holds and fingers of a soft body, and its modulus."""
+    """Yield the specified positions of holds and fingers of a soft body, and its modulus."""
     for table in ("hold", "press", "pull"):
         for number, row in enumerate(getattr(sensor.design, table)):
             stated = [key for key in ("from_mm", "to_mm", "at_mm", "radius_mm") if getattr(row, key, None)]

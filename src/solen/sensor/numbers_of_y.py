@@ -1,4 +1,6 @@
-"""Sensors as the numbers from which `solen.trace.batch` computes its tables, and why some cannot be converted."""
+"""Sensors converted to the numbers from which `solen.trace.batch` computes its tables, and why some cannot be
+converted.
+"""
 
 import math
 from collections.abc import Sequence
@@ -123,7 +125,7 @@ def _body(sensor: Sensor, first: int, many: int) -> tuple[float, ...]:
 
 
 def _pieces_of(sensor: Sensor) -> tuple[FloatArray, IntArray]:
-    """Return the rows of the lens's cubics in its own frame, and the row that each continues."""
+    """Return the rows of the lens's cubics in its own frame, and the index of the row that each continues."""
     if isinstance(sensor.lens, (FlatFace, OvalLens)):
         return np.zeros((0, 12)), np.zeros(0, np.int64)
     lens = Interface("lens", sensor.lens.front, "body", "air")

@@ -1,7 +1,7 @@
 """A sensor at an angle, drawn in its plane: outline, emitter, rays, and handles for dragging.
 
-The drawn rays are always rays in the plane: they show the path of the light and are not used for powers. `dragged`
-gives the numbers of the design that change if a handle is dragged.
+The drawn rays are always in the plane: they show the path of the light and are not used for powers. `dragged` gives the
+numbers of the design that change if a handle is dragged.
 
 Public names: `in_plane`, `picture` and `dragged`.
 """
@@ -80,7 +80,7 @@ def picture(sensor: Sensor, angle_deg: float = 0.0, rays: int = RAYS, *, split: 
     rays
         Number of rays that start at the emitter.
     split
-        Follow both branches at each face, down to a hundredth of the power, rather than whole rays.
+        Follow both branches at each face, down to a hundredth of the power, rather than unsplit rays.
 
     Raises
     ------

@@ -1,9 +1,9 @@
 """A sensor as built: with an LED of finite size that emits into space, and numbers that deviate by their tolerances.
 
-One sensor is described in three ways. As in the paper: a point in the plane. As the design states it. And as built:
-with the design's chip (or one of `CHIP_MM` in place of a point), in space, Lambertian in place of a fan. Effects are
-computed for the sensor as built (`solen.sensor.effects`). Parts that do not apply to a design, or cannot be built, are
-omitted; `Practice.skipped` gives the reasons.
+One sensor is described in three ways: as in the paper, with a point emitter in the plane; as the design specifies it;
+and as built, with the design's chip (or one of `CHIP_MM` in place of a point), in space, Lambertian in place of a fan.
+Effects are computed for the sensor as built (`solen.sensor.effects`). Parts that do not apply to a design, or cannot be
+built, are omitted; `Practice.skipped` gives the reasons.
 
 Public names: `practice` and `Practice`.
 """
@@ -26,13 +26,15 @@ from solen.spec import with_values
 from solen.trace import Slope
 
 CHIP_MM = 0.2
-"""Width and height of a small LED chip, used if the design states none."""
+"""Width and height of a small LED chip, used if the design specifies no size."""
 MOST_ANGLES = 13
-"""Largest number of angles for tracing a sensor that differs from the design."""
+"""Maximum number of angles for tracing a sensor that differs from the design."""
 PAPER_TOLERANCE = 1e-5
 """Tolerance of the integrated response as in the paper."""
 MOVED = 0.05
-"""Change of the contrast above which the uncertainty of the index raises a warning: a fortieth of its range."""
+"""Change of the contrast above which the uncertainty of the index raises a warning: a fortieth of the contrast
+range.
+"""
 UNSTATED = ("part", "spectrum", "fwhm_nm", "pattern_table", "pattern_file", "ray_file")
 PAPER: dict[str, Any] = dict.fromkeys(f"emitter.{key}" for key in UNSTATED) | {
     "emitter.pattern": "fan",
@@ -44,14 +46,14 @@ PAPER: dict[str, Any] = dict.fromkeys(f"emitter.{key}" for key in UNSTATED) | {
 }
 """Settings that replace any emitter by the paper's."""
 DARK: dict[str, Any] = {"ambient.power": 0.0, "ambient.irradiance_per_mm": 0.0}
-"""Ambient light is omitted: it is modelled in the plane only, and is subtracted anyway."""
+"""Settings that omit ambient light, which is modelled in the plane only and is subtracted anyway."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Extent:
-    """Size of the emitter: the design's ``own``, a chip for ``comparison``, or that of its ray ``file``."""
+    """Emitter size: the design's ``own``, a chip for ``comparison``, or that of a ray ``file``."""
 
     width_mm: float
     height_mm: float
@@ -66,7 +68,7 @@ class Built(Result):
     emitter
         Size of the chip.
     pattern, pattern_replaced
-        Its pattern, and whether that replaces the design's fan, which has no light out of the plane.
+        Emission pattern, and whether it replaces the design's fan, which has no light out of the plane.
     cone_deg, thickness_mm
         Cone of the emitter and thickness of the body.
     is_design
@@ -125,7 +127,7 @@ class Practice(Result):
         return (*self._of_the_index(), *self._of_holds())
 
     def _of_holds(self) -> tuple[str, ...]:
-        """Return a warning if the holding of a soft body matters."""
+        """Return a warning if the way a soft body is held affects the response."""
         found = [effect for effect in self.effects if effect.key == HOLD]
         most = max(found, key=lambda effect: effect.largest, default=None)
         for key, why in self.skipped.items():
@@ -159,7 +161,7 @@ class _NoMeaning(Exception):  # noqa: N818  a reason, not an error
 def practice(
     sensor: Sensor, own: Response, progress: Progress | None = None, *, slope: Slope | None = None
 ) -> Practice:
-    """Compute a sensor as in the paper, as built, and effects of tolerances.
+    """Compute a sensor as in the paper and as built, and the effects of tolerances.
 
     Parameters
     ----------
@@ -170,7 +172,7 @@ def practice(
     progress
         Function called with the completed fraction, up to 1.
     slope
-        Slope of its contrast at the null, if known.
+        Slope of its contrast at the null, if already computed.
     """
     skipped: dict[str, str] = {}
 

@@ -2,8 +2,9 @@
 
 `solen run` needs three parts of about the same size: the integration in space for the design itself, the integration in
 the plane for the comparison with the paper, and sampled rays through a lens for space. In one process, numba compiles
-one function at a time and stores each on disk. Two more processes therefore trace a small case of the other two parts
-while the command starts with its own. A process that needs a function later reads the compiled one from disk.
+the functions one after another and stores each on disk. Two more processes therefore trace a small example of the other
+two parts while the command starts with its own. A process that needs a function later reads the compiled function from
+disk.
 """
 
 import subprocess
@@ -15,7 +16,7 @@ PARTS: dict[str, tuple[str, dict[str, str]]] = {
     "adapt.integrate_cone": ("paper-860", {}),
     "extruded.trace_in_space": ("solen-860", {"lens.shape": "layered"}),
 }
-"""A function of each part, and the template and values of a design that is traced with it."""
+"""For each part, a function, and the template and values of a design that is traced with it."""
 PROGRAM = """
 from solen.sensor import Sensor
 from solen.spec import loads, template, with_values
@@ -36,7 +37,7 @@ def parts_to_compile() -> list[str]:
 
 
 def precompile() -> None:
-    """Start to compile in separate processes, which end by themselves, and return without waiting."""
+    """Start the compilation in separate processes, which end automatically, and return without waiting."""
     for program in parts_to_compile():
         nowhere = subprocess.DEVNULL
         command = [sys.executable, "-c", program]

@@ -1,7 +1,7 @@
 """Loss of response due to printing: contrast, slope and light compared with the designed lens.
 
-Both lenses are traced in power with the same fan of rays, so that only the lens differs. A point emitter shows every
-ripple of a lens, unlike a real emitter: a small chip is therefore also compared.
+Both lenses are traced in power with the same fan of rays, so that only the lens differs. A point emitter, unlike a real
+one, shows every ripple of a lens: a small chip is therefore also compared.
 
 Public names: `print_loss` and `PrintLoss`.
 """
@@ -24,7 +24,7 @@ from solen.spec import with_values
 RAYS = 2**14
 MOST_ANGLES = 13
 SLOPE_DEG = 0.1
-"""Angle to either side of 0 for the slope about the null."""
+"""Angle on either side of 0 for the slope about the null."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ class EmitterLoss:
 
     @reported
     def slope_lost_percent(self) -> float | None:
-        """Percentage of the slope that is lost; negative if it is steeper."""
+        """Percentage of the slope that is lost; negative if the printed lens has the steeper slope."""
         return _lost_percent(self.slope_designed_per_deg, self.slope_printed_per_deg)
 
     @reported

@@ -22,7 +22,7 @@ from solen.sensor.unused_keys import keys_without_effect
 from solen.spec import Design
 
 ANGLE_RAYS, ANGLE_RAYS_IN_SPACE = 2**12, 2**15
-"""Numbers of rays that sample the angles of arrival, for an accuracy of about 0.2 % in a directional part's
+"""Numbers of rays that sample the angles of incidence, for an accuracy of about 0.2 % in a directional part's
 fraction.
 """
 
@@ -44,7 +44,7 @@ def angle_rays(sensor: Sensor) -> int:
 
 @dataclass(frozen=True)
 class PartUsed:
-    """A part of a circuit, its document, and its numbers that are estimates."""
+    """A circuit part, its data source, and which of its numbers are estimates."""
 
     name: str
     kind: str
@@ -98,7 +98,7 @@ def design_readings(sensor: Sensor, progress: Progress | None = None) -> DesignR
 
 
 def parts_used(*lit: Design) -> tuple[PartUsed, ...]:
-    """Return the parts of the circuits of designs that differ in their emitter."""
+    """Return the circuit parts of designs that differ in their emitter."""
     design = lit[0]
     parts: tuple[Part, ...] = (
         named_part(design, "part", ReceiverPart),

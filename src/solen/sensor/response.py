@@ -38,9 +38,9 @@ class Response(Result):
     right, left
         (N,) power at each receiver.
     u_power
-        (N,) uncertainty of both; NaN for a fixed number of rays, which gives no estimate of it.
+        (N,) uncertainty of both powers; NaN for a fixed number of rays, which gives no estimate of it.
     traces
-        The scene traced at each angle.
+        Trace of the scene at each angle.
     """
 
     mode: Mode
@@ -80,7 +80,7 @@ class Response(Result):
 
     @reported
     def ledger(self) -> list[Ledger]:
-        """Ledger of the power at each angle."""
+        """Power ledger at each angle."""
         return [trace.ledger for trace in self.traces]
 
     @property
@@ -94,13 +94,13 @@ class Response(Result):
         return value if math.isfinite(value) else None
 
     def part(self, places: Sequence[int]) -> "Response":
-        """Return the response at some of the angles, by index."""
+        """Return the response at a subset of the angles, by index."""
         chosen = list(places)
         arrays = (self.angle_deg[chosen], self.right[chosen], self.left[chosen], self.u_power[chosen])
         return Response(self.mode, *arrays, tuple(self.traces[i] for i in chosen if self.traces))
 
     def joined(self, other: "Response") -> "Response":
-        """Merge two responses in the order of the angles."""
+        """Merge two responses in angular order."""
         both = Response(
             mode=self.mode,
             angle_deg=np.concatenate([self.angle_deg, other.angle_deg]),
@@ -146,9 +146,9 @@ class Response(Result):
 class Sensitivity:
     """Change of the readings at an angle with a number of the design.
 
-    ``right`` and ``left`` are the derivatives of the powers, as fractions of the emitted power, ``contrast`` that of
-    (R − L)/(R + L), each per unit of the key. They are NaN without a derivative, and the contrast's also
-    without light; ``why`` then gives the reason. ``tolerance`` is that of the number.
+    ``right`` and ``left`` are the derivatives of the powers, as fractions of the emitted power, ``contrast`` is the
+    derivative of (R − L)/(R + L), each per unit of the key. All are NaN if there is no derivative, and ``contrast`` is
+    also NaN without light; ``why`` then gives the reason. ``tolerance`` is the tolerance of the number.
     """
 
     key: str

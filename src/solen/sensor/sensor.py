@@ -38,7 +38,7 @@ OF_SHAPES: dict[str, Any] = {f"lens.{key}": None for key, *_ in KEYS_OF_SHAPES}
 RECENT_SCENES = 64
 """Number of scenes that a sensor caches."""
 BUILDING = RLock()
-"""Lock to build scenes one at a time, since angles are traced on several threads."""
+"""Lock that ensures that scenes are built one at a time, since angles are traced on several threads."""
 
 
 class TraceKeywords(TypedDict, total=False):
@@ -59,8 +59,8 @@ class TraceKeywords(TypedDict, total=False):
 class Sensor:
     """A design with its material and lens, created with `Sensor.of`. A drawn body and a network have no ``cut`` lens.
 
-    For a network, it is the sensor of one emitter, ``design.network.lit``, with the motions at their ``at_deg``.
-    ``lenses`` are its lenses by name if they were designed for other numbers than those of the design.
+    For a network, this is the sensor of one emitter, ``design.network.lit``, with the motions at their ``at_deg``.
+    ``lenses`` contains the network's lenses by name if they were designed for numbers other than the design's.
     """
 
     design: Design
@@ -100,7 +100,7 @@ class Sensor:
 
     @property
     def is_drawn(self) -> bool:
-        """Whether the body is drawn, or a network: a single lens does not precede the entire body."""
+        """Whether the body is drawn, or a network: there is no single lens in front of the body."""
         return self.cut is None
 
     @property
@@ -115,7 +115,7 @@ class Sensor:
 
     @property
     def is_sampled(self) -> bool:
-        """Whether its lens is not a cylinder, so that its light is sampled."""
+        """Whether the lens is not a cylinder, so that its light is sampled."""
         return isinstance(self.cut, LensInSpace)
 
     @property
@@ -147,7 +147,7 @@ class Sensor:
         return Sensor.of(with_values(self.design, OF_SHAPES | {"lens.shape": "none"}))
 
     def body(self, angle_deg: float | None = None) -> Body:
-        """Return the body with its moving parts turned by ``angle_deg``, by default at rest.
+        """Return the body with its moving parts rotated by ``angle_deg``, by default at rest.
 
         For a loaded design, ``angle_deg`` here and elsewhere is the value of the driven quantity, in deg, mm or N.
 
@@ -241,7 +241,7 @@ class Sensor:
 
     @cached_property
     def light(self) -> Light:
-        """Light of its emitter."""
+        """Light from the sensor's emitter."""
         return light_of(self.design)
 
     def integrate(self, angle_deg: float = 0.0, mode: Mode = "power", tolerance: float | None = None) -> Trace:
@@ -265,7 +265,8 @@ class Sensor:
         Raises
         ------
         SpecError
-            If the key is not that of a real number stated in the design, or none of several emitters is named.
+            If the key is not that of a real number specified in the design, or if the network has several emitters and
+            none is named.
         """
         return derivative_of(self, key, angle_deg, mode, emitter)
 
@@ -277,7 +278,7 @@ class Sensor:
         Parameters
         ----------
         keys
-            Dotted keys of numbers; default: `usual_keys` that are not inert.
+            Dotted keys of numbers; default: all `usual_keys` that have an effect.
         angle_deg
             Angle of the motion.
         progress
@@ -286,24 +287,25 @@ class Sensor:
         Raises
         ------
         SpecError
-            If a key is not that of a real number stated in the design, or is inert.
+            If a key is not that of a real number specified in the design, or has no effect.
         DesignError
             If the light at this angle cannot be integrated accurately enough.
         """
         return sensitivities(self, keys, angle_deg, progress)
 
     def sampled(self, angle_deg: float = 0.0, tolerance: float = SAMPLED_TOLERANCE) -> tuple[Trace, float]:
-        """Return the power from more and more Sobol' samples, until all standard errors are within ``tolerance``.
+        """Return the power from an increasing number of Sobol' samples, until all standard errors are within
+        ``tolerance``.
 
-        Used for light scattered at random, and if `integrate` fails. Returns the last trace and the largest error,
-        which is above ``tolerance`` if `MOST_SAMPLED` rays do not suffice; ``reached`` is then False.
+        This is used for light scattered at random, and if `integrate` fails. It returns the last trace and the largest
+        error, which is above ``tolerance`` if `MOST_SAMPLED` rays do not suffice; ``reached`` is then False.
         """
         found = by_nets(self.scene(angle_deg), tolerance, most_rays=MOST_SAMPLED)
         return found, found.u_power
 
     @cached_property
     def is_symmetric(self) -> bool:
-        """Whether the sensor is, at every angle of its motion, the mirror image of itself at the opposite angle."""
+        """Whether the sensor, at every angle of its motion, is the mirror image of itself at the opposite angle."""
         motion = self.design.motion
         last_deg = max(abs(motion.from_deg), abs(motion.to_deg))
         if self.light.ray_file is not None or self.is_loaded:  # its mesh is not mirror-symmetric
@@ -331,7 +333,7 @@ class Sensor:
         return response
 
     def count(self, angles_deg: Sequence[float] | None = None, progress: Progress | None = None) -> Response:
-        """Return the response by counting the design's own number of rays, as in the paper."""
+        """Return the response by counting the number of rays specified in the design, as in the paper."""
         return self._by_rays("count", self._angles(angles_deg), progress)
 
     def power_of_rays(self, angles_deg: Sequence[float], rays: int, sampling: Sampling = "fan") -> Response:
@@ -359,8 +361,8 @@ class Sensor:
     ) -> Response:
         """Return the response in power, integrated at every angle, or sampled if the tolerance is not reached.
 
-        The tolerance is that of `integrate`. Scattered light is sampled to the standard error, which defaults to a
-        stated tolerance. For symmetric sensors one of two opposite angles is traced.
+        The tolerance is that of `integrate`. Scattered light is sampled to the standard error, which defaults to the
+        specified tolerance. For symmetric sensors, only one of two opposite angles is traced.
         """
         angles = self._angles(angles_deg)
 

@@ -19,9 +19,9 @@ from solen.spec import Design
 from solen.trace import Slope
 
 SCHEMA = 1
-"""Version of the files of results."""
+"""Schema version of the result files."""
 FLAT_TOLERANCE = 5e-4
-"""Tolerance of the integration without a lens in space."""
+"""Integration tolerance without a lens in space."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Summary:
     truncated
         Largest truncated power at any angle.
     undefined_rays
-        Number of rays that hit an inconsistent interface.
+        Number of rays incident on an inconsistent interface.
     rays_traced
         Number of rays traced for the count and for the power.
     """
@@ -72,10 +72,10 @@ class Summary:
 
 
 class Case(Result):
-    """A sensor's response in power, integrated, and in the plane by counting the design's rays, as the paper does.
+    """A sensor's response in power, integrated, and in the plane by counting the design's rays, as in the paper.
 
     ``curve`` is the power with angles added where it is curved. ``null_deg`` is the null nearest to 0, from the power;
-    ``slope_per_deg`` the contrast's slope there.
+    ``slope_per_deg`` is the slope of the contrast there.
     """
 
     sensor: Sensor = field(metadata=HIDDEN)
@@ -240,7 +240,7 @@ def study(design: Design, progress: Progress | None = None, *, practical: bool =
 
 
 def _beside_design(plain: DesignStudy, progress: Progress | None) -> DesignStudy:
-    """Return the case with the designed lens, if the design's own lens is measured."""
+    """Return the case with the designed lens, if the design has a measured lens."""
     lens = plain.with_lens
     if lens is None or not lens.sensor.is_measured:
         return plain

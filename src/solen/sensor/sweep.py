@@ -13,10 +13,10 @@ from solen.trace.result import Detected
 FEW_ANGLES, MOST_ANGLES = 5, 129
 """Smallest (with both ends) and largest number of angles of a drawn curve."""
 BEND = 0.02
-"""Angles are added if a contrast deviates by more than this from the line between its neighbours."""
+"""Contrast deviation from the line between its neighbours above which angles are added."""
 
 FAILURES = 2
-"""If integration fails at this many first angles of a sweep, it is not tried at the others."""
+"""Number of failures: if integration fails at this many initial angles of a sweep, it is not tried at the others."""
 
 
 def readings_at(

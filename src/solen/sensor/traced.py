@@ -176,7 +176,7 @@ def value_asked(sensor: Sensor, angle_deg: float | None, at: float | None) -> fl
     Raises
     ------
     SpecError
-        If ``at`` is stated for an angle, or an angle for a load.
+        If ``at`` is specified for an angle, or an angle for a load.
     """
     motion = sensor.design.motion
     if sensor.is_network and (angle_deg is not None or at is not None):
@@ -195,7 +195,7 @@ def value_asked(sensor: Sensor, angle_deg: float | None, at: float | None) -> fl
 
 
 def check_value(sensor: Sensor, value: float) -> None:
-    """Raise `SpecError` for an angle that no motion reaches, or a load that is not a number."""
+    """Raise `SpecError` for an angle outside every motion, or a load that is not a number."""
     if not (math.isfinite(value) and (abs(value) < 90.0 or sensor.design.motion.unit != "deg")):
         limit = "must be between -90 and 90" if sensor.design.motion.unit == "deg" else "must be a finite number"
         raise SpecError("--at" if sensor.is_loaded else "--angle-deg", value=value, limit=limit)

@@ -13,7 +13,7 @@ from solen.trace import Mode
 
 
 def keys_without_effect(sensor: Sensor, mode: Mode | None = None) -> tuple[str, ...]:
-    """Return a sentence for each stated key that has no effect in the design's dimension or in a mode."""
+    """Return a sentence for each specified key that has no effect in the design's dimension or in a mode."""
     found = [] if sensor.design.trace.dimension == "extruded" else list(_in_the_plane(sensor))
     shape = sensor.design.lens.shape
     if sensor.design.lens.profile is not None and shape not in ("measured", "layered"):
@@ -60,6 +60,6 @@ def _films(wall: Wall) -> dict[str, list[tuple[float, float]]]:
 
 
 def _shuts(sensor: Sensor, wall: Wall, index: float, thickness_nm: float) -> bool:
-    """Return whether a film changes a count: it totally reflects light of some wavelength and angle."""
+    """Return whether a film changes a count: it totally reflects light at some wavelength and angle."""
     wavelengths = [nm for nm, _ in sensor.light.spectrum] or [sensor.light.wavelength_nm]
     return thickness_nm > min(wavelengths) and index < max(sensor.material.index, wall.index or 1.0)

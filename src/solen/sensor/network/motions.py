@@ -1,10 +1,10 @@
 """Motions of a network that its readings distinguish, and how well, from one reading of every receiver per emitter.
 
-Readings r follow small motions as J m, with noise of covariance C. In units of the noise, W J with W C Wᵀ = 1, the
-singular values are the change of all readings together per degree of a combination of motions, in standard deviations.
+Readings r follow small motions as J m, with noise of covariance C. In units of the noise, W J with W C Wᵀ = 1, each
+singular value is the change of all readings together per degree of a combination of motions, in standard deviations.
 The best estimate of the motions has the covariance (Jᵀ C⁻¹ J)⁻¹ (Gauss, Markov; for normal noise no estimate is better:
 Cramér, Rao). A combination whose singular value is less than `SURE` times its uncertainty is not determined, nor is any
-motion with a share in it.
+motion with a component in it.
 
 Public names: `determined`, `Determination` and `in_words`.
 """
@@ -23,7 +23,9 @@ SURE = 2.0
 RANK = 1e-12
 """Smallest eigenvalue of a correlation, relative to the largest, for an independent combination of readings."""
 SHOWN, ALIKE = 0.1, 0.1
-"""Smallest share of a motion that is named in a sentence, and largest difference of two shares that count as equal."""
+"""Smallest component of a motion that is named in a sentence, and largest difference of two components that count as
+equal.
+"""
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,9 @@ class Determination(Result):
         return sum(combination.is_determined for combination in self.combinations)
 
     def improves_on(self, other: "Determination") -> bool:
-        """Return whether it determines more combinations, or the worst motion better beyond both uncertainties."""
+        """Return whether this determines more combinations than another, or the worst motion better beyond both
+        uncertainties.
+        """
         if self.rank != other.rank or not math.isfinite(self.worst_sd_deg):
             return self.rank > other.rank
         if not math.isfinite(other.worst_sd_deg):
@@ -181,10 +185,10 @@ def _whitening(covariance: FloatArray) -> FloatArray:
 
 
 def _has_share(rows: FloatArray, singular: FloatArray, u_singular: FloatArray, kept: BoolArray) -> BoolArray:
-    """Return whether each motion (M,) has a share, beyond its uncertainty, in a combination that is not determined.
+    """Return whether each motion (M,) has a component, beyond its uncertainty, in a combination that is not determined.
 
-    The uncertainty of a combination's direction is that of its singular value, divided by the difference of the
-    singular values.
+    The uncertainty of a combination's direction is the uncertainty of its singular value divided by the difference of
+    the singular values.
     """
     lost = np.zeros(rows.shape[1], dtype=bool)
     least = float(singular[kept].min(initial=np.inf))

@@ -1,11 +1,11 @@
 """Most useful places for another emitter or receiver of a network: places are tried in turn and ranked.
 
-A part added to a network takes light from the others and moves corners, so that its effect can only be found by tracing
-the network again. Every place is first traced with a large tolerance. The best of each kind are traced again with the
-full tolerance, by the same function and so with the same numbers as for the changed design file.
+A part added to a network takes light from the others and moves corners, so its effect can only be found by tracing the
+network again. Every place is first traced with a large tolerance. The best places of each kind are traced again with
+the full tolerance, by the same function, so the numbers equal those for the changed design file.
 
-The places are ends of guides without a part, for a receiver or for a lens with its emitter; and those at a quarter,
-half and three quarters of every side that are free, for a receiver or an emitter without a lens.
+The places are guide ends without a part, for a receiver or for a lens with its emitter; and free positions at a
+quarter, half and three quarters of every side, for a receiver or an emitter without a lens.
 """
 
 import json
@@ -25,9 +25,11 @@ from solen.spec import Design, with_values
 SHARES = (0.25, 0.5, 0.75)
 """Places on a side that are tried, as fractions of its length."""
 WIDTH_MM = 2.0
-"""Length of a receiver on a side if the network has none there; otherwise the median of its own is used."""
+"""Length of a receiver on a side if the network has none there; otherwise the median length of those present is
+used.
+"""
 ROUGH_TOLERANCE, TRIED_AGAIN = 1e-3, 3
-"""Uncertainty of the powers of the first trial, and number of places of each kind that are tried again."""
+"""Power uncertainty in the first trial, and number of places of each kind that are tried again."""
 
 Tables = Mapping[str, Sequence[Mapping[str, object]]]
 
@@ -37,8 +39,8 @@ def suggestions(
 ) -> tuple[Suggestion, ...]:
     """Return places where another receiver or emitter would improve a network most, the best first.
 
-    They are the best `TRIED_AGAIN` of each kind that improve on the given network (`Determination.improves_on`). They
-    are ranked by the number of determined combinations, then by the worst standard deviation of a motion at rest.
+    These are the best `TRIED_AGAIN` of each kind that improve on the original network (`Determination.improves_on`).
+    They are ranked by the number of determined combinations, then by the worst standard deviation of a motion at rest.
 
     Parameters
     ----------
@@ -77,7 +79,7 @@ Trial = tuple[str, str, Tables]
 
 
 def _tried(design: Design, trial: Trial, tolerance: float) -> tuple[Trial, Suggestion] | None:
-    """Return a trial with its result; None if it cannot be built."""
+    """Return a trial with its result; None if the network cannot be built."""
     part, place, tables = trial
     try:
         found = network_sensitivities(_with(design, tables), tolerance=tolerance).by_voltages
@@ -89,7 +91,9 @@ def _tried(design: Design, trial: Trial, tolerance: float) -> tuple[Trial, Sugge
 
 
 def _apparent(one: Suggestion) -> float:
-    """Return the worst standard deviation of a motion as if all combinations were determined, to rank first trials."""
+    """Return the worst standard deviation of a motion as if all combinations were determined, to rank the first
+    trials.
+    """
     rows = np.array([list(each.shares.values()) for each in one.by_voltages.combinations])
     values = np.array([each.singular_per_deg for each in one.by_voltages.combinations])
     with np.errstate(divide="ignore", invalid="ignore"):

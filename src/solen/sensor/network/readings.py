@@ -1,8 +1,8 @@
 """Values of a network's readings from its powers, with their uncertainties.
 
 The receivers' powers under one emitter come from the same rays, so their errors are correlated to an unknown extent.
-The uncertainty of a reading is therefore the linear sum of its parts, with exact derivatives: an upper bound. If the
-curvature of a reading is too large for derivatives, it is the change of the reading with every power off by its
+The uncertainty of a reading is therefore the linear sum of its parts, with exact derivatives: an upper bound. If a
+reading is too strongly curved for derivatives, its uncertainty is the change when every power deviates by its
 uncertainty.
 """
 

@@ -30,13 +30,13 @@ from solen.trace.result import Ledger
 USUAL_TOLERANCE = 5e-4
 """Default uncertainty of a power, as a fraction of the emitted power."""
 ROUGH, RAYS_OF_ONE, FEWEST_RAYS = 2e-4, 0.03, 2**12
-"""Tolerance from which on powers are sampled, which is faster than integration; first number of rays times the
-tolerance squared; smallest number of rays.
+"""Tolerance from which powers are sampled, which is faster than integration; initial number of rays multiplied by the
+squared tolerance; minimum number of rays.
 """
 OF_NETS = 1.25 * math.sqrt((COPIES - 1) / (COPIES - 3))
 """Factor from the standard error of a mean of nets to its standard uncertainty. With so few nets the standard error is
-itself uncertain, and the error in its units follows Student's t (Supplement 1 to the GUM, 6.4.9.4). It is also too
-small if few rays carry the power, by up to 1.25 over all powers of a network and 40 lattices.
+itself uncertain, and the error in units of it follows Student's t (Supplement 1 to the GUM, 6.4.9.4). The standard
+error is also too small, by up to 1.25 over all powers of a network and 40 lattices, if few rays carry the power.
 """
 
 
@@ -190,7 +190,9 @@ def response_of(
 
 
 def _traced(sensor: Sensor, tolerance: float, lattice: int) -> Trace:
-    """Trace one emitter's powers: sampled for a large tolerance, otherwise integrated, or sampled if that fails."""
+    """Trace the powers from one emitter: sampled for a large tolerance, otherwise integrated, or sampled if that
+    fails.
+    """
     if tolerance < ROUGH:
         return sensor.reading(tolerance=tolerance)[0]
     first = max(2 ** round(math.log2(RAYS_OF_ONE / tolerance**2)), FEWEST_RAYS)

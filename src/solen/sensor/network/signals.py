@@ -21,11 +21,13 @@ from solen.sensor.readings import angle_rays
 from solen.spec import Design
 
 SHARED_OFF = 0.25
-"""Covariance of two emitters' readings that share an off reading, in squares of its noise: each contains half of it."""
+"""Covariance of two emitters' readings that share an off reading, in units of the squared off noise: each contains
+half of it.
+"""
 
 
 class Signals(Result):
-    """Voltages of a network's receivers, emitters in turn, and their noise, by state, emitter and receiver.
+    """Voltages of a network's receivers with the emitters lit in turn, and their noise, by state, emitter and receiver.
 
     Attributes
     ----------

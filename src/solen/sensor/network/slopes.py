@@ -1,10 +1,11 @@
 """Derivatives of a network's powers with respect to its numbers, and the motions that readings distinguish.
 
-Light of a chip in a network is divided at many faces. Its integral is not smooth to 1e-6, as the limit of a derivative
-would require. A derivative is therefore a difference over a stated step, with both ends sampled by the same rays. Its
-uncertainty is that of the two powers; curvature within the step is part of the value.
+Light from a chip in a network is divided at many faces. Its integral is not smooth to 1e-6, which the limit of a
+derivative would require. A derivative is therefore a difference over a specified step, with both ends sampled by the
+same rays. Its uncertainty is that of the two powers; curvature within the step is part of the value.
 
-Voltages and their noise are those of the readout; `solen.sensor.network.motions` evaluates what they determine.
+Voltages and their noise are those of the readout; `solen.sensor.network.motions` evaluates which motions they
+determine.
 """
 
 import math
@@ -28,7 +29,7 @@ from solen.spec.network import NamedMotion
 from solen.spec.placed import state_of
 
 SLOPE_TOLERANCE = 3e-4
-"""Uncertainty of the powers whose difference is taken."""
+"""Uncertainty of the powers that are subtracted."""
 
 
 class NetworkSensitivities(Result):
@@ -225,7 +226,9 @@ def _determined(
 
 
 def _ends(design: Design, key: str, value: float, tolerance: float) -> tuple[float, float]:
-    """Return values on either side of a number: by its tolerance or, for a motion, by half a step within its range."""
+    """Return values on either side of a number, its tolerance away or, for a motion, half a step away within its
+    range.
+    """
     holder, _, name = key.rpartition(".")
     motion = value_at(design, holder) if name == "at_deg" and holder.startswith("network.motion[") else None
     if not isinstance(motion, NamedMotion):

@@ -29,7 +29,7 @@ class NetworkStudy(Result):
     sweeps
         Its response over the range of each motion, by the motion's name.
     warnings
-        Reasons to doubt a value.
+        Reasons for uncertainty.
     simulated
         Always true.
     """
@@ -78,7 +78,7 @@ def courses(network: Network) -> tuple[list[dict[str, float]], dict[str, list[in
 
 
 def _part(whole: NetworkResponse, places: Sequence[int]) -> NetworkResponse:
-    """Return some states of a response."""
+    """Return a response for a subset of its states."""
     own = ("angle_deg", "power", "u_power", "reading", "u_reading")
     return replace(
         whole,
@@ -88,7 +88,7 @@ def _part(whole: NetworkResponse, places: Sequence[int]) -> NetworkResponse:
 
 
 def _rough(response: NetworkResponse, design: Design) -> list[str]:
-    """Return a warning if a power is less certain than expected of samples."""
+    """Return a warning if a power is less certain than expected from sampling."""
     worst = float(np.nanmax(response.u_power, initial=0.0))
     if math.isnan(worst) or worst <= USUAL_TOLERANCE:
         return []

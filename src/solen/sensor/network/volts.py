@@ -1,7 +1,7 @@
-"""Voltages of a network over the range of each of its motions, with noise, resolution and advice on the load.
+"""Voltages of a network over the range of each of its motions, with noise, resolution and recommended load resistors.
 
-The other motions are at rest and considered known; `solen.sensor.network.motions` evaluates the case that all motions
-are unknown. A slope that does not exceed the uncertainty of the simulated light resolves nothing.
+The other motions are at rest and assumed to be known; `solen.sensor.network.motions` evaluates the case that all
+motions are unknown. A slope that does not exceed the uncertainty of the simulated light gives no resolution.
 """
 
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ from solen.spec.placed import state_of
 
 
 class MotionVolts(Result):
-    """Voltages of a network over the range of one motion of A angles, E emitters in turn, R receivers.
+    """Voltages over the range of one motion for A angles, E emitters lit in turn and R receivers.
 
     Attributes
     ----------
@@ -169,14 +169,16 @@ def _resolution_deg(slope: FloatArray, u_slope: FloatArray, inverse: FloatArray)
 
 
 def _of(signals: Signals, places: list[int]) -> Signals:
-    """Return some states of signals."""
+    """Return signals for a subset of their states."""
     own = ("received", "voltage_V", "u_voltage_V", "sd_V", "slope_V")
     return replace(signals, **{name: getattr(signals, name)[places] for name in own})
 
 
 def _as_by_first(circuits: tuple[Circuit, ...], received: FloatArray) -> FloatArray:
-    """Return the fractions (states·emitters, receivers) of the first emitter's power equal to those of each."""
-    brightness = np.array([circuit.drive.typical_mW / circuits[0].drive.typical_mW for circuit in circuits])
+    """Return fractions (states·emitters, receivers) of the first emitter's power that equal the powers from each
+    emitter.
+    """
+    brightness = np.array([one.drive.typical_mW / circuits[0].drive.typical_mW for one in circuits])
     return np.asarray((received * brightness[:, None]).reshape(-1, received.shape[-1]))
 
 
