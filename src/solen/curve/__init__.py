@@ -1,11 +1,11 @@
-"""Exact plane curves, of which the faces of bodies, mirrors and receivers are made.
+"""Exact plane curves, which make up the faces of bodies, mirrors and receivers.
 
-A curve is directed from start to end; *left* and left normal are as seen in that direction. Nothing is meshed:
-intersections are the roots of the curve's equation. For a ray that leaves a curve one root is known (its start);
-``leaving=True`` divides that root out algebraically, so no distance threshold is needed and no second hit is lost,
-however close.
+A curve is directed from start to end; *left* and left normal are as seen in that direction. No mesh is used:
+intersections are the roots of the curve's equation. If a ray leaves a curve, one root (its start) is already known;
+``leaving=True`` divides that root out algebraically, so no distance threshold is needed and no second intersection is
+lost, however close.
 
-Interface: `Curve` with its subclasses `Segment`, `Arc`, `Parabola`, `Conic`, `CartesianOval`, `Bezier` and `Spline`;
+Public names: `Curve` with its subclasses `Segment`, `Arc`, `Parabola`, `Conic`, `CartesianOval`, `Bezier` and `Spline`;
 `solen.plane.Rigid` moves them. The last two are chains of cubics, each of which `simple_pieces` splits into a few
 `Piece` objects. `Measure` computes lengths along a curve; `fitted` approximates any other curve by a spline, and
 `carried` a curve whose points are displaced. Coordinates are (x, z) in mm.

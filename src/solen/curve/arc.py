@@ -13,9 +13,10 @@ from solen.plane import Point, Rigid, along, cross, dot, minus, unit
 
 @dataclass(frozen=True)
 class Arc(Curve):
-    """Part of a circle, or all of it: from ``start_deg`` on by ``sweep_deg`` (counter-clockwise if positive).
+    """Part of a circle, or a full circle, that begins at ``start_deg`` and extends over ``sweep_deg``
+    (counter-clockwise if positive).
 
-    Here angles are polar, from +x: the point at angle a is ``center + radius (cos a, sin a)``.
+    Angles here are polar, from +x: the point at angle a is ``center + radius (cos a, sin a)``.
     """
 
     center: Point
@@ -32,14 +33,14 @@ class Arc(Curve):
 
     @classmethod
     def circle(cls, center: Point, radius_mm: float) -> "Arc":
-        """Return an entire circle, counter-clockwise, so that its inside is on the left."""
+        """Return a full circle, counter-clockwise, so that its inside is on the left."""
         return cls(center, radius_mm, 0.0, 360.0)
 
     @classmethod
     def through(cls, a: Point, middle: Point, b: Point) -> "Arc":
         """Return the arc from ``a`` to ``b`` through ``middle``.
 
-        Raise `DesignError` if it is too nearly straight for its centre to be known to 1e-9 mm.
+        Raise `DesignError` if the arc is too nearly straight to determine its centre to 1e-9 mm.
         """
         check_points("arc", a, middle, b)
         p, q = minus(middle, a), minus(b, a)
@@ -65,13 +66,13 @@ class Arc(Curve):
 
     @property
     def middle(self) -> Point:
-        """Unit vector from the centre to the middle of the arc."""
+        """Unit vector from the centre to the midpoint of the arc."""
         angle = math.radians(self.start_deg + 0.5 * self.sweep_deg)
         return (math.cos(angle), math.sin(angle))
 
     @property
     def half_deg(self) -> float:
-        """Half the angle of the arc, at most 180."""
+        """Half the angle subtended by the arc, at most 180."""
         return min(0.5 * abs(self.sweep_deg), 180.0)
 
     def points(self, u: FloatArray) -> FloatArray:
@@ -122,7 +123,7 @@ class Arc(Curve):
         return replace(self, start_deg=self.start_deg + self.sweep_deg, sweep_deg=-self.sweep_deg)
 
     def _holds(self, point: Point) -> bool:
-        """Return whether a point of the circle is on the arc, from its distance from the arc's axis of symmetry."""
+        """Return whether a point on the circle is on the arc, from its distance from the arc's axis of symmetry."""
         offset = minus(point, self.center)
         beside = abs(cross(self.middle, offset))
         end = self.radius_mm * math.sin(math.radians(self.half_deg))

@@ -1,4 +1,4 @@
-"""The interface of curves, with common checks of numbers, tolerances and quadratic equations."""
+"""Base class of curves, with common checks of numbers, tolerances and quadratic equations."""
 
 import math
 from abc import ABC, abstractmethod
@@ -25,9 +25,9 @@ def quadratic_roots(a: float, b: float, c: float, *, leaving: bool) -> tuple[flo
 
     A double root does not count: a line that only touches a curve does not cross it.
 
-    The starting point of a ray is on its curve only up to rounding, which leaves a tiny c. The other root −b/a is
-    corrected for it to first order; otherwise the rounding of many chords of one circle would add up until they leave
-    it.
+    The starting point of a ray is on its curve only to within rounding error, which leaves a tiny c. The other root
+    −b/a is corrected for c to first order; otherwise the rounding errors of many chords of one circle would add up
+    until the chords leave it.
     """
     if leaving:
         correction = c / b if abs(a * c) < SMALL * b * b else 0.0
@@ -61,7 +61,7 @@ def check_range(
 
 
 def check_count(what: str, value: object, least: int) -> None:
-    """Raise `DesignError` if a value is not a whole number of at least ``least``."""
+    """Raise `DesignError` if a value is not an integer of at least ``least``."""
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
         raise DesignError(what, value=value, limit=f"must be a whole number of at least {least}")
     if value >= 2**63:
@@ -96,7 +96,7 @@ class Curve(ABC):
 
     @abstractmethod
     def part(self, u_from: float, u_to: float) -> "Curve":
-        """Return the part of the curve from one parameter to a higher one; all its points are exactly on the curve."""
+        """Return the part of the curve between two ascending parameters; all its points are exactly on the curve."""
 
     @abstractmethod
     def normal_at(self, point: Point) -> Point:
@@ -106,7 +106,7 @@ class Curve(ABC):
     def hits(self, origin: Point, direction: Point, *, leaving: bool = False) -> tuple[float, ...]:
         """Return the distances > 0 in mm at which a ray (unit direction) meets the curve, in any order.
 
-        ``leaving`` states that the ray starts on this curve; that point is not among the hits.
+        ``leaving`` means that the ray starts on this curve; its starting point is then not among the intersections.
         """
 
     @abstractmethod
@@ -135,7 +135,7 @@ class Curve(ABC):
     def flattened(self, tolerance_mm: float = 1e-3) -> FloatArray:
         """Return a polyline (N, 2) through points of the curve that deviates from it by at most ``tolerance_mm``.
 
-        Pieces are halved until the middle of each is well within the tolerance of its chord.
+        Pieces are halved until the midpoint of each is well within the tolerance of its chord.
         """
         u = np.linspace(0.0, 1.0, 9)
         while True:

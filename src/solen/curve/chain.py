@@ -1,12 +1,13 @@
 """Intersection of rays with chains of cubic Bézier pieces.
 
-A chain is stored as simple pieces (see `solen.curve.cubic`). The side of a ray's line on which a joint of two pieces
-lies is decided once for both: a ray can neither slip through a joint nor hit the curve twice there.
+A chain is stored as simple pieces (see `solen.curve.cubic`). For each joint between two pieces, the side of the ray's
+line on which it lies is decided once for both: a ray can neither slip through a joint nor intersect the curve twice
+there.
 
-A ray that leaves the chain starts at a point of one piece. That piece is cut there into two parts with a known root at
+A ray that leaves the chain starts at a point on one piece. That piece is cut there into two parts with a known root at
 their common end, which is divided out. The pieces beyond the far ends are also computed relative to the starting point,
-across the joint rather than by coordinates, so a second hit just beyond a joint is as exact as one on the same piece. A
-ray that starts at a joint has its known root on both pieces.
+across the joint rather than by coordinates, so a second intersection just beyond a joint is as exact as one on the same
+piece. If a ray starts at a joint, its known root is on both pieces.
 """
 
 import math
@@ -68,7 +69,7 @@ class Ray(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Position of a point on a chain: the index of the piece, the parameter on it, and the distance from it."""
+    """Position of a point on a chain: piece index, parameter on the piece, and distance from the piece."""
 
     piece: int
     v: float
@@ -115,7 +116,7 @@ class CubicChain(Curve):
         return self.controls[-1][3]
 
     def points(self, u: FloatArray) -> FloatArray:
-        """See :meth:`Curve.points`; every cubic has an equal part of the parameter range."""
+        """See :meth:`Curve.points`; each cubic has an equal share of the parameter range."""
         n = len(self.controls)
         which = np.clip(np.floor(u * n), 0, n - 1).astype(int)
         v = (u * n - which)[:, None]
@@ -164,7 +165,7 @@ class CubicChain(Curve):
         return np.array(found)
 
     def normal_at(self, point: Point) -> Point:
-        """See :meth:`Curve.normal_at`; in a corner, the normal of one of the two pieces."""
+        """See :meth:`Curve.normal_at`; at a corner, the normal of one of the two pieces."""
         place = self._place(point)
         return left_of(tangent_at(self.pieces[place.piece].control, place.v))
 
@@ -201,8 +202,8 @@ class CubicChain(Curve):
     def _sides(self, ray: Ray) -> list[bool]:
         """Return whether the start of each piece, and finally the end of the chain, is on the left of the ray's line.
 
-        A joint on the line itself counts to the side from which the preceding piece comes: so a line that only touches
-        the curve there does not meet it, and a line that crosses it does so once.
+        A joint on the line itself counts as on the side from which the preceding piece comes: a line that only touches
+        the curve there does not meet it, and a line that crosses it meets it once.
         """
         sides = []
         for i, piece in enumerate(self.pieces):
@@ -234,7 +235,9 @@ class CubicChain(Curve):
             yield ray.ahead(control[3]) + share * END_TOLERANCE_MM * dot(ray.direction, outwards)
 
     def _leave(self, ray: Ray, place: Place, sides: list[bool], forwards: bool) -> Iterator[float]:
-        """Return the hits in one direction from the ray's start: on the rest of its piece and on those beyond."""
+        """Return the intersections in one direction from the ray's start: on the rest of its piece and on the pieces
+        beyond.
+        """
         here = point_at(self.pieces[place.piece].control, place.v)
         rest = ray.beside(here)
         done, left = (place.v, 1.0 - place.v) if forwards else (1.0 - place.v, place.v)
@@ -258,7 +261,7 @@ class CubicChain(Curve):
 
     @cached_property
     def _boxes(self) -> tuple[tuple[float, float, float, float], ...]:
-        """Smallest and largest x, then z, of every piece's control points."""
+        """Minimum and maximum x, then z, of every piece's control points."""
         boxes = []
         for piece in self.pieces:
             x, z = zip(*piece.control, strict=True)
@@ -266,7 +269,7 @@ class CubicChain(Curve):
         return tuple(boxes)
 
     def _place(self, point: Point) -> Place:
-        """Return the position of a point of the chain in spite of rounding, by its projection on each chord."""
+        """Return the position of a point on the chain despite rounding, by its projection on each chord."""
         best = Place(0, 0.0, math.inf)
         x, z = point
         for i, (x_low, x_high, z_low, z_high) in enumerate(self._boxes):
@@ -296,7 +299,7 @@ def _beside_chord(control: Control, point: Point) -> float:
 def _corrected(ray: Ray, start: Point, steps: Steps, v: float, rest: float) -> float:
     """Return the distance to the root v of a cubic, corrected to first order for its omitted constant ``rest``.
 
-    As in `solen.curve.quadratic_roots`, the ray is off the curve only by rounding, but such errors would add up.
+    As in `solen.curve.quadratic_roots`, the ray deviates from the curve only by rounding, but such errors would add up.
     """
     aside, onwards = ray.aside(steps), ray.onwards(steps)
     distance = ray.ahead(start) + risen(onwards, v)

@@ -1,4 +1,4 @@
-"""Conic sections: the parabola of a flared stem, and all of them in the vertex form of optics."""
+"""Conic sections: the parabola of a flared stem, and general conics in the vertex form used in optics."""
 
 import math
 from dataclasses import dataclass, replace
@@ -80,10 +80,10 @@ class Parabola(Curve):
 
 
 WIDEST = 1e-6
-"""Closest allowed approach of an end to the widest point of a conic, as 1 − (1 + K) c² r²; closer, r is ambiguous."""
+"""Minimum 1 − (1 + K) c² r² at an end of a conic; closer to the widest point, r is ambiguous."""
 SHEET = -1e-9
-"""Smallest 1 − (1 + K) c w that rounding may cause at the widest point of a conic; beyond that point it is below
-this.
+"""Minimum 1 − (1 + K) c w that rounding may cause at the widest point of a conic; beyond that point the value is
+lower.
 """
 
 
@@ -93,10 +93,10 @@ class Conic(Curve):
 
     r is positive on the right of ``axis`` (a unit vector): with the axis along +z, r is x − x0 and w is z − z0. c is
     ``curvature_per_mm``, 1 over the vertex radius, positive where the curve bends towards the axis; K is
-    ``conic_constant``: 0 a circle, −1 a parabola, below −1 a hyperbola, above −1 an ellipse (oblate for K > 0). The
-    curve runs from r = ``from_mm`` to ``to_mm``, which both end before its widest point: it is the side of the vertex
-    and, for a hyperbola, its branch. The other side and the other branch satisfy the equation but are not part of the
-    curve.
+    ``conic_constant``: 0 for a circle, −1 for a parabola, below −1 for a hyperbola, above −1 for an ellipse (oblate for
+    K > 0). The curve runs from r = ``from_mm`` to ``to_mm``, and both ends are before its widest point: it is on the
+    vertex side and, for a hyperbola, on the vertex branch. The other side and the other branch satisfy the equation but
+    are not part of the curve.
     """
 
     vertex: Point
@@ -123,7 +123,7 @@ class Conic(Curve):
 
     @property
     def half_width_mm(self) -> float:
-        """Distance from the axis at which the curve is widest and turns back; infinite except for an ellipse."""
+        """Distance from the axis at which the curve is widest and turns back; finite for an ellipse only."""
         c, k = self.curvature_per_mm, self.conic_constant
         return 1.0 / (abs(c) * math.sqrt(1.0 + k)) if k > -1.0 and c != 0.0 else math.inf
 
@@ -196,14 +196,15 @@ class Conic(Curve):
         return (1.0 - (1.0 + self.conic_constant) * c * depth, c * lateral)
 
     def _holds(self, lateral: float, depth: float) -> bool:
-        """Return whether a point of the entire conic is on this part: on the vertex's side and not beyond either end."""
+        """Return whether a point of the full conic is on this part: on the vertex's side and not beyond either end."""
         low, high = sorted((self.from_mm, self.to_mm))
         on_sheet = self._tangent(lateral, depth)[0] > SHEET
         past = max(self._past_mm(lateral, depth, high, 1.0), self._past_mm(lateral, depth, low, -1.0))
         return on_sheet and past <= END_TOLERANCE_MM
 
     def _past_mm(self, lateral: float, depth: float, end_mm: float, outwards: float) -> float:
-        """Return the distance of a point beyond an end, along the tangent there: r is too coarse near the widest point.
+        """Return the distance of a point beyond an end, along the tangent there: r is too insensitive near the widest
+        point.
 
         From the vertex the curve turns by less than 90 degrees in either direction, so this distance increases
         monotonically.

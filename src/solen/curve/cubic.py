@@ -1,9 +1,9 @@
 """One cubic Bézier piece: cutting, splitting into simple pieces, and intersection with a line.
 
-For a ray, only two cubics of one parameter matter: the distance of the curve's points from the ray's line, and their
+For a ray, only two cubics in the parameter matter: the distance of the curve's points from the ray's line, and their
 position along it. Both are stored as a value at v = 0 and three *rises*, the components of the piece's three *steps*
-(from each control point to the next). Differences of rises are independent of the large coordinates of the plane, so if
-the value at v = 0 is known to be 0, the root there is divided out exactly and the next one keeps all its digits.
+(from each control point to the next). Differences of rises are independent of the large absolute coordinates, so if the
+value at v = 0 is known to be 0, the root there is divided out exactly and the next one is accurate to all digits.
 
 A *simple* piece has no inflection and turns by less than `MOST_TURN_DEG`. All its tangents are within a cone, so its
 speed is nowhere 0, a line is parallel to it at most once, and the distance from a line has at most two roots.
@@ -27,9 +27,9 @@ Steps = tuple[Point, Point, Point]
 MOST_TURN_DEG = 60.0
 """Upper limit for the turn of a simple piece."""
 MOST_PIECES = 100
-"""Limit for the number of simple pieces: far more than a cubic has unless it is nearly a cusp."""
+"""Maximum number of simple pieces: far more than a cubic has unless it is nearly a cusp."""
 MOST_STEPS = 200
-"""Limit for the number of steps: far more than bisection needs to the last digit of a root that is not next to 0."""
+"""Maximum number of steps: far more than bisection needs to find a root that is not next to 0 to the last digit."""
 CLEAR_TURN_DEG = 170.0
 """Largest turn for which the bisector of two tangents is a tangent between them."""
 SHORTEST = 1e-6
@@ -81,7 +81,7 @@ def _between_inflections(control: Control) -> list[Piece]:
 
 
 def halves(piece: Piece) -> tuple[Piece, Piece]:
-    """Return the piece in two parts, split at half of its turn, or in the middle if that is unclear or near an end."""
+    """Split the piece at half of its turn, or at the midpoint if that is unclear or near an end; return both parts."""
     d0, d1, d2 = steps_of(piece.control)
     v = 0.5
     if 0.0 < turn_deg((d0, d1, d2)) < CLEAR_TURN_DEG:
@@ -102,7 +102,9 @@ def steps_of(control: Control) -> Steps:
 
 
 def turn_deg(steps: Steps) -> float:
-    """Return the total turn of the control polygon, an upper bound for the piece; infinite if it stops at an end."""
+    """Return the total turn of the control polygon, an upper bound for that of the piece; infinite if the piece
+    stops at an end.
+    """
     if steps[0] == (0.0, 0.0) or steps[2] == (0.0, 0.0):
         return math.inf
     moving = [unit(step) for step in steps if step != (0.0, 0.0)]
@@ -184,7 +186,7 @@ def slope(rises: Rises, v: float) -> float:
 
 
 def parallel_to_line(rises: Rises) -> float:
-    """Return where the cubic has its extremum, between a first and a last rise of different sign."""
+    """Return the parameter at which the cubic has its extremum, if its first and last rise have different signs."""
     g0, g1, g2 = rises
     return solve(lambda v: slope(rises, v), lambda v: 6.0 * ((1.0 - v) * (g1 - g0) + v * (g2 - g1)), growing=g2 > 0.0)
 
@@ -192,8 +194,8 @@ def parallel_to_line(rises: Rises) -> float:
 def crossings(start: float, rises: Rises, left_first: bool, left_last: bool) -> list[float]:
     """Return the roots in [0, 1] of start + risen(v) for a simple piece, in order.
 
-    ``left_first`` and ``left_last`` state on which side of the line its ends are. Two pieces that share an end have the
-    same side there, so they cannot both claim a root, nor both miss it.
+    ``left_first`` and ``left_last`` indicate whether its ends are on the left of the line. Two pieces that share an end
+    have the same side there, so they can neither both contain a root nor both miss it.
     """
     stops = [(0.0, left_first), (1.0, left_last)]
     if (rises[0] > 0.0) != (rises[2] > 0.0):
@@ -226,7 +228,7 @@ def solve(
 ) -> float:
     """Return the root between two bounds to the last digit, by Newton's method safeguarded by bisection.
 
-    ``growing`` states the sign of the value at the upper bound; the bounds themselves are never evaluated.
+    ``growing`` gives the sign of the value at the upper bound; the bounds themselves are never evaluated.
     """
     v, before = 0.5 * (low + high), high - low
     for _ in range(MOST_STEPS):

@@ -1,8 +1,8 @@
-"""A spline that approximates a curve given by a function: a bent wall, an ellipse, an offset.
+"""A spline that approximates a curve defined by a function: a bent wall, an ellipse, an offset.
 
-Cubic pieces agree with the curve in position and velocity at their ends (Hermite), and are halved until the middle and
-the quarters of every piece are within a tolerance. The error of a piece falls with the fourth power of its length.
-`carried` makes such a spline of a curve whose points are all displaced, by a bend or by a load.
+Cubic pieces agree with the curve in position and velocity at their ends (Hermite), and are halved until the points at
+one, two and three quarters of every piece are within a tolerance. The error of a piece falls with the fourth power of
+its length. `carried` makes such a spline from a curve whose points are all displaced, by a bend or by a load.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,11 +18,11 @@ from solen.errors import DesignError
 Function = Callable[[FloatArray], FloatArray]
 Carry = Callable[[Curve, float, float], tuple[Function, Function, Sequence[float] | FloatArray]]
 """For a piece without corners between two parameters of the entire curve: functions for positions and velocities with
-respect to its own parameter, and where pieces must end.
+respect to the piece's own parameter, and the parameters at which pieces must end.
 """
 
 MARGIN = 0.5
-"""Fraction of the tolerance allowed at the sampled points; between them the error is hardly larger."""
+"""Fraction of the tolerance allowed at the sampled points; between them the error is barely larger."""
 
 
 def fitted(

@@ -8,13 +8,13 @@ from solen.curve.chain import CubicChain
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 ACCURACY = 1e-13
-"""Largest change that halving a panel may still cause, relative to the entire length."""
+"""Maximum change caused by halving a panel, relative to the total length."""
 MOST_ROUNDS = 30
 NEWTON_STEPS = 50
 
 
 class Measure:
-    """Arc length of a curve, and the parameter at a given length; both to about 1e-12 of the entire."""
+    """Arc length of a curve, and the parameter at a specified length; both to about 1e-12 of the total length."""
 
     def __init__(self, curve: Curve) -> None:
         self._curve = curve
@@ -33,7 +33,7 @@ class Measure:
 
     @property
     def length_mm(self) -> float:
-        """Length of the entire curve."""
+        """Total length of the curve."""
         return float(self._reached[-1])
 
     def u_at(self, length_mm: float) -> float:

@@ -18,8 +18,8 @@ class CartesianOval(Curve):
 
     ``vertex`` is on the oval and ``axis`` (a unit vector) points from it into the material; F1 is ``object_mm`` (s)
     before the vertex, F2 ``image_mm`` (s') behind it, and n2 > n1. The curve runs from ``from_deg`` to ``to_deg``,
-    angles at F1 counter-clockwise from the axis. For a given angle the equation is quadratic in the distance from F1
-    and its smaller root is the front; the back of the oval, near the far focus, is the other root and is never used.
+    angles at F1 counter-clockwise from the axis. For a fixed angle the equation is quadratic in the distance from F1,
+    and its smaller root is the front; the other root, the back of the oval near the far focus, is never used.
 
     Along any straight line the left side is a convex function (a sum of distances) and the inside is a convex region: a
     ray meets it at most twice, and Newton's method started outside converges to the nearer root without overshoot.
@@ -64,12 +64,12 @@ class CartesianOval(Curve):
 
     @property
     def depth_mm(self) -> float:
-        """Extent of this piece along the axis from the vertex."""
+        """Extent of this part of the oval along the axis from the vertex."""
         ends = self.points(np.array([0.0, 1.0])) - np.asarray(self.vertex)
         return float(np.max(ends @ np.asarray(self.axis)))
 
     def radius_from_object(self, angle_deg: FloatArray) -> FloatArray:
-        """Return the distance in mm from F1 to the front at angles from the axis; NaN where the line misses the oval.
+        """Return the distance in mm from F1 to the front at angles from the axis; NaN if the line misses the oval.
 
         It is the smaller root of (n2²−n1²) r² − 2 (n2² D cos φ − n1 C) r + n2² D² − C² = 0; D = s + s', C the constant.
         """
@@ -129,7 +129,7 @@ class CartesianOval(Curve):
     def residual_mm(self, point: Point) -> float:
         """Return the left side of the oval's equation minus its right side: 0 on the curve, negative inside.
 
-        |P − F1| − s and |P − F2| − s' are differences of squares divided by sums, exact also for a distant focus.
+        |P − F1| − s and |P − F2| − s' are computed as differences of squares divided by sums, which is also exact for a distant focus.
         """
         offset = minus(point, self.vertex)
         square, forward = dot(offset, offset), dot(offset, self.axis)
@@ -140,20 +140,20 @@ class CartesianOval(Curve):
 
     @property
     def end_rays(self) -> tuple[Point, Point]:
-        """Unit directions from F1 to the end on the right of the axis and to the one on its left."""
+        """Unit directions from F1 to the ends, first on the right of the axis and then on its left."""
         right, left = sorted((self.from_deg, self.to_deg))
         turn = (Rigid.about((0.0, 0.0), right), Rigid.about((0.0, 0.0), left))
         return turn[0].vector(self.axis), turn[1].vector(self.axis)
 
     def _holds(self, point: Point) -> bool:
-        """Return whether a point of the oval is on this piece: between the rays from F1 to its ends, facing F1."""
+        """Return whether a point on the oval is on this part: between the rays from F1 to its ends, facing F1."""
         ray = minus(point, self.object_focus)
         right, left = self.end_rays
         within = cross(right, ray) >= -END_TOLERANCE_MM and cross(left, ray) <= END_TOLERANCE_MM
         return within and self._slope(point, ray) < 0.0
 
     def _roots(self, origin: Point, direction: Point, leaving: bool) -> Iterator[float]:
-        """Return the intersections of a line with the entire oval, or only the far one if the ray starts on it."""
+        """Return the intersections of a line with the full oval, or only the far one if the ray starts on it."""
         from_focus = minus(origin, self.image_focus)
         circle_mm = self.constant_mm / self.n2  # about F2; the oval lies inside it
         middle, nearest = -dot(from_focus, direction), cross(from_focus, direction)
@@ -166,7 +166,9 @@ class CartesianOval(Curve):
                 yield root
 
     def _newton(self, origin: Point, direction: Point, start: float, outwards: float) -> float | None:
-        """Return the root reached from a start outside the oval; ``outwards`` is the sign of the slope there."""
+        """Return the root reached from a starting point outside the oval; ``outwards`` is the sign of the slope
+        there.
+        """
         t = start
         for _ in range(200):
             p = along(origin, direction, t)

@@ -35,7 +35,7 @@ class Segment(Curve):
 
     @property
     def middle_point(self) -> Point:
-        """Point halfway, mm."""
+        """Midpoint, mm."""
         return (0.5 * (self.a[0] + self.b[0]), 0.5 * (self.a[1] + self.b[1]))
 
     @property

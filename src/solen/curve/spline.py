@@ -1,4 +1,4 @@
-"""Free forms: one cubic Bézier piece, and the smooth curve through given points."""
+"""Free-form curves: one cubic Bézier piece, and the smooth curve through specified points."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -106,7 +106,7 @@ class Spline(CubicChain):
 
     @classmethod
     def chained(cls, curves: Sequence[CubicChain]) -> "Spline":
-        """Return one spline of several chains, each of which starts where the previous one ends."""
+        """Join several chains, each of which starts where the previous one ends, to one spline."""
         return cls.of([control for curve in curves for control in curve.controls])
 
     @classmethod
@@ -125,7 +125,7 @@ class Spline(CubicChain):
         return f"spline control_points[{3 * number}:{3 * number + 4}]"
 
     def part(self, u_from: float, u_to: float) -> "Spline":
-        """See :meth:`Curve.part`; its pieces, including the cut ones, have equal parts of its own parameter range."""
+        """See :meth:`Curve.part`; its pieces, including the cut ones, have equal shares of its own parameter range."""
         return Spline.of(self.parts(u_from, u_to))
 
     def moved(self, motion: Rigid) -> "Spline":

@@ -1,4 +1,4 @@
-"""The lens: a Cartesian oval, a free form, a lens with a line focus in space, a measured lens, or a flat face."""
+"""Lenses: a Cartesian oval, a free form, a lens with a line focus in space, a measured lens, or a flat face."""
 
 from solen.lens.base import CurvedLens, Lens
 from solen.lens.build import lens_of, measured_lens

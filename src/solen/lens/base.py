@@ -25,11 +25,11 @@ SPOT_RAYS = 1024
 value.
 """
 CURVE_TOLERANCE_MM = 1e-6
-"""Tolerance of the traced curve against a deviating profile: 1 nm."""
+"""Maximum deviation of the traced curve from a deviating profile: 1 nm."""
 
 
 class LensSizes:
-    """Lengths common to all lenses, stated or computed."""
+    """Lengths common to all lenses, specified or computed."""
 
     distance_mm: float
     half_width_mm: float
@@ -67,7 +67,7 @@ class Lens(LensSizes, Result, ABC):
 
     @reported
     def acceptance_deg(self) -> float:
-        """Largest angle from the axis at which the emitter's light hits the face."""
+        """Largest angle from the axis at which the emitter's light is incident on the face."""
         return math.degrees(math.atan2(self.half_width_mm, self.distance_mm + self.depth_mm))
 
 
@@ -87,7 +87,7 @@ class Spot:
 
 
 class CurvedLens(CurvedSizes, Lens):
-    """A lens with a profile z(x); if the lens varies with height, this is its middle section."""
+    """A lens with a profile z(x); for a lens that varies with height, this is the profile at mid-height."""
 
     @abstractmethod
     def z_mm(self, x_mm: ArrayLike) -> FloatArray:
@@ -99,16 +99,17 @@ class CurvedLens(CurvedSizes, Lens):
 
     @reported
     def edge_incidence_deg(self) -> float:
-        """Angle of incidence of the emitter's ray on the lens's right edge."""
+        """Angle of incidence on the lens's right edge for the ray from the emitter."""
         edge: Point = (self.half_width_mm, self.depth_mm)
         ray, slope = unit((edge[0], edge[1] + self.distance_mm)), float(self.slope(edge[0]))
         return math.degrees(math.acos(dot(ray, unit((-slope, 1.0)))))
 
     def best_spot(self, index: float) -> Spot | None:
-        """Return the smallest spot of the emitter's light in a material of ``index``; None unless behind the vertex.
+        """Return the smallest spot of the emitter's light in a material of ``index``; None unless the spot is behind
+        the vertex.
 
-        Rays start from the emitter at `SPOT_RAYS` angles, spaced evenly over the acceptance. A ray is x = a + t z, so
-        the variance of x is smallest at z = −cov(a, t) / var(t).
+        Rays start from the emitter at `SPOT_RAYS` angles, uniformly spaced over the acceptance. A ray is x = a + t z,
+        so the variance of x is smallest at z = −cov(a, t) / var(t).
         """
         a, t = self._rays(index)
         spread = float(np.var(t)) if t.size > 1 else 0.0
@@ -169,7 +170,7 @@ class DeviatingLens(CurvedLens):
 
     @property
     def depth_mm(self) -> float:
-        """Distance from that vertex to the plane where the stem begins."""
+        """Distance from the vertex to the plane where the stem begins."""
         return self.plain.depth_mm
 
     @cached_property
@@ -192,7 +193,7 @@ class DeviatingLens(CurvedLens):
 
     @property
     def curve_within_mm(self) -> float:
-        """Tolerance of the traced curve against the profile."""
+        """Maximum deviation of the traced curve from the profile."""
         return CURVE_TOLERANCE_MM
 
     def z_mm(self, x_mm: ArrayLike) -> FloatArray:

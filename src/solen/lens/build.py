@@ -21,13 +21,13 @@ from solen.spec import Design
 
 T = TypeVar("T")
 DEFAULT_LAYER_MM = 0.025
-"""Layer height if the design states none: that of the paper's printer."""
+"""Layer height if the design specifies none: that of the paper's printer."""
 
 
 def lens_of(design: Design, index: float) -> Lens:
     """Return the lens of a design in a material of ``index`` (at the emitter's wavelength).
 
-    The oval is shaped for ``lens.design_index`` if given, else for the material's index; a spline deviates from the
+    The oval is shaped for ``lens.design_index`` if specified, else for the material's index; a spline deviates from the
     oval, and a measured lens combines its profile with either of them. Raise `DesignError` if the lens cannot work, and
     `DataError` if its file is not a profile.
     """
@@ -96,7 +96,7 @@ def measured_lens(designed: DesignedLens, profile: MeasuredProfile) -> MeasuredL
 
 
 def _of_file(path: Path, read: Callable[[Path], T]) -> T:
-    """Return the content of a profile's file, which is read again only if the file changes."""
+    """Return the content of a profile file, which is read again only if the file changes."""
     try:
         stamp = hashlib.sha256(path.read_bytes()).hexdigest()
     except (OSError, ValueError):

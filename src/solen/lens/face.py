@@ -1,4 +1,4 @@
-"""The numbers by which the tracer describes a face that is not an upright wall."""
+"""Numerical description, for the tracer, of a face that is not a vertical wall."""
 
 from typing import NamedTuple
 
@@ -9,8 +9,8 @@ class Face(NamedTuple):
     """A face in the lens's own frame, in mm.
 
     If ``profiles`` is empty, it is the surface |P − E| + n·D = const. Otherwise it consists of layers between ``edges``
-    (L + 1,), with z (L, M) and dz/dx (L, M) at M evenly spaced positions from the axis to the half width. The last five
-    numbers are bounds, with which a search for intersections finds all of them.
+    (L + 1,), with z (L, M) and dz/dx (L, M) at M uniformly spaced positions from the axis to the half width. The last
+    five numbers are bounds, with which a search for intersections finds all of them.
     """
 
     distance: float
@@ -24,7 +24,7 @@ class Face(NamedTuple):
     """depth z behind which the body is a prism"""
     first: float
     deepest: float
-    """least and largest z of the face"""
+    """minimum and maximum z of the face"""
     edges: FloatArray
     profiles: FloatArray
     slopes: FloatArray

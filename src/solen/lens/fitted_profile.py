@@ -1,12 +1,12 @@
 """The deviation of a measured profile from the designed lens, smoothed as its uncertainty requires.
 
 The deviation from the design is smoothed, not the profile itself. The vertex of an oval is its most curved point, and
-smoothing the entire profile would flatten it first; the deviation from the design is small and varies slowly, and it is
-smoothed no more than the uncertainty of the points requires (`solen.lens.smoothing`). A spline through the points of a
-picture is unsuitable: half a micrometre of noise at points 2 µm apart turns the normals by about 10 degrees, while a
-tenth of a degree already moves the focal spot by 10 µm.
+smoothing the profile itself would flatten the vertex first; the deviation from the design is small and varies slowly,
+and it is smoothed no more than the uncertainty of the points requires (`solen.lens.smoothing`). A spline through the
+points from an image is unsuitable: half a micrometre of noise at points 2 µm apart rotates the normals by about 10
+degrees, while a tenth of a degree already moves the focal spot by 10 µm.
 
-If the profile ends before the lens does, as in a cropped picture, the design continues with the deviation of the last
+If the profile ends before the lens does, as in a cropped image, the design continues with the deviation of the last
 points; if more than `MOST_MISSING` of a half width is missing, the profile is rejected. Points beyond the lens belong
 to the stem and are omitted.
 
@@ -30,32 +30,32 @@ from solen.results import HIDDEN, Result, reported, reported_once
 MOST_MISSING, WARNED_MISSING = 0.25, 0.02
 """Missing fractions of a half width above which a profile is rejected, or causes a warning."""
 FARTHEST = 0.5
-"""Deviation from the design, as a fraction of the half width, beyond which a profile is considered that of another
+"""Deviation from the design, as a fraction of the half width, above which a profile is assumed to belong to another
 lens.
 """
 NEAREST = 0.9
-"""Fraction of the emitter's distance by which a profile may approach the emitter."""
+"""Largest approach of a profile to the emitter, as a fraction of the emitter's distance."""
 LEAST_U_MM = 1e-6
 """Standard uncertainty assumed for exact points: 1 nm."""
 ROUGH = 1.3
-"""Ratio of scatter to stated uncertainty above which a warning is given."""
+"""Ratio of scatter to specified uncertainty above which a warning is given."""
 LONGEST_CORRELATION = 0.25
-"""Largest correlation length of random errors, as a fraction of the half width."""
+"""Maximum correlation length of random errors, as a fraction of the half width."""
 NODES_PER_LENGTH = 3.0
-"""Random numbers per correlation length of a random outline."""
+"""Number of random values per correlation length of a random outline."""
 EASE_MM = 0.1
 """Length beyond the last point over which the slope of the deviation decreases to 0."""
 PLACES = 801
-"""Number of points, evenly spaced along the measured part, at which deviations are computed."""
+"""Number of points, uniformly spaced along the measured part, at which deviations are computed."""
 
 
 @dataclass(frozen=True)
 class Deviation:
     """Deviation of a profile from the designed lens along its normal, in micrometres; positive is more material.
 
-    ``rms_um`` and ``max_um`` describe the entire deviation; ``max_um`` is signed and occurs at ``max_x_mm``. The best
-    fit of a shift by ``shift_um`` (x, z) and a rotation by ``turn_mrad``, counter-clockwise about the vertex, leaves a
-    residual of ``rest_um`` (rms).
+    ``rms_um`` and ``max_um`` describe the unaligned deviation; ``max_um`` is signed and occurs at ``max_x_mm``. After
+    best-fit alignment by a shift ``shift_um`` (x, z) and a rotation ``turn_mrad``, counter-clockwise about the vertex,
+    a residual of ``rest_um`` (rms) remains.
     """
 
     rms_um: float
@@ -152,8 +152,8 @@ class FittedProfile(Result, eq=True):
     def correlation_mm(self) -> float:
         """Correlation length of the errors of a random outline: the standard deviation of a Gaussian.
 
-        It is the resolution of the smoothed profile: errors over shorter lengths are smoothed away, and errors over
-        longer lengths rotate the normals less.
+        It is the resolution of the smoothed profile: errors over shorter lengths are removed by smoothing, and errors
+        over longer lengths rotate the normals less.
         """
         return min(self.smooth.resolution_mm, LONGEST_CORRELATION * self.designed.half_width_mm)
 
@@ -178,7 +178,7 @@ class FittedProfile(Result, eq=True):
 
     @reported
     def u_slope_mrad(self) -> float:
-        """Standard uncertainty of the normals' directions: that of the points divided by the correlation length."""
+        """Standard uncertainty of the normals' directions: the point uncertainty divided by the correlation length."""
         return self.u_rms_um / self.correlation_mm
 
     @reported
@@ -188,7 +188,7 @@ class FittedProfile(Result, eq=True):
 
     @reported
     def edge(self) -> str:
-        """Edge of the part to which the points belong."""
+        """Edge of the part on which the points were measured."""
         return self.profile.edge
 
     @reported
@@ -220,7 +220,7 @@ class FittedProfile(Result, eq=True):
 
     @property
     def unseen(self) -> float:
-        """Fraction of the accepted angles whose rays hit no measured part."""
+        """Fraction of the accepted angles whose rays are not incident on a measured part."""
         x = np.array(self.reach_mm)
         low, high = np.degrees(np.arctan2(x, self.designed.z_mm(x) + self.designed.distance_mm))
         return float(1.0 - (high - low) / (2.0 * self.designed.acceptance_deg))
@@ -262,7 +262,7 @@ class FittedProfile(Result, eq=True):
 
     @cached_property
     def _point_u_mm(self) -> FloatArray:
-        """Return the uncertainty of each point of the profile: the stated one, or the scatter if that is larger."""
+        """Return the uncertainty of each profile point: the specified one, or the scatter if that is larger."""
         stated = np.maximum(self.profile.u_mm, LEAST_U_MM)
         return np.asarray(stated * max(1.0, 1e-3 * self.scatter_um / float(np.median(stated))))
 
@@ -273,7 +273,7 @@ class FittedProfile(Result, eq=True):
         return float(first), float(last)
 
     def _place(self, x_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the nearest measured length to a lateral position, and how far beyond it that position is."""
+        """Return the measured length nearest to a lateral position, and how far beyond it that position is."""
         along = self.track.length_at(x_mm)
         inside = np.clip(along, *self._ends)
         return inside, along - inside

@@ -1,6 +1,6 @@
-"""A layered lens with given profiles, predicted by a print model or drawn for printing.
+"""A layered lens with profiles from a file, predicted by a print model or drawn for printing.
 
-Its file is JSON from `layers_text`: heights of the boundaries between layers, and the depth z of each layer at
+The file is JSON from `layers_text`: heights of the boundaries between layers, and the depth z of each layer at
 equidistant points from the axis to the half width. Profiles are symmetric about the axis.
 
 Public names: `GivenLayers`, `Profiles`, `read_layers` and `layers_text`.
@@ -27,7 +27,7 @@ KIND, SCHEMA = "layers of a lens", 1
 FEWEST_PLACES, MOST_PLACES = 9, 4001
 DIGITS = 9
 CLOSE_MM = 1e-6
-"""Tolerance of a file's half width and thickness against the design."""
+"""Tolerance of the half width and thickness in a file relative to the design."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class Profiles:
 
 
 class GivenLayers(LayeredLens, eq=True):
-    """A layered lens with given profiles."""
+    """A layered lens with profiles from a file."""
 
     shape_name: ClassVar[str] = "layered"
 
@@ -121,7 +121,7 @@ class GivenLayers(LayeredLens, eq=True):
 
 @dataclass(frozen=True)
 class _LayersFile:
-    """Content of a file of layers, except its kind and schema."""
+    """Content of a layers file, except its kind and schema."""
 
     half_width_mm: float
     edges_mm: tuple[float, ...]

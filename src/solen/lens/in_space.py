@@ -1,10 +1,10 @@
 """Lenses that vary with height, which can be printed because every layer is drawn separately.
 
 A cylinder is a stronger lens for skew rays, so they cross the axis before the fork. A :class:`LensInSpace` has the oval
-as its middle section and a different profile at every height, so skew rays cross the same *line* (x = 0, z = s'). It
-has two subclasses: :class:`~solen.lens.line_focus.LineFocusLens`, an exact smooth surface, and
-:class:`~solen.lens.layered.LayeredLens`, a stack of upright walls with one profile for each printed layer. Heights y
-are measured from mid-height of the body unless stated otherwise.
+as its section at mid-height and a different profile at every other height, so skew rays cross the same *line* (x = 0, z
+= s'). It has two subclasses: :class:`~solen.lens.line_focus.LineFocusLens`, an exact smooth surface, and
+:class:`~solen.lens.layered.LayeredLens`, a stack of vertical walls with one profile for each printed layer. Heights y
+are measured from mid-height of the body unless specified otherwise.
 """
 
 import math
@@ -23,13 +23,13 @@ from solen.results import reported
 PLACES_ACROSS, PLACES_UP = 65, 33
 """Numbers of points, across half the aperture and over half the height, at which a surface is checked."""
 SECTION_MM = 1e-6
-"""Tolerance of the curve of a section."""
+"""Maximum deviation of the curve of a section."""
 NEAREST = 0.9
-"""Fraction of the emitter's distance by which the face may approach the emitter."""
+"""Largest approach of the face to the emitter, as a fraction of the emitter's distance."""
 
 
 class LensInSpace(OvalLens, eq=True):
-    """A face whose middle section is the Cartesian oval, and which varies with height.
+    """A face that has the Cartesian oval as its section at mid-height and varies with height.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class LensInSpace(OvalLens, eq=True):
     @property
     @abstractmethod
     def face(self) -> Face:
-        """The numbers by which the tracer describes the face."""
+        """Numerical description of the face for the tracer."""
 
     def section(self, y_mm: float) -> Spline:
         """Return the face at one height, from its left edge to its right edge, within `SECTION_MM`."""
@@ -71,7 +71,7 @@ class LensInSpace(OvalLens, eq=True):
 
     @property
     def middle(self) -> OvalLens:
-        """The cylinder with the same middle section."""
+        """The cylinder with the same section at mid-height."""
         return OvalLens(self.distance_mm, self.focus_mm, self.half_width_mm, self.design_index, self.outside_index)
 
     @property
@@ -109,7 +109,7 @@ class LensInSpace(OvalLens, eq=True):
 
     @reported
     def acceptance_y_deg(self) -> float:
-        """Largest angle out of the plane at which the emitter's light hits the face, above the axis."""
+        """Largest angle out of the plane, above the axis, at which the emitter's light is incident on the face."""
         depth_mm = float(self.checked[2][-1, 0])
         return math.degrees(math.atan2(self.half_height_mm, self.distance_mm + depth_mm))
 

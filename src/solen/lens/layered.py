@@ -1,9 +1,9 @@
-"""The lens of upright layers: every printed layer has its own profile.
+"""The lens made of vertical layers: every printed layer has its own profile.
 
-Upright walls preserve β, the index times the y-component of a ray, and in projection along y the ray obeys Snell's law
+Vertical walls preserve β, the index times the y-component of a ray, and in projection along y the ray obeys Snell's law
 with √(n² − β²) in place of n. The emitter's ray that meets a layer at height y, at the projected distance r, has β = y
 / √(r² + y²). A profile that directs all of these rays, in projection, to the focus has the normal √(1 − β²) u − √(n² −
-β²) v, with u the unit vector from the emitter and v the one to the focus; so
+β²) v, with u the unit vector from the emitter and v the unit vector to the focus; so
 
     dz/dx = −(√(1 − β²) u_x − √(n² − β²) v_x) / (√(1 − β²) u_z − √(n² − β²) v_z),    z(0) = 0,
 
@@ -31,17 +31,17 @@ them.
 """
 MOST_LAYERS = 4000
 EXACT = 1e-6
-"""Difference, as a fraction of a layer, that may be due to rounding."""
+"""Difference, as a fraction of a layer, that rounding may cause."""
 
 
 class LayeredLens(LensInSpace, eq=True):
-    """A lens with one profile for each layer, exact for the rays that meet the layer at its middle height.
+    """A lens with one profile for each layer, exact for the rays that meet the layer at its mid-height.
 
     Parameters
     ----------
     layer_mm
-        Height of a layer. Layers are counted from the face on the build plate, y = half the thickness. There are as
-        many as a printer makes of the body, and the last one extends to its other face.
+        Height of a layer. Layers are counted from the face on the build plate, y = half the thickness. Their number is
+        the number that a printer makes of the body, and the last layer extends to the body's other face.
     """
 
     shape_name: ClassVar[str] = "layered"
@@ -83,7 +83,7 @@ class LayeredLens(LensInSpace, eq=True):
 
     @property
     def middles_mm(self) -> FloatArray:
-        """Heights (L,) of the layers' middles."""
+        """Mid-heights (L,) of the layers."""
         return np.asarray(0.5 * (self.edges_mm[:-1] + self.edges_mm[1:]))
 
     @property
@@ -98,12 +98,14 @@ class LayeredLens(LensInSpace, eq=True):
 
     @reported
     def widest_ledge_um(self) -> float:
-        """Widest step between one layer and the next, along z, micrometres."""
+        """Maximum step between one layer and the next, along z, micrometres."""
         return 1e3 * float(np.max(np.abs(np.diff(self.profiles[0], axis=0)), initial=0.0))
 
     @cached_property
     def profiles(self) -> tuple[FloatArray, FloatArray]:
-        """Depth z and dz/dx (L, M) of every layer at M points evenly from axis to half width; NaN beyond tangency."""
+        """Depth z and dz/dx (L, M) of every layer at M uniformly spaced points from axis to half width; NaN beyond
+        tangency.
+        """
         heights, which = np.unique(np.round(np.abs(self.middles_mm), 12), return_inverse=True)
         z, slope = _profiles(self, np.asarray(heights, dtype=float))
         return z[which], slope[which]
@@ -132,10 +134,10 @@ class LayeredLens(LensInSpace, eq=True):
         return np.asarray(a + t * (p + t * (3.0 * (b - a) - 2.0 * p - q + t * (2.0 * (a - b) + p + q))))
 
     def _cell(self, layer: IntArray | int, x_mm: FloatArray) -> tuple[FloatArray, ...]:
-        """Return what cubic interpolation needs at each position.
+        """Return the data for cubic interpolation at each position.
 
-        These are the depths and the slopes, multiplied by the step, at both ends of the interval, and the fraction of
-        it.
+        These are the depths and the slopes, multiplied by the step, at both ends of the interval, and the fractional
+        position within it.
         """
         z, slope = self.profiles
         step = self.half_width_mm / (z.shape[1] - 1)
@@ -171,7 +173,7 @@ def layer_edges_mm(thickness_mm: float, layer_mm: float) -> FloatArray:
 
 
 def layer_count(height_mm: float, layer_mm: float) -> int:
-    """Return the number of layers that a printer makes of a height: those whose middle is within it."""
+    """Return the number of layers that a printer makes of a height: those whose mid-height is within it."""
     return math.ceil(height_mm / layer_mm + 0.5 - EXACT) - 1
 
 

@@ -1,11 +1,12 @@
-"""The lens that directs every ray of the emitter through one line, and is smooth.
+"""The smooth lens that directs every ray from the emitter through one line.
 
 Every path from the emitter E to the surface and on to a wavefront behind it has the same optical length,
-|P − E| + n·D(P) = const. D determines what happens to the light along y. With ρ = √(x² + (s' − z)²), the distance from
-the focal line, D = ρ makes the wavefronts cylinders about that line: the light is collimated in y. A wavefront at a
+|P − E| + n·D(P) = const. D determines the divergence of the light along y. With ρ = √(x² + (s' − z)²), the distance
+from the focal line, D = ρ makes the wavefronts cylinders about that line: the light is collimated in y. A wavefront at a
 constant distance from a circle of radius ρ₀ about the line, D = −√((ρ − ρ₀)² + y²), makes it diverge in y as if it came
 from that circle: from a virtual focus ρ₀ − s' before the vertex. In both cases ∇D has no azimuthal component about the
-line, so every ray meets the line. At y = 0 both equal ρ up to a constant: the middle section is the Cartesian oval.
+line, so every ray meets the line. At y = 0 both equal ρ up to a constant: the section at mid-height is the Cartesian
+oval.
 """
 
 import math
@@ -29,9 +30,9 @@ FARTHEST_MM, CLOSENESS_MM = 1e4, 1e-3
 LEAST_MM = 0.02
 """Smallest distance from the virtual focus for which the bound of the second derivative holds."""
 ZERO_MM = 1e-15
-"""Depth that may be due to rounding alone."""
+"""Depth that rounding alone may cause."""
 END_MM = 1e-9
-"""Difference of optical lengths that may be due to rounding alone."""
+"""Difference in optical length that rounding alone may cause."""
 
 
 class LineFocusLens(LensInSpace, eq=True):
@@ -55,7 +56,8 @@ class LineFocusLens(LensInSpace, eq=True):
 
     @classmethod
     def keeping_light(cls, lens: "LineFocusLens") -> "LineFocusLens":
-        """Return the lens with the nearest virtual focus whose light the top and bottom of the body reflect totally.
+        """Return the lens with the nearest virtual focus for which the top and bottom of the body totally reflect the
+        light.
 
         A ray with β = n·d_y stays between top and bottom as long as β² < n² − 1; only rays from the emitter's centre
         are considered.
@@ -128,7 +130,7 @@ class LineFocusLens(LensInSpace, eq=True):
 
     @reported
     def y_focus(self) -> str:
-        """State of the light along y: ``collimated``, or the point from which it seems to diverge."""
+        """Divergence of the light along y: ``collimated``, or the point from which the light seems to diverge."""
         if math.isinf(self.y_focus_mm):
             return "collimated"
         return f"as from {self.y_focus_mm:.4g} mm before the vertex"
@@ -151,7 +153,7 @@ class LineFocusLens(LensInSpace, eq=True):
     def _bend(self) -> float:
         """Return an upper bound for the second derivative of n·√((ρ − ρ₀)² + y²) along a line.
 
-        It is n divided by the least distance from the circle.
+        It is n divided by the minimum distance from the circle.
         """
         farthest = math.hypot(self.half_width_mm, self.focus_mm - self.nearest_mm)
         return self.design_index / max(self.focus_mm + self.y_focus_mm - farthest, LEAST_MM)

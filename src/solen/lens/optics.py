@@ -41,7 +41,7 @@ class FlatFace(Lens, eq=True):
 
 
 class OvalLens(CurvedLens, eq=True):
-    """Cartesian oval n1 |P − F1| + n2 |P − F2| = n1 s + n2 s': every ray from F1 that hits it is refracted to F2.
+    """Cartesian oval n1 |P − F1| + n2 |P − F2| = n1 s + n2 s': every incident ray from F1 is refracted to F2.
 
     The curve is from R. Descartes, La Géométrie (1637), book II; see O. N. Stavroudis, The Optics of Rays, Wave Fronts
     and Caustics (1972).
@@ -138,7 +138,7 @@ class OvalLens(CurvedLens, eq=True):
 
     @reported
     def magnification(self) -> float:
-        """Size of the focal spot relative to that of the emitter near the axis, (s'/s)(n1/n2); it is inverted."""
+        """Paraxial size of the focal spot relative to that of the emitter, (s'/s)(n1/n2); the image is inverted."""
         return (self.focus_mm / self.distance_mm) * (self.outside_index / self.design_index)
 
     @reported
@@ -161,7 +161,9 @@ class OvalLens(CurvedLens, eq=True):
         return index / vergence if vergence > 0.0 else None
 
     def marginal_focus_mm(self, index: float) -> float | None:
-        """Return where the edge ray crosses the axis in a material of ``index``, mm behind the vertex, or None."""
+        """Return the distance in mm behind the vertex at which the edge ray crosses the axis in a material of
+        ``index``, or None.
+        """
         edge: Point = (self.half_width_mm, self.depth_mm)
         ray = unit((edge[0], edge[1] + self.distance_mm))
         normal = self.front.normal_at(edge)
@@ -250,7 +252,7 @@ def tangency(n1: float, n2: float, distance_mm: float, focus_mm: float) -> tuple
 
 
 def nearest_focus_mm(n1: float, n2: float, distance_mm: float, half_width_mm: float) -> float:
-    """Return the nearest focus in mm for which an oval of this half width stays below tangency, to 1e-6 of it."""
+    """Return the nearest focus in mm for which an oval of this half width stays below tangency, to a relative 1e-6."""
     low, high = 1e-6, 1.0
     while tangency(n1, n2, distance_mm, high)[1] <= half_width_mm:
         low, high = high, 2.0 * high

@@ -1,11 +1,12 @@
-"""The profile of a lens from a picture, a scan or a print model: points with uncertainties.
+"""Lens profile from an image, a scan or a print model: points with uncertainties.
 
 Measurements and predictions of a printed lens have a common form, a :class:`MeasuredProfile` in the frame of the
 designed lens: x lateral, z into the body, the designed vertex at the origin. It is z as a function of x; a profile that
 folds back on itself cannot be compared with a designed lens. Its file is JSON from `profile_text`, or any table with
 the columns x and z, and u if the uncertainty is known.
 
-`read_profile` reads a file, `profile_of` uses columns of numbers, `profile_text` is for writing.
+`read_profile` reads a file, `profile_of` makes a profile from columns of numbers, and `profile_text` formats one as
+text.
 """
 
 import json
@@ -28,7 +29,7 @@ from solen.spec.strict import error_context
 KIND = "lens profile"
 SCHEMA = 1
 EDGES = ("top", "bottom", "mean", "predicted")
-"""Edge of the part to which points belong: a thick transparent part shows two; a print model predicts one."""
+"""Edge of the part on which points were measured: a thick transparent part shows two; a print model predicts one."""
 
 LEAST_POINTS, MOST_POINTS = 16, 100_000
 NARROWEST_MM, WIDEST_MM = 0.02, 200.0
@@ -36,7 +37,7 @@ NARROWEST_MM, WIDEST_MM = 0.02, 200.0
 LARGEST_U_MM = 1.0
 
 _GAUSS_MAD = 1.4826
-"""Standard deviation of normal numbers divided by the median of their absolute values."""
+"""Ratio of the standard deviation to the median absolute deviation of normally distributed numbers."""
 
 
 class MeasuredProfile(Result):
@@ -49,10 +50,10 @@ class MeasuredProfile(Result):
     x_mm, z_mm
         Points (N,), x strictly ascending; z increases into the body.
     u_mm
-        Standard uncertainty of each point along the profile's normal, (N,), without the errors common to all points (of
+        Standard uncertainty (N,) of each point along the profile's normal, without the errors common to all points (of
         scale and position); 0 for exact points.
     simulated
-        Whether it was computed, as by a print model or from a rendered picture, rather than measured.
+        Whether the profile was computed, as by a print model or from a rendered image, rather than measured.
     name
         Name of the lens or the part.
     edge
@@ -91,8 +92,8 @@ def read_profile(path: Path | str) -> MeasuredProfile:
     Raises
     ------
     DataError
-        If the file cannot be read, contains other keys or columns, or no valid profile: points that are not numbers,
-        too few, not in order or folded back, or of a size that is implausible for a lens.
+        If the file cannot be read, has other keys or columns, or contains no valid profile: points that are not
+        numbers, too few, not in order or folded back, or of an implausible size for a lens.
     """
     path = Path(path)
     if _is_json(path):
@@ -110,10 +111,10 @@ def profile_of(
     edge: str = "mean",
     sources: tuple[dict[str, Any], ...] = (),
 ) -> MeasuredProfile:
-    """Return the profile of columns of numbers (N,), which are reversed if they run from right to left.
+    """Return the profile defined by columns of numbers (N,), which are reversed if they run from right to left.
 
-    Without a stated uncertainty, it is estimated from the scatter of neighbouring points, with a warning: a common
-    error of all points is not included.
+    If no uncertainty is specified, it is estimated from the scatter of neighbouring points, with a warning: the
+    estimate does not include errors common to all points.
     """
     x, z = _column("x_mm", x_mm), _column("z_mm", z_mm)
     if x.shape != z.shape:
@@ -144,8 +145,8 @@ def scatter_mm(x_mm: FloatArray, z_mm: FloatArray, slope: FloatArray | None = No
     """Return the standard deviation, along the normal, of independent errors of neighbouring points.
 
     Each point is compared with the straight line through its neighbours; the median of the absolute deviations, 0.6745
-    standard deviations if they are normal, is robust against outliers as at a step. If z is the deviation from a
-    profile rather than a profile, ``slope`` (N,) is the slope of that profile.
+    standard deviations if they are normally distributed, is robust against outliers as at a step. If z is the deviation
+    from a profile rather than a profile, ``slope`` (N,) is the slope of that profile.
     """
     if x_mm.size < 3:
         return 0.0
@@ -159,7 +160,7 @@ def scatter_mm(x_mm: FloatArray, z_mm: FloatArray, slope: FloatArray | None = No
 
 
 def _running_median(values: FloatArray, reach: int = 10) -> FloatArray:
-    """Return the median of each number and up to ``reach`` numbers on either side."""
+    """Return the running median of the numbers over up to ``reach`` numbers on either side."""
     reach = min(reach, (values.size - 1) // 2)
     padded = np.pad(values, reach, mode="edge")
     return np.asarray(np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1), axis=1))
@@ -176,7 +177,7 @@ def _is_json(path: Path) -> bool:
 
 @dataclass(frozen=True)
 class _ProfileFile:
-    """Content of a profile's JSON, except its kind and schema."""
+    """Content of a profile's JSON file, except its kind and schema."""
 
     x_mm: tuple[float, ...]
     z_mm: tuple[float, ...]

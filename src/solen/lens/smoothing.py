@@ -1,11 +1,11 @@
 """A smooth curve through uncertain points, as smooth as their uncertainty allows.
 
 P-splines (P. H. C. Eilers & B. D. Marx, Statistical Science 11, 89, 1996): a cubic B-spline with more knots than
-necessary, and a penalty on the third differences of its coefficients. Its strength follows from the points themselves
-by restricted maximum likelihood (S. N. Wood, J. R. Stat. Soc. B 73, 3, 2011), which interprets independent differences
-between points as noise. It would interpret correlated errors of neighbouring points, such as those of a blurred edge,
-as shape; so the curve is smoothed further until its residuals match the stated uncertainty (V. A. Morozov's discrepancy
-principle), if that is smoother.
+necessary, and a penalty on the third differences of its coefficients. The penalty strength follows from the points
+themselves by restricted maximum likelihood (S. N. Wood, J. R. Stat. Soc. B 73, 3, 2011), which interprets independent
+differences between points as noise. It would interpret correlated errors of neighbouring points, such as those of a
+blurred edge, as shape; so the curve is smoothed further, if necessary, until its residuals match the specified
+uncertainty (V. A. Morozov's discrepancy principle).
 
 `smoothed` returns a `Smooth`.
 """
@@ -22,7 +22,9 @@ DEGREE, ORDER = 3, 3
 """Degree of the spline's pieces, and order of the penalised differences; a parabola is not penalised."""
 MOST_SPANS, POINTS_PER_SPAN = 200, 3
 WEAKEST, STRONGEST, STEPS = -10.0, 10.0, 161
-"""Decadic logarithms of the weakest and the strongest penalty of the search, relative to the weight of the data."""
+"""Base-10 logarithms of the weakest and the strongest penalty of the search, relative to the weight of the data;
+number of steps.
+"""
 
 
 class Smooth(Result):
@@ -48,7 +50,7 @@ class Smooth(Result):
 
     @reported
     def resolution_mm(self) -> float:
-        """Length over which values are averaged: the entire length divided by the number of parameters."""
+        """Length over which values are averaged: the total length divided by the number of parameters."""
         return self.length_mm / self.parameters
 
 
@@ -127,7 +129,7 @@ STRENGTHS = [float(strength) for strength in np.logspace(WEAKEST, STRONGEST, STE
 
 
 def _likeliest(fit: _Penalised) -> float:
-    """Return the strength of maximum restricted likelihood."""
+    """Return the penalty strength that maximises the restricted likelihood."""
     return min(STRENGTHS, key=fit.unlikeliness)
 
 

@@ -1,9 +1,9 @@
-"""The free-form lens: a Cartesian oval and a smooth deviation from it, stated at a few knots.
+"""The free-form lens: a Cartesian oval and a smooth deviation from it, specified at a few knots.
 
 The deviation along z is a cubic spline in |x| with continuous curvature: even in x, with slope 0 on the axis, and with
-the value and the curvature 0 at the edge. So width, depth and the start of the stem are the oval's, and z is still
-measured from the vertex of the oval. A face that light cannot use is rejected: one that reaches the emitter, or that
-rays graze. Features that printers may not resolve, narrow bumps and small radii of curvature, cause a warning.
+zero value and curvature at the edge. Width, depth and the start of the stem are therefore those of the oval, and z is
+still measured from the vertex of the oval. A face that light cannot use is rejected: one that reaches the emitter, or
+that rays graze. Features that printers may not resolve, narrow bumps and small radii of curvature, cause a warning.
 
 Public names: `SplineLens` and `DesignedLens`.
 """
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 PLACES = 401
 """Number of points across half the aperture at which incidence and curvature are computed."""
 NEAREST = 0.9
-"""Fraction of the emitter's distance by which the face may approach the emitter."""
+"""Largest approach of the face to the emitter, as a fraction of the emitter's distance."""
 LEAST_HEIGHT_UM = 0.1
 """Height below which bumps and dimples are ignored."""
 DEFAULT_LEAST_FEATURE_UM = 130.0
-"""Smallest width that prints well: blur of an edge by 19 µm preserves 90 % of a wave with twice that period."""
+"""Smallest width that prints well: an edge blur of 19 µm preserves 90 % of a wave with twice that period."""
 
 
 @dataclass(frozen=True)
@@ -46,17 +46,17 @@ class Feature:
 
 
 class SplineLens(DeviatingLens, eq=True):
-    """A Cartesian oval with a deviation along z, given at knots.
+    """A Cartesian oval with a deviation along z, specified at knots.
 
     Parameters
     ----------
     oval
         The lens without the deviation.
     knots_um
-        Deviation along z at N evenly spaced |x|, the first on the axis; negative values add material. The deviation at
-        the edge, which would be the next knot, is 0.
+        Deviation along z at N uniformly spaced |x|, the first on the axis; negative values add material. The deviation
+        at the edge, which would be the next knot, is 0.
     least_feature_um
-        Width of a bump or dimple, and radius of curvature, below which `warnings` state that it may not print.
+        Width of a bump or dimple, and radius of curvature, below which `warnings` report that it may not print.
 
     Raises
     ------
@@ -116,7 +116,7 @@ class SplineLens(DeviatingLens, eq=True):
 
     @reported_once
     def most_deviation_um(self) -> float:
-        """Deviation from the oval along z that is largest in absolute value, with its sign."""
+        """Deviation from the oval along z with the largest magnitude, with its sign."""
         deviation = 1e3 * self.deviation_mm(self._places)
         return float(deviation[np.argmax(np.abs(deviation))])
 
@@ -153,12 +153,16 @@ class SplineLens(DeviatingLens, eq=True):
         return self.too_fine(self.least_feature_um, "lens.least_feature_um")
 
     def missed_share(self, least_um: float) -> float:
-        """Fraction by which the narrowest feature or the smallest radius is below a least feature; 0 if neither is."""
+        """Fraction by which the narrowest feature or the smallest radius is below the minimum feature; 0 if neither
+        is.
+        """
         narrowest = min(self.least_radius_um, self.narrowest_um or math.inf)
         return max(0.0, 1.0 - narrowest / least_um)
 
     def too_fine(self, least_um: float, limit: str) -> tuple[str, ...]:
-        """Return warnings of features narrower or more strongly curved than ``limit``, the name of a least feature."""
+        """Return warnings about features narrower or more strongly curved than ``limit``, the name of a minimum
+        feature.
+        """
         warnings = []
         narrow = min(self.features, key=lambda feature: feature.width_um, default=None)
         if narrow is not None and narrow.width_um < least_um:
@@ -224,4 +228,4 @@ class SplineLens(DeviatingLens, eq=True):
 
 
 DesignedLens = OvalLens | SplineLens
-"""A lens that is printed as one profile, the same at every height or in the middle."""
+"""A lens that is printed with one profile, the same at every height or at mid-height."""

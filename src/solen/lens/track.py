@@ -1,4 +1,4 @@
-"""Conversion between the lateral position on a designed lens and the length along it from its left edge."""
+"""Conversion between the lateral position on a designed lens and the arc length from its left edge."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,7 +19,7 @@ GRID = 4001
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Table of the length along a lens; use `Track.along` to make one."""
+    """Table of the arc length along a lens; use `Track.along` to make one."""
 
     x_mm: FloatArray
     length_mm: FloatArray
@@ -35,7 +35,7 @@ class Track:
 
     @property
     def total_mm(self) -> float:
-        """Length of the entire lens."""
+        """Total arc length of the lens."""
         return float(self.length_mm[-1])
 
     def length_at(self, x_mm: FloatArray) -> FloatArray:

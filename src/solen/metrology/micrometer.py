@@ -331,8 +331,10 @@ def _warnings(options: MicrometerOptions, number: IntArray, stretch_percent: flo
     warnings = []
     if options.u_spacing_mm is None:
         warnings.append(
-            look_at("the micrometer's own uncertainty is not specified (--u-spacing-mm), so the "
-"scale uncertainty excludes it")
+            look_at(
+                "the micrometer's own uncertainty is not specified (--u-spacing-mm), so the "
+                "scale uncertainty excludes it"
+            )
         )
     if stretch_percent is not None:
         warnings.append(
