@@ -129,7 +129,8 @@ class CartesianOval(Curve):
     def residual_mm(self, point: Point) -> float:
         """Return the left side of the oval's equation minus its right side: 0 on the curve, negative inside.
 
-        |P − F1| − s and |P − F2| − s' are computed as differences of squares divided by sums, which is also exact for a distant focus.
+        |P − F1| − s and |P − F2| − s' are computed as differences of squares divided by sums, which is also exact for a
+        distant focus.
         """
         offset = minus(point, self.vertex)
         square, forward = dot(offset, offset), dot(offset, self.axis)

@@ -2,11 +2,11 @@
 
 Every path from the emitter E to the surface and on to a wavefront behind it has the same optical length,
 |P − E| + n·D(P) = const. D determines the divergence of the light along y. With ρ = √(x² + (s' − z)²), the distance
-from the focal line, D = ρ makes the wavefronts cylinders about that line: the light is collimated in y. A wavefront at a
-constant distance from a circle of radius ρ₀ about the line, D = −√((ρ − ρ₀)² + y²), makes it diverge in y as if it came
-from that circle: from a virtual focus ρ₀ − s' before the vertex. In both cases ∇D has no azimuthal component about the
-line, so every ray meets the line. At y = 0 both equal ρ up to a constant: the section at mid-height is the Cartesian
-oval.
+from the focal line, D = ρ makes the wavefronts cylinders about that line: the light is collimated in y. A wavefront at
+a constant distance from a circle of radius ρ₀ about the line, D = −√((ρ − ρ₀)² + y²), makes it diverge in y as if it
+came from that circle: from a virtual focus ρ₀ − s' before the vertex. In both cases ∇D has no azimuthal component about
+the line, so every ray meets the line. At y = 0 both equal ρ up to a constant: the section at mid-height is the
+Cartesian oval.
 """
 
 import math

@@ -74,7 +74,7 @@ class CouponMeasurement(Result):
         Warnings about the values.
     z_um, u_z_um
         Height of a grey level of a height map, and its standard uncertainty; None for an image, or if not specified.
-    layout, image
+    layout, picture
         The printed coupon, and the image or z map of it.
     measured
         Features, gaps and steps in the order of the layout.
@@ -116,12 +116,12 @@ class CouponMeasurement(Result):
     @reported
     def undecided(self) -> list[MeasuredSize]:
         """Features that the image does not show well enough, with the reason."""
-        return [one for one in self.measured if one.kind in CALIBRATES and one.resolved is None]
+        return [feature for feature in self.measured if feature.kind in CALIBRATES and feature.resolved is None]
 
     @reported
     def marks(self) -> list[MeasuredSize]:
         """The marks that orient the image."""
-        return [one for one in self.measured if one.kind == "mark"]
+        return [feature for feature in self.measured if feature.kind == "mark"]
 
 
 def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:

@@ -178,7 +178,7 @@ def _as_by_first(circuits: tuple[Circuit, ...], received: FloatArray) -> FloatAr
     """Return fractions (states·emitters, receivers) of the first emitter's power that equal the powers from each
     emitter.
     """
-    brightness = np.array([one.drive.typical_mW / circuits[0].drive.typical_mW for one in circuits])
+    brightness = np.array([circuit.drive.typical_mW / circuits[0].drive.typical_mW for circuit in circuits])
     return np.asarray((received * brightness[:, None]).reshape(-1, received.shape[-1]))
 
 
