@@ -13,8 +13,7 @@ from solen.plane import Point, Rigid, along, cross, dot, minus, unit
 
 @dataclass(frozen=True)
 class Arc(Curve):
-    """Part of a circle, or a full circle, that begins at ``start_deg`` and extends over ``sweep_deg``
-    (counter-clockwise if positive).
+    """Part of a circle, or a full one: from ``start_deg`` over ``sweep_deg`` (counter-clockwise if positive).
 
     Angles here are polar, from +x: the point at angle a is ``center + radius (cos a, sin a)``.
     """

@@ -235,9 +235,7 @@ class CubicChain(Curve):
             yield ray.ahead(control[3]) + share * END_TOLERANCE_MM * dot(ray.direction, outwards)
 
     def _leave(self, ray: Ray, place: Place, sides: list[bool], forwards: bool) -> Iterator[float]:
-        """Return the intersections in one direction from the ray's start: on the rest of its piece and on the pieces
-        beyond.
-        """
+        """Return the intersections in one direction from the ray's start, on its own piece and those beyond."""
         here = point_at(self.pieces[place.piece].control, place.v)
         rest = ray.beside(here)
         done, left = (place.v, 1.0 - place.v) if forwards else (1.0 - place.v, place.v)

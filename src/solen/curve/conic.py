@@ -203,8 +203,7 @@ class Conic(Curve):
         return on_sheet and past <= END_TOLERANCE_MM
 
     def _past_mm(self, lateral: float, depth: float, end_mm: float, outwards: float) -> float:
-        """Return the distance of a point beyond an end, along the tangent there: r is too insensitive near the widest
-        point.
+        """Return the distance of a point beyond an end, along the tangent there: near the widest point r is useless.
 
         From the vertex the curve turns by less than 90 degrees in either direction, so this distance increases
         monotonically.

@@ -102,9 +102,7 @@ def steps_of(control: Control) -> Steps:
 
 
 def turn_deg(steps: Steps) -> float:
-    """Return the total turn of the control polygon, an upper bound for that of the piece; infinite if the piece
-    stops at an end.
-    """
+    """Return the total turn of the control polygon, an upper bound for the piece; infinite if it stops at an end."""
     if steps[0] == (0.0, 0.0) or steps[2] == (0.0, 0.0):
         return math.inf
     moving = [unit(step) for step in steps if step != (0.0, 0.0)]

@@ -167,9 +167,7 @@ class CartesianOval(Curve):
                 yield root
 
     def _newton(self, origin: Point, direction: Point, start: float, outwards: float) -> float | None:
-        """Return the root reached from a starting point outside the oval; ``outwards`` is the sign of the slope
-        there.
-        """
+        """Return the root reached from a start outside the oval; ``outwards`` is the sign of the slope there."""
         t = start
         for _ in range(200):
             p = along(origin, direction, t)

@@ -105,8 +105,7 @@ class CurvedLens(CurvedSizes, Lens):
         return math.degrees(math.acos(dot(ray, unit((-slope, 1.0)))))
 
     def best_spot(self, index: float) -> Spot | None:
-        """Return the smallest spot of the emitter's light in a material of ``index``; None unless the spot is behind
-        the vertex.
+        """Return the smallest spot of the emitter's light in a material of ``index``; None unless behind the vertex.
 
         Rays start from the emitter at `SPOT_RAYS` angles, uniformly spaced over the acceptance. A ray is x = a + t z,
         so the variance of x is smallest at z = −cov(a, t) / var(t).

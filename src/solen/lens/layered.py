@@ -103,9 +103,7 @@ class LayeredLens(LensInSpace, eq=True):
 
     @cached_property
     def profiles(self) -> tuple[FloatArray, FloatArray]:
-        """Depth z and dz/dx (L, M) of every layer at M uniformly spaced points from axis to half width; NaN beyond
-        tangency.
-        """
+        """Depth z and dz/dx (L, M) of every layer at M uniform steps from axis to half width; NaN beyond tangency."""
         heights, which = np.unique(np.round(np.abs(self.middles_mm), 12), return_inverse=True)
         z, slope = _profiles(self, np.asarray(heights, dtype=float))
         return z[which], slope[which]

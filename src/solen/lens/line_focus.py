@@ -56,8 +56,7 @@ class LineFocusLens(LensInSpace, eq=True):
 
     @classmethod
     def keeping_light(cls, lens: "LineFocusLens") -> "LineFocusLens":
-        """Return the lens with the nearest virtual focus for which the top and bottom of the body totally reflect the
-        light.
+        """Return the lens with the nearest virtual focus for which top and bottom totally reflect the light.
 
         A ray with β = n·d_y stays between top and bottom as long as β² < n² − 1; only rays from the emitter's centre
         are considered.

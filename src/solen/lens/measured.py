@@ -71,9 +71,7 @@ class MeasuredLens(DeviatingLens, eq=True):
         return self.fit.warnings
 
     def drawn_within(self, number: int) -> "MeasuredLens":
-        """Return the random outline with a number above 0, within the points' uncertainty; 0 is the smoothed
-        profile.
-        """
+        """Return the random outline of a number above 0, within the points' uncertainty, or the smoothed one for 0."""
         return replace(self, drawn=number)
 
     def u_best_focus_mm(self, index: float) -> float | None:

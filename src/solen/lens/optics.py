@@ -161,9 +161,7 @@ class OvalLens(CurvedLens, eq=True):
         return index / vergence if vergence > 0.0 else None
 
     def marginal_focus_mm(self, index: float) -> float | None:
-        """Return the distance in mm behind the vertex at which the edge ray crosses the axis in a material of
-        ``index``, or None.
-        """
+        """Return the focus of the edge ray in a material of ``index``, mm behind the vertex; None if there is none."""
         edge: Point = (self.half_width_mm, self.depth_mm)
         ray = unit((edge[0], edge[1] + self.distance_mm))
         normal = self.front.normal_at(edge)

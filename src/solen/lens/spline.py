@@ -153,16 +153,12 @@ class SplineLens(DeviatingLens, eq=True):
         return self.too_fine(self.least_feature_um, "lens.least_feature_um")
 
     def missed_share(self, least_um: float) -> float:
-        """Fraction by which the narrowest feature or the smallest radius is below the minimum feature; 0 if neither
-        is.
-        """
+        """Fraction by which the narrowest feature or smallest radius is below the minimum; 0 if neither is."""
         narrowest = min(self.least_radius_um, self.narrowest_um or math.inf)
         return max(0.0, 1.0 - narrowest / least_um)
 
     def too_fine(self, least_um: float, limit: str) -> tuple[str, ...]:
-        """Return warnings about features narrower or more strongly curved than ``limit``, the name of a minimum
-        feature.
-        """
+        """Return warnings about features narrower or more strongly curved than ``limit``, the name of a minimum."""
         warnings = []
         narrow = min(self.features, key=lambda feature: feature.width_um, default=None)
         if narrow is not None and narrow.width_um < least_um:

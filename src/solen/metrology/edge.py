@@ -244,9 +244,7 @@ class _View:
         return guess_px
 
     def two_blurs(self, at: FloatArray, guess_px: float) -> FloatArray:
-        """Return the blurs of two edges at a sample of points: the pair that gives the most good fits, and the best
-        ones.
-        """
+        """Return the blurs of two edges at a sample of points, from the pair with the most good fits."""
         part, at = self._sample(at)
         best, blurs = -np.inf, np.array([guess_px, guess_px])
         for factors in ((1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (2.0, 2.0)):

@@ -134,9 +134,7 @@ def trace_edges(band: Band, most: int = MOST_EDGES) -> list[TracedEdge]:
 
 
 def _traced(band: Band, rising: bool, free: BoolArray, scale: float, least: float) -> TracedEdge:
-    """Return the edge of one sign with the largest total change on a free path; changes above ``least`` count as
-    visible.
-    """
+    """Return the edge of one sign with the largest total change on a free path; ``least`` is the visible minimum."""
     change = band.change if rising else -band.change
     allowed = np.where(free, change, 0.0)
     gain = np.maximum(allowed, 0.0)

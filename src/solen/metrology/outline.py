@@ -184,9 +184,7 @@ def measure_outline(
 
 
 def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[Match, list[Caution]]:
-    """Return the location of the lens, and a warning about other candidates; ``sides`` are the allowed mirror
-    states.
-    """
+    """Return the location of the lens, and a warning about other candidates; ``sides`` are allowed mirror states."""
     matches = [one for side in sides for one in match_template(image.grey, image.um_per_px, nominal, mirrored=side)]
     matches.sort(key=lambda one: -one.score)
     if not matches or matches[0].score < LEAST_SCORE:
@@ -258,9 +256,7 @@ def _named(edges: list[Edge], walls: Sequence[list[Edge]], image: Image, prior: 
 
 
 def _walls_of(walls: Sequence[list[Edge]], place: int, count: int) -> tuple[Edge | None, ...]:
-    """Return the edge of each wall that continues an edge of the front; None if walls and front have different
-    numbers of edges.
-    """
+    """Return the edge of each wall that continues an edge of the front, or None if their edge counts differ."""
     return tuple(wall[place] if len(wall) == count else None for wall in walls)
 
 

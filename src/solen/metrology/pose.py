@@ -32,9 +32,7 @@ class Pose:
 
     @classmethod
     def fitted(cls, points_mm: FloatArray, points_px: FloatArray, *, mirrored: bool) -> "Pose":
-        """Fit the pose to at least two pairs of matched points, both arrays (N, 2), by least squares, including the
-        scale.
-        """
+        """Fit the pose, including the scale, to at least two pairs of points (N, 2) and (N, 2) by least squares."""
         p = (-1.0 if mirrored else 1.0) * points_mm[:, 0] - 1j * points_mm[:, 1]
         q = points_px[:, 0] + 1j * points_px[:, 1]
         p0, q0 = p.mean(), q.mean()

@@ -167,9 +167,7 @@ def fit_print(
 
 @dataclass(frozen=True, eq=False)
 class _Placed:
-    """Outline after a motion and a size change: residuals (N,) in mm, derivatives (N, 5), weights, mask of used
-    points.
-    """
+    """Moved and resized outline: residuals (N,) in mm, derivatives (N, 5), weights, mask of used points."""
 
     values: FloatArray
     residual: FloatArray
@@ -190,9 +188,7 @@ class _Placed:
         return np.asarray(self.jacobian.T @ (self.weights * self.residual) / len(self.residual))
 
     def independent(self) -> float:
-        """Return the number of independent residuals, N over 1 + 2 Σ ρ_k as for a mean; front and walls share the
-        ρ_k.
-        """
+        """Return the number of independent residuals, N over 1 + 2 Σ ρ_k; front and walls share the ρ_k."""
         ends = np.cumsum([int(piece.sum()) for piece in self.pieces])
         rho = correlations(np.split(self.residual, ends[:-1]))
         count = len(self.residual) / (1.0 + 2.0 * float(np.sum(rho)))

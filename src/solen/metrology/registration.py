@@ -186,9 +186,7 @@ def _fit(start: FloatArray, nominal: NominalFront, only: BoolArray) -> _Fit:
 
 
 def _placed(start: FloatArray, nominal: NominalFront, only: BoolArray, turn: float, shift: FloatArray) -> _Fit:
-    """Return the moved points' deviations, their derivatives with respect to rotation, shift and growth, and Huber
-    weights.
-    """
+    """Return the moved points' deviations, derivatives by rotation, shift and growth, and Huber weights."""
     points = rotated(start, turn) + shift
     nearest = nominal.nearest(points)
     jacobian = by_motion(points, nearest.normals)
@@ -204,9 +202,7 @@ def rotated(points: FloatArray, turn: float) -> FloatArray:
 
 
 def by_motion(points: FloatArray, normals: FloatArray) -> FloatArray:
-    """Return derivatives (N, 4) of deviations with respect to rotation, shift along x and z, and logarithm of the
-    size.
-    """
+    """Return derivatives (N, 4) of deviations by rotation, shift along x and z, and logarithm of the size."""
     by_turn = -normals[:, 0] * points[:, 1] + normals[:, 1] * points[:, 0]
     return np.stack([by_turn, normals[:, 0], normals[:, 1], np.sum(normals * points, axis=1)], axis=1)
 

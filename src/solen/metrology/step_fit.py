@@ -181,9 +181,7 @@ def _step(
     expected: FloatArray,
     stiff: FloatArray,
 ) -> FloatArray:
-    """Return steps (N, P); a blur at its limit stays there, because otherwise dependent parameters would not
-    converge.
-    """
+    """Return steps (N, P); a blur stays at its limit, otherwise dependent parameters would not converge."""
     gradient = np.einsum("nmi,nm->ni", jacobian, residual) + stiff**2 * (expected - parameters)
     held = np.zeros(gradient.shape, dtype=bool)
     blur, way = parameters[:, 4::3], gradient[:, 4::3]

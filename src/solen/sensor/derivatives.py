@@ -52,9 +52,7 @@ def derivative_of(sensor: "Sensor", key: str, angle_deg: float, mode: Mode, emit
 
 
 def _has_smooth_light(sensor: "Sensor", angle_deg: float) -> bool:
-    """Return whether the light is more than that of a point in the plane; if so, numbers around 0 need an absolute
-    step.
-    """
+    """Return whether the source is more than a point in the plane; numbers around 0 then need an absolute step."""
     scene = sensor.scene(angle_deg)
     return is_extended(scene) or scene.extrusion is not None
 

@@ -200,9 +200,7 @@ def _of_number(sensor: Sensor, key: str, base: Response, null: tuple[float, Slop
 
 
 def _still(sensor: Sensor, other: Sensor, base: Response) -> Response | None:
-    """Return the response at rest of a symmetric sensor, whose contrast is 0 without a trace; None for any other
-    sensor.
-    """
+    """Return the response at rest if the sensor is symmetric (its contrast is 0 without a trace), else None."""
     resting = base.angle_deg == 0.0
     if not (resting.any() and sensor.is_symmetric and other.is_symmetric):
         return None

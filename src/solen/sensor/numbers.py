@@ -121,9 +121,7 @@ def inert(sensor: "Sensor", key: str) -> str:
 
 
 def _without_effect_on(design: Design, key: str) -> str:
-    """Return why a number has no effect on a network: it belongs to another kind of body, or all parts specify their
-    own.
-    """
+    """Return why a number has no effect on a network: another kind of body has it, or all parts specify it."""
     table, _, name = key.partition(".")
     if table == "body" and name != "thickness_mm":
         return "the body is a network"

@@ -1,6 +1,4 @@
-"""Sensors converted to the numbers from which `solen.trace.batch` computes its tables, and why some cannot be
-converted.
-"""
+"""Sensors as the numbers from which `solen.trace.batch` computes its tables, and why some are unsupported."""
 
 import math
 from collections.abc import Sequence

@@ -294,8 +294,7 @@ class Sensor:
         return sensitivities(self, keys, angle_deg, progress)
 
     def sampled(self, angle_deg: float = 0.0, tolerance: float = SAMPLED_TOLERANCE) -> tuple[Trace, float]:
-        """Return the power from an increasing number of Sobol' samples, until all standard errors are within
-        ``tolerance``.
+        """Return the power from more and more Sobol' samples until all standard errors are within ``tolerance``.
 
         This is used for light scattered at random, and if `integrate` fails. It returns the last trace and the largest
         error, which is above ``tolerance`` if `MOST_SAMPLED` rays do not suffice; ``reached`` is then False.

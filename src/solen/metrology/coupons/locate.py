@@ -250,9 +250,7 @@ def _check_clear(best: _Guess, guesses: list[_Guess], measured_mm: FloatArray, w
 
 
 def _farther(other: _Guess, best: _Guess) -> float:
-    """Return the evidence from positions in addition to the cost, which assumes larger position errors than this coupon
-    may have.
-    """
+    """Return additional evidence from positions; the cost assumes larger errors than this coupon may have."""
     free = 2 * len(best.pairs) - PARAMETERS
     if free < MANY:
         return 0.0

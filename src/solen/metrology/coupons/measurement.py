@@ -215,9 +215,7 @@ class _DiscFits:
         return discs, reasons, blur
 
     def _fitted(self) -> tuple[dict[str, Disc | None], dict[str, str], float]:
-        """Return the fits of visible features, and reasons for the others; small features use the blur of large
-        ones.
-        """
+        """Return the fits of visible features, and reasons for the others; large features supply the blur."""
         fits: dict[str, Disc | None] = {}
         reasons: dict[str, str] = {}
         blur, known = FIRST_BLUR_PX, False
@@ -248,9 +246,7 @@ class _DiscFits:
         return fits, reasons, _blur(fits, blur)
 
     def _surroundings(self, feature: Feature, blur: float) -> tuple[float, list[float]]:
-        """Return the free distance beyond a feature's edge in px, and the directions in which another feature is too
-        near.
-        """
+        """Return the free distance beyond a feature's edge in px, and the directions of features that are too near."""
         scale, coupon = self.pose.px_per_mm, self.coupon
         need = EDGE * blur + 3.0
         reach = max(0.4 * feature.diameter_mm * scale, need)

@@ -88,9 +88,7 @@ class Determination(Result):
         return sum(combination.is_determined for combination in self.combinations)
 
     def improves_on(self, other: "Determination") -> bool:
-        """Return whether this determines more combinations than another, or the worst motion better beyond both
-        uncertainties.
-        """
+        """Return whether this determines more combinations, or the worst motion better beyond both uncertainties."""
         if self.rank != other.rank or not math.isfinite(self.worst_sd_deg):
             return self.rank > other.rank
         if not math.isfinite(other.worst_sd_deg):

@@ -91,9 +91,7 @@ def _tried(design: Design, trial: Trial, tolerance: float) -> tuple[Trial, Sugge
 
 
 def _apparent(one: Suggestion) -> float:
-    """Return the worst standard deviation of a motion as if all combinations were determined, to rank the first
-    trials.
-    """
+    """Return the worst standard deviation of a motion if all combinations were determined, to rank first trials."""
     rows = np.array([list(each.shares.values()) for each in one.by_voltages.combinations])
     values = np.array([each.singular_per_deg for each in one.by_voltages.combinations])
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -190,9 +190,7 @@ def response_of(
 
 
 def _traced(sensor: Sensor, tolerance: float, lattice: int) -> Trace:
-    """Trace the powers from one emitter: sampled for a large tolerance, otherwise integrated, or sampled if that
-    fails.
-    """
+    """Trace the powers from one emitter: sampled if the tolerance is large or integration fails, else integrated."""
     if tolerance < ROUGH:
         return sensor.reading(tolerance=tolerance)[0]
     first = max(2 ** round(math.log2(RAYS_OF_ONE / tolerance**2)), FEWEST_RAYS)

@@ -226,9 +226,7 @@ def _determined(
 
 
 def _ends(design: Design, key: str, value: float, tolerance: float) -> tuple[float, float]:
-    """Return values on either side of a number, its tolerance away or, for a motion, half a step away within its
-    range.
-    """
+    """Return values on either side of a number: ± its tolerance or, for a motion, ± half a step within its range."""
     holder, _, name = key.rpartition(".")
     motion = value_at(design, holder) if name == "at_deg" and holder.startswith("network.motion[") else None
     if not isinstance(motion, NamedMotion):

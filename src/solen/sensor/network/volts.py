@@ -175,9 +175,7 @@ def _of(signals: Signals, places: list[int]) -> Signals:
 
 
 def _as_by_first(circuits: tuple[Circuit, ...], received: FloatArray) -> FloatArray:
-    """Return fractions (states·emitters, receivers) of the first emitter's power that equal the powers from each
-    emitter.
-    """
+    """Return fractions (states·emitters, receivers) of the first emitter's power equal to those of each emitter."""
     brightness = np.array([circuit.drive.typical_mW / circuits[0].drive.typical_mW for circuit in circuits])
     return np.asarray((received * brightness[:, None]).reshape(-1, received.shape[-1]))
 
