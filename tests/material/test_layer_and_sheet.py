@@ -89,7 +89,7 @@ def test_a_clear_layer_has_no_extinction_and_its_index_is_sharper_than_from_poin
     ("change", "line"),
     [
         ({"bare_reflectance": ()}, "bare_reflectance; is missing"),
-        ({"substrate": "pet-drawn"}, "substrate; is given both as known and as measured"),
+        ({"substrate": "pet-drawn"}, "substrate; is specified both by its index and by its own spectra"),
         ({"mode": "measured"}, "mode = 'measured'; cannot be combined with a bare sheet"),
         ({"baseline": None}, "baseline; is required with traces"),
     ],

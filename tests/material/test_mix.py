@@ -125,7 +125,7 @@ def test_what_is_no_mixture_is_reported() -> None:
 @pytest.mark.parametrize(
     ("masses", "line"),
     [
-        ({"total_g": 50.0, "base_g": 10.0}, "mass of the whole or that of the base"),
+        ({"total_g": 50.0, "base_g": 10.0}, "total mass or the mass of the base"),
         ({"total_g": -1.0}, "total_g = -1.0; must be greater than 0"),
         ({"base_g": math.nan}, "base_g = nan; must be"),
         ({"total_g": 50.0, "resolution_g": 0.0}, "resolution_g = 0.0; must be at least 1e-06"),

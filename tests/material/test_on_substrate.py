@@ -250,5 +250,5 @@ def test_readings_of_the_paper_against_pet_are_no_clear_layer() -> None:
 def test_what_is_no_measurement_is_refused(nm: float, um: float, line: str) -> None:
     with pytest.raises(DataError, match=line):
         invert_on_substrate([1.0], [0.1], [nm], um, Setup(FLAT))
-    with pytest.raises(DataError, match="must each be one row"):
+    with pytest.raises(DataError, match="must each be a single row"):
         invert_on_substrate([[1.0]], [[0.1]], [[600.0]], 25.0, Setup(FLAT))

@@ -98,7 +98,7 @@ def test_t_alone_gives_the_lossless_index_and_says_so(tmp_path: Path) -> None:
 
 def test_an_absorptance_is_taken_where_it_is_said_to_be_one(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "A": 1.0 - R - T})
-    with pytest.raises(SpecError, match=r"^--absorbance-kind; must be stated for A: log10, ln, absorptance"):
+    with pytest.raises(SpecError, match=r"^--absorbance-kind; must be specified for A: log10, ln, absorptance"):
         index(file, options())
     found = index(file, options(absorbance_kind="absorptance", u_T="0.1%", u_A="0"))
     assert found["mode"] == "absorptance"
@@ -118,7 +118,7 @@ def test_an_absorbance_gives_no_measured_index(tmp_path: Path, kind: str) -> Non
 
 def test_an_absorbance_alone_is_a_transmittance(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "Abs": -np.log10(T)})
-    with pytest.raises(SpecError, match="--absorbance-kind; must be stated for Abs"):
+    with pytest.raises(SpecError, match="--absorbance-kind; must be specified for Abs"):
         index(file, options())
     found = index(file, options(absorbance_kind="log10", u_A="0.001"))
     np.testing.assert_allclose(found["T"], T, rtol=1e-12)
@@ -288,7 +288,7 @@ def test_in_a_measured_spectrum(tmp_path: Path) -> None:
     assert found["led"]["source"] == "spectrum of led.csv"
     assert found["led"]["n"] == pytest.approx(float(np.average(N, weights=lamp)), abs=1e-5)
     two = table(tmp_path, {"wavelength_nm": NM, "a": lamp, "b": lamp}, "two.csv")
-    with pytest.raises(DataError, match="needs one column of power in addition to the wavelength; it has a, b"):
+    with pytest.raises(DataError, match="needs one power column in addition to the wavelength, but has a, b"):
         index(file, options(led=str(two)))
 
 

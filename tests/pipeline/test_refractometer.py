@@ -83,7 +83,11 @@ def test_files_are_both_written_or_neither(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "error", "line"),
     [
-        ({"n": (1.5, 1.49)}, SpecError, "--wavelength-nm; is missing; state it once for each index, in the same order"),
+        (
+            {"n": (1.5, 1.49)},
+            SpecError,
+            "--wavelength-nm; is missing; specify it once for each index, in the same order",
+        ),
         ({"abbe": 50.0}, SpecError, "u_abbe; is required with --abbe; state both"),
         ({"u_abbe": 5.0}, SpecError, "abbe; is required with --u-abbe; state both"),
         ({"abbe": 50.0, "u_abbe": 5.0, "polymer": ("acrylate",)}, SpecError, "polymer; cannot be combined with --abbe"),

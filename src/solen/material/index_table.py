@@ -1,4 +1,4 @@
-"""The table of an index over wavelength in a resin file: its rows, and warnings about missing values."""
+"""The table of an index against wavelength in a resin file: its rows, and warnings about missing values."""
 
 import math
 from itertools import pairwise
@@ -14,10 +14,10 @@ step.
 
 
 def thinned(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, float, float | None]]:
-    """Return means of wavelength, index and uncertainty over equal parts of the range; one row each.
+    """Return the means of wavelength, index and uncertainty over equal parts of the range, one row per part.
 
-    Noise averages out; an uncertainty does not, because errors shared by a whole spectrum would be lost. The first and
-    the last wavelength are kept. A part has no uncertainty if any of its rows has none.
+    Noise averages out; the uncertainty is not reduced, because errors shared by the entire spectrum would be lost. The
+    first and the last wavelength are kept. A part has no uncertainty if any of its rows has none.
     """
     if len(rows) <= MOST_ROWS:
         return _unique(rows)
@@ -36,7 +36,7 @@ def _mean(rows: list[tuple[float, float, float | None]]) -> tuple[float, float, 
 
 
 def _unique(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, float, float | None]]:
-    """Return rows of ascending wavelengths, with rows of equal wavelength merged."""
+    """Return rows by ascending wavelength, with rows of equal wavelength merged."""
     together: dict[float, list[tuple[float, float, float | None]]] = {}
     for row in rows:
         together.setdefault(row[0], []).append(row)
@@ -44,7 +44,7 @@ def _unique(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, 
 
 
 def without_u(wavelengths_nm: list[float], of: int) -> tuple[Caution, ...]:
-    """Return a warning if some of the wavelengths have no uncertainty, so that the table has none."""
+    """Return a warning if some of the wavelengths have no uncertainty, in which case the table has none."""
     if len(wavelengths_nm) in {0, of}:
         return ()
     return (

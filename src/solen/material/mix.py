@@ -1,15 +1,15 @@
 """Mixing by weight: masses to weigh in, the effect of the balance's steps, and an estimate of the mixture's index.
 
-"25 % of additive" has two meanings. As a fraction of the whole mixture, 25 g of additive are added to 75 g of the base;
-relative to the resin, 25 g are added to 100 g of the base, which makes 20 % of the whole. `of_whole` and `on_base`
-implement these meanings, and both results are shown. A balance weighs in steps: the masses are rounded to them, and the
-effect on the fractions is stated.
+"25 % of additive" has two meanings. As a fraction of the complete mixture, 25 g of additive are added to 75 g of the
+base; relative to the resin, 25 g are added to 100 g of the base, which makes 20 % of the mixture. `of_whole` and
+`on_base` implement these meanings, and both results are shown. A balance weighs in steps: the masses are rounded to
+them, and the effect on the fractions is reported.
 
-The index of a mixture is estimated by the rule of Lorentz and Lorenz, (n² − 1)/(n² + 2) = Σ φ (nᵢ² − 1)/(nᵢ² + 2), with
-volume fractions φ and additive volumes (H. A. Lorentz, Ann. Phys. 245, 641, 1880; L. Lorenz, Ann. Phys. 247, 70, 1880).
-It applies to the liquid: curing shrinks the resin and raises its index, so the estimate does not replace a measurement.
+The index of a mixture is estimated by the Lorentz-Lorenz rule, (n² − 1)/(n² + 2) = Σ φ (nᵢ² − 1)/(nᵢ² + 2), with volume
+fractions φ and additive volumes (H. A. Lorentz, Ann. Phys. 245, 641, 1880; L. Lorenz, Ann. Phys. 247, 70, 1880). It
+applies to the liquid: curing shrinks the resin and raises its index, so the estimate does not replace a measurement.
 
-The interface is `mixtures` of components and `MixOptions`; `of_whole`, `on_base` and `weighed` are its steps.
+`mixtures` returns the masses for components and `MixOptions`; `of_whole`, `on_base` and `weighed` are its steps.
 """
 
 import math
@@ -31,10 +31,10 @@ MOST_G, FINEST_G = 1e6, 1e-6
 
 
 class MixOptions(Options):
-    """Amount to mix, and known properties of the components."""
+    """Amount to mix, and optional properties of the components."""
 
     total_g: float | None = Field(None, gt=0.0, le=MOST_G)
-    """Mass of the whole mixture in g; default: 100."""
+    """Mass of the complete mixture in g; default: 100."""
     base_g: float | None = Field(None, gt=0.0, le=MOST_G)
     """Mass of the available base in g, instead of --total-g."""
     density: tuple[str, ...] = ()
@@ -49,7 +49,9 @@ class MixOptions(Options):
     @model_validator(mode="after")
     def _one_mass(self) -> Self:
         if self.total_g is not None and self.base_g is not None:
-            raise refused("base_g", "state the mass of the whole or that of the base", remedy="--total-g or --base-g")
+            raise refused(
+                "base_g", "specify either the total mass or the mass of the base", remedy="--total-g or --base-g"
+            )
         if self.resolution_g > (mass_g := self.base_g or self.total_g or WHOLE):
             raise refused("resolution_g", f"must be at most the mass, {mass_g:g} g", value=self.resolution_g)
         return self
@@ -57,7 +59,7 @@ class MixOptions(Options):
 
 @dataclass(frozen=True)
 class Component:
-    """A component: its fraction in per cent and, if known, its density in g/mL and its index as a liquid."""
+    """A component: its fraction in per cent and, optionally, its density in g/mL and its index as a liquid."""
 
     name: str
     percent: float
@@ -105,7 +107,7 @@ class Weighed:
 
 @dataclass(frozen=True)
 class Mixture:
-    """Components for one meaning of their percentages, and the liquid's index, None if it cannot be estimated."""
+    """Components for one meaning of the percentages, and the liquid's index; None if it cannot be estimated."""
 
     components: tuple[Weighed, ...]
     index_estimate: float | None
@@ -185,9 +187,9 @@ def named_number(text: str, what: str) -> tuple[str, float]:
 
 
 def of_whole(components: Sequence[Component]) -> tuple[Component, ...]:
-    """Return components by their fraction of the whole mixture; `SpecError` if these do not add up to it.
+    """Return components by their fraction of the complete mixture; `SpecError` if the fractions do not add up to 100 %.
 
-    Fractions that miss 100 % by rounding are scaled to it.
+    Fractions that miss 100 % only by rounding are scaled to it.
     """
     total = math.fsum(part.percent for part in components)
     if abs(total - WHOLE) > OFF_WHOLE:
@@ -198,7 +200,7 @@ def of_whole(components: Sequence[Component]) -> tuple[Component, ...]:
 
 
 def on_base(components: Sequence[Component]) -> tuple[Component, ...]:
-    """Return fractions of the whole if the percentages mean grams per 100 g of the first component."""
+    """Return fractions of the complete mixture if the percentages mean grams per 100 g of the first component."""
     base, *others = components
     total = WHOLE + math.fsum(part.percent for part in others)
     parts = (replace(base, percent=WHOLE), *others)
@@ -295,15 +297,15 @@ def weighed(components: Sequence[Component], options: MixOptions) -> Mixture:
 
 
 def _worst(share: float, count: int, step: float) -> float:
-    """Return the error of a fraction, in per cent, if each mass is off by half a step, a fraction of the whole.
+    """Return the error of a fraction, in per cent, if each mass is wrong by half a step, a fraction of the total.
 
-    To first order, an error of its own mass changes it by 1 − share, an error of any other by −share.
+    To first order, an error in the component's own mass changes the fraction by 1 − share, any other error by −share.
     """
     return WHOLE * 0.5 * step * ((1.0 - share) + (count - 1) * share)
 
 
 def _index(indices: Sequence[float | None], volumes: Sequence[float | None]) -> float | None:
-    """Return the index of the liquid mixture by Lorentz and Lorenz; None if one of the numbers is not known."""
+    """Return the index of the liquid mixture by the Lorentz-Lorenz rule; None if a required number is not known."""
     pairs = [(n, v) for n, v in zip(indices, volumes, strict=True) if n is not None and v is not None]
     if len(pairs) < len(indices):
         return None

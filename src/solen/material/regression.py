@@ -1,15 +1,15 @@
 """Lines through few points, with realistic intervals, for the cut-back and the working curve.
 
 A loss and a working curve are straight lines if powers are in dB and doses are logarithms. The validity of their
-intervals depends on other properties: readings of one guide are not new guides, scatter may grow with the measured
+intervals depends on other properties: readings of the same guide are not new guides, scatter may grow with the measured
 value in a way that is only assumed, there are few points, and one of them may be bad. A fit here is therefore a linear
 model y = X β + Σ Z u + e, with random effects if there are groups, whose variances are found by restricted maximum
 likelihood; or, if the weights are a guess, with a covariance from the residuals. Intervals use t quantiles with
 appropriate degrees of freedom, which are n − p in the plain case. Bad points are found by Rosner's sequential test on
-deletion residuals at a stated rate of false alarms; the calling code reports them.
+deletion residuals at a specified false-alarm rate; the calling code reports them.
 
-The interface is `fitted`, which returns a `LinearFit`; `rosner_outliers`, which returns the points that a fit should
-omit; and the quantiles and tails `t_quantile`, `t_tail` and `f_tail`.
+`fitted` returns a `LinearFit`; `rosner_outliers` returns the points that a fit should omit; `t_quantile`, `t_tail` and
+`f_tail` compute quantiles and tails.
 """
 
 import math
@@ -239,12 +239,12 @@ def f_tail(ratio: float, between: float, within: float) -> float:
 
 
 def chance(p: float) -> str:
-    """Return a probability by chance in words."""
+    """Describe the probability that a result occurs by chance."""
     return "in less than 0.1 % of such tables" if p < 1e-3 else f"in {100.0 * p:.2g} % of such tables"
 
 
 def group_means(labels: Sequence[L], values: ArrayLike) -> dict[L, float]:
-    """Return the mean of the values of each label, in the order of first appearance."""
+    """Return the mean value for each label, in the order of first appearance."""
     number = ranks(labels)
     means = np.bincount(number, weights=np.asarray(values, float)) / np.bincount(number)
     return dict(zip(dict.fromkeys(labels), means.tolist(), strict=True))
@@ -267,7 +267,7 @@ def _distinguishable(seen: Sequence[FloatArray], parts: Sequence[FloatArray]) ->
 def _variances(x: FloatArray, y: FloatArray, parts: Sequence[FloatArray]) -> FloatArray:
     """Return the restricted maximum-likelihood variances of the parts (Fisher scoring: Patterson and Thompson, 1971).
 
-    The variance of a part that the data do not show ends at a negligible fraction of the others.
+    If the data do not show a part, its variance ends at a negligible fraction of the others.
     """
     variances = np.full(len(parts), max(float(np.var(y)), _TINY) / len(parts))
     for _ in range(_SCORINGS):

@@ -1,7 +1,7 @@
-"""The working curve of a table of discs, and its consequences for a print.
+"""The working curve from a table of discs, and its consequences for a print.
 
-The interface is `curve_of_discs`, which returns a `MeasuredCurve` of a recording with `CureOptions`, and
-`curves_of_discs`, which compares further recordings with the first.
+`curve_of_discs` evaluates a recording with `CureOptions` and returns a `MeasuredCurve`; `curves_of_discs` compares
+further recordings with the first.
 """
 
 import dataclasses
@@ -37,13 +37,11 @@ class CureOptions(RowOptions):
     irradiance_mW_per_cm2: Finite | None = Field(None, gt=0.0)
     """Irradiance at the window; converts exposure times to doses."""
     layer_um: Finite | None = Field(None, gt=0.0)
-    """Thickness of a printed layer; adds the exposure that it needs and, with --exposure-s, the effect of that
-    exposure.
-    """
+    """Thickness of a printed layer; adds the required exposure and, with --exposure-s, the effect of that exposure."""
     exposure_s: Finite | None = Field(None, gt=0.0)
     """Exposure time of a layer."""
     overcure: Finite = Field(2.0, gt=0.0)
-    """Target cure depth for the needed exposure, in layer thicknesses."""
+    """Target cure depth for the required exposure, in layer thicknesses."""
     layers: int | None = Field(None, gt=0, le=MOST_LAYERS)
     """Number of layers of the part; default: enough for its interior to reach a constant dose."""
     burn_in_layers: int = Field(0, ge=0)

@@ -207,8 +207,8 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
         found = [
             look_at(
                 "fringes were detected, but no film with a single slit width, a single thickness variation and a "
-                "smooth n explains them: n is computed from the levels of the spectra, with the fringes as scatter in its "
-                "uncertainty; measure a flatter spot"
+                "smooth n explains them: n is computed from the levels of the spectra, with the fringes as scatter in "
+                "its uncertainty; measure a flatter spot"
             )
         ]
     elif dispersion == "free":

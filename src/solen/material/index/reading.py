@@ -1,16 +1,17 @@
-"""Measured values with their uncertainty: repeats, stated accuracy, and errors common to a whole spectrum.
+"""Measured values with their uncertainty: repeats, specified accuracy, and errors common to an entire spectrum.
 
 Two kinds of error act differently and are kept separate. Scatter from wavelength to wavelength averages out over an
-LED's spectrum or in a fit; a shift of the whole spectrum, from a drifting lamp or a photometer that reads 0.2 % high,
-does not. Repeats show both: their scatter about their own offsets is the first, the scatter of the offsets the second.
-Repeats that drift in one direction are not independent: their mean is known no better than one of them.
+LED's spectrum or in a fit; a shift of the entire spectrum, from a drifting lamp or a photometer that reads 0.2 % high,
+does not. Repeats show both: their scatter about their own offsets is the first kind, the scatter of the offsets the
+second. Repeats that drift in one direction are not independent: their mean is no more accurate than a single repeat.
 
-Few repeats determine the scatter at one wavelength poorly; neighbouring wavelengths scatter alike, so their variances
-are pooled. An uncertainty from few repeats is widened by Student's t, so that the standard uncertainty covers 68.27 %
-and the expanded one 95 % (GUM, JCGM 100:2008, annex G); the degrees of freedom of sums follow Welch and Satterthwaite.
+Few repeats determine the scatter at a single wavelength poorly; neighbouring wavelengths scatter alike, so their
+variances are pooled. An uncertainty from few repeats is widened by Student's t, so that the standard uncertainty covers
+68.27 % and the expanded one 95 % (GUM, JCGM 100:2008, annex G); the degrees of freedom of sums follow Welch and
+Satterthwaite.
 
-The interface is `Reading` and `reading` for a spectrum, `Length` for a thickness, `Share` for a part of an uncertainty
-and `combined` for the sum of parts.
+`reading` returns a `Reading` of a spectrum; `Length` is a thickness, `Share` a contribution to an uncertainty, and
+`combined` the sum of contributions.
 """
 
 from collections.abc import Sequence
@@ -140,17 +141,17 @@ class Combined:
 
 
 def reading(repeats: ArrayLike, u_stated: ArrayLike | None = None, *, name: str = "the reading") -> Reading:
-    """Return the mean of repeats of a spectrum, with an uncertainty from their scatter and a stated accuracy.
+    """Return the mean of a spectrum's repeats, with an uncertainty from their scatter and the specified accuracy.
 
     Parameters
     ----------
     repeats
         Fractions, shape (n,) for one spectrum, (repeats, n) for several.
     u_stated
-        Standard uncertainty of the instrument, one number or one per wavelength, fully correlated between wavelengths;
-        for a limit ± a use a/√3.
+        Standard uncertainty of the instrument, a single number or one per wavelength, fully correlated between
+        wavelengths; for a limit ± a use a/√3.
     name
-        Name of the quantity in remarks.
+        Name of the quantity in messages.
     """
     rows = np.atleast_2d(np.asarray(repeats, dtype=float))
     count, points = rows.shape
@@ -189,7 +190,7 @@ def student(level: float, freedom: ArrayLike) -> FloatArray:
 
 
 def _of_neighbours(variance: FloatArray) -> FloatArray:
-    """Return the mean variance of neighbours; NaN where a point has none."""
+    """Return the mean variance over neighbours; NaN where a point has none."""
     known = np.isfinite(variance)
     width = min(_NEIGHBOURS, variance.size)
     sums, counts = (

@@ -1,8 +1,8 @@
-"""An index at one wavelength or a few, extended to n(λ) with uncertainty by the common behaviour of polymers.
+"""An index at one or a few wavelengths, extended to n(λ) with uncertainty by the common behaviour of polymers.
 
-A refractometer or an ellipsometer measures n at the sodium line to 0.0005, ten times better than spectra do anywhere.
-The extrapolation to 860 nm, which it does not measure, is the same for all transparent polymers except for two numbers:
-how much n falls, given by the Abbe number V, and how strongly that fall curves (see
+A refractometer or an ellipsometer measures n at the sodium line to 0.0005, ten times more accurately than spectra do
+anywhere. The extrapolation to 860 nm, where it does not measure, is the same for all transparent polymers except for
+two numbers: how much n falls, given by the Abbe number V, and how strongly that fall curves (see
 `solen.material.index.literature.Shape`). The literature provides both with a standard deviation, which is a prior; if
 several values are measured, they update it.
 
@@ -12,8 +12,8 @@ with g linear and h quadratic in 1/λ², both rising by 1 from line C to line F.
 terms. The dispersion is represented by its power w = 1/V, in which n is linear, so the covariance of A, B and C follows
 from exact derivatives and covers the few polymers with a small V too.
 
-The interface is `refractometer_index` with `RefractometerOptions`, and `refractometer` with a `Prior`, which comes from
-`prior_of` classes of polymers or from `stated_prior` with a given Abbe number. Both return a `RefractometerIndex`.
+`refractometer_index` uses `RefractometerOptions`, and `refractometer` a `Prior`, either from `prior_of` for polymer
+classes or from `stated_prior` for a given Abbe number. Both return a `RefractometerIndex`.
 """
 
 from collections.abc import Callable, Sequence
@@ -48,10 +48,10 @@ from solen.spec.strict import Finite, NotBelow0, Options, Wavelength, refused
 from solen.units import NM_PER_UM
 
 VALID_NM = (400.0, 1000.0)
-"""Range of the formula: the wavelengths covered by the literature behind the prior."""
+"""Range of the formula: the wavelengths covered by the literature used for the prior."""
 
 DN_DT_PER_K = -2e-4
-"""Temperature coefficient of n used if none is stated; glassy acrylates have −1e-4, elastomers −3e-4 to −5e-4."""
+"""Temperature coefficient of n used by default; glassy acrylates have −1e-4, elastomers −3e-4 to −5e-4."""
 
 STEP_NM = 5.0
 """Step between the wavelengths of a result."""
@@ -106,7 +106,7 @@ class _Values(NamedTuple):
 
 
 class RefractometerOptions(Options):
-    """Options for extending an index at one wavelength or a few over wavelength."""
+    """Options for extending an index measured at one or a few wavelengths."""
 
     u: tuple[float, ...] = Field(min_length=1)
     """Standard uncertainty of the index: one for all, or repeated, one for each index."""
@@ -119,7 +119,7 @@ class RefractometerOptions(Options):
     dn_dt_per_k: Finite = DN_DT_PER_K
     """Temperature coefficient of n by which that uncertainty is multiplied."""
     polymer: tuple[Polymer, ...] = ()
-    """A class of polymers that the material resembles; repeatable; default: acrylate and photoresin."""
+    """A polymer class that the material resembles; repeatable; default: acrylate and photoresin."""
     abbe: float | None = None
     """Abbe number of the material, for example from a data sheet, instead of that of the class."""
     u_abbe: float | None = None
@@ -127,13 +127,13 @@ class RefractometerOptions(Options):
     at_nm: tuple[Annotated[Wavelength, Field(ge=VALID_NM[0], le=VALID_NM[1])], ...] = ()
     """A wavelength at which n is evaluated; repeatable."""
     led: str | None = None
-    """An emitter in whose light n is evaluated: a part of the library, a part's .toml file, or a file with a
+    """An emitter in whose light n is evaluated: a part from the library, a part's .toml file, or a file with a
     spectrum.
     """
 
     @property
     def polymers(self) -> tuple[Polymer, ...]:
-        """Classes of polymers that the material resembles."""
+        """Polymer classes that the material resembles."""
         return self.polymer or RESINS
 
     @model_validator(mode="after")
@@ -142,7 +142,7 @@ class RefractometerOptions(Options):
             if getattr(self, missing) is None and getattr(self, there) is not None:
                 raise refused(missing, f"is required with --{there.replace('_', '-')}", remedy="state both")
         if self.abbe is not None and self.polymer:
-            raise refused("polymer", "cannot be combined with --abbe", remedy="state one of the two")
+            raise refused("polymer", "cannot be combined with --abbe", remedy="specify one of the two")
         return self
 
 
@@ -198,7 +198,7 @@ class RefractometerIndex(Measured, kw_only=True):
 
     @reported
     def wavelength_nm(self) -> FloatArray:
-        """Wavelengths of the curve: every 5 nm of the range of the formula."""
+        """Wavelengths of the curve: every 5 nm over the range of the formula."""
         return np.arange(VALID_NM[0], VALID_NM[1] + STEP_NM / 2, STEP_NM)
 
     @reported
@@ -227,7 +227,7 @@ def refractometer_index(n: Sequence[float], options: RefractometerOptions) -> Re
         If a value is not an index, options contradict each other, or no polymer has the required dispersion.
     """
     if len(n) > 1 and not options.wavelength_nm:
-        remedy = "state it once for each index, in the same order"
+        remedy = "specify it once for each index, in the same order"
         raise SpecError("--wavelength-nm", limit="is missing", remedy=remedy)
     stated = options.abbe is not None and options.u_abbe is not None
     prior = stated_prior(options.abbe, options.u_abbe) if stated else prior_of(options.polymers)  # type: ignore[arg-type]
@@ -251,10 +251,10 @@ def refractometer_index(n: Sequence[float], options: RefractometerOptions) -> Re
 
 
 def prior_of(polymers: Sequence[str] = RESINS) -> Prior:
-    """Return the prior of a new material in some polymer classes: mean and standard deviation of 1/V in the literature.
+    """Return the prior for a material in some polymer classes: mean and standard deviation of 1/V.
 
-    The standard deviation is predictive, √(1 + 1/N) times the scatter of N polymers. The bend is from all polymers,
-    because it does not depend on the class.
+    The standard deviation is predictive, √(1 + 1/N) times the scatter of N polymers. The bend is computed from all
+    polymers, because it does not depend on the class.
     """
     members = materials(polymers)
     numbers = {shape.abbe for member in members if (shape := member.shape)} | {
@@ -274,9 +274,9 @@ def _mean(values: Sequence[float]) -> tuple[float, float]:
 
 
 def stated_prior(abbe: float, u_abbe: float) -> Prior:
-    """Return a prior with a given Abbe number, for example from a data sheet; the bend is that of the literature."""
+    """Return a prior with a given Abbe number, for example from a data sheet, and the literature's bend."""
     usual = prior_of()
-    return Prior(abbe, u_abbe, usual.bend, usual.u_bend, f"an Abbe number of {abbe:g} ± {u_abbe:g} as stated")
+    return Prior(abbe, u_abbe, usual.bend, usual.u_bend, f"an Abbe number of {abbe:g} ± {u_abbe:g} as specified")
 
 
 def refractometer(
@@ -371,7 +371,7 @@ def _values(n: ArrayLike, u_n: ArrayLike, wavelength_nm: ArrayLike, u_warm: floa
 
 
 def _fitted(values: _Values, prior: Prior, at: float) -> tuple[FloatArray, FloatArray]:
-    """Return n at a wavelength, V and s of maximum posterior probability, and their covariance (Gauss-Newton)."""
+    """Return n at a wavelength, V and s with maximum posterior probability, and their covariance (Gauss-Newton)."""
     power, u_power = prior.power
     known, expected = np.array([0.0, u_power**-2, prior.u_bend**-2]), np.array([0.0, power, prior.bend])
     weight = np.linalg.inv(values.covariance)

@@ -1,4 +1,4 @@
-"""Warnings of a route to an index: missing uncertainties, assumptions, and negative k."""
+"""Warnings about a route to an index: missing uncertainties, assumptions, and negative k."""
 
 from collections.abc import Mapping, Sequence
 
@@ -36,7 +36,7 @@ def too_bright(result: FloatArray, k: Combined) -> list[Caution]:
 
 
 def assumed(t: FloatArray) -> Caution:
-    """Return a warning with the effect on n of assuming k = 0, at the transmittance in the middle."""
+    """Return a warning with the effect on n of assuming k = 0, at the median transmittance."""
     assumption = "lossless: k = 0 is assumed, so n is an upper bound"
     if not t.size:
         return look_at(assumption)
@@ -74,7 +74,7 @@ def _options(names: Sequence[str]) -> str:
 
 
 def about_substrate(inverse: Inverse, n: Estimate, read: Mapping[str, Reading], setup: Setup) -> list[Caution]:
-    """Return warnings about the effect on n of errors of readings and substrate, and about missing inputs."""
+    """Return warnings about the effect of reading and substrate errors on n, and about missing inputs."""
     warnings, at = [], np.flatnonzero(n.known)
     i = at[at.size // 2] if at.size else None
     if i is not None:
@@ -86,7 +86,7 @@ def about_substrate(inverse: Inverse, n: Estimate, read: Mapping[str, Reading], 
         warnings.append(look_at(f"{unknown}: state it with {_options(names)}, or provide repeats"))
     u_sheet = np.broadcast_to(np.asarray(setup.substrate.u_n), n.value.shape)
     if not (u_sheet > 0).any():
-        warnings.append(look_at("the substrate's index is assumed exact: an error of it affects n almost one to one"))
+        warnings.append(look_at("the substrate's index is assumed exact: any error in it affects n almost one to one"))
     if i is not None and (part := abs(float(inverse.n_by["sheet_n"][i] * u_sheet[i]))) ** 2 > float(n.u[i]) ** 2 / 2:
         warnings.append(
             look_at(

@@ -1,21 +1,20 @@
-"""The routes from spectra of a layer to its index; each states its assumptions.
+"""The routes from spectra of a layer to its index; each documents its assumptions.
 
 - **measured**: R and T, each measured. The only route that measures both n and k.
 - **absorptance**: R = 1 − T − A with A the *absorptance*, the fraction of power absorbed in the layer, measured with
-  an integrating sphere. An error of T also changes R: 0.1 % of T changes n by 0.0042 near n = 1.5.
+  an integrating sphere. An error in T also changes R: 0.1 % of T changes n by 0.0042 near n = 1.5.
 - **as-published**: R = 1 − T − A with A the *absorbance* −log10 T, as a spectrophotometer exports it. R is then a
-  function of T alone and n is no measurement; the route reproduces numbers published in this way and labels them.
+  function of T alone and n is not a measurement; the route reproduces and labels numbers published in this way.
 - **lossless**: T alone, with k = 0 assumed: T = 2n/(n² + 1). Absorption or scattering in the layer raises this n.
 
 `measured` and `lossless` accept a `Setup` for a layer on its substrate. Near n = 1.5 on PET, an error of 0.001 in R
-changes n by 0.009, an error of 0.1 % in T changes the lossless n by as much, and an error of the substrate's index is
+changes n by 0.009, an error of 0.1 % in T changes the lossless n by as much, and an error in the substrate's index is
 transferred to n one to one, because the layer's reflectance is seen against that of the bare sheet. An index on a
 substrate is masked if it cannot be distinguished from the second one that fits the same readings, or if more light came
 out than went in.
 
-The interface is `measured`, `absorptance`, `as_published` and `lossless`, each returning an `IndexSpectrum`;
-`extinction_on_substrate` for a layer with a known index; and `is_absorbance`, which recognises an absorbance that was
-used as an absorptance.
+`measured`, `absorptance`, `as_published` and `lossless` return an `IndexSpectrum`; `extinction_on_substrate` evaluates
+a layer with a known index; and `is_absorbance` recognises an absorbance that was used as an absorptance.
 """
 
 from collections.abc import Mapping
@@ -58,7 +57,7 @@ class _Input:
     t_by: float
 
     def slope(self, by: Slopes) -> FloatArray:
-        """Return the derivative with respect to the input; infinite ones are ignored where R or T has no effect."""
+        """Return the derivative with respect to the input; infinite values are ignored if R or T has no effect."""
         r_part = by["R"] * self.r_by if self.r_by else 0.0
         return r_part + (by["T"] * self.t_by if self.t_by else np.zeros_like(by["T"]))
 
@@ -107,7 +106,7 @@ def absorptance(wavelength_nm: ArrayLike, transmittance: Reading, share: Reading
 def as_published(wavelength_nm: ArrayLike, transmittance: Reading, thickness: Length) -> IndexSpectrum:
     """Return the numbers from R = 1 − T − A with the absorbance −log10 T as A, for comparison with published ones.
 
-    They are no index and have no uncertainty: one of T would not be one of n.
+    They are not an index and have no uncertainty: the uncertainty of T would not be one of n.
     """
     t = transmittance.value
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -167,12 +166,12 @@ def extinction_on_substrate(
     *,
     u_n: ArrayLike = 0.0,
 ) -> Estimate:
-    """Return the extinction of a layer on its substrate from T and an index known from elsewhere.
+    """Return the extinction of a layer on its substrate from T and an index measured by other means.
 
     Parameters
     ----------
     n, u_n
-        The layer's index and its standard uncertainty, one error common to all wavelengths.
+        The layer's index and its standard uncertainty, a single error common to all wavelengths.
     """
     nm, t = np.asarray(wavelength_nm, dtype=float), transmittance.value
     found = extinction(t, n, nm, thickness.um, setup)
@@ -187,7 +186,7 @@ def is_absorbance(
 ) -> bool:
     """Whether A is −ln T over ``base`` rather than an absorptance: the two agree to 2 % at most wavelengths.
 
-    With a tolerance of 0 they must agree to rounding, as if one was computed from the other.
+    With a tolerance of 0 they must agree to within rounding error, as if one was computed from the other.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         expected = -np.log(np.where(transmittance > 0.0, transmittance, np.nan)) / base
@@ -199,7 +198,7 @@ def is_absorbance(
 
 
 def no_reflectance(what: str, wavelength_nm: ArrayLike, transmittance: Reading) -> DataError:
-    """Return the error for a measured index if only T is known; it states the index from T alone."""
+    """Return the error for a measured index if only T is known; it reports the index from T alone."""
     found, nm = lossless_in_air(transmittance), np.asarray(wavelength_nm, dtype=float)
     at = np.flatnonzero(found.known)
     instead = ""
@@ -219,7 +218,7 @@ def no_reflectance(what: str, wavelength_nm: ArrayLike, transmittance: Reading) 
 def _in_air(
     mode: str, wavelength_nm: ArrayLike, r: FloatArray, t: FloatArray, inputs: Mapping[str, _Input], thickness: Length
 ) -> IndexSpectrum:
-    """Return the index of a free-standing layer from R and T as they follow from the inputs."""
+    """Return the index of a free-standing layer from R and T computed from the inputs."""
     index, by = invert(r, t, thickness.um, wavelength_nm), slopes(r, t, thickness.um, wavelength_nm)
     read = {name: one.reading for name, one in inputs.items()}
     n_by, k_by = (

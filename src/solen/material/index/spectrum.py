@@ -41,12 +41,12 @@ class Estimate:
 
     @property
     def known(self) -> BoolArray:
-        """Where the value is not masked."""
+        """Whether each value is not masked."""
         return np.asarray(self.why == Why.FINE)
 
     @property
     def without_u(self) -> "Estimate":
-        """Return the same values without uncertainty."""
+        """Return the same values without their uncertainty."""
         nothing = np.full(self.value.shape, np.nan)
         none = np.empty((0, nothing.size))
         gone = {"u": nothing, "u_random": nothing, "u_common": nothing, "u95": nothing, "scatter": nothing}
@@ -97,7 +97,7 @@ class IndexSpectrum:
 
     @property
     def reason(self) -> tuple[str | None, ...]:
-        """Reason why n or k is masked at each wavelength, in words; None if neither is."""
+        """Reason why n or k is masked at each wavelength, in words, or None if neither is."""
         return reasons(self.n.why, self.k.why)
 
 
@@ -118,6 +118,6 @@ def estimate(value: FloatArray, u: Combined, why: Codes) -> Estimate:
 
 
 def nothing(why: Codes) -> Estimate:
-    """Return an estimate without any known value, with a reason."""
+    """Return an estimate in which every value is masked for the same reason."""
     none = np.full(why.shape, np.nan)
     return Estimate(none, none, none, none, none, none, np.empty((0, why.size)), why)

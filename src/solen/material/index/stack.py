@@ -1,20 +1,20 @@
 """Forward model of spectrophotometer readings on a printed layer, free-standing or on its substrate.
 
-Light between the faces of a layer much thicker than its coherence length adds by power. Two neighbouring pieces of a
-stack combine by a geometric series, T = Ta Tb / (1 − Ra' Rb), and so does any number of them. For one layer in air,
-with F the reflectance of a face and τ the transmittance of one pass, the result is
+Light between the faces of a layer much thicker than its coherence length adds by power. Two neighbouring elements of a
+stack combine by a geometric series, T = Ta Tb / (1 − Ra' Rb), and so does any number of them. For a single layer in
+air, with F the reflectance of a face and τ the transmittance of one pass, the result is
 
     T = (1 − F)² τ / (1 − F² τ²),   R = F (1 + τ T).
 
-F. Nichelatti, J. Opt. A 4, 400 (2002), doi:10.1088/1464-4258/4/4/306. An instrument with a 100 % reading of the bare
-substrate states the ratio to that reading, which for a lossless layer on PET is above 1, because the layer acts as an
-antireflection coating.
+F. Nichelatti, J. Opt. A 4, 400 (2002), doi:10.1088/1464-4258/4/4/306. An instrument whose 100 % reading is that of the
+bare substrate reports the ratio to that reading, which for a lossless layer on PET is above 1, because the layer acts
+as an antireflection coating.
 
-The interface is `forward` for one layer in air, `incoherent` for any layers, and `on_substrate` for the instrument's
-readings of a layer on a substrate, as described by a `Setup`. The model assumes normal incidence, thick layers (no
-fringes, no scattering), and k ≪ n, so that an interface absorbs no light. All functions broadcast and are analytic in
-their arguments, so that the complex-step method gives exact derivatives. The inverse is in
-`solen.material.index.inversion` and `solen.material.index.substrate`.
+`forward` models a single layer in air, `incoherent` any layers, and `on_substrate` the instrument readings for a layer
+on a substrate, as described by a `Setup`. The model assumes normal incidence, thick layers (no fringes, no scattering),
+and k ≪ n, so that an interface absorbs no light. All functions broadcast and are analytic in their arguments, so that
+the complex-step method gives exact derivatives. The inverse is in `solen.material.index.inversion` and
+`solen.material.index.substrate`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,7 +35,7 @@ Baseline = Literal["substrate", "air"]
 
 
 class Powers(NamedTuple):
-    """Fractions of power of a piece: front reflectance, transmittance in either direction, back reflectance."""
+    """Power fractions of an element: front reflectance, transmittance in either direction, back reflectance."""
 
     front: Numbers
     through: Numbers
@@ -60,7 +60,7 @@ def internal_transmittance(k: ArrayLike, thickness_um: ArrayLike, wavelength_nm:
 
 
 def joined(left: Powers, right: Powers) -> Powers:
-    """Combine two pieces into one, summing all reflections between them by power."""
+    """Combine two elements into one, summing all reflections between them by power."""
     sent = 1 / (1 - left.back * right.front)
     return Powers(
         left.front + left.through**2 * right.front * sent,
@@ -124,12 +124,12 @@ class Substrate:
     Attributes
     ----------
     n, k
-        Index and extinction at the wavelengths of the measurement, or one number for all.
+        Index and extinction at the wavelengths of the measurement, or a single number for all.
     thickness_um
         Thickness of the sheet.
     u_n, u_k, u_thickness_um
-        Standard uncertainties, each from one error common to all wavelengths. For PET the one of n dominates: sheet is
-        near 1.57 at 590 nm, drawn film near 1.64 in its plane.
+        Standard uncertainties, each from a single error common to all wavelengths. For PET that of n dominates: pressed
+        sheet has an index near 1.57 at 590 nm, drawn film one near 1.64 in its plane.
     """
 
     n: ArrayLike
@@ -140,7 +140,7 @@ class Substrate:
     u_thickness_um: float = 0.0
 
     def __post_init__(self) -> None:
-        """Reject impossible sheets."""
+        """Reject impossible sheet properties."""
         if not (np.isfinite(self.thickness_um) and self.thickness_um > 0):
             raise DataError("substrate thickness", value=self.thickness_um, limit="must be above 0 µm")
         for name, least in (("n", 1.0), ("k", 0.0), ("u_n", 0.0), ("u_k", 0.0), ("u_thickness_um", 0.0)):
@@ -151,7 +151,7 @@ class Substrate:
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """Conditions of the measurement of a layer on its substrate.
+    """Conditions under which a layer on its substrate was measured.
 
     Attributes
     ----------
@@ -160,9 +160,9 @@ class Setup:
     side
         Side that the light meets first. T does not depend on it; R does.
     baseline, baseline_r
-        Reference of the 100 % of T, and of R: the bare substrate, or air (for R: a calibrated mirror).
+        Reference for 100 % transmittance and reflectance: the bare substrate, or air (for R: a calibrated mirror).
     near
-        Expected index; of two indices that fit the readings, the one nearer to it is returned.
+        Expected index; if two indices fit the readings, the nearer one is returned.
     """
 
     substrate: Substrate

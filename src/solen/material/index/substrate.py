@@ -1,16 +1,15 @@
-"""Inversion of the instrument's readings of a layer on its substrate to the layer's n and k.
+"""Inversion of the instrument readings for a layer on its substrate to the layer's n and k.
 
 T determines the loss of one pass for any assumed n, in closed form, so R becomes a function of n alone. It falls from
 its value on the bare substrate at n = 1 to a minimum near the square root of the substrate's index, and rises again, so
-two indices fit one pair of readings. Both are found on a grid and refined by Newton's method; the one nearer to an
-expected index is the result, and the other is reported too.
+two indices fit each pair of readings. Both are found on a grid and refined by Newton's method; the result is the one
+nearer to an expected index, and the other is reported too.
 
-T alone is one number and gives one result: an index if the layer is lossless, which is an upper bound if it is not; or
-k if the index is known from elsewhere.
+T alone gives a single result: an index if the layer is lossless, which is an upper bound if it is not; or k if the
+index was measured by other means.
 
-The interface is `invert_on_substrate`, `invert_lossless` and `extinction`. Each returns an `Inverse`, with exact
-derivatives with respect to all inputs, and masks only what has no value; `solen.material.index.routes` applies further
-masks.
+`invert_on_substrate`, `invert_lossless` and `extinction` return an `Inverse`, with exact derivatives with respect to
+all inputs, and mask only values that do not exist; `solen.material.index.routes` applies further masks.
 """
 
 import dataclasses
@@ -40,7 +39,7 @@ _STEP = 1e-30  # a complex step without cancellation
 
 @dataclass(frozen=True, eq=False)
 class _Case:
-    """All inputs of the forward model except n and k of the layer; arrays of one shape, or numbers."""
+    """All inputs of the forward model except n and k of the layer; arrays of the same shape, or numbers."""
 
     wavelength_nm: FloatArray
     sheet_n: Numbers
@@ -86,7 +85,7 @@ class _Case:
 def invert_on_substrate(
     transmittance: ArrayLike, reflectance: ArrayLike, wavelength_nm: ArrayLike, thickness_um: float, setup: Setup
 ) -> Inverse:
-    """Return the index and extinction of a layer on a substrate from T and R as the instrument states them.
+    """Return the index and extinction of a layer on a substrate from the instrument's T and R.
 
     Parameters
     ----------
@@ -150,12 +149,12 @@ def most_transmitted(wavelength_nm: ArrayLike, setup: Setup) -> FloatArray:
 def extinction(
     transmittance: ArrayLike, n: ArrayLike, wavelength_nm: ArrayLike, thickness_um: float, setup: Setup
 ) -> Inverse:
-    """Return the extinction of a layer on a substrate from T and an index known, for example, from a refractometer.
+    """Return the extinction of a layer on a substrate from T and an index measured, for example, with a refractometer.
 
     Parameters
     ----------
     n
-        The layer's index, one number or one for each wavelength.
+        The layer's index, a single number or one for each wavelength.
     transmittance, wavelength_nm, thickness_um, setup
         As for `invert_on_substrate`.
     """
@@ -175,7 +174,7 @@ def _rows(*values: ArrayLike) -> tuple[FloatArray, ...]:
     arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(value, dtype=float)) for value in values))
     if arrays[0].ndim != 1:
         raise DataError(
-            "spectra", value=arrays[0].shape, limit="must each be one row", remedy="invert each row separately"
+            "spectra", value=arrays[0].shape, limit="must each be a single row", remedy="invert each row separately"
         )
     return tuple(np.array(array) for array in arrays)
 

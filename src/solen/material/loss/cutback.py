@@ -1,12 +1,12 @@
 """Loss of a guide by cut-back: the slope of level against length, with its interval.
 
-Light loses the same fraction in every centimetre, so the received level in dB falls along a straight line with length.
-Its slope is the loss; its value at length zero contains the effect of the ends and the coupling, so neither has to be
-known. A repeated reading of one guide has the same coupling and flaws: the interval therefore counts pieces, a piece
-being a guide at a length. Outliers are set aside by a stated rule and named, with the result that includes them. The
-loss is per length of guide: the longer paths of slanted rays and scattering at the walls are included.
+Light loses the same fraction in every centimetre, so the received level in dB falls linearly with length. The slope is
+the loss; the value at length zero contains the effect of the ends and the coupling, which therefore need not be known.
+Repeated readings of a guide share its coupling and flaws, so the interval counts pieces, a piece being a guide at one
+length. Outliers are excluded by a documented rule and named, with the result that includes them. The loss is per length
+of guide: the longer paths of slanted rays and scattering at the walls are included.
 
-The interface is `cut_back`, which returns a `GuideLoss`.
+`cut_back` returns a `GuideLoss`.
 """
 
 from collections.abc import Sequence
@@ -25,13 +25,13 @@ from solen.recording import Measured
 from solen.results import HIDDEN, Result, reported
 
 MOST_OUTLIERS = 0.2
-"""Fraction of the pieces that may be set aside; one piece always may be."""
+"""Maximum fraction of the pieces that may be excluded; one piece may always be excluded."""
 LARGEST_NUMBER = 10
-"""Largest number of pieces that may be set aside."""
+"""Maximum number of pieces that may be excluded."""
 SIGNIFICANCE = 0.05
-"""Probability below which a difference or a curvature is reported."""
+"""A difference or a curvature is reported if its p-value is below this probability."""
 LAYER_UM, U_T = 25.0, 1e-3
-"""Thickness of the paper's layer, and uncertainty of the transmittance of a good spectrophotometer."""
+"""Thickness of the paper's layer, and the uncertainty of a good spectrophotometer's transmittance."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Line(Result, kw_only=True):
     Attributes
     ----------
     orientation
-        Build orientation of its guides; empty for all.
+        Build orientation of the guides; empty for all.
     loss_dB_per_cm, u_loss_dB_per_cm, interval95_loss_dB_per_cm
         Loss, which is minus the slope, with its standard uncertainty and 95 % interval.
     start_dB, u_start_dB, interval95_start_dB
@@ -67,7 +67,7 @@ class Line(Result, kw_only=True):
     covariance
         Covariance of start and slope.
     degrees_of_freedom, start_degrees_of_freedom
-        Degrees of freedom of the intervals of slope and start.
+        Degrees of freedom of the intervals for the slope and the start.
     guides, pieces, lengths
         Number of guides, pieces and different lengths.
     launched_dB
@@ -91,12 +91,12 @@ class Line(Result, kw_only=True):
 
     @reported
     def absorption_per_mm(self) -> float | None:
-        """Absorption of power per mm of guide, base e; None if the loss is not positive."""
+        """Absorption coefficient of the guide per mm, base e; None if the loss is not positive."""
         return absorption_per_mm(self.loss_dB_per_cm) if self.loss_dB_per_cm > 0.0 else None
 
     @reported
     def u_absorption_per_mm(self) -> float | None:
-        """Standard uncertainty of the absorption; None if the loss is not positive."""
+        """Standard uncertainty of the absorption coefficient; None if the loss is not positive."""
         return absorption_per_mm(self.u_loss_dB_per_cm) if self.loss_dB_per_cm > 0.0 else None
 
     @reported
@@ -134,32 +134,31 @@ class Line(Result, kw_only=True):
 
 
 class GuideLoss(Line, Measured, kw_only=True):
-    """Loss of guides: a common line with one slope and a separate start for each orientation.
+    """Loss of guides: a common line with a single slope and a separate start for each orientation.
 
     Attributes
     ----------
     start_dB
-        Mean of the starts of the orientations.
+        Mean start over the orientations.
     by_orientation
-        Line of each orientation that has a slope; empty if none is stated, or there are too few pieces.
+        Line for each orientation that has a slope; empty without orientations, or if there are too few pieces.
     p_orientation
-        Probability of slopes this different if orientation has no effect; None with fewer than two.
+        Probability of slopes this different if orientation has no effect; None with fewer than two orientations.
     p_curved, curvature_dB_per_cm2
-        Probability of such a curvature by chance, and the second derivative; None if there are too few lengths or
-        pieces.
+        Probability of this curvature by chance, and the second derivative; None if there are too few lengths or pieces.
     points
         All pieces, including outliers.
     outliers, with_outliers
         Omitted pieces, and the line that includes them; None without any.
     sd_piece_dB, sd_guide_dB, sd_reading_dB
         Standard deviations: of pieces about the line; of the starts of guides that were cut to several lengths; of
-        readings about their piece (None if none was repeated).
+        readings about the mean of their piece (None if none was repeated).
     wavelength_nm
-        Wavelength of the light, as stated.
+        Wavelength of the light, as specified.
     power_unit
         Unit of the readings; None if they are proportional to power.
     dark
-        Stated reading without light, in that unit.
+        Specified reading without light, in that unit.
     falls_with_light
         Whether light lowers the readings.
     """
@@ -212,7 +211,7 @@ def cut_back(
     length_mm, level_dB
         Length and level of each reading, shape (n,); levels as from `solen.material.loss.levels.levels_dB`.
     guide
-        The guide of each reading; without it all readings at one length (and orientation) count as one guide.
+        The guide of each reading; without it, all readings at one length (and orientation) count as a single guide.
     orientation
         Build orientation of each reading.
     keep_all
@@ -256,7 +255,7 @@ def cut_back(
 
 
 def _bad(table: Table) -> dict[int, float]:
-    """Return outliers, each with its t; the lines against which they are tested have a slope for each orientation."""
+    """Return outliers, each with its t, tested against lines with a slope for each orientation."""
     count = len(table.pieces)
     spare = count - table.separate_slopes(np.ones(count, bool)).shape[1]
     most = min(max(1, int(MOST_OUTLIERS * count)), spare - 2, LARGEST_NUMBER)
@@ -285,7 +284,7 @@ def _common_line(table: Table, fit: LinearFit, keep: BoolArray, launched_dB: flo
 def _line(
     table: Table, fit: LinearFit, keep: BoolArray, start: FloatArray, slope: FloatArray, orientation: str = ""
 ) -> Line:
-    """Return the line whose start and slope are these combinations of a fit's parameters."""
+    """Return the line whose start and slope are the given combinations of a fit's parameters."""
     return Line(
         orientation=orientation,
         loss_dB_per_cm=float(slope @ fit.parameters),
@@ -337,7 +336,7 @@ def _chance(fit: LinearFit, contrasts: FloatArray) -> float:
 
 
 def _curved(table: Table, keep: BoolArray) -> tuple[float | None, float | None]:
-    """Return the probability of such a curvature by chance, and the second derivative of the level; None if unknown."""
+    """Return the probability of this curvature by chance, and the second derivative of the level; None if unknown."""
     design, cm = table.separate_slopes(keep), table.cm[keep]
     bent = np.column_stack([design, (cm - cm.mean()) ** 2])
     if len(cm) <= bent.shape[1] or np.linalg.matrix_rank(bent) < bent.shape[1]:

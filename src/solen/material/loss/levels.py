@@ -1,9 +1,9 @@
 """Power readings as levels in dB, and conversion of loss to other units.
 
 Only ratios of powers count, so readings in mW, volts or counts are equally suitable if they are proportional to the
-light, after the dark reading is subtracted.
+light after the dark reading is subtracted.
 
-The interface is `levels_dB`, `full_level_dB`, `absorption_per_mm` and `smallest_loss_dB_per_cm`.
+Public names: `levels_dB`, `full_level_dB`, `absorption_per_mm` and `smallest_loss_dB_per_cm`.
 """
 
 import math
@@ -24,12 +24,12 @@ _SHOWN = 3
 
 
 def absorption_per_mm(loss_dB_per_cm: float) -> float:
-    """Return the absorption of power per mm, base e, that corresponds to a loss in dB/cm."""
+    """Return the absorption coefficient per mm, base e, that corresponds to a loss in dB/cm."""
     return loss_dB_per_cm / DB_PER_NEPER / MM_PER_CM
 
 
 def smallest_loss_dB_per_cm(thickness_um: float, u_T: float) -> float:
-    """Return the loss in dB/cm that absorbs a fraction ``u_T`` of the light in a layer, the smallest visible there.
+    """Return the loss in dB/cm that absorbs a fraction ``u_T`` of the light in a layer, the smallest visible loss.
 
     0.1 % over 25 µm is 0.4 per cm or 1.7 dB/cm.
     """
@@ -49,8 +49,8 @@ def levels_dB(readings: ArrayLike, unit: str, dark: float | None = None) -> Floa
     unit
         ``dBm`` or ``dB`` for logarithmic readings; readings in any other unit are assumed proportional to power.
     dark
-        Reading without light, in the same unit. If all readings are below it, the receiver pulls its voltage down as
-        the light gets brighter, and the signal is the drop.
+        Reading without light, in the same unit. If all readings are below it, light lowers the receiver's voltage, and
+        the signal is the drop.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def levels_dB(readings: ArrayLike, unit: str, dark: float | None = None) -> Floa
 
 
 def pulls_down(readings: ArrayLike, unit: str, dark: float | None) -> bool:
-    """Whether light lowers the readings: all are below the dark one."""
+    """Whether light lowers the readings: all are below the dark reading."""
     return dark is not None and unit not in LOGARITHMIC and bool(np.all(np.asarray(readings, float) < dark))
 
 

@@ -1,8 +1,9 @@
 """Pieces of guide, the units that an interval counts, and the straight lines through them.
 
-A guide at a length is one piece, regardless of the number of readings. Lines differ in their slopes:
-`Table.common_slope` has one slope for all pieces and a start for each orientation, `Table.separate_slopes` one slope
-for each orientation. A guide that was cut to several lengths contributes its own start and slope, as random effects.
+A guide at one length is a single piece, regardless of the number of readings. Lines differ in their slopes:
+`Table.common_slope` has a single slope for all pieces and a start for each orientation, `Table.separate_slopes` one
+slope for each orientation. A guide that was cut to several lengths contributes its own start and slope, as random
+effects.
 """
 
 import math
@@ -78,7 +79,7 @@ def pieces_of(
 
 @dataclass(frozen=True)
 class Table:
-    """Pieces as arrays; a mask selects those for a line."""
+    """Pieces as arrays; a mask selects the pieces for a line."""
 
     pieces: tuple[Piece, ...]
 
@@ -103,15 +104,15 @@ class Table:
         return np.array([piece.orientation for piece in self.pieces])
 
     def orientations(self, keep: BoolArray) -> list[str]:
-        """Return the orientations of these pieces."""
+        """Return the orientations of the selected pieces."""
         return list(dict.fromkeys(self.orientation[keep].tolist()))
 
     def lengths(self, keep: BoolArray) -> list[float]:
-        """Return the different lengths of these pieces in cm, ascending."""
+        """Return the different lengths of the selected pieces in cm, ascending."""
         return sorted(set(self.cm[keep].tolist()))
 
     def sloped(self, keep: BoolArray) -> list[str]:
-        """Return the orientations with at least two lengths among these pieces."""
+        """Return the orientations with at least two lengths among the selected pieces."""
         return [
             orientation
             for orientation in self.orientations(keep)
@@ -119,7 +120,7 @@ class Table:
         ]
 
     def cut(self, keep: BoolArray) -> int:
-        """Return the number of guides among these pieces that were cut to several lengths."""
+        """Return the number of selected guides that were cut to several lengths."""
         guides = [guide for guide, kept in zip(self.guide, keep.tolist(), strict=True) if kept]
         return sum(guides.count(guide) > 1 for guide in set(guides))
 
@@ -133,7 +134,7 @@ class Table:
         return np.column_stack([self._starts(keep), *slopes])
 
     def fit(self, design: FloatArray, keep: BoolArray) -> LinearFit:
-        """Fit a design matrix to these pieces."""
+        """Fit a design matrix to the selected pieces."""
         guide = [self.guide[index] for index in np.flatnonzero(keep)]
         of = (None, self.cm[keep] - self.cm[keep].mean()) if self.cut(keep) > 1 else (None,)
         effects = [effect for by in of if (effect := shared(guide, by)) is not None]

@@ -1,7 +1,6 @@
-"""Loss of a guide from a recording: columns of lengths, powers, guides and orientations, and their units.
+"""Loss of a guide from a recording: length, power, guide and orientation columns, and their units.
 
-The interface is `guide_loss`, which accepts a recording and `CutbackOptions`, and `readings`, which returns the rows
-used.
+`guide_loss` evaluates a recording with `CutbackOptions`; `readings` returns the rows used.
 """
 
 import math
@@ -53,7 +52,7 @@ class CutbackOptions(RowOptions):
     launched: Finite | None = None
     """Power launched into the guides, in that unit; adds the coupling loss."""
     wavelength_nm: Wavelength | None = None
-    """Wavelength of the light, stated in the result; default: the one that the table states for all rows."""
+    """Wavelength of the light, reported in the result; default: the one that the table gives for all rows."""
     keep_all: bool = False
     """Keep outliers."""
 
@@ -92,7 +91,7 @@ def guide_loss(recording: Recording, options: CutbackOptions = CutbackOptions())
     Raises
     ------
     DataError
-        If there is no column of lengths or powers, or no loss with an uncertainty follows.
+        If there is no length or power column, or no loss with an uncertainty follows.
     """
     recording = stacked_replicates(chosen_rows(recording, options), POWERS, REPEATS)
     rows = readings(recording, options.unit, options.dark)
@@ -156,7 +155,7 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
 
 
 def _unit(channel: Channel, stated: str | None) -> tuple[str, list[Caution]]:
-    """Return the unit of the powers in solen's spelling, and warnings about it."""
+    """Return the power unit in solen's spelling, and warnings about it."""
     given = (stated if stated is not None else channel.unit).strip()
     logarithm = {"dbm": "dBm", "db": "dB"}.get(given.casefold())
     if logarithm:
@@ -171,7 +170,7 @@ def _unit(channel: Channel, stated: str | None) -> tuple[str, list[Caution]]:
         return _SHARES[share], []
     if not is_unit(given) or all(factor(given, unit) is None for unit in _LINEAR):
         limit = "must be a unit of power, voltage or current, %, 1, dB, dBm, or relative"
-        raise DataError(f"unit of {channel.name}", value=given, limit=limit, remedy="state it with --unit")
+        raise DataError(f"unit of {channel.name}", value=given, limit=limit, remedy="specify it with --unit")
     return given, []
 
 
@@ -193,7 +192,7 @@ def _launch_unknown(launched_dB: float | None) -> list[Caution]:
 
 
 def _refuse_rising(loss: GuideLoss, rows: Readings, dark: float | None) -> None:
-    """Raise if voltages certainly rise with the length, as those of a receiver that light pulls down."""
+    """Raise if voltages significantly rise with the length, as from a receiver whose output light pulls down."""
     if rows.unit in _VOLTS and dark is None and loss.interval95_loss_dB_per_cm[1] < 0.0:
         limit = "rise with the guide's length: light lowers them, as with a phototransistor that pulls its output down"
         top = f"{float(np.max(rows.values)):.3g} {rows.unit} or above"
@@ -202,7 +201,7 @@ def _refuse_rising(loss: GuideLoss, rows: Readings, dark: float | None) -> None:
 
 
 def _unusual(loss: GuideLoss, length_unit: str) -> list[Caution]:
-    """Return a warning if the result suggests swapped columns or a wrong unit of length."""
+    """Return a warning if the result suggests swapped columns or a wrong length unit."""
     if loss.loss_dB_per_cm <= PLAUSIBLE_DB_PER_CM:
         return []
     _, longest = loss.lengths_mm
