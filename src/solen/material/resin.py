@@ -1,13 +1,13 @@
-"""Resins: files that state a material's index and loss, a small library of them, and the numbers for a design.
+"""Resins: files that describe a material's index and loss, a small library of them, and the numbers for a design.
 
 A resin is data with a source. Its file is TOML with ``schema = 1``, a ``name``, a ``source``, and a table for each
-known property: an ``[index]`` of one of the kinds of `solen.material.dispersion`, a ``[loss]``, a ``[cure]``, a
-``[stiffness]``, a ``[[formulation]]`` by weight and the measured files as ``[[sources]]``. A design names a resin of
-the library or a file; the index is evaluated at its emitter's wavelength, and an index that was not measured is
-reported with a warning.
+known property: an ``[index]`` of one of the kinds in `solen.material.dispersion`, a ``[loss]``, a ``[cure]``, a
+``[stiffness]``, a ``[[formulation]]`` by weight and the measured files as ``[[sources]]``. A design names a resin from
+the library or a file; the index is evaluated at the wavelength of the design's emitter, and an index that was not
+measured is reported with a warning.
 
-The interface is `load_resin`, `library` and `library_resin`; `dumps_resin`, which writes a file; and `optical`, which
-returns the numbers of a design's material.
+`load_resin`, `library` and `library_resin` read resins; `dumps_resin` writes a file; and `optical` returns the numbers
+for a design's material.
 """
 
 from dataclasses import dataclass, field
@@ -41,11 +41,11 @@ from solen.spec.strict import (
 RESIN_SCHEMA = 1
 RESIN_MIGRATIONS: Migrations = {}  # old version -> function that converts its tables to the next version
 FAR_FROM_LOSS_NM = 20.0
-"""Largest difference from the wavelength of a loss without a warning."""
+"""Largest difference between a wavelength and that of the loss measurement that causes no warning."""
 MEASURED = ("index", "loss", "cure", "stiffness")
 """Tables from measurements, which may have warnings."""
 WHOLE, OFF_WHOLE = 100.0, 0.1
-"""Sum of the parts of a formulation, and its largest deviation from rounding of the percentages."""
+"""Sum of the parts of a formulation, and its largest deviation due to rounded percentages."""
 
 Interval = tuple[Number, Number]
 
@@ -98,7 +98,7 @@ class Cure(Strict):
 
 
 class Stiffness(Strict):
-    """Young's modulus over a stated strain range, and the hyperelastic model fitted to the whole curve."""
+    """Young's modulus over a specified strain range, and the hyperelastic model fitted to the complete curve."""
 
     table: ClassVar[str] = "stiffness"
     error: ClassVar[type[SolenError]] = DataError
@@ -184,7 +184,7 @@ class Resin(Strict):
         return self
 
     def has(self, table: str) -> bool:
-        """Whether the resin states a table."""
+        """Whether the resin contains a table."""
         return table in self.model_fields_set
 
     @property
@@ -193,7 +193,7 @@ class Resin(Strict):
         return self.cautions(*MEASURED)
 
     def cautions(self, *tables: str) -> tuple[Caution, ...]:
-        """Return warnings about some of its tables: simulated data, and the warnings stored with each."""
+        """Return warnings about the given tables: simulated data, and the warnings stored with each table."""
         simulated = [source.of for source in self.sources if source.simulated and source.of in tables]
         warnings = [of(name, look_at("from simulated data, not measured")) for name in dict.fromkeys(simulated)]
         stated = {name: table.warnings for name in tables if (table := getattr(self, name)) is not None}
@@ -201,7 +201,7 @@ class Resin(Strict):
 
 
 def _refuse_parts(parts: tuple[Part, ...]) -> None:
-    """Raise unless the parts of a formulation have different names and add up to the whole."""
+    """Raise unless the parts of a formulation have different names and add up to 100 %."""
     names = [part.component for part in parts]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
@@ -221,13 +221,13 @@ class Optical:
     index, u_index
         Refractive index and its standard uncertainty (None if unknown).
     absorption_per_mm
-        Absorption of power per mm, base e.
+        Absorption coefficient per mm, base e.
     source
         Origin of the numbers, in words.
     dispersion
-        Index by wavelength, for light with a spectrum; None if only a single number is known.
+        Index against wavelength, for light with a spectrum; None if only a single number is known.
     u_absorption_per_mm
-        Standard uncertainty of the absorption, None if unknown.
+        Standard uncertainty of the absorption coefficient; None if unknown.
     warnings
         Warnings about these numbers, one sentence each.
     """
@@ -242,12 +242,12 @@ class Optical:
 
     @reported
     def mode(self) -> str | None:
-        """How the index was determined; None if not stated."""
+        """How the index was determined; None if not specified."""
         return None if self.dispersion is None else self.dispersion.mode or None
 
 
 def load_resin(path: Path | str) -> Resin:
-    """Read the resin of a file.
+    """Read a resin from a file.
 
     Raises
     ------
@@ -283,14 +283,14 @@ def library() -> tuple[str, ...]:
 
 
 def library_resin(name: str) -> Resin:
-    """Return a resin of the library; `DataError` with the nearest name if there is none with this name."""
+    """Return a resin from the library; `DataError` with the nearest name if there is none with this name."""
     return _library().shipped(name)
 
 
 def optical(design: Design) -> Optical:
-    """Return index, uncertainty and absorption of a design's material at its emitter's wavelength.
+    """Return index, uncertainty and absorption of a design's material at the wavelength of the design's emitter.
 
-    An absorption stated in the design overrides the resin's.
+    An absorption coefficient in the design overrides the resin's.
 
     Raises
     ------
@@ -333,7 +333,7 @@ def _overruled(material: Material, resin: Resin) -> list[Caution]:
 
 
 def resin_of(name: str, path: Path | None) -> Resin:
-    """Return the resin of a file, or of the library by name."""
+    """Return a resin from a file, or from the library by name."""
     return library_resin(name) if path is None else load_resin(path)
 
 

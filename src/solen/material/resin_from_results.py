@@ -1,7 +1,6 @@
-"""A resin from result files of other commands (`solen.material.result_files`).
+"""A resin from the result files of other commands (`solen.material.result_files`).
 
-The interface is `gather`, which builds a `Resin` from files and `BuildOptions`, and `lamp_fit`, which returns the law
-with the spectrum of a lamp.
+`gather` builds a `Resin` from files and `BuildOptions`; `lamp_fit` returns the law with the spectrum of a lamp.
 """
 
 from collections.abc import Mapping
@@ -35,7 +34,7 @@ class BuildOptions(Selection):
     name: str
     """Name of the resin."""
     formulation: str = ""
-    """Components with their fractions of the whole by weight, "RA-139:75,lauryl acrylate:25"."""
+    """Components with their fractions of the mixture by weight, "RA-139:75,lauryl acrylate:25"."""
     source: str = ""
     """Origin of the numbers, in words."""
     note: str = ""
@@ -110,7 +109,7 @@ def lamp_fit(path: Path, curve: WorkingCurve) -> InLamp:
 
 
 def _differences(readers: Mapping[str, Reader], tables: Mapping[str, Any]) -> dict[str, list[Caution]]:
-    """Return remarks, by table of the resin, on results that differ from each other."""
+    """Return warnings, by table of the resin, about results that differ from each other."""
     notes: dict[str, list[Caution]] = {}
     layer, other, liquid = (readers.get(option) for option in ("index", "refractometer", "penetration"))
     if isinstance(layer, IndexResult) and "loss" in tables:

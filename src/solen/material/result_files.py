@@ -1,10 +1,10 @@
-"""Result files of `solen resin`, and the values that a resin stores from each.
+"""Result files of `solen resin`, and the values from them that a resin stores.
 
 A result of `solen resin index`, `cutback`, `cure` or `stiffness` is a JSON file with complete data, including arrays. A
 resin stores only the values that a design uses, with their uncertainty, mode and warnings. A result is read strictly:
 values that a resin needs must be present and valid; all others are ignored.
 
-The interface is `result_of`, which reads one of `READERS`; `as_table` returns the table of the resin, and `found_from`
+`result_of` reads a result with one of the `READERS`; its `as_table` returns the table for the resin, and `found_from`
 the measured files.
 """
 
@@ -25,7 +25,7 @@ from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Te
 
 PER_MM_OF_DB_PER_CM = math.log(10.0) / 100.0
 SAME_LOSS = 1e-6
-"""Largest difference between a loss in dB/cm and the absorption stored with it, relative and per mm."""
+"""Tolerance between a loss in dB/cm and the absorption coefficient stored with it, relative and per mm."""
 
 
 class Selection(Options):
@@ -66,11 +66,11 @@ class _Result(Strict):
         return tuple(text for text in self.warnings if not unranked(text).startswith(NOT_STORED))
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Any:
-        """Return the table of the resin."""
+        """Return the table for the resin."""
         raise NotImplementedError  # implemented for each kind of file
 
     def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:  # noqa: ARG002  a file of one index has no choice
-        """Return the files of the measurement."""
+        """Return the measured files."""
         kept = Source.model_fields.keys() - {"of"}
         return tuple(
             Source(of=self.of, **{key: value for key, value in source.items() if key in kept and value is not None})
@@ -102,7 +102,7 @@ class IndexResult(_Result):
         return self
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Dispersion:  # noqa: ARG002  a file of one index has no choice
-        """Return the index of the resin: the fitted formula, or else a table of measurements."""
+        """Return the index for the resin: the fitted formula or, failing that, a table of measurements."""
         if self.fit is None:
             return self._tabulated()
         formula = self.fit.get("model", self.fit)
@@ -137,7 +137,7 @@ class IndexResult(_Result):
 
 
 class _Line(_Result):
-    """Loss of guides from `solen resin cutback`; without absorption if the loss is negative."""
+    """Loss of guides from `solen resin cutback`; it has no absorption coefficient if the loss is negative."""
 
     of: ClassVar[str] = "loss"
 
@@ -160,7 +160,7 @@ class _Line(_Result):
         return self
 
     def numbers(self) -> tuple[dict[str, Any], list[Caution]]:
-        """Return the absorption of the resin with its uncertainty, interval and warnings.
+        """Return the absorption coefficient for the resin with its uncertainty, interval and warnings.
 
         A negative loss is impossible: if its interval includes 0, 0 is used with a warning.
         """
@@ -190,7 +190,7 @@ class CutbackResult(_Line):
     by_orientation: tuple[_Line, ...] = ()
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Loss:
-        """Return the loss of the resin, for all guides or one orientation, with its wavelength if stated."""
+        """Return the loss for the resin, for all guides or one orientation, with the wavelength if it is specified."""
         orientation, wavelength_nm = selection.orientation, selection.loss_wavelength_nm or self.wavelength_nm
         lines = {line.orientation: line for line in self.by_orientation}
         if orientation and orientation not in lines:
@@ -218,7 +218,7 @@ class CureResult(_Result, Cure):
     of: ClassVar[str] = "cure"
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Cure:
-        """Return the working curve of the resin, with the wavelength of the exposure if stated."""
+        """Return the working curve for the resin, with the exposure wavelength if it is specified."""
         stated = {name: getattr(self, name) for name in Cure.model_fields}
         wavelength_nm = selection.cure_wavelength_nm or self.wavelength_nm
         return Cure(**stated | {"wavelength_nm": wavelength_nm, "warnings": self.remarks})
@@ -250,13 +250,13 @@ class _Model(_Result):
 
 
 class _Specimen(_Result):
-    """File of a specimen; its other values are ignored."""
+    """File with a specimen; its other values are ignored."""
 
     file: str = ""
 
 
 class _Modulus(_Result):
-    """Stiffness of one material."""
+    """Stiffness of a single material."""
 
     of: ClassVar[str] = "stiffness"
 
@@ -277,7 +277,7 @@ class StiffnessResult(_Modulus):
     groups: tuple[_Modulus, ...] = ()
 
     def as_table(self, selection: Selection = _EVERYTHING) -> Stiffness:
-        """Return the stiffness of the resin: of the only material, or of the one with the label."""
+        """Return the stiffness for the resin: that of the only material, or of the material with the label."""
         one = self._labelled(selection.label)
         return Stiffness(
             modulus_MPa=one.modulus_MPa,
@@ -292,7 +292,7 @@ class StiffnessResult(_Modulus):
         )
 
     def found_from(self, selection: Selection = _EVERYTHING) -> tuple[Source, ...]:
-        """Return the files of the measurement; for several materials, those of the labelled one."""
+        """Return the measured files; for several materials, the files of the labelled one."""
         files = {specimen.file for specimen in self._labelled(selection.label).specimens}
         return tuple(source for source in super().found_from() if not files or source.file in files)
 
@@ -315,11 +315,11 @@ READERS: dict[str, type[Reader]] = {
     "refractometer": IndexResult,
     "penetration": PenetrationResult,
 }
-"""Readers by the option of `solen resin build` that names the result file."""
+"""Readers, by the `solen resin build` option that names the result file."""
 
 
 def result_of(text: str, option: str) -> Reader:
-    """Return the result of a command from the text of its file, of the kind that an option requires."""
+    """Return a command's result from the text of its file, of the kind that an option requires."""
     data = parsed(text, "JSON", remedy="write it with --out")
     if not isinstance(data, dict) or not isinstance(data.get("kind"), str):
         remedy = f"write it with solen resin {option} --out"

@@ -1,14 +1,14 @@
-"""Selection of the rows of a table that belong together: one resin, one wavelength, one specimen, and no unused column.
+"""Selection of the table rows that belong together: one resin, one wavelength, one specimen, and no unused column.
 
 A fit to pooled rows of several resins, or of several wavelengths, gives a number that is valid for none of them. A
-column that varies means that the rows differ; a column that an evaluation does not use is therefore rejected by name,
-unless the user selects the rows with one of its values or states that it does not matter. Columns of remarks and dates
-are only named in a warning.
+column that varies means that the rows differ. A column that an evaluation does not use is therefore rejected by name,
+unless the user selects the rows with one of its values or declares that it has no effect. Columns with comments and
+dates are only named in a warning.
 
-Replicates in parallel columns (``disc 1``, ``disc 2``) are converted to one column.
+Replicates in parallel columns (``disc 1``, ``disc 2``) are converted to a single column.
 
-The interface is `RowOptions` for the options of a command, `chosen_rows` for the selected rows, `stacked_replicates`
-for replicates in parallel columns, `refuse_unused` for the remaining columns, and `constant_number` for a column with
+`RowOptions` contains the options of a command, `chosen_rows` returns the selected rows, `stacked_replicates` handles
+replicates in parallel columns, `refuse_unused` checks the remaining columns, and `constant_number` reads a column with
 the same value in all rows.
 """
 
@@ -39,7 +39,7 @@ _SAME = 1e-6  # largest relative scatter of the ratio of two columns with the sa
 
 
 class RowOptions(Options):
-    """Options for selecting rows of a table that belong together."""
+    """Options for selecting table rows that belong together."""
 
     map: tuple[str, ...] = ()
     """Read a column under another name, for example stroke=displacement or reading=force_N; repeatable."""
@@ -50,7 +50,7 @@ class RowOptions(Options):
 
 
 def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
-    """Return the rows with the stated values in the stated columns.
+    """Return the rows that meet the options' conditions.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def _sides(text: str, option: str, example: str) -> tuple[str, str]:
 
 
 def _renamed(recording: Recording, name: str, wanted: str) -> Recording:
-    """Return the recording with a column renamed, in the unit of the new name if the file states none."""
+    """Return the recording with a column renamed, in the unit of the new name if the file specifies none."""
     optical = any(channel.quantity in AXES.values() for channel in recording.channels)
     column, head = _column(recording, name, "--map"), heading(wanted, optical=optical)
     if head.name != column and head.name in {*recording.names, *recording.texts}:
@@ -177,7 +177,7 @@ def refuse_unused(
     Raises
     ------
     DataError
-        If an unused column varies; it states the name of the column and its values.
+        If an unused column varies; the message contains its name and values.
     """
     ignored = {_column(recording, name, "--ignore") for name in options.ignore}
     known = ignored | {plain(name) for name in used} | set(used)
@@ -200,7 +200,7 @@ def refuse_unused(
 
 
 def constant_number(recording: Recording, names: Sequence[str], unit: str) -> float | None:
-    """Return the number that a column states for all rows, in a unit; None if there is none, or it varies."""
+    """Return the number in a column, in a unit, if it is the same in all rows; otherwise None."""
     channel = recording.find(*names)
     if channel is None:
         return None
@@ -209,7 +209,7 @@ def constant_number(recording: Recording, names: Sequence[str], unit: str) -> fl
 
 
 def _column(recording: Recording, name: str, option: str) -> str:
-    """Return a column by the recording's name; `DataError` if there is none."""
+    """Return a column by its name in the recording; `DataError` if there is none."""
     for column in (*recording.texts, *recording.names):
         if plain(column) == plain(name):
             return column

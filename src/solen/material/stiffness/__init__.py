@@ -1,13 +1,13 @@
-"""Stiffness: modulus and hyperelastic model, with uncertainties, from exports of a testing machine.
+"""Stiffness: modulus and hyperelastic model, with uncertainties, from testing-machine exports.
 
-A force and a displacement are converted to engineering stress and strain with the specimen's dimensions; a toe is
-compensated or reported as uncompensated; the slope over a stated range is the modulus, and a joint model of all tests
-of a material is the input of a finite-element program. The basis of the numbers and their limitations are reported with
-them.
+A force and a displacement are converted to engineering stress and strain with the specimen's dimensions. A toe is
+compensated, or reported as uncompensated. The slope over a specified range is the modulus, and a joint model of all
+tests of a material is the input for a finite-element program. The basis of the numbers and their limitations are
+reported with them.
 
-The interface is `stiffness_of`, which evaluates recordings completely. `specimen_of` and `read_test` create a test;
-`evaluate` combines `find_toe`, `young`, `cycles_of` and `extremes`; `mean_modulus` averages several specimens; `fit`
-and `choose` select a model, and `cautions` reports its limitations.
+`stiffness_of` evaluates recordings completely. `specimen_of` and `read_test` create a test; `evaluate` combines
+`find_toe`, `young`, `cycles_of` and `extremes`; `mean_modulus` averages several specimens; `fit` and `choose` select a
+model, and `cautions` reports its limitations.
 """
 
 from solen.material.stiffness.cautions import cautions

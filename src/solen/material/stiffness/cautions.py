@@ -1,7 +1,4 @@
-"""Warnings about a hyperelastic fit, in sentences with numbers.
-
-The interface is `cautions` of a fit.
-"""
+"""Warnings about a hyperelastic fit, in sentences with numbers; `cautions` returns them."""
 
 import numpy as np
 

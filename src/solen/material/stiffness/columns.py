@@ -1,10 +1,10 @@
-"""Columns of stress and strain in a recording, and statements of a file about its test.
+"""Stress and strain columns in a recording, and what a file specifies about its test.
 
 The machine's own stress or strain has priority over one computed from force and area, or from displacement and length,
-unless the user states the length. Statements of the file in words, such as a compression test, a preload or a width,
-are used and named; anything it does not state must be stated by the user.
+unless the user specifies the length. Words in the file that describe the test, such as compression, a preload or a
+width, are used and named; anything that the file does not specify must be specified by the user.
 
-The interface is `read_test`, which converts a recording to a `StressStrain`.
+`read_test` converts a recording to a `StressStrain`.
 """
 
 import math
@@ -58,7 +58,7 @@ def read_test(
     mode: TestMode | None = None,
     compliance_mm_per_N: float = 0.0,
 ) -> StressStrain:
-    """Return the test of a recording.
+    """Return the test in a recording.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def read_test(
     specimen
         Dimensions of the specimen, as far as known.
     mode
-        None to infer it from the signs and words of the file.
+        None to infer it from the signs and words in the file.
     compliance_mm_per_N
         Compliance of machine and fixture; force times compliance is subtracted from the displacement.
 
@@ -123,8 +123,8 @@ def _stress(recording: Recording, specimen: Specimen) -> _Column:
 def _strain(recording: Recording, specimen: Specimen) -> _Column:
     """Return engineering strain.
 
-    A displacement over a length stated by the user has priority over the file's strain, and that over a displacement
-    with the file's length.
+    A displacement over a length specified by the user has priority over the file's strain, which has priority over a
+    displacement with the file's length.
     """
     stretch, strain, true = (recording.find(*names) for names in (STRETCH, STRAIN, TRUE_STRAIN))
     travel, absolute = _travel(recording)
@@ -179,7 +179,7 @@ def _stem(name: str) -> str:
 
 
 def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, name: str) -> tuple[Caution, ...]:
-    """Return a warning if the file's strain was computed with another length than the file states."""
+    """Return a warning if the file's strain was computed with a length other than the one it specifies."""
     travel, absolute = _travel(recording)
     if travel is None or absolute or specimen.length_mm is None:
         return ()
@@ -200,7 +200,7 @@ def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, 
 
 
 def _stated_mode(recording: Recording, specimen: Specimen) -> TestMode | None:
-    """Return the mode from the words of a file or from a cubic specimen; None if unknown."""
+    """Return the mode from the words in a file or from a cubic specimen; None if unknown."""
     if specimen.is_cube:
         return "compression"
     metadata = recording.provenance.metadata
@@ -213,7 +213,7 @@ def _stated_mode(recording: Recording, specimen: Specimen) -> TestMode | None:
 
 
 def _preload(metadata: Mapping[str, str]) -> str:
-    """Return the preload above zero that a file states, in the file's words."""
+    """Return the preload above zero that a file specifies, in the file's words."""
     for heading, text in metadata.items():
         if any(word in heading.casefold() for word in ("vorkraft", "pre-load", "preload", "vorlast")):
             digits = "".join(c if c.isdigit() or c in ".,-" else " " for c in text).replace(",", ".").split()

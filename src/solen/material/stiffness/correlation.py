@@ -6,11 +6,12 @@ the sampling rate without further information. Residuals are modelled as first-o
 V_ij = ρ^|i−j|, and V is propagated through the estimator, so that n points count as about n(1 − ρ)/(1 + ρ) (Bayley &
 Hammersley 1946).
 
-Residuals of a fit are less correlated than the noise, because the fit follows some of it. ρ is therefore the value at
-which the expected lag-one correlation of the residuals, tr(M S M V)/tr(M V), equals the measured one, where M = I −
-J(JᵀJ)⁻¹Jᵀ converts noise to residuals and S shifts by one.
+Residuals of a fit are less correlated than the noise, because the fit follows some of the noise. ρ is therefore the
+value at which the expected lag-one correlation of the residuals, tr(M S M V)/tr(M V), equals the measured one, where M
+= I − J(JᵀJ)⁻¹Jᵀ converts noise to residuals and S shifts by one point.
 
-The interface is `scatter` of a linearised least-squares fit, `effective_points`, and `log_likelihood` of residuals.
+`scatter` evaluates a linearised least-squares fit, `effective_points` counts independent points, and `log_likelihood`
+evaluates residuals.
 """
 
 import math

@@ -1,18 +1,18 @@
-"""Loading, unloading, and the energy loss of a cyclic test.
+"""Loading, unloading, and the energy loss in a cyclic test.
 
 A test is a sequence of branches between turning points of the strain. A swing counts as a branch once it exceeds a
-fraction of the whole range, so that noise does not. In each cycle, a loading and an unloading, the specimen absorbs
-work, returns part of it, and keeps a residual strain; rubbers lose most in the first cycle (Mullins softening; Diani,
-Fayolle & Gilormini 2009), so first and last are compared. Cycles of one specimen are not replicates: they show how it
-changes, not how specimens differ.
+fraction of the strain range, so that noise does not. In each cycle, a loading and an unloading, the specimen absorbs
+work, returns part of it, and retains a residual strain; rubbers lose most in the first cycle (Mullins softening; Diani,
+Fayolle & Gilormini 2009), so the first and last cycles are compared. Cycles of the same specimen are not replicates:
+they show how the specimen changes, not how specimens differ.
 
 A fit should not depend on the sampling rate of the machine: a loading branch is averaged into steps of equal stretch,
-and ends at its largest stress. A branch of a later cycle starts at the strain that the earlier ones left, at which the
-specimen has another length and area; stress and stretch are computed from these (incompressible, so the area shrinks as
-the length grows).
+and ends at its largest stress. A branch of a later cycle starts at the residual strain of the earlier cycles, at which
+the specimen has a different length and area; stress and stretch are computed from these (incompressible, so the area
+shrinks as the length grows).
 
-The interface is `branches` of a strain, `loading_branch` of a test, `cycles_of` a test with their energies,
-`softening`; `loading_curve` for fitting a model, and `rereferenced` for counting a test from the end of its earlier
+`branches` and `loading_branch` divide a test, `cycles_of` returns its cycles with their energies, and `softening`
+compares them; `loading_curve` prepares a model fit, and `rereferenced` counts a test from the end of its earlier
 cycles.
 """
 
@@ -29,31 +29,31 @@ from solen.material.stiffness.stress_strain import StressStrain
 from solen.results import HIDDEN, reported
 
 SWING = 0.1
-"""Fraction of the strain's range that a reversal must exceed."""
+"""Fraction of the strain range that a reversal must exceed."""
 MOST = 50
-"""Largest number of points of a curve for fitting."""
+"""Largest number of points on a curve used for fitting."""
 _UNLOADED = (0.01, 0.05)  # fractions of the first cycle's peak stress
 
 
 @dataclass(frozen=True)
 class Cycle:
-    """One loading and the unloading after it.
+    """A loading and the unloading after it.
 
     Attributes
     ----------
     number
         Number of the cycle, from 1.
     start, peak, end
-        First row, turning point and last row of the test.
+        First row, turning point and last row of the cycle in the test.
     peak_strain, peak_stress_MPa
-        Strain at the turning point and largest stress of the cycle, as magnitudes.
+        Strain at the turning point and largest stress in the cycle, as magnitudes.
     stress_at_half_MPa
         Stress on loading at half of the first cycle's peak strain; None if the cycle does not reach it.
     work_in_mJ_per_mm3, work_out_mJ_per_mm3
         Work absorbed and returned per initial volume; None if not recorded (no unloading).
     residual_strain
         Strain at which a line through the end of the unloading, from 5 to 1 % of the first peak stress, reaches zero
-        stress; None if unloading was not recorded to 1 %.
+        stress; None if unloading was not recorded down to 1 %.
     """
 
     number: int
@@ -69,7 +69,7 @@ class Cycle:
 
     @reported
     def dissipated_mJ_per_mm3(self) -> float | None:
-        """Hysteresis: the work absorbed and not returned."""
+        """Hysteresis: the work absorbed but not returned."""
         return None if self.work_out_mJ_per_mm3 is None else self.work_in_mJ_per_mm3 - self.work_out_mJ_per_mm3
 
     @reported
@@ -81,7 +81,7 @@ class Cycle:
 
 @dataclass(frozen=True)
 class Softening:
-    """Loss of the last cycle as fractions of the first: of the stress at peak and at half, and of the work absorbed."""
+    """Fractional decrease, first to last cycle, of the stress at peak and at half strain, and of the work."""
 
     cycles: int
     peak_stress: float

@@ -1,11 +1,11 @@
-"""Evaluation of one specimen, and averaging of several specimens of a material.
+"""Evaluation of a single specimen, and averaging over several specimens of a material.
 
 Every specimen is evaluated in the same way: toe, modulus, secants, cycles, extremes, and warnings about their
 limitations. A material's modulus is the mean over its specimens, with the uncertainty of the mean from their scatter:
-specimens are replicates, cycles and points are not. For one specimen, its own uncertainty is reported and labelled as
-such.
+specimens are replicates, cycles and points are not. For a single specimen, its own uncertainty is reported and labelled
+accordingly.
 
-The interface is `evaluate`, for a test with `StiffnessOptions`, and `mean_modulus` for several.
+`evaluate` evaluates a test with `StiffnessOptions`; `mean_modulus` averages several.
 """
 
 import math

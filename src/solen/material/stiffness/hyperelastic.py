@@ -1,18 +1,18 @@
-"""Hyperelastic fits: one set of parameters for all tests of a material at once.
+"""Hyperelastic fits: a single set of parameters for all tests of a material.
 
 A model that fits one kind of test implies little about another, so all modes are fitted together. The minimised
-quantity is Σ w²(P_model − P)² over the engineering stress, with w = 1 (``absolute``: equal weight of every newton) or w
-= 1/max(|P|, 2 % of the test's largest) (``relative``: of every per cent). Models that are linear in their parameters
-are solved directly. Ogden's is not, and has many local minima (Ogden, Saccomandi & Sgura 2004): for given powers α its
-moduli are linear, so they are solved for on a grid of powers, the best starts are refined with exact derivatives, and
-the best result is kept. Nothing is random.
+quantity is Σ w²(P_model − P)² over the engineering stress, with w = 1 (``absolute``: equal weight for every newton) or
+w = 1/max(|P|, 2 % of the test's largest) (``relative``: equal weight for every per cent). Models that are linear in
+their parameters are solved directly. Ogden's is not, and has many local minima (Ogden, Saccomandi & Sgura 2004): for
+given powers α its moduli are linear, so they are solved for on a grid of powers, the best starts are refined with exact
+derivatives, and the best result is kept. Nothing is random.
 
-Models are compared by AICc (Hurvich & Tsai 1989), but only if stable over the measured stretches; of two that fit
-equally well the simpler one is chosen. The likelihood is that of autoregressive residuals
-(`solen.material.stiffness.correlation`): with independent ones, a curve sampled densely enough would always favour the
-most parameters.
+Models are compared by AICc (Hurvich & Tsai 1989), but only if they are stable over the measured stretches; of two
+models that fit equally well, the simpler one is chosen. The likelihood is that of autoregressive residuals
+(`solen.material.stiffness.correlation`): with independent residuals, a curve sampled densely enough would always favour
+the most parameters.
 
-The interface is `fit` for one model, `choose` among several fits of the same curves, and `Curve` for a test.
+`fit` fits a model to `Curve`s, and `choose` selects among several fits of the same curves.
 """
 
 import math

@@ -1,9 +1,9 @@
-"""Modulus and model of each material from specimens of mechanical tests.
+"""Modulus and model of each material from the specimens of mechanical tests.
 
-Every recording is a specimen, unless one of its columns names several. Specimens with the same label are one material:
-its modulus is their mean, and one set of a model's parameters is fitted to all its tests, in all modes.
+Every recording is a specimen, unless one of its columns names several. Specimens with the same label are the same
+material: its modulus is their mean, and a single set of model parameters is fitted to all its tests, in all modes.
 
-The interface is `stiffness_of`, which accepts `MechanicalTest` recordings and returns a `MeasuredStiffness`.
+`stiffness_of` evaluates `MechanicalTest` recordings and returns a `MeasuredStiffness`.
 """
 
 from collections.abc import Sequence

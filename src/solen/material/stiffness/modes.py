@@ -1,11 +1,11 @@
-"""Homogeneous deformations of an incompressible specimen, each described by one stretch λ.
+"""Homogeneous deformations of an incompressible specimen, each described by a single stretch λ.
 
 In every test of this kind the three principal stretches are powers of one of them, λᵢ = λ^cᵢ with Σ cᵢ = 0, because the
 volume is constant. The engineering stress is the derivative of the energy per reference volume W with respect to λ,
 divided by the number of loaded directions: P = (dW/dλ)/m. Compression is the uniaxial mode below λ = 1.
 
-The interface is `MODES` by name, `Mode.principal` for the stretches, and `Mode.slope_ratio` between the first slope of
-the engineering stress and Young's modulus.
+`MODES` lists the modes by name; `Mode.principal` computes the stretches, and `Mode.slope_ratio` the ratio of the
+initial slope of the engineering stress to Young's modulus.
 """
 
 from dataclasses import dataclass

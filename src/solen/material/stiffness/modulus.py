@@ -1,14 +1,14 @@
-"""Young's modulus by regression over a stated range of strain, with its uncertainty; strength and break.
+"""Young's modulus by regression over a specified strain range, with its uncertainty; strength and break.
 
-The modulus is the slope of engineering stress over engineering strain, fitted to every recorded point of the loading
+The modulus is the slope of engineering stress against engineering strain, fitted to every recorded point of the loading
 branch between two strains, both included, as testing machines compute it (ISO 527-1: 0.05 to 0.25 %). Its uncertainty
 combines the scatter about the line, with correlated residuals counted as fewer points, and the specimen's dimensions.
-The first slope of a planar or equibiaxial test is 4/3 or 2 times Young's modulus and is divided by this factor.
+The initial slope of a planar or equibiaxial test is 4/3 or 2 times Young's modulus and is divided by this factor.
 
 Over a wide range a rubber's slope is not its modulus at zero strain: `ideal_ratio` returns the ratio for an ideal
 rubber.
 
-The interface is `young` over a range, `default_range` if none is stated, `secant`, and `extremes`.
+`young` evaluates a range, `default_range` selects one, and `secant` and `extremes` compute further values.
 """
 
 import math
@@ -32,7 +32,7 @@ _COMPRESSION: tuple[Range, ...] = ((0.02, 0.1), (0.05, 0.25), (0.0, 0.5))
 _ENOUGH, _FEWEST = 8, 3
 _RESOLVED = 0.02  # relative uncertainty above which a wider range is used
 BREAK = 0.6
-"""Fraction of the largest force below which a specimen is broken."""
+"""A specimen is broken if its force is below this fraction of the largest force."""
 
 
 @dataclass(frozen=True)

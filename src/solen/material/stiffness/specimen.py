@@ -1,12 +1,12 @@
 """Dimensions of a specimen, their uncertainties, and the effect of rough platens on a squat specimen.
 
-Stress and strain require an area and a length. The user's options have priority over the file's statement, and their
+Stress and strain require an area and a length. The user's options have priority over the file's values, and their
 uncertainties enter the modulus: E ∝ length/area. A block pressed between platens that hold its ends cannot widen there,
-bulges, and appears stiffer than its material; the effect depends on the shape factor, one loaded area over the area
-that is free to bulge.
+bulges, and appears stiffer than its material; the effect depends on the shape factor, a single loaded area over the
+area that is free to bulge.
 
-The interface is `Dimensions` as stated, `specimen_of`, which makes a `Specimen` from them and a file's metadata, and
-`held_ends`, which returns the apparent over the true modulus of a block that does not slip.
+`specimen_of` makes a `Specimen` from `Dimensions` and a file's metadata; `held_ends` returns the apparent over the true
+modulus of a block that does not slip.
 """
 
 import math

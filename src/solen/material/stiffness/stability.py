@@ -2,10 +2,10 @@
 
 A material must not release energy when it is loaded further: for every small change of the strains, Σ dτᵢ dεᵢ > 0 with
 Kirchhoff stresses and logarithmic strains. At constant volume, this requires a positive definite matrix of second
-derivatives of W with respect to ln λ₁ and ln λ₂. A fit that follows its data exactly may still violate this near them,
-or in a deformation that was not measured; a finite-element program then stops there.
+derivatives of W with respect to ln λ₁ and ln λ₂. A fit that follows its data exactly may still violate this near the
+data, or in a deformation that was not measured; a finite-element program then stops there.
 
-The interface is `stable_range` of a model in one mode.
+`stable_range` evaluates a model in a mode.
 """
 
 from dataclasses import dataclass

@@ -1,13 +1,12 @@
 """Engineering and true stress and strain from the records of a testing machine.
 
 Engineering stress is force over the area before the test, engineering strain displacement over the length before it;
-compression is negative in both, regardless of the machine's sign. Stress or strain stated in the file is used
+compression is negative in both, regardless of the machine's sign. Stress or strain columns in the file are used
 unchanged. True stress and strain assume constant volume, λA = A₀: σ = Pλ, ε = ln λ, in all three modes. This is an
 approximation (rubbers: ν > 0.499; printed parts with voids less), and does not hold for a specimen that barrels or
 necks.
 
-The interface is `as_test`, which converts arrays to a `StressStrain`; `solen.material.stiffness.columns` does so for a
-recording.
+`as_test` converts arrays to a `StressStrain`; `solen.material.stiffness.columns` does so for a recording.
 """
 
 from dataclasses import dataclass, field, replace

@@ -1,8 +1,8 @@
 """Toe compensation: the strain at which a test really begins.
 
-Before the platens touch, or while a strip's slack is removed, displacement grows and force hardly does. That part is no
-property of the material and shifts the zero of strain. The annexes of ASTM D695 and D638 extrapolate the tangent to the
-first straight part, or to the steepest part after the toe, to zero stress and count strains from there.
+Before the platens touch, or while a strip's slack is removed, displacement grows and force hardly does. This part is
+not a property of the material and shifts the zero of strain. The annexes of ASTM D695 and D638 extrapolate the tangent
+to the first straight part, or to the steepest part after the toe, to zero stress and count strains from there.
 
 A rubber has no straight part, so the tangent here is a neo-Hookean curve: stress is plotted over the neo-Hookean
 measure g = P/E of the strain, which equals the strain if it is small, so that a plastic is treated as in the annexes.
@@ -11,9 +11,9 @@ rises by more than 5 % per step. A line through that step and the next is extrap
 if it exceeds twice its uncertainty, which includes the scatter and the change when only the first of the two steps is
 used; a backward shift is made only if the record begins under load.
 
-A slope that keeps rising cannot be distinguished from a toe: then nothing is shifted, and the note states this.
+A slope that keeps rising cannot be distinguished from a toe: then nothing is shifted, and the note reports this.
 
-The interface is `find_toe` of a test.
+`find_toe` returns the toe of a test.
 """
 
 from dataclasses import dataclass
