@@ -56,7 +56,7 @@ class Comparison(Result):
     designed, printed
         The two responses.
     u_shape
-        (N,) standard uncertainty of the printed lens's contrast due to its outline alone.
+        Standard uncertainty (N,) of the printed lens's contrast due to its outline alone.
     null_designed_deg, null_printed_deg
         Their nulls, or None if there is none.
     u_null_shift_deg
@@ -73,12 +73,12 @@ class Comparison(Result):
 
     @reported
     def difference(self) -> FloatArray:
-        """(N,) contrast of the printed lens minus that of the designed one."""
+        """Contrast (N,) of the printed lens minus that of the designed one."""
         return self.printed.contrast - self.designed.contrast
 
     @reported
     def u_difference(self) -> FloatArray:
-        """(N,) standard uncertainty of `difference`, from the outline and both traces."""
+        """Standard uncertainty (N,) of `difference`, from the outline and both traces."""
         return np.sqrt(self.u_shape**2 + self.printed.u_contrast**2 + self.designed.u_contrast**2)
 
     @reported

@@ -38,7 +38,7 @@ class Picture(Result):
     faces
         Name of each face, and its number of points.
     outline
-        (N, 2) points x, z in mm of all faces in order.
+        Points (N, 2), x and z in mm, of all faces in order.
     emitter
         (2, 2) ends of the chip, which are equal for a point.
     ends

@@ -34,11 +34,11 @@ class Response(Result):
     mode
         ``count`` or ``power``.
     angle_deg
-        (N,) angles of the motion.
+        Angles (N,) of the motion.
     right, left
-        (N,) power at each receiver.
+        Power (N,) at each receiver.
     u_power
-        (N,) uncertainty of both powers; NaN for a fixed number of rays, which gives no estimate of it.
+        Uncertainty (N,) of both powers; NaN for a fixed number of rays, which gives no estimate of it.
     traces
         Trace of the scene at each angle.
     """

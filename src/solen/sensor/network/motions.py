@@ -63,10 +63,10 @@ class Determination(Result):
     motions
         Names of the motions.
     sd_deg, u_sd_deg
-        (motions,) standard deviation of each motion if all are unknown, and its uncertainty due to the simulated light;
+        Standard deviation (motions,) of each motion if all are unknown, and its uncertainty due to the simulated light;
         infinite and NaN if the readings do not determine the motion.
     covariance_deg2
-        (motions, motions) covariance of the determined combinations.
+        Covariance (motions, motions) of the determined combinations.
     combinations
         Combinations of the motions, from the best determined to the worst.
     """
@@ -140,9 +140,9 @@ def determined(
     motions
         Names of M motions.
     slope_per_deg, u_slope_per_deg
-        (N, M) change of each reading per degree, and its uncertainty.
+        Change (N, M) of each reading per degree, and its uncertainty.
     covariance
-        (N, N) of the readings' noise, in squares of their unit.
+        Covariance (N, N) of the readings' noise, in squares of their unit.
     """
     white = _whitening(covariance)
     jacobian, u_squared = white @ slope_per_deg, white**2 @ u_slope_per_deg**2

@@ -48,11 +48,11 @@ class NetworkResponse(Result):
     motions, emitters, receivers, readings
         Names of the motions, emitters, receivers and readings.
     angle_deg
-        (states, motions) angles of the motions.
+        Angles (states, motions) of the motions.
     power, u_power
-        (states, emitters, receivers) fractions of the power of the lit emitter, and their uncertainties.
+        Fractions (states, emitters, receivers) of the power of the lit emitter, and their uncertainties.
     reading, u_reading
-        (states, readings) values of its readings, NaN if one does not exist, and bounds of their uncertainties.
+        Values (states, readings) of its readings, NaN if one does not exist, and bounds of their uncertainties.
     ledgers
         Ledger of each emitter, for each state.
     simulated

@@ -34,16 +34,16 @@ class Signals(Result):
     emitters, receivers
         Names of the emitters and receivers.
     received
-        (states, emitters, receivers) fractions of the emitted power that receivers convert to current.
+        Fractions (states, emitters, receivers) of the emitted power that receivers convert to current.
     voltage_V, u_voltage_V, off_V
-        (states, emitters, receivers) voltages with an emitter on and their uncertainty due to the traced powers; and
-        (receivers,) voltages with all emitters off.
+        Voltages (states, emitters, receivers) with an emitter on and their uncertainty due to the traced powers; and
+        voltages (receivers,) with all emitters off.
     sd_V
-        (states, emitters, receivers) noise of a reading: on, minus the mean of the off readings before and after.
+        Noise (states, emitters, receivers) of a reading: on, minus the mean of the off readings before and after.
     sd_off_V
-        (receivers,) noise of an off reading.
+        Noise (receivers,) of an off reading.
     slope_V
-        (states, emitters, receivers) change of the voltage per fraction of the emitted power, which is negative.
+        Change (states, emitters, receivers) of the voltage per fraction of the emitted power, which is negative.
     """
 
     emitters: tuple[str, ...]
@@ -97,7 +97,7 @@ def network_signals(designs: Sequence[Design], power: FloatArray, u_power: Float
     designs
         The network in each state, from `solen.spec.placed.state_of`; the circuit is that of the first.
     power, u_power
-        (states, emitters, receivers) fractions of the emitted power through the receivers' faces, with uncertainties.
+        Fractions (states, emitters, receivers) of the emitted power through the receivers' faces, with uncertainties.
 
     Raises
     ------

@@ -44,11 +44,11 @@ class NetworkSensitivities(Result):
     keys
         Keys of the numbers; those of motions end in ``at_deg``.
     value, step
-        (keys,) value of each number, and half the difference between the two values at which powers are traced.
+        Value (keys,) of each number, and half the difference between the two values at which powers are traced.
     slope, u_slope
-        (keys, emitters, receivers) derivative with respect to the number, per its unit, and its uncertainty.
+        Derivative (keys, emitters, receivers) with respect to the number, per its unit, and its uncertainty.
     reading_slope, u_reading_slope
-        (keys, readings) derivative of each reading with respect to the number, per its unit, NaN if it does not exist,
+        Derivative (keys, readings) of each reading with respect to the number, per its unit, NaN if it does not exist,
         and a bound of its uncertainty.
     skipped
         Reasons why numbers were omitted, by key.
@@ -87,7 +87,7 @@ class NetworkSensitivities(Result):
 
     @property
     def change_by_noise(self) -> FloatArray | None:
-        """(keys, emitters, receivers) derivative of each voltage in standard deviations of its noise, per unit."""
+        """Derivative (keys, emitters, receivers) of each voltage in standard deviations of its noise, per unit."""
         here = self.signals
         return None if here is None else np.asarray(self.slope * np.abs(here.slope_V[0]) / here.sd_V[0])
 

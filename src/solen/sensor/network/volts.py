@@ -37,7 +37,7 @@ class MotionVolts(Result):
     signals
         Voltages and their noise (A, E, R).
     slope_V_per_deg, u_slope_V_per_deg
-        (A, E, R) slope of the voltages, and its uncertainty.
+        Slope (A, E, R) of the voltages, and its uncertainty.
     resolution_deg, resolution_of_all_deg
         Standard deviation of the angle from one reading of every receiver, for each emitter (A, E) and for all (A,);
         NaN if the voltages change by no more than the uncertainty of the simulated light.
