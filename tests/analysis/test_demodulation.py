@@ -197,7 +197,7 @@ def test_means_last_whole_periods_of_the_mains(mains_hz: float, readings: int) -
 
 
 def test_a_mains_that_never_fits_is_refused() -> None:
-    with pytest.raises(DataError, match="spans whole periods"):
+    with pytest.raises(DataError, match="spans whole mains periods"):
         readings_per_mains(1e-6, 50.0)
 
 

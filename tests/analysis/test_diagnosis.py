@@ -180,7 +180,7 @@ def test_a_recording_is_said_in_words() -> None:
     assert found.estimates["loss_per_mm"].value is None
     assert found.estimates["gain_ratio"].value == pytest.approx(8.0 / 7.0, rel=5e-3)
     assert any(line.startswith("moving the emitter by") and "to the right" in line for line in advice(found))
-    assert any(line.startswith("the right receiver's load divided by 1.1") for line in advice(found))
+    assert any(line.startswith("dividing the right receiver's load resistance by 1.1") for line in advice(found))
     assert any("cutback" in line for line in advice(found))
 
 

@@ -91,7 +91,7 @@ def test_lines_without_a_unit_are_in_volts_as_a_file_is(
     path = table(tmp_path / "bare.csv", rows(grid()[::6] * 0.7, 1), ("",))
     text = path.read_text(encoding="utf-8").splitlines()
     whole = [decode(calibration[0], source, text=text).result.warnings for source in (str(path), "-")]
-    assert all(lines.count("the powers state no unit; V is assumed") == 1 for lines in whole)
+    assert all(lines.count("no unit is specified for the powers; V is assumed") == 1 for lines in whole)
     in_A = calibration[1].calibration.model_copy(update={"unit": "A"})
     file = tmp_path / "in_A.json"
     file.write_text(text_of(in_A), encoding="utf-8")

@@ -116,7 +116,7 @@ def test_at_one_speed_nothing_can() -> None:
     found = found_of(Two(0.016, 0.0, slow=0))
     assert not found.timing.separated
     assert np.isnan(found.timing.receivers["left"].hysteresis_V)
-    assert any("at one speed" in line for line in found.warnings)
+    assert any("at a single speed" in line for line in found.warnings)
 
 
 def test_looks_at_the_stage_bound_what_timing_adds() -> None:
@@ -128,7 +128,7 @@ def test_looks_at_the_stage_bound_what_timing_adds() -> None:
     assert timing.timing_deg == pytest.approx(2.0 * 15.0 * timing.bound_s, rel=0.05)
     for name, one in found.receivers.items():
         assert one.hysteresis_V <= timing.receivers[name].timing_V * 1.05
-    assert any("at one speed" in line for line in found.warnings)
+    assert any("at a single speed" in line for line in found.warnings)
 
 
 def test_a_bound_that_a_bench_states_is_taken() -> None:
@@ -145,4 +145,4 @@ def test_a_speed_whose_cycles_are_all_left_out_is_stated() -> None:
     assert "figures are for 5" in lost
     assert sum("at one speed (5°/s)" in line for line in found.warnings) == 1
     few = found_of(Two(0.016, fast=2, slow=1))
-    assert not any("at one speed" in line or "--drop" in line for line in few.warnings)
+    assert not any("at a single speed" in line or "--drop" in line for line in few.warnings)

@@ -122,7 +122,7 @@ def test_a_noisy_angle_shows_its_cycles(noise_deg: float) -> None:
 def test_ways_of_unlike_length_are_said() -> None:
     found = found_of(Truth(Protocol(levels_deg=(0.0, 1.0, 0.0, -1.0, 0.0, 3.0, 0.0, -3.0), cycles=3)))
     assert any("from -3° to 3°" in warning and "-1° to 1°" in warning for warning in found.warnings)
-    assert not any("refer to that range" in warning for warning in found_of(NOISY).warnings)
+    assert not any("refer to this range" in warning for warning in found_of(NOISY).warnings)
 
 
 def test_linearity_of_a_parabola_in_both_definitions() -> None:

@@ -69,12 +69,12 @@ def test_a_board_in_another_unit_goes_from_rig_to_angles(bench: Path, unit: str,
     assert isinstance(decoded, Decoding)
     assert decoded.against_angle is not None
     assert decoded.against_angle.within_95 > 0.9
-    with pytest.raises(DataError, match=rf"'V'; is the unit of the readings.* in {unit}"):
+    with pytest.raises(DataError, match=rf"'V'; is the unit of the readings.* is {unit}"):
         decode(place, str(paths["volts"]))
     live = decode(place, "-", text=[f"time_s,left ({unit}),right ({unit})\n", *lines_of(paths["again"])]).result
     assert isinstance(live, Decoding)
     assert live.lowest_deg == pytest.approx(decoded.lowest_deg, abs=0.02)
-    with pytest.raises(DataError, match=rf"of the readings.* is in {unit}"):
+    with pytest.raises(DataError, match=rf"of the readings.* is {unit}"):
         decode(place, "-", text=["time_s,left (mV),right (mV)\n", "0,1,2\n"])
     sources = table(place, bench / "code").files
     assert f"in {unit}, ambient light subtracted" in sources["solen_decode.h"].read_text(encoding="utf-8")

@@ -188,10 +188,10 @@ def test_a_wrong_name_lists_the_columns_there_are(tmp_path: Path, options: Analy
 
 def test_what_cannot_be_known_is_asked_for(tmp_path: Path) -> None:
     path = write(tmp_path / "one.csv", TRUTH, "time_s,how far,left_V,right_V")
-    with pytest.raises(DataError, match="name it with --angle, a log of the stage"):
+    with pytest.raises(DataError, match="name an angle column with --angle or a stage log"):
         study([path])
     path = write(tmp_path / "two.csv", TRUTH, "n,angle_deg,left_V,right_V")
-    with pytest.raises(DataError, match="name it with --time, or state the rate with --rate-hz"):
+    with pytest.raises(DataError, match="name the time column with --time, or specify the rate with --rate-hz"):
         study([path])
     signals = made(TRUTH)
     rows = np.column_stack([1e3 * signals.time_s, signals.angle_deg, signals.volts])
@@ -212,7 +212,7 @@ def test_what_cannot_be_known_is_asked_for(tmp_path: Path) -> None:
         ({"dark_V": math.inf}, "finite number"),
         ({"angle_time": "t"}, "--angle-file"),
         ({"amplitude_deg": 3.0, "angle": "angle"}, "without an angle"),
-        ({"rails": (5.0, 0.0)}, "lower and the higher"),
+        ({"rails": (5.0, 0.0)}, "lowest and the highest"),
         ({"rate_hz": 200.0, "time": "t"}, "--time"),
         ({"channel": ("=x",)}, "NAME=COLUMN"),
         ({"channel": ("left=left_V", "left=right_V")}, "is named twice"),
@@ -265,7 +265,7 @@ def test_an_angle_that_nobody_recorded(tmp_path: Path, capsys: pytest.CaptureFix
     assert len(found["sensors"]["daq"]["runs"][0]["motion"]["cycles"]) == 6
     assert any("no angle was recorded" in warning for warning in found["warnings"])
     assert run_command(["bench", "analyse", str(path)]) == 2
-    assert "state --amplitude-deg" in capsys.readouterr().err
+    assert "specify --amplitude-deg" in capsys.readouterr().err
 
 
 def waveform(truth: Truth, rate_hz: float, sample_hz: float) -> tuple[Any, Any, Any]:

@@ -338,8 +338,8 @@ def test_calibrations_that_cannot_be_read(
     assert "solen bench calibrate" in missing
     assert "not JSON" in told(calibration.read_text(encoding="utf-8")[:500])
     assert "not JSON: NaN is not a valid JSON number" in told('{"kind": "calibration", "schema": NaN}')
-    assert "is not a calibration of a sensor" in told('{"kind": "analysis"}')
-    assert "is not a calibration of a sensor" in told("[1, 2]")
+    assert "is not the calibration of a sensor" in told('{"kind": "analysis"}')
+    assert "is not the calibration of a sensor" in told("[1, 2]")
     assert "written by a newer solen" in told(json.dumps(data | {"schema": 2}))
     assert "schema is missing" in told(json.dumps({key: data[key] for key in data if key != "schema"}))
     assert "curves" in told(json.dumps({key: data[key] for key in data if key != "curves"}))

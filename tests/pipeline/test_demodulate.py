@@ -152,7 +152,7 @@ def test_missing_slots_are_reported(tmp_path: Path) -> None:
         ({"state": "lid"}, "", DataError, "did you mean led"),
         ({"time": "tine"}, "", DataError, "tine"),
         ({"channel": ("rihgt",)}, "", DataError, "did you mean right"),
-        ({}, "time_s,right (V),other", SpecError, "neither a column of states nor a switching rate"),
+        ({}, "time_s,right (V),other", SpecError, "no state column, and no switching rate"),
         ({}, "moment,right (V),led", DataError, "has no column time"),
     ],
 )
@@ -213,7 +213,7 @@ def test_settling_longer_than_a_phase_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path / "w.csv", "time_s,right (V)", time, values[:, 0])
     with pytest.raises(SpecError, match=r"leaves no sample of the shorter phase, which lasts 2[45]"):
         demodulate(path, DemodulationOptions(rate_hz=200.0, settle_us=2600.0))
-    with pytest.raises(DataError, match="two readings of an emitter"):
+    with pytest.raises(DataError, match="two readings from an emitter"):
         demodulate(with_states(tmp_path / "a.csv", readings=1), DemodulationOptions(mains_hz=50.0))
 
 

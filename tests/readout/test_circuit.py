@@ -122,7 +122,7 @@ def test_without_a_power_it_is_the_intensity_over_the_pattern() -> None:
     assert solid_angle_sr(part.pattern) == pytest.approx(5.0, abs=0.01)
     bare = part.model_copy(update={"power_mw": None})
     assert Drive.of(bare, 100.0).typical_mW == pytest.approx(50.0, abs=0.1)
-    with pytest.raises(DataError, match="states neither power_mw nor intensity_mw_per_sr"):
+    with pytest.raises(DataError, match="specifies neither power_mw nor intensity_mw_per_sr"):
         Drive.of(bare.model_copy(update={"intensity_mw_per_sr": None}), 100.0)
     with pytest.raises(DataError, match="current_ma; is missing"):
         Drive.of(part.model_copy(update={"current_ma": None}), 100.0)
@@ -230,7 +230,7 @@ def test_a_circuit_that_cannot_be_is_refused(values: dict[str, object], error: t
     [
         (np.zeros(3), 0.0, "must have 2 columns"),
         (np.array([0.1, -0.1]), 0.0, "at least 0"),
-        (np.array([0.1, np.nan]), 0.0, "numbers of at least 0"),
+        (np.array([0.1, np.nan]), 0.0, "numbers that are at least 0"),
         (np.zeros(2), -1.0, "ambient_mW_cm2"),
     ],
 )

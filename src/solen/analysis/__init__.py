@@ -1,9 +1,9 @@
-"""Recordings of a sensor under a motion: their cycles, the response and its figures of merit.
+"""Recordings of a sensor in motion: cycles, response and figures of merit.
 
-`study` reads files into a `Study`. Its steps are `waveforms` of a recording, `find_motion` (ramps, holds and cycles of
-an angle), `sensor_response` of a sensor's `Signals`, and `group_of` sensors. Voltages are analysed as recorded: no
-filter is applied unless requested. For switched emitters, `solen.analysis.demodulation` first subtracts the ambient
-light.
+`study` reads files into a `Study`. Its steps are `waveforms`, which returns the voltages of a recording; `find_motion`,
+which finds ramps, holds and cycles of an angle; `sensor_response`, which analyses a sensor's `Signals`; and `group_of`,
+which compares sensors. Voltages are analysed as recorded: no filter is applied unless requested. For switched emitters,
+`solen.analysis.demodulation` first subtracts the ambient light.
 """
 
 from solen.analysis.figures_of_merit import ReceiverResponse

@@ -1,8 +1,8 @@
-"""Ageing of a sensor over many cycles: response, null and noise of groups of consecutive cycles.
+"""Ageing of a sensor over many cycles: response, null and noise for groups of consecutive cycles.
 
-Consecutive cycles are grouped. Each group gives a swing, a level and a null, with an uncertainty from the scatter of
-its cycles, and the noise of a reading (`solen.analysis.noise`). Larger changes from group to group are ageing or drift;
-cycles alone cannot distinguish the two.
+Each group of consecutive cycles gives a swing, a level and a null, with uncertainties from the scatter of its cycles,
+and the noise of a reading (`solen.analysis.noise`). Larger changes from group to group are ageing or drift; the cycles
+alone cannot distinguish the two.
 
 `ageing_of` computes an `Ageing` from a sensor's half-cycles and readings.
 """
@@ -24,12 +24,12 @@ LEAST_GROUPS = 3
 
 
 class ReceiverAgeing(Result):
-    """Results of one receiver for each group of cycles.
+    """Results of a receiver for each group of cycles.
 
     Attributes
     ----------
     swing_V, u_swing_V
-        Voltage at the upper end of the angles minus that at the lower end, (groups,).
+        Voltage at the largest angle minus voltage at the smallest angle, (groups,).
     level_V, u_level_V
         Mean voltage over the angles.
     noise_V
@@ -56,12 +56,12 @@ class Ageing(Result):
     Attributes
     ----------
     first_cycle
-        Number of the first cycle of each group, counted from 1 among the cycles used, (groups,).
+        Number of the first cycle in each group, counted from 1 among the cycles used, (groups,).
     receivers
-        Results of each receiver, by its name.
+        Results for each receiver, by receiver name.
     balance_deg, u_balance_deg
-        Angle nearest to 0 at which the left and right voltages are equal, (groups,); NaN if the names of the receivers
-        do not identify left and right.
+        Angle nearest to 0 at which the left and right voltages are equal, (groups,); NaN if the receiver names do not
+        identify left and right.
     balance_deg_per_cycle, u_balance_deg_per_cycle
         Slope of the balance angle against the cycle number.
     """
@@ -81,16 +81,16 @@ def ageing_of(
     sides: tuple[int, int] | None,
     every: int,
 ) -> Ageing:
-    """Compute the results of groups of ``every`` consecutive cycles; an incomplete last group is omitted.
+    """Compute the results for groups of ``every`` consecutive cycles; an incomplete last group is omitted.
 
     Parameters
     ----------
     ways
         Half-cycles of all used cycles, in order.
     scatters
-        Scatter of the readings of each of these cycles.
+        Scatter of the readings in each of these cycles.
     names, sides
-        Names of the receivers, and positions of the left and the right one among them.
+        Receiver names, and the positions of the left and right receivers in this list.
     every
         Number of cycles in a group.
 

@@ -1,22 +1,24 @@
-"""Alignment of a stage's log with a recorder's clock: offset, rate, and their uncertainties.
+"""Alignment of a stage log with the recorder's clock: offset, rate, and their uncertainties.
 
-The voltage of a receiver is a function of the angle, whatever that function is. If the log is shifted against the
-voltages, rising and falling ramps give two different curves. The shift is found approximately by cross-correlation and
-then by least squares: with the mean curve f, a shift by δ changes the voltage by f'(θ) θ' δ, which has opposite signs
-in the two directions, so f and δ can be separated. Each cycle gives its own shift. A straight line through the shifts
-over time gives the lag and the rate of the clock, and its residuals give their uncertainties.
+The voltage of a receiver is a function of the angle, whatever that function is. If the log is shifted in time against
+the voltages, rising and falling ramps give two different curves. The shift is found approximately by cross-correlation
+and then refined by least squares: with the mean curve f, a shift by δ changes the voltage by f'(θ) θ' δ, which has
+opposite signs in the two directions, so f and δ can be separated. Each cycle gives an independent shift. A straight
+line through the shifts over time gives the lag and the rate of the clock; the residuals give their uncertainties.
 
-A log has few entries, and a ramp begins and ends between two of them, where linear interpolation would cut the corner.
-The corner is placed where the line of the ramp meets the level of the hold (`solen.analysis.log_interpolation`); these
-times are not used for the lag.
+A log has few entries, and a ramp begins and ends between two entries, where linear interpolation would cut the corner.
+The corner is placed where the line of the ramp meets the level of the hold (`solen.analysis.log_interpolation`); the
+times around it are not used to determine the lag.
 
-Errors common to all cycles do not show in the scatter of the cycles. The steps of an encoder are therefore added to the
-uncertainty; and if the lags of parts of the range differ more than those of the cycles, their scatter is used instead.
+Errors common to all cycles do not show in the scatter of the cycles. The encoder step is therefore added to the
+uncertainty; and if lags fitted to parts of the range differ more than those of the cycles, the scatter between the
+parts is used instead.
 
-A hysteresis that does not depend on speed has the same effect: on ramps of a single speed v, a lag δ makes the
-directions differ by f' v δ. A log on another clock therefore cannot show the hysteresis of a sensor; a warning says so.
+A hysteresis that does not depend on speed has the same effect: on ramps at a single speed v, a lag δ makes the two
+directions differ by f' v δ. A log recorded with a different clock therefore cannot show the hysteresis of a sensor; a
+warning says so.
 
-`align` returns an `Alignment`, whose `angle_deg` is the log's angle at the recorder's times.
+`align` returns an `Alignment`, whose `angle_deg` is the logged angle at the recorder's times.
 """
 
 import math
@@ -49,15 +51,16 @@ _INNER = 0.05  # fraction of the range at each end in which the slope of a curve
 
 
 class Alignment(Result):
-    """Relation of a log's clock to the recorder's clock.
+    """Relation between a log's clock and the recorder's clock.
 
     Attributes
     ----------
     lag_s, u_lag_s
-        Time of the log minus the time of the recorder, in the middle of the recording, and its standard uncertainty
-        (NaN for fewer than three cycles).
+        Log time minus recorder time at the midpoint of the recording, and its standard uncertainty (NaN for fewer than
+        three cycles).
     rate_ppm, u_rate_ppm
-        How much faster the log's clock runs; 0 if it is not resolved (less than three standard uncertainties).
+        How much faster the log's clock runs; 0 if the difference is not resolved (less than three standard
+        uncertainties).
     angle_deg
         Angle at the recorder's times, NaN outside the log, (n,).
     warnings
@@ -85,18 +88,18 @@ def align(
     Parameters
     ----------
     time_s, volts
-        The recording, (n,) and (n, m).
+        Times (n,) and voltages (n, m) of the recording.
     log_s, log_deg
-        The log, (k,), with non-decreasing times.
+        Times and angles of the log, (k,); the times must be non-decreasing.
     window_s
-        Time over which each voltage was averaged.
+        Averaging time of each voltage.
     stimulus
         The logged quantity.
 
     Raises
     ------
     DataError
-        If the log contains no cycle, or the voltages do not follow it.
+        If the log contains no cycle, or the voltages do not follow the logged angle.
     """
     motion = find_motion(log_s, log_deg, stimulus)
     coarse, rivals = _coarse(time_s, principal(volts), log_s, log_deg)
@@ -106,7 +109,7 @@ def align(
         shifts = laid.shifts(lag, rate)
         if not shifts.when.size:
             limit = "covers no complete cycle of the recording"
-            raise DataError("angle of the log", limit=limit, remedy="check that both files are of the same test")
+            raise DataError("angle in the log", limit=limit, remedy="check that both files are of the same test")
         lag += shifts.mean
         if abs(shifts.mean) < 1e-7:
             break
@@ -126,7 +129,7 @@ def align(
 
 
 def principal(volts: FloatArray) -> FloatArray:
-    """First principal component of the receivers, each divided by its standard deviation, (n,)."""
+    """First principal component of the receiver voltages, each scaled by its standard deviation, (n,)."""
     centred = volts - np.median(volts, axis=0)
     spread = centred.std(axis=0)
     scaled = centred / np.where(spread > 0.0, spread, 1.0)
@@ -151,7 +154,7 @@ def _coarse(
     overlap = math.sqrt(max(spans) / min(spans))
     if height[best] * overlap < _LEAST_CORRELATION:
         limit = f"does not match the voltages (the best correlation is {height[best]:.2f})"
-        raise DataError("angle of the log", limit=limit, remedy="check that both files are of the same test")
+        raise DataError("angle in the log", limit=limit, remedy="check that both files are of the same test")
     lags = (np.arange(found.size) - (ours.size - 1)) * even_s + log_s[0] - time_s[0]
     peaks = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])) + 1
     others = [int(n) for n in peaks if height[n] > _RIVAL * height[best] and abs(n - best) > 2]
@@ -165,9 +168,9 @@ def _coarse(
 
 @dataclass(frozen=True, eq=False)
 class _Shifts:
-    """Best-fitting shift of each cycle: its time, the shift and its weight, (c,).
+    """Best-fitting shift for each cycle: times, shifts and weights, each (c,).
 
-    ``u_parts`` is the uncertainty of a common shift, from the differences between the shifts of parts of the range.
+    ``u_parts`` is the uncertainty of a common shift, from the differences between shifts fitted to parts of the range.
     """
 
     when: FloatArray
@@ -180,13 +183,13 @@ class _Shifts:
         return float(np.average(self.shift, weights=self.weight))
 
     def line(self, middle_s: float) -> tuple[float, float, float]:
-        """Standard uncertainty of the level at the middle, slope, and standard uncertainty of the slope."""
+        """Standard uncertainty of the line's level at the midpoint, slope, and standard uncertainty of the slope."""
         return _line(self.when - middle_s, self.shift, self.weight)
 
 
 @dataclass(frozen=True, eq=False)
 class _Laid:
-    """A recording aligned with a log: times, voltages and their durations, times of log entries, angle and motion."""
+    """A recording aligned with a log: sample times, voltages and averaging times, log times, angles and motion."""
 
     time_s: FloatArray
     volts: FloatArray
@@ -197,19 +200,19 @@ class _Laid:
 
     @property
     def middle_s(self) -> float:
-        """Time of the middle of the recording."""
+        """Time at the midpoint of the recording."""
         return 0.5 * float(self.time_s[0] + self.time_s[-1])
 
     def log_times(self, lag: float, rate: float) -> FloatArray:
-        """Times of the recording on the log's clock, (n,)."""
+        """Recording times on the log's clock, (n,)."""
         return np.asarray(self.time_s + lag + rate * (self.time_s - self.middle_s))
 
     def angle_deg(self, lag: float, rate: float, window_s: float = 0.0) -> FloatArray:
-        """Angle of the log at the times of the recording, (n,)."""
+        """Logged angle at the recording times, (n,)."""
         return self.log.at(self.log_times(lag, rate), window_s)
 
     def shifts(self, lag: float, rate: float) -> _Shifts:
-        """Best-fitting shift of each cycle, in addition to the shift of the clock."""
+        """Best-fitting shift of each cycle, in addition to the clock's shift."""
         motion, when = self.motion, self.log_times(lag, rate)
         angle, speed = self.log.at(when), self._speed(when)
         reach = motion.high_deg - motion.low_deg
@@ -233,7 +236,7 @@ class _Laid:
         return _Shifts(columns[:, 0], columns[:, 1], columns[:, 2], u_parts)
 
     def _speed(self, when: FloatArray) -> FloatArray:
-        """Speed from the log, over an interval long compared with noise and steps but at most a tenth of a ramp."""
+        """Speed from the log, over an interval long against noise and steps but at most a tenth of a ramp."""
         motion = self.motion
         fastest = motion.speed_deg_per_s
         far = max(_NOISES * motion.noise_deg, _STEPS * motion.step_deg)
@@ -281,9 +284,9 @@ def _linearised(
 
 
 def _pieces(angle: FloatArray, speed: FloatArray, motion: Motion) -> int:
-    """Number of pieces of a mean curve that samples of both directions support; 0 if there are too few.
+    """Number of mean-curve segments that samples of both directions support; 0 if there are too few samples.
 
-    With more pieces, a curve could follow both directions if these were sampled at a few different angles each.
+    With more segments, a curve could follow both directions if these were sampled at a few different angles each.
     """
     low, reach = motion.low_deg, motion.high_deg - motion.low_deg
     cell = np.clip(((angle - low) / reach * _CELLS).astype(int), 0, _CELLS - 1)
@@ -292,7 +295,7 @@ def _pieces(angle: FloatArray, speed: FloatArray, motion: Motion) -> int:
 
 
 class _Cells:
-    """Angles sorted into narrow cells; a curve through many samples is fitted to the means of the cells."""
+    """Angles sorted into narrow bins; a curve through many samples is fitted to the bin means."""
 
     def __init__(self, angle: FloatArray, motion: Motion, pieces: int) -> None:
         low, reach = motion.low_deg, motion.high_deg - motion.low_deg
@@ -306,16 +309,16 @@ class _Cells:
         self._knots = np.concatenate([np.repeat(ends[0], 4), inside, np.repeat(ends[1], 4)])
 
     def curve(self, values: FloatArray) -> BSpline:
-        """Cubic spline fitted to the means of the cells by least squares."""
+        """Cubic spline fitted to the bin means by least squares."""
         means = np.bincount(self._cell, values, _CELLS)[self._held] / self._count
         return make_lsq_spline(self._angle, means, self._knots, 3, w=np.sqrt(self._count))
 
 
 def _step_of_encoder(log_deg: FloatArray, motion: Motion) -> float:
-    """Step of an encoder, of which all levels are multiples; 0 if there is none.
+    """Encoder step, of which all levels are multiples; 0 if there is none.
 
-    If every level follows the previous one in a ramp, a noise-free angle may have been sampled in step with its motion.
-    The step is then that of the last decimal, to which the angle may have been rounded.
+    If every level in a ramp follows directly after the previous level, a noise-free angle may have been sampled in step
+    with its motion. The step is then one unit of the last decimal place, to which the angle may have been rounded.
     """
     step = _common_step(np.unique(log_deg) - log_deg.min())
     if not step:
@@ -325,7 +328,7 @@ def _step_of_encoder(log_deg: FloatArray, motion: Motion) -> float:
 
 
 def _last_decimal(values: FloatArray) -> float:
-    """0.01 for values with two decimals, and so on; 0 for values with more than six."""
+    """Unit of the last decimal place: 0.01 for values with two decimals, and so on; 0 for more than six decimals."""
     for decimals in range(7):
         if np.abs(values * 10.0**decimals - np.round(values * 10.0**decimals)).max() < _ALIKE * 1e-3:
             return float(10.0**-decimals)
@@ -333,7 +336,7 @@ def _last_decimal(values: FloatArray) -> float:
 
 
 def _common_step(levels: FloatArray) -> float:
-    """Largest step of which all ascending levels, beginning with 0, are multiples; 0 if there is none."""
+    """Largest step of which all levels, ascending from 0, are multiples; 0 if there is none."""
     steps = np.diff(levels)
     finest = float(np.min(steps[steps > 1e-9 * levels[-1]], initial=levels[-1]))
     for part in range(1, _FINER + 1):
@@ -344,10 +347,10 @@ def _common_step(levels: FloatArray) -> float:
 
 
 def _u_of_steps(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> float:
-    """Uncertainty of a lag due to the steps of an encoder, which may affect all ramps alike.
+    """Uncertainty of a lag due to the encoder steps, which may affect all ramps alike.
 
-    Entries less than half a step apart sample every step at many positions, and their rounding errors average like
-    independent errors. Entries farther apart may all have the same rounding error, of standard uncertainty step/√12.
+    Log entries less than half a step apart sample every step at many positions, and their rounding errors average like
+    independent errors. Entries farther apart may all have the same rounding error, with standard uncertainty step/√12.
     """
     step = _step_of_encoder(log_deg, motion)
     if not step:

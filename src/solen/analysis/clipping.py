@@ -1,8 +1,8 @@
-"""Detection of clipped samples, at the limits of a recorder.
+"""Detection of samples clipped at the limits of a recorder.
 
-A converter, amplifier or circuit at its rail repeats one value, the largest or the smallest of the whole recording,
-while the angle continues to change. A hold and a coarse converter also repeat values. Therefore only runs of exactly
-the same extreme value within ramps count, and only if no other value of the recording is repeated as many times. If the
+A converter, amplifier or circuit at its rail repeats one value, the largest or the smallest of the entire recording,
+while the angle continues to change. A hold or a coarse converter also repeats values. Therefore only runs of exactly
+the same extreme value within ramps count, and only if no other value in the recording is repeated as many times. If the
 rails are known, every sample at or beyond a rail counts instead.
 
 `clipped` marks samples.
@@ -13,12 +13,12 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 
 _RUN = 3
-"""Number of successive samples at one extreme value during a motion that count as clipped."""
+"""Smallest number of successive samples at an extreme value during a motion that count as clipped."""
 _TIMES = 2  # smallest ratio to the longest run of any other value
 
 
 def clipped(volts: FloatArray, moving: BoolArray, rails: tuple[float, float] | None = None) -> BoolArray:
-    """Return which samples of one receiver are clipped, (n,).
+    """Return which samples of a receiver are clipped, (n,).
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def clipped(volts: FloatArray, moving: BoolArray, rails: tuple[float, float] | N
     moving
         Whether each sample belongs to a ramp, (n,).
     rails
-        Lowest and highest voltage that can be recorded, if known.
+        Lowest and highest voltage that can be recorded; None if unknown.
     """
     if rails is not None:
         return np.asarray((volts <= rails[0]) | (volts >= rails[1]))

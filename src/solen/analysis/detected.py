@@ -1,7 +1,7 @@
-"""Choices that `study` makes automatically: the log of the stage next to a recording, and the full command.
+"""Choices that `study` makes automatically: the stage log next to a recording, and the full command.
 
-A data acquisition program often records no angle, while the program of the stage writes its log to the same folder: a
-small table of times and angles without voltages. The alignment with the voltages shows whether it is of the same test.
+A data acquisition program often records no angle, while the stage program writes its log to the same folder: a small
+table of times and angles without voltages. The alignment with the voltages shows whether it belongs to the same test.
 
 Public names: `find_log`, `explicit` and `command`.
 """
@@ -17,12 +17,12 @@ from solen.recording import read
 from solen.recording.column_roles import column_of, receiver_columns
 
 LARGEST_LOG, MOST_LOGS = 5_000_000, 40
-"""Largest size in bytes of a file that may be a stage's log, and number of files that are inspected."""
+"""Maximum size in bytes of a file that may be a stage log, and maximum number of files inspected."""
 _SUFFIXES = frozenset({".csv", ".tsv", ".txt", ".dat", ".log", ".xls", ".xlsx", ".mat", ".tdms", ".lvm", ".h5", ".nc"})
 
 
 def find_log(path: Path, others: Iterable[Path] = ()) -> Path | None:
-    """Find the log of a stage in a recording's folder; None if there is none.
+    """Find the stage log in a recording's folder; None if there is no log.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def find_log(path: Path, others: Iterable[Path] = ()) -> Path | None:
     named = [log for log in logs if log in named]
     if len(named or logs) > 1:
         names = ", ".join(one.name for one in named or logs)
-        limit = f"has no angle, and several files next to it could be the log of the stage: {names}"
+        limit = f"has no angle, and several files next to it could be the stage log: {names}"
         raise DataError(path.name, limit=limit, remedy="name one with --angle-file")
     return next(iter(named or logs), None)
 
@@ -59,7 +59,7 @@ def _is_log(path: Path) -> bool:
 def explicit(
     options: AnalysisOptions, switching: Mapping[str, Switching], logs: Sequence[Path] = ()
 ) -> AnalysisOptions | None:
-    """Options that state the detected settings; None if these differ between recordings."""
+    """Options equivalent to the detected settings; None if these differ between recordings."""
     if logs:
         one = tuple(dict.fromkeys(logs))
         options = options.model_copy(update={"angle_file": one if len(one) == 1 else tuple(logs)})
@@ -82,7 +82,7 @@ def explicit(
 
 
 def command(files: Sequence[Path], options: AnalysisOptions) -> str:
-    """Command line that states all options."""
+    """Command line with all options, including the detected settings."""
     words = ["solen", "bench", "analyse", *map(str, files)]
     for name, field in type(options).model_fields.items():
         value = getattr(options, name)

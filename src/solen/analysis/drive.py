@@ -1,8 +1,9 @@
 """Quantity that drives a recorded sensor, from the columns of its recording: an angle, a force or a depth.
 
-Options name the column, otherwise its header does. If several are recorded, the angle is chosen before the force and
-the force before the depth, and a warning states the choice. A force is in units of force, or in volts of a load cell
-whose calibration is stated (`solen.analysis.load_cell`); no unit is assumed for a force or depth.
+An option names the column; otherwise the column is recognised by its header. If several quantities are recorded, angle
+takes precedence over force and force over depth, and a warning reports the choice. A force is in force units, or in
+volts from a load cell whose calibration is specified (`solen.analysis.load_cell`); no unit is assumed for a force or
+depth.
 
 Public names: `driven` and `reject_undriven`.
 """
@@ -45,11 +46,11 @@ class Drive:
     stimulus
         An angle, a force or a depth.
     values
-        Its values in the order of time, (n,).
+        Values of the quantity in time order, (n,).
     columns
         Names of columns that are not receivers.
     cell
-        The load cell, if it is stated.
+        The load cell; None if not specified.
     """
 
     stimulus: Stimulus
@@ -61,12 +62,12 @@ class Drive:
 def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warnings: list[Caution]) -> Drive | None:
     """Return the quantity that drives a recorded sensor, or None if no column contains one.
 
-    Assumptions are added to the warnings. ``base`` are the times of the samples.
+    Assumptions are added to the warnings. ``base`` contains the sample times.
 
     Raises
     ------
     DataError, SpecError
-        If a column has no unit or one of another kind, or an option is for another quantity.
+        If a column has no unit or an unsuitable unit, or an option is for another quantity.
     """
     volts = force_in_volts(recording)
     if volts is not None and volts.name in {column for _, column in options.named_receivers}:
@@ -79,7 +80,7 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
     columns = tuple(one.name for one in (channel, volts) if one is not None)
     if stimulus is ANGLE:
         if volts is not None:
-            unused = "is in volts of a load cell and is not used; use it with --load-cell and --against force"
+            unused = "is in volts from a load cell and is not used; to use it, specify --load-cell and --against force"
             warnings.append(of(volts.name, look_at(unused)))
         angle = _degrees(recording, channel, options, warnings)[base.order]
         return Drive(ANGLE, angle, columns)
@@ -104,9 +105,9 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
 def reject_undriven(recording: Recording) -> NoReturn:
     """Raise `DataError` for a recording that nothing drives, with a remedy."""
     remedy = (
-        "name it with --angle, a log of the stage with --angle-file, or state --amplitude-deg; name a force "
-        "with --load or a "
-        f"depth with --depth; {existing(recording)}"
+        "name an angle column with --angle or a stage log with --angle-file, or specify --amplitude-deg; name a force "
+        "column with --load or a "
+        f"depth column with --depth; {existing(recording)}"
     )
     limit = "no column is recognised as an angle, force or depth"
     raise DataError(recording.provenance.name, limit=limit, remedy=remedy)
@@ -115,7 +116,7 @@ def reject_undriven(recording: Recording) -> NoReturn:
 def _chosen(
     recording: Recording, options: "SignalOptions", volts: Channel | None, warnings: list[Caution]
 ) -> tuple[Stimulus, Channel] | None:
-    """The quantity that the voltages are analysed against, and its column."""
+    """The quantity against which the voltages are analysed, and its column."""
     stated = {name: getattr(options, one.column) for name, one in STIMULI.items()}
     named = {name: column for name, column in stated.items() if column is not None}
     wanted = [options.against] if options.against else list(named or STIMULI)
@@ -126,15 +127,15 @@ def _chosen(
             if others and options.against is None:
                 more = (
                     f"the response is against the {name}, but the {' and the '.join(others)} "
-                    f"{'is' if len(others) == 1 else 'are'} also recorded: use --against {others[0]} for that"
+                    f"{'is' if len(others) == 1 else 'are'} also recorded: to analyse that, use --against {others[0]}"
                 )
                 warnings.append(note(more))
             return STIMULI[name], channel
     if options.against:
         there = [name for name in STIMULI if name != options.against and _there(recording, name, named)]
-        has = f"; this recording has {' and '.join(there)}" if there else ""
+        has = f"; this recording contains {' and '.join(there)}" if there else ""
         limit = f"no column is recognised as the {options.against}{has}"
-        remedy = f"name it with --{STIMULI[options.against].column}; {existing(recording)}"
+        remedy = f"name the column with --{STIMULI[options.against].column}; {existing(recording)}"
         raise DataError(recording.provenance.name, limit=limit, remedy=remedy)
     return None
 
@@ -146,7 +147,7 @@ def _column(recording: Recording, name: str, named: str | None, volts: Channel |
 
 
 def _there(recording: Recording, name: str, named: dict[str, str]) -> bool:
-    """Whether a recording also contains another quantity; of several columns, one would have to be named to be used."""
+    """Whether a recording also contains another quantity, even in several columns of which none is named."""
     if name in named:
         return True
     try:
@@ -172,18 +173,20 @@ def _check_options(stimulus: Stimulus, options: "SignalOptions") -> None:
 def _by_cell(
     channel: Channel, cell: LoadCell | None, options: "SignalOptions", base: TimeBase, what: str
 ) -> FloatArray:
-    """Forces from the volts of a load cell."""
+    """Forces from load cell voltages."""
     unit = unit_of(channel)
     scale = factor(unit, "V") if unit else None
     if scale is None:
         limit = "is not a unit of this quantity" if unit else "states no unit"
-        remedy = "state it in the header: force_N, force_gf or depth_mm; load_cell_V for a load cell"
+        remedy = "specify the unit in the header: force_N, force_gf or depth_mm; load_cell_V for a load cell"
         raise DataError(what, value=unit or None, limit=limit, remedy=remedy)
     if cell is None:
-        remedy = "state its calibration with --load-cell FILE: [load_cell] with N_per_V"
-        raise DataError(what, value=unit, limit="is a voltage, but the force per volt is not stated", remedy=remedy)
+        remedy = "specify the load cell calibration with --load-cell FILE: [load_cell] with N_per_V"
+        raise DataError(
+            what, value=unit, limit="is a voltage, but the load cell sensitivity is not specified", remedy=remedy
+        )
     if cell.zero_V is None and options.tare_s is None:
-        remedy = "state zero_V in [load_cell], or use --tare-s with the seconds without load at the beginning"
+        remedy = "specify zero_V in [load_cell], or use --tare-s with the seconds without load at the beginning"
         raise DataError(what, limit="has no known voltage without load", remedy=remedy)
     if cell.zero_V is not None and options.tare_s is not None:
         raise SpecError(
@@ -195,18 +198,18 @@ def _by_cell(
 
 
 def _tare(channel: Channel, options: "SignalOptions", base: TimeBase) -> float:
-    """Mean of a column over the beginning, or 0 if no tare is requested."""
+    """Mean of a column over the initial tare interval, or 0 if no tare is requested."""
     if options.tare_s is None:
         return 0.0
     first = channel.values[base.order][base.time_s <= base.time_s[0] + options.tare_s]
     if not np.isfinite(first).any():
-        limit = "have no number in the column of the force or depth"
+        limit = "have no number in the force or depth column"
         raise SpecError("--tare-s", value=options.tare_s, limit=limit, remedy="take more")
     return float(np.nanmean(first))
 
 
 def _u_tare(values: FloatArray, tare_s: float, base: TimeBase) -> tuple[float, int]:
-    """Standard error of the mean that a tare subtracts, in the unit of the values, and the number of its readings."""
+    """Standard error of the mean that a tare subtracts, in the unit of the values, and the number of readings."""
     first = values[base.time_s <= base.time_s[0] + tare_s]
     first = first[np.isfinite(first)]
     n = len(first)
@@ -214,7 +217,7 @@ def _u_tare(values: FloatArray, tare_s: float, base: TimeBase) -> tuple[float, i
 
 
 def _of_rig(recording: Recording) -> LoadCell | None:
-    """Load cell of the rig, from the header that a bench wrote into a recording."""
+    """Load cell of the rig, from the header that a bench wrote in a recording."""
     with suppress(ValueError, KeyError, TypeError, SolenError):
         table: Any = json.loads(recording.provenance.metadata["header"])["rig"]["load_cell"]
         return LoadCell(**table)
@@ -239,15 +242,15 @@ def _check_degrees(channel: Channel, file: str, warnings: list[Caution]) -> None
     """Raise `DataError` if an angle without a unit cannot be in degrees."""
     farthest = float(np.nanmax(np.abs(channel.values), initial=0.0))
     if farthest > _FAR_DEG:
-        limit = f"reaches {farthest:.4g} without a stated unit, which is too large for degrees"
-        remedy = "state its unit in the header: deg, mdeg, rad or mrad; or name another column with --angle"
+        limit = f"reaches {farthest:.4g} without a specified unit, which is too large for degrees"
+        remedy = "specify the unit in the header: deg, mdeg, rad or mrad; or name another column with --angle"
         raise DataError(f"{file}: {channel.name}", limit=limit, remedy=remedy)
     if not plain(channel.name).endswith("deg"):
-        warnings.append(look_at(f"{channel.name} states no unit; degrees are assumed"))
+        warnings.append(look_at(f"the header {channel.name} specifies no unit; degrees are assumed"))
 
 
 def _unwound(channel: Channel, scale: float, warnings: list[Caution]) -> FloatArray:
-    """Angle in degrees, continued at jumps from 360 to 0 or from 180 to -180 and back."""
+    """Angle in degrees, continued across jumps from 360 to 0 or from 180 to −180 and vice versa."""
     angle = np.asarray(channel.values * scale)
     held = np.isfinite(angle)
     steps = np.diff(angle[held])
@@ -255,5 +258,5 @@ def _unwound(channel: Channel, scale: float, warnings: list[Caution]) -> FloatAr
         return angle
     unwound = np.unwrap(angle[held], period=_TURN_DEG)
     angle[held] = unwound - _TURN_DEG * np.round(np.median(unwound) / _TURN_DEG)
-    warnings.append(of(channel.name, note("jumps by a full turn; the angle is continued there")))
+    warnings.append(of(channel.name, note("jumps by a full turn; the angle is continued across the jump")))
     return angle

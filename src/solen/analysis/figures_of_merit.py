@@ -1,10 +1,10 @@
-"""Figures of merit of a response, as quoted by manufacturers of sensors, each with its definition.
+"""Figures of merit of a response, as quoted by sensor manufacturers, each with its definition.
 
 All figures are computed from the sweeps on the grid, one value per cycle where possible. Their uncertainty is the
-standard deviation over the cycles divided by the square root of their number. They describe one sensor; cycles are no
-replicates of a print. Definitions follow the vocabulary of process instruments (ANSI/ISA-51.1): independent linearity
-is the largest deviation from the straight line that minimises it, and hysteresis is the largest difference between the
-directions. Full scale is the range of the mean curve.
+standard deviation over the cycles divided by the square root of the number of cycles. They describe one sensor; cycles
+are not replicates of a print. Definitions follow the vocabulary of process instruments (ANSI/ISA-51.1): independent
+linearity is the largest deviation from the straight line that minimises this deviation, and hysteresis is the largest
+difference between the directions. Full scale is the range of the mean curve.
 
 Public names: `receiver_response`, `swing`, `line_slopes` and `line_fit`.
 """
@@ -40,38 +40,38 @@ _UNKNOWN = Estimate(math.nan, math.nan)
 
 
 class ReceiverResponse(Curve):
-    """Response of one receiver and its figures of merit; NaN for undefined values.
+    """Response of a receiver and its figures of merit; NaN for undefined values.
 
     Attributes
     ----------
     angle_deg
         Angles of the curves, (g,).
     rising, falling
-        Mean curve of each direction.
+        Mean curve in each direction.
     range_V, u_range_V
         Largest minus smallest mean: full scale. Noise increases it.
     swing_V, u_swing_V
-        Mean over the upper tenth of the angles minus that over the lower tenth; signed.
+        Mean over the upper tenth of the angles minus mean over the lower tenth; signed.
     sensitivity_V_per_deg, u_sensitivity_V_per_deg
         Slope of the least-squares line over all angles.
     sensitivity_near_zero_V_per_deg, u_sensitivity_near_zero_V_per_deg
-        The same near 0, within `SensorResponse.near_zero_deg`.
+        Slope near 0, within `SensorResponse.near_zero_deg`.
     independent_linearity_percent
-        Largest deviation of the mean curve from the line that minimises it, relative to full scale.
+        Largest deviation of the mean curve from the line that minimises this deviation, relative to full scale.
     linearity_percent
         Largest deviation from the least-squares line, relative to full scale.
     hysteresis_V, u_hysteresis_V, hysteresis_percent
         Rising minus falling: largest mean over a tenth of the range, also in per cent of full scale.
     hysteresis_angle_deg
-        Middle of that tenth.
+        Midpoint of that tenth.
     hysteresis_point_V
         Largest difference at a single angle, which noise increases.
     mean_hysteresis_V, u_mean_hysteresis_V
         Mean difference over all angles; signed.
     repeatability_V, repeatability_percent
-        Standard deviation over cycles at one angle and in one direction, pooled.
+        Standard deviation over cycles at the same angle and in the same direction, pooled.
     drift_V_per_min, u_drift_V_per_min, drift_V_per_cycle, u_drift_V_per_cycle
-        Slope of the cycles' mean levels.
+        Slope of the mean levels of the cycles.
     noise_V
         Standard deviation of a reading.
     snr, snr_dB
@@ -120,7 +120,7 @@ class ReceiverResponse(Curve):
 
 
 def over_cycles(values: FloatArray) -> Estimate:
-    """Mean of one value per cycle, and its uncertainty from the scatter of the cycles (NaN for a single cycle)."""
+    """Mean of values, one per cycle, and its uncertainty from the scatter of the cycles (NaN for a single cycle)."""
     held = values[np.isfinite(values)]
     if not held.size:
         return _UNKNOWN
@@ -131,16 +131,16 @@ def over_cycles(values: FloatArray) -> Estimate:
 def receiver_response(
     passes: Passes, noise_V: float, clipped_samples: int = 0, near_zero: float = NEAR_ZERO_DEG
 ) -> ReceiverResponse:
-    """Compute the curves and figures of merit of one receiver.
+    """Compute the curves and figures of merit of a receiver.
 
     Parameters
     ----------
     passes
-        Its passes; the last axis has length 1.
+        Passes of the receiver; the last axis has length 1.
     noise_V
         Standard deviation of a single reading.
     clipped_samples
-        Number of its clipped samples.
+        Number of clipped samples.
     near_zero
         Values about 0 for which the sensitivity near zero is computed.
     """
@@ -214,7 +214,7 @@ def _reach(mean: FloatArray) -> float:
 
 
 def _u_of_range(curve: Curve) -> float:
-    """Uncertainty of the largest minus the smallest mean."""
+    """Uncertainty of the largest mean minus the smallest mean."""
     if not np.isfinite(curve.mean_V).any():
         return math.nan
     places = [int(np.nanargmax(curve.mean_V)), int(np.nanargmin(curve.mean_V))]
@@ -222,9 +222,9 @@ def _u_of_range(curve: Curve) -> float:
 
 
 def swing(angle_deg: FloatArray, cycle_V: FloatArray) -> Estimate:
-    """Voltage at the upper end of the angles minus that at the lower: means over the outer tenths of each cycle.
+    """Voltage at the largest angles minus voltage at the smallest angles: means over the outer tenths of each cycle.
 
-    Unlike the range it does not increase with noise, and it has a sign.
+    Unlike the range, the swing does not increase with noise, and it has a sign.
     """
     reach = float(np.ptp(angle_deg))
     upper = cycle_V[:, angle_deg >= angle_deg[-1] - _END * reach - 1e-9]
@@ -240,7 +240,7 @@ def _held_mean(values: FloatArray) -> FloatArray:
 
 
 def line_slopes(angle_deg: FloatArray, cycle_V: FloatArray, where: BoolArray) -> Estimate:
-    """Slope of the least-squares line of each cycle over given angles."""
+    """Slope of the least-squares line of each cycle over the specified angles."""
     return over_cycles(np.array([_slope(angle_deg, row, where) for row in cycle_V]))
 
 
@@ -254,14 +254,14 @@ def _slope(angle_deg: FloatArray, row: FloatArray, where: BoolArray) -> float:
 
 
 def _weights(angle_deg: FloatArray) -> FloatArray:
-    """Weight of each angle in the range: half at its ends, so that a line fits all angles equally."""
+    """Weight of each angle in the range: half at both ends, so that a line fits all angles equally."""
     weights = np.ones(angle_deg.size)
     weights[[0, -1]] = 0.5
     return np.asarray(weights / weights.sum())
 
 
 def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
-    """Largest deviation of a curve from the line that minimises it, and from the least-squares line, in V."""
+    """Largest deviation in V of a curve from the line that minimises it, and from the least-squares line."""
     held = np.isfinite(mean)
     x, y = angle_deg[held], mean[held]
     if x.size < _LEAST_POINTS:
@@ -275,8 +275,7 @@ def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
 def hysteresis_of(angle_deg: FloatArray, difference: FloatArray) -> tuple[Estimate, float, float, Estimate]:
     """Rising minus falling (cycles, g): largest mean over a tenth of the range, its angle, largest value, and mean.
 
-    The largest of many noisy differences at single points of the grid is mostly noise; it is therefore reported
-    separately.
+    The largest of many noisy differences at single grid points is mostly noise; it is therefore reported separately.
     """
     held = np.isfinite(difference).all(axis=0)
     if not held.any():
@@ -302,7 +301,7 @@ def _windows(rows: FloatArray, width: int) -> FloatArray:
 
 
 def _repeatability(volts: FloatArray) -> float:
-    """Standard deviation over cycles at one angle and in one direction, pooled over both directions."""
+    """Standard deviation over cycles at the same angle and in the same direction, pooled over both directions."""
     if volts.shape[0] < 2:
         return math.nan
     variance = volts.var(axis=0, ddof=1)

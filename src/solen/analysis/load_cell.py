@@ -1,9 +1,9 @@
-"""A load cell, which converts volts to newtons, with the errors that its manufacturer or a calibration states.
+"""A load cell, which converts volts to newtons, with the errors specified by its manufacturer or a calibration.
 
-One factor applies to its whole range. Two errors are common to all readings: that of the factor, and the non-linearity.
-They affect a whole calibration rather than single readings, so the scatter does not show them; a sensitivity and a
-decoded force include both. Errors that are the same in both halves of a comparison are not included, e.g. if forces are
-compared with the readings of the same cell.
+One factor applies over its entire range. Two errors are common to all readings: the error of this factor and the
+non-linearity. They affect an entire calibration rather than single readings, so the scatter does not show them; a
+sensitivity and a decoded force include both. Errors that affect both sides of a comparison equally are not included,
+e.g. if forces are compared with readings from the same cell.
 
 Public names: `LoadCell`, `load_cell_of` and `least_certain`.
 """
@@ -24,26 +24,28 @@ _RATED = ("mV_per_V", "excitation_V")
 
 
 class LoadCell(Strict):
-    """A load cell and the force that a volt of its signal represents."""
+    """A load cell with its sensitivity, zero and uncertainties."""
 
     table: ClassVar[str] = "load_cell"
 
     name: Text = Field("load cell", description="Its name.")
     input: Annotated[int, Field(strict=True, ge=1, le=64)] | None = Field(
-        None, description="In a rig: the input that it is connected to."
+        None, description="In a rig: the input to which it is connected."
     )
-    N_per_V: Number | None = Field(None, description="Newtons per volt; negative if pressing lowers the voltage.")
+    N_per_V: Number | None = Field(
+        None, description="Sensitivity in newtons per volt; negative if pressing lowers the voltage."
+    )
     mV_per_V: Positive | None = Field(
-        None, description="Alternatively: its output at capacity_N, per volt of excitation."
+        None, description="Alternatively: output at capacity_N, in millivolts per volt of excitation."
     )
-    excitation_V: Positive | None = Field(None, description="With mV_per_V: the excitation voltage of its bridge.")
-    gain: Positive | None = Field(None, description="With mV_per_V: the gain of its amplifier; default: 1.")
+    excitation_V: Positive | None = Field(None, description="With mV_per_V: the excitation voltage of the bridge.")
+    gain: Positive | None = Field(None, description="With mV_per_V: the amplifier gain; default: 1.")
     capacity_N: Positive | None = Field(None, description="Its rated load.")
     u_sensitivity_percent: NotNegative | None = Field(
         None, description="Standard uncertainty of the sensitivity, including excitation and amplifier."
     )
     nonlinearity_percent: NotNegative = Field(
-        0.0, description="Non-linearity: largest distance from a straight line, in per cent of capacity_N."
+        0.0, description="Non-linearity: largest deviation from a straight line, in per cent of capacity_N."
     )
     zero_V: Number | None = Field(
         None, description="Voltage without load; default: the mean over the pause at the beginning (tare)."
@@ -53,7 +55,7 @@ class LoadCell(Strict):
     def _one_way(self) -> Self:
         rated = [key for key in (*_RATED, "gain") if getattr(self, key) is not None]
         if (self.N_per_V is None) == (self.mV_per_V is None):
-            limit = "must be stated by N_per_V, or by mV_per_V with excitation_V and capacity_N"
+            limit = "must be specified by N_per_V, or by mV_per_V with excitation_V and capacity_N"
             raise refused("", limit, remedy="add N_per_V = 2.0")
         if self.N_per_V is not None and rated:
             limit = "cannot be combined with N_per_V"
@@ -70,19 +72,19 @@ class LoadCell(Strict):
 
     @property
     def sensitivity_N_per_V(self) -> float:
-        """Sensitivity: newtons per volt."""
+        """Sensitivity in newtons per volt."""
         if self.mV_per_V is None or self.excitation_V is None or self.capacity_N is None:
             return self.N_per_V or 0.0  # one of the two is stated
         return self.capacity_N / (1e-3 * self.mV_per_V * self.excitation_V * (self.gain or 1.0))
 
     @property
     def u_line_N(self) -> float:
-        """Standard uncertainty from the non-linearity, which is assumed to be uniform up to its largest value."""
+        """Standard uncertainty due to non-linearity, assumed to be uniformly distributed up to its maximum."""
         return 0.01 * self.nonlinearity_percent * (self.capacity_N or 0.0) / math.sqrt(3.0)
 
     @property
     def u_slope(self) -> float | None:
-        """Relative standard uncertainty of a slope against the force; None if that of the scale is not stated.
+        """Relative standard uncertainty of a slope against the force; None if that of the scale is not specified.
 
         A bow of height b, i.e. b·4x(1 − x) with the fraction x of the capacity, changes a slope by at most 4b over the
         capacity, near either end.
@@ -92,12 +94,12 @@ class LoadCell(Strict):
         return math.hypot(0.01 * self.u_sensitivity_percent, 4.0 * self.u_line_N / (self.capacity_N or 1.0))
 
     def force_N(self, volts: FloatArray, zero_V: float) -> FloatArray:
-        """Forces at given voltages, of any shape."""
+        """Forces at the specified voltages, of any shape."""
         return self.sensitivity_N_per_V * (volts - zero_V)
 
 
 def least_certain(cells: Iterable[LoadCell | None]) -> LoadCell | None:
-    """The cell with the largest uncertainty of its scale; None if there is no cell or one does not state it."""
+    """The cell with the largest scale uncertainty; None if there is no cell or if a cell does not specify it."""
     every = list(cells)
     stated = [cell for cell in every if cell is not None]
     if not stated or len(stated) < len(every):
@@ -106,7 +108,7 @@ def least_certain(cells: Iterable[LoadCell | None]) -> LoadCell | None:
 
 
 def load_cell_of(path: Path) -> LoadCell:
-    """Load the table ``[load_cell]`` of a file, which may be that of a rig.
+    """Load the table ``[load_cell]`` from a file, which may be a rig file.
 
     Raises
     ------
@@ -116,6 +118,6 @@ def load_cell_of(path: Path) -> LoadCell:
     data = parse_toml(read_text(path, SpecError), str(path), SpecError)
     table = data.get("load_cell")
     if not isinstance(table, dict):
-        raise SpecError(str(path), limit="has no table [load_cell]", remedy="add one with N_per_V = 2.0")
+        raise SpecError(str(path), limit="has no table [load_cell]", remedy="add a table with N_per_V = 2.0")
     with error_context(f"{path}: load_cell"):
         return LoadCell(**table)

@@ -1,9 +1,9 @@
-"""The angle of a stage between the entries of its log: linear, except at the beginning and end of a ramp.
+"""The angle of a stage between its log entries: linear, except at the beginning and end of a ramp.
 
-A straight line between the entries on both sides of a ramp's end cuts its corner. If the entries on one side are on the
-line of the ramp and those on the other at the level of the hold, the corner is at their intersection, which becomes a
-node. Otherwise the stage slowed down over several entries, and these are sufficient. In both cases the angle is least
-certain there, and `LoggedAngle.on_corner` marks these times.
+A straight line between the entries on either side of the end of a ramp cuts its corner. If the entries on one side are
+on the line of the ramp and the entries on the other side at the level of the hold, the corner is at the intersection of
+the two lines, which becomes a node. Otherwise the stage slowed down over several entries, and these are sufficient. In
+both cases the angle is least certain there, and `LoggedAngle.on_corner` marks these times.
 
 Public names: `logged_angle` and `LoggedAngle`.
 """
@@ -22,7 +22,7 @@ _NOISES, _STEPS = 4.0, 1.0  # largest distance of an entry from its line, in uni
 
 @dataclass(frozen=True, eq=False)
 class LoggedAngle:
-    """Angle of a stage as a function of its log's time.
+    """Angle of a stage as a function of log time.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class LoggedAngle:
     corners_s: FloatArray
 
     def at(self, time_s: FloatArray, window_s: float = 0.0) -> FloatArray:
-        """Angle (n,) at given times, or its mean over a window about each; NaN outside the log."""
+        """Angle (n,) at the specified times, or its mean over a window about each time; NaN outside the log."""
         if not window_s:
             return np.asarray(np.interp(time_s, self.time_s, self.angle_deg, left=np.nan, right=np.nan))
         upper, lower = self._integral(time_s + 0.5 * window_s), self._integral(time_s - 0.5 * window_s)
@@ -56,14 +56,14 @@ class LoggedAngle:
 
 
 def logged_angle(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> LoggedAngle:
-    """Interpolate the angle of a log, including the corners.
+    """Interpolate the logged angle, including the corners.
 
     Parameters
     ----------
     log_s, log_deg
         Entries, (k,), with non-decreasing times.
     motion
-        Motion of these entries.
+        Motion detected in these entries.
     """
     tolerance = max(_NOISES * motion.noise_deg, _STEPS * motion.step_deg, 1e-6 * (motion.high_deg - motion.low_deg))
     nodes, spans = [], []
@@ -84,11 +84,11 @@ def logged_angle(log_s: FloatArray, log_deg: FloatArray, motion: Motion) -> Logg
 
 
 _Line = tuple[float, float, float]
-"""Time, angle there, and speed."""
+"""Time, angle at this time, and speed."""
 
 
 def _ends(motion: Motion, log_s: FloatArray, log_deg: FloatArray) -> Iterator[tuple[_Line | None, _Line | None, int]]:
-    """Lines before and after each end of each ramp, and the nearest entry; None if there are too few entries."""
+    """Lines before and after each end of each ramp, and the nearest log entry; None if there are too few entries."""
     ramps, final = motion.ramps, log_s.size - 1
     lines = [[_through(log_s, log_deg, part) for part in _ways(ramp)] for ramp in ramps]
     for number, ramp in enumerate(ramps):
@@ -102,7 +102,7 @@ def _ends(motion: Motion, log_s: FloatArray, log_deg: FloatArray) -> Iterator[tu
 
 
 def _ways(ramp: Ramp) -> tuple[IndexArray, IndexArray]:
-    """Entries near the beginning and near the end of a ramp that are on its line."""
+    """Log entries near the beginning and near the end of a ramp that are on its line."""
     inside = np.arange(ramp.start + 1, ramp.stop - 1, dtype=np.intp)
     steady = inside[1:-1] if inside.size > _NEAR else inside
     return steady[:_NEAR], steady[-_NEAR:]

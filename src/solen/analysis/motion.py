@@ -1,9 +1,9 @@
 """Detection of ramps, holds and cycles in an angle, for any protocol.
 
-A protocol consists of levels and ramps between them. In a ramp the angle changes steadily over at least a tenth of its
-range; otherwise there is a hold. A cycle begins when the angle leaves its rest towards the side that it first moved to,
-and ends when it returns to rest after all sides that the other cycles visit: 0, +3, 0, −3, 0 is one cycle, and so is 0,
-+3, 0, or −3, +3, −3. The noise and the steps of an encoder are estimated first and set the tolerances. The angle is
+A protocol consists of levels and ramps between them. In a ramp the angle changes steadily over at least a tenth of the
+total range; otherwise there is a hold. A cycle begins when the angle leaves its rest level towards the side visited
+first, and ends when it returns to rest after all sides that the other cycles visit: 0, +3, 0, −3, 0 is one cycle, and
+so is 0, +3, 0, or −3, +3, −3. The noise and the encoder steps are estimated first and set the tolerances. The angle is
 averaged over a few samples only to *detect* edges; all results use the samples as recorded.
 
 `find_motion` returns a `Motion` with its ramps and cycles.
@@ -41,7 +41,7 @@ class Ramp:
     Attributes
     ----------
     start, stop
-        First sample, and the sample after the last one; both belong to the levels that the ramp connects.
+        First sample, and the sample after the last sample; the end samples belong to the levels that the ramp connects.
     direction
         1 if the angle rises, −1 if it falls.
     start_deg, end_deg
@@ -57,7 +57,7 @@ class Ramp:
 
 @dataclass(frozen=True)
 class Cycle:
-    """A cycle from leaving the rest to returning to it: times, and the samples [start, stop)."""
+    """A cycle from the departure from rest to the return to rest: times, and the samples [start, stop)."""
 
     start_s: float
     end_s: float
@@ -71,21 +71,21 @@ class Motion(Result):
     Attributes
     ----------
     ramps, cycles
-        Ramps and complete cycles in order of time.
+        Ramps and complete cycles in time order.
     holds
         First sample of each hold, and the first sample after it, (k, 2).
     rest_deg
         Angle at which cycles begin.
     low_deg, high_deg
-        Ends of the range.
+        Limits of the range.
     noise_deg, step_deg
         Noise of the angle (standard deviation) and its resolution; 0 if not detectable.
     speed_deg_per_s
-        Median speed of the ramps.
+        Median ramp speed.
     warnings
         Omitted parts, with reasons.
     stopped
-        Whether there are samples only at stops, as with a stage turned by hand.
+        Whether samples were recorded only at stops, as with a stage turned by hand.
     """
 
     ramps: tuple[Ramp, ...] = field(metadata=HIDDEN)
@@ -126,13 +126,13 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray, stimulus: Stimulus = 
         _refuse_jumps(0.0, name)
     if high - low <= max(20.0 * noise, 1e-9):
         limit = f"moves by only {high - low:.3g}{sign} with a noise of {noise:.2g}{sign}, so no cycle can be detected"
-        raise DataError(name, limit=limit, remedy=f"name the column of the {name} with --{stimulus.column}")
+        raise DataError(name, limit=limit, remedy=f"name the {name} column with --{stimulus.column}")
     edges = _Edges(*way, noise, step if stops is None else 0.0, high - low)
     calm, left = _calmed(angle_deg, noise, high - low, edges.half_samples)
     tolerance = max(3.0 * left, 0.51 * step, 0.002 * (high - low))
     ramps = _ramps(calm, edges.runs(), edges.half_samples, tolerance)
     if not ramps:
-        raise DataError(name, limit="has no ramp between two levels", remedy=f"check the column of the {name}")
+        raise DataError(name, limit="has no ramp between two levels", remedy=f"check the {name} column")
     _check_sampled(ramps, name)
     rest, first = _rest(calm, ramps, (low, high))
     cycles, warnings = _cycles(time_s, calm, ramps, rest, first, max(tolerance, 0.02 * (high - low)), name)
@@ -152,10 +152,10 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray, stimulus: Stimulus = 
 
 
 def _at_stops(time_s: FloatArray, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Time and angle of a stage turned by hand, if the angle changes only in gaps of the recording; else None.
+    """Time and angle of a stage turned by hand, if the angle changes only in gaps of the recording; otherwise None.
 
-    The gaps are removed from the time, and the angle is interpolated from turn to turn through the middles of the
-    stops.
+    The gaps are removed from the time, and the angle is interpolated from one rotation to the next through the
+    midpoints of the stops.
     """
     steps, changes = np.diff(time_s), np.diff(angle_deg) != 0.0
     usual = float(np.median(steps))
@@ -186,7 +186,7 @@ def _noise(angle_deg: FloatArray) -> float:
 
 
 def _finest(angle_deg: FloatArray) -> float:
-    """Smallest step of an encoder; 0 if the angle has as many values as samples."""
+    """Smallest encoder step; 0 if the angle has as many distinct values as samples."""
     levels = np.unique(angle_deg)
     if levels.size < 2 or levels.size > 0.2 * angle_deg.size:
         return 0.0
@@ -213,7 +213,7 @@ class _Edges:
         self._least = max(_SLOWEST * _TENTH * reach, floor, 1.01 * step)
 
     def _half(self, reach: float, noise: float) -> int:
-        """Half the number of samples in which the angle, at its fastest, moves by a tenth of its range."""
+        """Half the number of samples during which the angle, at its fastest, moves by a tenth of its range."""
         lag = 1
         while lag < self._angle.size // 4:
             moved = float(np.max(np.abs(self._angle[lag:] - self._angle[:-lag]))) - _PEAKS * noise
@@ -223,7 +223,7 @@ class _Edges:
         return max(1, lag // 4)
 
     def runs(self) -> list[tuple[int, int, int]]:
-        """First sample, the sample after the last one, and direction of each run of motion in one direction."""
+        """First sample, the sample after the last sample, and direction of each run of motion in one direction."""
         sign = np.where(np.abs(self._change) > self._least, np.sign(self._change), 0.0).astype(np.int8)
         bounds = np.flatnonzero(np.diff(sign)) + 1
         starts, stops = np.append(0, bounds), np.append(bounds, sign.size)
@@ -248,7 +248,7 @@ def _joined(runs: list[tuple[int, int, int]], reach: int) -> list[tuple[int, int
 
 
 def _ramps(angle_deg: FloatArray, runs: list[tuple[int, int, int]], half: int, tolerance: float) -> tuple[Ramp, ...]:
-    """Ramps from runs, each from leaving the tolerance of one level to entering that of the next."""
+    """Ramps from runs, each from where the angle leaves the tolerance of a level to where it enters the next one's."""
     size = angle_deg.size
     cuts = [0, *((before[1] + after[0]) // 2 for before, after in pairwise(runs)), size]
     ramps: list[Ramp] = []
@@ -268,13 +268,13 @@ def _ramps(angle_deg: FloatArray, runs: list[tuple[int, int, int]], half: int, t
 
 
 def _level(angle_deg: FloatArray, start: int, stop: int, half: int) -> float | None:
-    """Median of a hold between two runs; None if they follow each other directly."""
+    """Median of a hold between two runs; None if the runs follow each other directly."""
     inner = angle_deg[start + half : stop - half] if stop - start > 2 * half + 2 else angle_deg[start:stop]
     return float(np.median(inner)) if stop - start > half + 2 else None
 
 
 def _leaves(a: FloatArray, low: int, middle: int, level: float | None, tolerance: float, direction: int) -> int:
-    """Last sample at a level before the middle of a ramp; at a mere reversal, the last of the extreme samples."""
+    """Last sample at a level before the midpoint of a ramp; at a mere reversal, the last of the extreme samples."""
     part = a[low : middle + 1]
     if level is None:
         return middle - int(np.argmin(direction * part[::-1]))
@@ -283,7 +283,7 @@ def _leaves(a: FloatArray, low: int, middle: int, level: float | None, tolerance
 
 
 def _enters(a: FloatArray, middle: int, high: int, level: float | None, tolerance: float, direction: int) -> int:
-    """First sample at a level after the middle of a ramp; at a mere reversal, the first extreme sample."""
+    """First sample at a level after the midpoint of a ramp; at a mere reversal, the first extreme sample."""
     part = a[middle:high]
     if level is None:
         return middle + int(np.argmax(direction * part))
@@ -318,10 +318,10 @@ def _speed(time_s: FloatArray, ramps: tuple[Ramp, ...]) -> float:
 
 
 def _rest(angle_deg: FloatArray, ramps: tuple[Ramp, ...], ends: tuple[float, float]) -> tuple[float, int]:
-    """Angle at which cycles begin, and the side that the first ramp leaves it to.
+    """Angle at which cycles begin, and the side towards which the first ramp leaves it.
 
     This is the level before the first ramp. If the recording begins during a ramp, it is the level after the last ramp;
-    otherwise 0 or the middle of the range.
+    otherwise 0 or the midpoint of the range.
     """
     low, high = ends
     if ramps[0].start > 2:
@@ -334,7 +334,7 @@ def _rest(angle_deg: FloatArray, ramps: tuple[Ramp, ...], ends: tuple[float, flo
 
 
 def _side(ramps: tuple[Ramp, ...], rest: float, far: float) -> int:
-    """Side of the first ramp that leaves a rest within the range."""
+    """Side of the first ramp that leaves a rest level within the range."""
     for ramp in ramps:
         if abs(ramp.start_deg - rest) <= far:
             return ramp.direction
@@ -355,7 +355,9 @@ def _cycles(
     far = _TENTH * float(np.ptp([end for ramp in ramps for end in (ramp.start_deg, ramp.end_deg)]))
     starts = _starts(away, ramps, rest, first, far, tolerance)
     if not starts:
-        raise DataError(name, limit="makes no cycle that starts from rest", remedy="record at least one complete cycle")
+        raise DataError(
+            name, limit="contains no cycle that starts from rest", remedy="record at least one complete cycle"
+        )
     following = [*starts[1:], (None, tolerance)]
     spans = [_span(away, start, stop, within) for (start, _), (stop, within) in zip(starts, following, strict=True)]
     if bool((away > -far).all()):
@@ -386,7 +388,8 @@ def _starts(
 ) -> list[tuple[int, float]]:
     """Last sample at rest before each excursion to the first side, and the tolerance for rest there.
 
-    If a ramp only passes through the rest, no sample near it may be omitted: only the crossing itself counts as rest.
+    If a ramp only passes through the rest level, no sample near it may be omitted: only the crossing itself counts as
+    rest.
     """
     found: list[tuple[int, float]] = []
     for ramp in ramps:
@@ -403,7 +406,8 @@ def _with_their_ramps(
 ) -> list[tuple[int, int, bool]]:
     """Extend cycles from the beginning of their first ramp to the end of their last ramp.
 
-    Otherwise, values near a rest that is an end of the range (e.g. without load) would not belong to any cycle.
+    Otherwise, if the rest level is an end of the range (e.g. without load), values near it would not belong to any
+    cycle.
     """
     away, back = ([ramp for ramp in ramps if ramp.direction == side] for side in (first, -first))
     begins = [next((ramp.start for ramp in away if ramp.start <= a < ramp.stop), a) for a, _, _ in spans]

@@ -1,9 +1,9 @@
-"""Noise of a reading, with one definition for a response, a group of its cycles, and a rig at rest.
+"""Noise of a reading, defined identically for a response, a group of its cycles, and a rig at rest.
 
 At rest, readings follow a straight line over time, because the light drifts; the noise is their standard deviation
 about this line. Variations that are not random, such as residual flicker, are counted with their true variance, whereas
-differences of neighbours would overweight an alternation (8/3 of the variance with second differences, 2 with first).
-They are used only if nothing rests, because second differences cancel a smooth motion.
+differences between neighbours would overweight an alternation (8/3 of the variance with second differences, 2 with
+first). Second differences are used only if nothing rests, because they cancel a smooth motion.
 
 Public names: `noise_of`, `Scatter` and `pooled_noise`.
 """
@@ -17,7 +17,7 @@ import numpy as np
 from solen.arrays import FloatArray
 
 SETTLE = 0.2
-"""Fraction at the beginning of an interval at rest that is not used for the noise."""
+"""Fraction of an interval at rest, at its beginning, that is not used for the noise."""
 LEAST_READINGS = 8
 Stretch = tuple[int, int]
 """Indices of the first and the last reading, minus one."""
@@ -32,9 +32,9 @@ class Scatter:
 
 
 def noise_of(time_s: FloatArray, values: FloatArray, stretches: Iterable[Stretch]) -> Scatter:
-    """Scatter of readings (n, m) at ascending times (n,); NaN where a reading is clipped or missing.
+    """Scatter of readings (n, m) at ascending times (n,); NaN marks a clipped or missing reading.
 
-    An interval with such a reading is not used for its receiver.
+    An interval with such a reading is not used for the receiver concerned.
     """
     squares, freedom = np.zeros(values.shape[1]), np.zeros(values.shape[1])
     for start, stop in stretches:
@@ -50,7 +50,7 @@ def noise_of(time_s: FloatArray, values: FloatArray, stretches: Iterable[Stretch
 
 
 def pooled_noise(scatters: Sequence[Scatter]) -> FloatArray:
-    """Standard deviation of a reading (m,): at rest, or from second differences if nothing rests; else NaN."""
+    """Standard deviation of a reading (m,): at rest, or from second differences if nothing rests; otherwise NaN."""
     with np.errstate(invalid="ignore", divide="ignore"):
         rest, moving = (
             np.sqrt(np.sum([part[0] for part in parts], axis=0) / np.sum([part[1] for part in parts], axis=0))

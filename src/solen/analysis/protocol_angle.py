@@ -1,12 +1,12 @@
-"""The angle of a recording that has none: the cycles from the signals, their scale from the commanded protocol.
+"""Angles for a recording without an angle: cycles detected in the signals and scaled by the commanded protocol.
 
-The voltages are periodic with the cycle. Its period maximises their autocorrelation, and each cycle begins where they
+The voltages are periodic with the cycle. The period maximises their autocorrelation, and each cycle begins where they
 correlate best with the protocol: from 0 to +A at constant speed, a hold, back, and the same on the other side. Time in
 excess of the protocol is attributed to rests, half of it at each return to 0. The result is the angle that the stage
 should have had; it was not measured.
 
 A single signal does not show which side is which. With a left and a right receiver the convention does: at negative
-angles the right receiver is brighter, i.e. its voltage is lower. Otherwise the first excursion is called positive.
+angles the right receiver is brighter, i.e. its voltage is lower. Otherwise the first excursion is considered positive.
 
 Public names: `angle_by_protocol`, `Protocol` and `ProtocolAngle`.
 """
@@ -33,7 +33,7 @@ _SLACK = 0.05  # fraction by which the protocol may be longer than a cycle
 
 @dataclass(frozen=True)
 class Protocol:
-    """Commanded motion of a stage: to +A and −A at constant speed, with a hold at each."""
+    """Commanded motion of a stage: to +A and −A at constant speed, with a hold at each end."""
 
     amplitude_deg: float
     speed_deg_per_s: float = 15.0
@@ -45,7 +45,7 @@ class Protocol:
         return 4.0 * self.amplitude_deg / self.speed_deg_per_s + 2.0 * self.hold_s
 
     def corners(self, period_s: float, first: int = 1) -> tuple[FloatArray, FloatArray]:
-        """Times and angles of one cycle between which the angle is linear; ``first`` is the sign of its first side."""
+        """Times and angles of a cycle between which the angle is linear; ``first`` is the sign of the first side."""
         ramp, rest = self.amplitude_deg / self.speed_deg_per_s, max(0.0, 0.5 * (period_s - self.shortest_s))
         took = (0.0, ramp, self.hold_s, ramp, rest, ramp, self.hold_s, ramp)
         angles = first * self.amplitude_deg * np.array([0.0, 1.0, 1.0, 0.0, 0.0, -1.0, -1.0, 0.0])
@@ -54,7 +54,7 @@ class Protocol:
 
 @dataclass(frozen=True, eq=False)
 class ProtocolAngle:
-    """Angle of the protocol at each sample (n,), period and starts of its cycles, and warnings."""
+    """Protocol angle at each sample (n,), period and start times of the cycles, and warnings."""
 
     angle_deg: FloatArray
     period_s: float
@@ -65,21 +65,22 @@ class ProtocolAngle:
 def angle_by_protocol(
     time_s: FloatArray, volts: FloatArray, receivers: tuple[str, ...], protocol: Protocol
 ) -> ProtocolAngle:
-    """Angle of a protocol at the times of recorded signals.
+    """Protocol angle at the times of recorded signals.
 
     Parameters
     ----------
     time_s, volts
         Times (n,) and voltages (n, m).
     receivers
-        Names, which distinguish left and right.
+        Receiver names, which distinguish left and right.
     protocol
         The commanded motion.
 
     Raises
     ------
     DataError
-        If the signals are not periodic, their cycle is shorter than the protocol's, or they do not match it.
+        If the signals are not periodic, their cycle is shorter than the protocol cycle, or they do not match the
+        protocol.
     """
     sides = left_right(receivers)
     signal = principal(volts) if sides is None else volts[:, sides[1]] - volts[:, sides[0]]
@@ -131,7 +132,7 @@ def _without_means(signal: FloatArray, turn: IndexArray) -> FloatArray:
 
 
 def _check_matches(signal: FloatArray, angle_deg: FloatArray, protocol: Protocol) -> None:
-    """Raise `DataError` if a signal does not follow the angle of a protocol, beyond its noise."""
+    """Raise `DataError` if a signal does not follow the protocol angle to within its noise."""
     edges = np.linspace(-1.0, 1.0, _CELLS + 1)[1:-1] * protocol.amplitude_deg
     cell = np.digitize(angle_deg, edges)
     count = np.maximum(np.bincount(cell, minlength=_CELLS), 1)
@@ -144,11 +145,11 @@ def _check_matches(signal: FloatArray, angle_deg: FloatArray, protocol: Protocol
             f"does not match ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of "
             f"{protocol.hold_s:g} s: that motion does not explain {100.0 * rest / whole:.0f} % of its variance"
         )
-        raise DataError("recording", limit=limit, remedy="state the --speed-deg-per-s and --hold-s of the stage")
+        raise DataError("recording", limit=limit, remedy="specify the stage's --speed-deg-per-s and --hold-s")
 
 
 def _period(even: FloatArray, even_s: float, protocol: Protocol) -> float:
-    """Time shift, not shorter than the protocol, at which the autocorrelation of a signal is largest."""
+    """Time lag, not shorter than the protocol, at which the autocorrelation of a signal is largest."""
     likeness = fftconvolve(even, even[::-1])[even.size - 1 :]
     lags = np.arange(even.size)
     share = likeness / likeness[0] * even.size / np.maximum(even.size - lags, 1)
@@ -156,7 +157,9 @@ def _period(even: FloatArray, even_s: float, protocol: Protocol) -> float:
     last = even.size * 2 // 3
     if last - first < 4:
         limit = f"lasts {even.size * even_s:.3g} s, less than one and a half cycles of {protocol.shortest_s:.3g} s"
-        raise DataError("recording", limit=limit, remedy="record more cycles, or state --speed-deg-per-s and --hold-s")
+        raise DataError(
+            "recording", limit=limit, remedy="record more cycles, or specify --speed-deg-per-s and --hold-s"
+        )
     part = share[first:last]
     peaks = np.flatnonzero((part[1:-1] > part[:-2]) & (part[1:-1] >= part[2:])) + 1
     strong = peaks[part[peaks] >= 0.9 * part[peaks].max(initial=-1.0)] if peaks.size else peaks
@@ -169,7 +172,7 @@ def _period(even: FloatArray, even_s: float, protocol: Protocol) -> float:
 
 
 def _vertex(three: FloatArray) -> float:
-    """Position of the vertex of the parabola through three neighbours, relative to the middle one."""
+    """Position of the vertex of the parabola through three neighbours, relative to the central one."""
     bend = float(three[0] - 2.0 * three[1] + three[2])
     return 0.5 * float(three[0] - three[2]) / bend if bend else 0.0
 
@@ -181,7 +184,7 @@ def _first_sign(even: FloatArray) -> float:
 
 
 def _starts(even: FloatArray, even_s: float, corners: tuple[FloatArray, FloatArray], period: float) -> FloatArray:
-    """Start of each cycle, from its correlation with the protocol."""
+    """Start time of each cycle, from its correlation with the protocol."""
     times, angles = corners
     template = np.interp(np.arange(0.0, times[-1], even_s), times, angles)
     likeness = fftconvolve(even, template[::-1])[template.size - 1 : even.size]
@@ -208,7 +211,7 @@ def _nearest(likeness: FloatArray, place: int, reach: int) -> int | None:
 
 
 def _angle(time_s: FloatArray, starts: FloatArray, corners: tuple[FloatArray, FloatArray]) -> FloatArray:
-    """Angle of all cycles, with rests between them and at both ends."""
+    """Angle over all cycles, with rests between them and at both ends."""
     times, angles = corners
     following = np.append(starts[1:], np.inf)
     when = [np.minimum(start + times, after) for start, after in zip(starts, following, strict=True)]

@@ -1,6 +1,6 @@
-"""Left and right combined: their difference, crosstalk, and the sign of the angle.
+"""Left and right receivers combined: their difference, crosstalk, and the sign of the angle.
 
-Both receivers measure the same sensor. Brighter means a lower voltage, so V_left − V_right is positive if the right
+Both receivers measure the same sensor. More light means a lower voltage, so V_left − V_right is positive if the right
 receiver is brighter, which by convention is at negative angles. A recording that violates the convention causes a
 warning; signs are never changed.
 
@@ -24,7 +24,7 @@ _ASIDE = 0.05  # smallest fraction of the range on a side that counts as reachin
 
 
 class Crosstalk(Result):
-    """Response of the far receiver while the sensor turns from 0 to the end that brightens the near one.
+    """Response of the far receiver while the sensor turns from 0 to the end at which the near receiver is brightest.
 
     Attributes
     ----------
@@ -33,10 +33,10 @@ class Crosstalk(Result):
     angle_deg
         Angle of this end.
     change_percent, u_change_percent
-        Fall of the far voltage in per cent of that of the near voltage. If positive, both receivers brighten; if
-        negative, the far one darkens, as it should.
+        Fall of the far voltage in per cent of the fall of the near voltage. If positive, both receivers brighten; if
+        negative, the far receiver darkens, as it should.
     light_percent, u_light_percent
-        Far light at the end in per cent of the near light; NaN unless the voltage without light is known.
+        Far light at this end in per cent of the near light; NaN unless the voltage without light is known.
     """
 
     toward: str
@@ -48,7 +48,7 @@ class Crosstalk(Result):
 
 
 class Contrast(Result):
-    """Contrast (R − L)/(R + L) of the light: mean over the angles (g,), and both ends with uncertainties."""
+    """Contrast (R − L)/(R + L) of the light: mean at each angle (g,), and at both ends with uncertainties."""
 
     angle_deg: FloatArray
     mean: FloatArray
@@ -66,7 +66,7 @@ class PairResponse(ReceiverResponse):
     balance_deg, u_balance_deg
         Angle nearest to 0 at which both receivers have the same voltage.
     crosstalk
-        Crosstalk to the right and to the left, for the sides that the motion reaches.
+        Crosstalk to the right and to the left, for each side that the motion reaches.
     contrast
         Contrast of the light; None unless the voltage without light is known.
     """
@@ -95,7 +95,7 @@ def pair_response(
     noise_V
         Noise of the left and the right receiver.
     dark_V
-        Voltage without light, required for ratios of the light.
+        Voltage without light, required for ratios of light.
     near_zero
         As in `receiver_response`.
     """
@@ -157,7 +157,7 @@ def _crosstalk(
 
 
 def _contrast(angle_deg: FloatArray, left: FloatArray, right: FloatArray, dark_V: float) -> Contrast:
-    """Contrast (L - R)/(L + R) over angle; the light of a receiver is its drop below the dark voltage."""
+    """Contrast (R − L)/(R + L) over angle; a receiver's light is the drop of its voltage below the dark voltage."""
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (left - right) / (2.0 * dark_V - left - right)
     return Contrast(angle_deg, share.mean(axis=0), *over_cycles(share[:, 0]), *over_cycles(share[:, -1]))
@@ -166,7 +166,7 @@ def _contrast(angle_deg: FloatArray, left: FloatArray, right: FloatArray, dark_V
 def sign_warnings(
     receivers: Mapping[str, ReceiverResponse], sides: tuple[int, int] | None, unit: str = "V"
 ) -> list[Caution]:
-    """Warnings if a rising angle does not darken the right and brighten the left receiver (the convention)."""
+    """Warnings if a rising angle does not darken the right receiver and brighten the left receiver (the convention)."""
     if sides is None:
         return []
     names = [list(receivers)[side] for side in sides]

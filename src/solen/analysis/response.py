@@ -1,12 +1,12 @@
-"""Voltage against angle: half-cycles on a common grid of angles, their mean and standard deviation.
+"""Voltage against angle: half-cycles on a common angle grid, their mean and standard deviation.
 
 The samples of a half-cycle (all rising or all falling ramps of a cycle) are connected by straight lines in order of
-angle. A grid point is the mean of this line over its cell, half a step to each side. With many samples in a cell this
-is their mean, with few an interpolation. No sample affects distant cells, and nothing is filtered. A cell without
-nearby samples is empty, and one with a clipped sample is marked.
+angle. The value at a grid point is the mean of this line over the cell, half a step to each side. With many samples in
+a cell this is their mean, with few an interpolation. No sample affects distant cells, and nothing is filtered. A cell
+without nearby samples is empty, and a cell with a clipped sample is marked.
 
-`grid_deg` makes a grid, `passes` computes the half-cycles on it, and `Passes.joined` joins those of several recordings
-of one sensor; `mean_curve` computes their mean and standard deviation.
+`grid_deg` makes a grid, `passes` computes the half-cycles on it, and `Passes.joined` joins half-cycles from several
+recordings of a sensor; `mean_curve` computes their mean and standard deviation.
 """
 
 from collections.abc import Sequence
@@ -29,18 +29,18 @@ _OUT = 0.25  # fraction of a step by which a point may be beyond the last sample
 
 @dataclass(frozen=True, eq=False)
 class Passes:
-    """Half-cycles over the angles of one grid.
+    """Half-cycles at the angles of a grid.
 
     Attributes
     ----------
     angle_deg
         The grid, (g,).
     volts
-        Voltages (cycles, 2, g, receivers): rising, then falling; NaN where there is no sample.
+        Voltages (cycles, 2, g, receivers): rising, then falling; NaN if there is no sample.
     clipped
         Whether the value contains a clipped sample, of the same shape.
     middle_s
-        Time of the middle of each cycle, (cycles,).
+        Midpoint time of each cycle, (cycles,).
     """
 
     angle_deg: FloatArray
@@ -55,7 +55,7 @@ class Passes:
 
     @classmethod
     def joined(cls, parts: "Sequence[Passes]") -> "Passes":
-        """Join the half-cycles of several recordings on one grid."""
+        """Join the half-cycles of several recordings on the same grid."""
         columns = ([getattr(part, name) for part in parts] for name in ("volts", "clipped", "middle_s"))
         return cls(parts[0].angle_deg, *(np.concatenate(column) for column in columns))
 
@@ -86,7 +86,7 @@ def nice_step(reach_deg: float) -> float:
 
 
 def common_range(angle_deg: FloatArray, motion: Motion, used: Sequence[int]) -> tuple[float, float]:
-    """Range of angles that every half-cycle of the used cycles reaches."""
+    """Range of angles that every half-cycle of the used cycles covers."""
     ends = [
         (float(angle_deg[part].min()), float(angle_deg[part].max()))
         for ways in _ramps_by_cycle(motion, used)
@@ -99,7 +99,7 @@ def common_range(angle_deg: FloatArray, motion: Motion, used: Sequence[int]) -> 
 
 
 def grid_deg(low: float, high: float, step: float, sign: str = "°") -> FloatArray:
-    """Multiples of a step within a range, extended by a quarter of a step; ``sign`` is the unit in messages."""
+    """Multiples of a step within a range extended by a quarter of a step; ``sign`` is the unit in messages."""
     between = f"between {low:.3g}{sign} and {high:.3g}{sign}"
     first, last = np.ceil(low / step - _OUT), np.floor(high / step + _OUT)
     if last - first < 4:
@@ -128,7 +128,7 @@ def passes(
     volts, clipped
         Voltages and clipping flags, (n, receivers).
     motion, used
-        Motion with its cycles, and the indices of those used.
+        Motion with its cycles, and the indices of the used cycles.
     grid
         Evenly spaced angles, (g,).
     """
@@ -150,7 +150,7 @@ def passes(
 
 
 def _ramps_by_cycle(motion: Motion, used: Sequence[int]) -> list[list[IndexArray]]:
-    """Samples of the rising and of the falling ramps of each used cycle, without the holds between them.
+    """Samples of the rising and falling ramps of each used cycle, without the holds between them.
 
     The samples at which a ramp begins and ends are included.
     """
@@ -174,7 +174,8 @@ def on_grid(angle_deg: FloatArray, volts: FloatArray, grid: FloatArray) -> Float
     """Mean of the piecewise linear curve through the samples over each cell, (g, receivers).
 
     Samples at the same angle are averaged first. A cell at the end of the samples is narrowed so that it remains
-    centred on its point; a point slightly beyond the last sample is extrapolated linearly from the samples near it.
+    centred on its grid point; a point slightly beyond the last sample is extrapolated linearly from the samples near
+    it.
     """
     angles, values = _merged(angle_deg, volts)
     if angles.size < 2:
@@ -193,7 +194,7 @@ def on_grid(angle_deg: FloatArray, volts: FloatArray, grid: FloatArray) -> Float
 
 
 def _beyond(angles: FloatArray, values: FloatArray, beyond_deg: FloatArray, step: float) -> FloatArray:
-    """Difference of the values at points beyond the last samples from these samples, (g, receivers)."""
+    """Difference between the values at points beyond the last samples and these samples, (g, receivers)."""
     change = np.zeros((beyond_deg.size, values.shape[1]))
     for side, near in ((beyond_deg < 0.0, angles <= angles[0] + step), (beyond_deg > 0.0, angles >= angles[-1] - step)):
         if side.any() and near.sum() > 1:
@@ -204,7 +205,7 @@ def _beyond(angles: FloatArray, values: FloatArray, beyond_deg: FloatArray, step
 
 
 def _merged(angle_deg: FloatArray, volts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Samples in the order of their angle, averaged if their angle is the same."""
+    """Samples in order of angle, averaged if their angles are equal."""
     order = np.argsort(angle_deg, kind="stable")
     angles, values = angle_deg[order], volts[order]
     first = np.flatnonzero(np.append(True, np.diff(angles) > 0.0))
@@ -213,7 +214,7 @@ def _merged(angle_deg: FloatArray, volts: FloatArray) -> tuple[FloatArray, Float
 
 
 def _cell_means(angles: FloatArray, values: FloatArray, points: FloatArray, half: FloatArray) -> FloatArray:
-    """Mean of the piecewise linear curve over [point − half, point + half]; its value if half is 0."""
+    """Mean of the piecewise linear curve over [point − half, point + half]; the value at the point if half is 0."""
     widths = np.diff(angles)[:, None]
     total = np.vstack([np.zeros(values.shape[1]), np.cumsum(0.5 * (values[1:] + values[:-1]) * widths, axis=0)])
 
@@ -232,7 +233,7 @@ def _cell_means(angles: FloatArray, values: FloatArray, points: FloatArray, half
 
 
 def mean_curve(passes: Passes, direction: int | None = None) -> Curve:
-    """Mean and standard deviation (n − 1) of one receiver's rising (0) or falling (1) half-cycles, or of both.
+    """Mean and standard deviation (n − 1) of a receiver's rising (0) or falling (1) half-cycles, or of both.
 
     There is no mean at angles where a half-cycle is clipped, because omitting the half-cycle would bias the mean.
     """

@@ -1,4 +1,4 @@
-"""Warnings about the response of a sensor: clipping, rest, range, drift, speeds and unknown errors of a load cell.
+"""Warnings about the response of a sensor: clipping, rest, range, drift, speeds and unknown load cell errors.
 
 Public name: `cautions`.
 """
@@ -27,10 +27,10 @@ def cell_warnings(stimulus: Stimulus, cell: LoadCell | None) -> list[Caution]:
     if stimulus is not FORCE or (cell is not None and cell.u_slope is not None):
         return []
     unknown = (
-        "the uncertainty of the load cell is not stated, so uncertainties and bands are "
+        "the uncertainty of the load cell is not specified, so uncertainties and bands are "
         "relative to the force that it reads"
     )
-    return [note(f"{unknown}; u_sensitivity_percent of [load_cell] states it")]
+    return [note(f"{unknown}; specify it with u_sensitivity_percent in [load_cell]")]
 
 
 def timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse], sign: str) -> list[Caution]:
@@ -42,20 +42,20 @@ def timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse], sign
         return []
     speeds = " and ".join(f"{one:.3g}" for one in timing.speeds_deg_per_s)
     known, remedy = (
-        f"at one speed ({speed:.3g}{sign}/s)",
+        f"at a single speed ({speed:.3g}{sign}/s),",
         "also record cycles at a second speed, half or twice as fast",
     )
     if len(timing.speeds_deg_per_s) > 1:
-        known, remedy = f"with so few cycles at {speeds}{sign}/s", "record more cycles at each speed"
+        known, remedy = f"with so few cycles at {speeds}{sign}/s,", "record more cycles at each speed"
     bound = (
-        f"{known} a hysteresis cannot be separated from a lag; the clocks and readings of the stage are known to "
+        f"{known} hysteresis cannot be separated from lag; the timing of the stage clocks and readings is known to "
         f"±{1e3 * timing.bound_s:.2g} ms, which may add up to {adds:.2g}{sign} between the directions: {remedy}"
     )
     return [look_at(bound)]
 
 
 def other_speeds_left_out(run: Run) -> Iterator[Caution]:
-    """Warning if the omitted cycles at the beginning are the only ones at another speed."""
+    """Warning if the omitted cycles at the beginning are the only cycles at another speed."""
     signals, motion, sign = run.signals, run.motion, run.signals.stimulus.sign
     speeds = cycle_speeds(signals.time_s, signals.angle_deg, motion, range(len(motion.cycles)))
     timed = speeds[list(run.timed)]
@@ -76,18 +76,18 @@ def clip_warnings(signals: Signals, marked: BoolArray) -> list[Caution]:
         if flags.any():
             ends = sorted({float(value) for value in (column[flags].min(), column[flags].max())})
             where = " and ".join(f"{value:.4g} {signals.unit}" for value in ends)
-            what = "readings hold samples" if signals.ambient_subtracted else "samples"
+            what = "readings contain samples" if signals.ambient_subtracted else "samples"
             at = "at a limit of the recorder" if signals.ambient_subtracted else f"clipped at {where}"
             marks = (
                 f"{int(flags.sum())} {what} {at} ({100.0 * flags.mean():.2g} %); angles at which a cycle is "
-                "clipped have no mean, and the figures of merit are computed from the others"
+                "clipped have no mean, and the figures of merit are computed from the other angles"
             )
             warnings.append(of(name, look_at(marks)))
     return warnings
 
 
 def _rest_warnings(runs: Sequence[Run]) -> list[Caution]:
-    """Warning if the angle does not rest at 0, so that figures near zero are not what their name states."""
+    """Warning if the angle does not rest at 0, so that figures near zero do not describe the response near zero."""
     for run in runs:
         motion, stimulus = run.motion, run.signals.stimulus
         if (
@@ -97,7 +97,7 @@ def _rest_warnings(runs: Sequence[Run]) -> list[Caution]:
             zero = f"--zero-deg {motion.rest_deg:.4g}" if stimulus is ANGLE else "--tare-s"
             rests = (
                 f"the {stimulus.name} rests at {motion.rest_deg:.4g}{stimulus.sign} and never passes 0, so there are "
-                f"no figures near zero; {zero} counts from there"
+                f"no figures near zero; {zero} sets the zero there"
             )
             return [look_at(rests)]
     return []
@@ -112,14 +112,14 @@ def _reach_warnings(ways: Passes, runs: Sequence[Run]) -> list[Caution]:
     stimulus = runs[0].signals.stimulus
     sign = stimulus.sign
     part = (
-        f"the {stimulus.name} ranges from {low:.3g}{sign} to {high:.3g}{sign}, but all used half-cycles cover only "
-        f"{first:.3g}{sign} to {last:.3g}{sign}: curves and figures refer to that range"
+        f"the {stimulus.name} ranges from {low:.3g}{sign} to {high:.3g}{sign}, but the range common to all "
+        f"used half-cycles is {first:.3g}{sign} to {last:.3g}{sign}: curves and figures refer to this range"
     )
     return [look_at(part)]
 
 
 def _drift_warnings(name: str, own: ReceiverResponse, runs: Sequence[Run]) -> list[Caution]:
-    """Warning if drift over up to half a cycle explains half of the hysteresis."""
+    """Warning if drift over up to half a cycle accounts for half of the hysteresis."""
     drift, unit = own.drift_V_per_min, runs[0].signals.unit
     lasts = [run.motion.cycles[place].end_s - run.motion.cycles[place].start_s for run in runs for place in run.used]
     apart = abs(drift) / 60.0 * 0.5 * float(np.median(lasts))
@@ -133,7 +133,7 @@ def _drift_warnings(name: str, own: ReceiverResponse, runs: Sequence[Run]) -> li
 
 
 def cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequence[Run]) -> list[Caution]:
-    """Warnings about the figures of a sensor."""
+    """Warnings about a sensor's figures of merit."""
     warnings, unit = _rest_warnings(runs) + _reach_warnings(ways, runs), runs[0].signals.unit
     if ways.cycles < 3:
         count = "one cycle is" if ways.cycles == 1 else "two cycles are"
@@ -152,5 +152,5 @@ def cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequenc
             warnings.append(of(name, note(bound)))
         warnings += _drift_warnings(name, own, runs)
         if not np.isfinite(ways.volts[..., place]).any():
-            warnings.append(of(name, do_not_use("has no reading in the cycles used")))
+            warnings.append(of(name, do_not_use("contains no reading in the cycles used")))
     return warnings

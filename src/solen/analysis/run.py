@@ -1,4 +1,4 @@
-"""One recording of a sensor with its motion and the cycles used.
+"""A recording of a sensor with its motion and the cycles used.
 
 Public name: `Run`.
 """
@@ -13,14 +13,14 @@ from solen.results import HIDDEN, Result, reported
 
 
 class Run(Result):
-    """One recording of a sensor.
+    """A recording of a sensor.
 
     Attributes
     ----------
     signals
         The recorded signals.
     motion
-        Its ramps, holds and cycles.
+        Ramps, holds and cycles of the recorded motion.
     used
         Indices of the cycles used for the response and its figures of merit, all at the speed of most cycles.
     timed
@@ -40,5 +40,5 @@ class Run(Result):
 
     @reported
     def file(self) -> str:
-        """Name of the recording's file."""
+        """File name of the recording."""
         return self.signals.source

@@ -1,4 +1,4 @@
-"""Samples of a recording: times, receivers and stimulus from its columns, in s, V and the stimulus' unit.
+"""Samples of a recording: times, receivers and stimulus from its columns, in s, V and the unit of the stimulus.
 
 Public names: `sampled`, `sample_times`, `ambient_by_side`, `time_scale`, `receivers_unit` and `receiver_scale`.
 """
@@ -39,7 +39,7 @@ _HIGH_V = 100.0  # larger than the voltage of any receiver
 
 
 def ambient_by_side(recording: Recording) -> dict[str, float]:
-    """Mean ambient light that was subtracted from the right and the left receiver, if it is recorded."""
+    """Mean ambient light that was subtracted from the right and the left receiver, if it was recorded."""
     columns = {side: recording.find(f"{side}_ambient", f"ambient_{side}") for side in ("right", "left")}
     return {
         side: float(np.nanmean(column.values))
@@ -63,7 +63,7 @@ def sampled(recording: Recording, options: SignalOptions, angle: AngleSource = "
     Raises
     ------
     DataError, SpecError
-        If a column is missing, contains no numbers or has a unit of another kind.
+        If a column is missing, contains no numbers or has an unsuitable unit.
     """
     warnings: list[Caution] = list(recording.warnings)
     base = sample_times(recording, options, warnings)
@@ -128,7 +128,7 @@ def sample_times(
 ) -> TimeBase:
     """Order and times of a recording's samples; assumptions are added to the warnings.
 
-    ``named`` are the options that state the column of times and the rate.
+    ``named`` contains the options that specify the time column and the rate.
     """
     return time_base(_time_s(recording, options, warnings, named), f"{recording.provenance.file}: time")
 
@@ -139,27 +139,27 @@ def _time_s(
     channel, file = _time_column(recording, options), recording.provenance.name
     if channel is None:
         if options.rate_hz is None:
-            remedy = f"name the time column with {named[0]}, or state the rate with {named[1]}; {existing(recording)}"
+            remedy = f"name the time column with {named[0]}, or specify the rate with {named[1]}; {existing(recording)}"
             raise DataError(file, limit="no column is recognised as the time", remedy=remedy)
         return np.arange(recording.channels[0].values.size) / options.rate_hz
     return channel.values * time_scale(channel, options.time_unit, file, warnings)
 
 
 def time_scale(channel: Channel, unit: str | None, file: str, warnings: list[Caution]) -> float:
-    """Factor of a column of times to s, from ``unit``, else its own unit or name; an assumed one is a warning.
+    """Factor of a time column to s, from ``unit``, or else from the column; an assumed unit causes a warning.
 
     Raises
     ------
     DataError
-        If the unit is not one of time, or steps without a unit are plausible in several units.
+        If the unit is not a time unit, or steps without a unit are plausible in several units.
     """
     unit = unit or channel.unit or NAMED_UNITS.get(plain(channel.name), "")
     if not unit:
         return _seconds_assumed(channel, file, warnings)
     scale = factor(unit, "s")
     if scale is None:
-        remedy = "name another column with --time, or its unit with --time-unit"
-        raise DataError(f"{file}: {channel.name}", value=unit, limit="is not a unit of time", remedy=remedy)
+        remedy = "name another column with --time, or specify the unit with --time-unit"
+        raise DataError(f"{file}: {channel.name}", value=unit, limit="is not a time unit", remedy=remedy)
     return scale
 
 
@@ -167,15 +167,15 @@ def _seconds_assumed(channel: Channel, file: str, warnings: list[Caution]) -> fl
     steps = np.diff(channel.values)
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     if usual >= _SLOW_S:
-        limit = f"states no unit, and its steps of {usual:.3g} may be ms, s or samples"
+        limit = f"specifies no unit, and its steps of {usual:.3g} may be ms, s or samples"
         raise DataError(f"{file}: {channel.name}", limit=limit, remedy="use --time-unit ms, or --rate-hz")
     rate = f", which makes {1 / usual:.4g} samples per second" if usual else ""
-    warnings.append(look_at(f"{channel.name} states no unit; s is assumed{rate}"))
+    warnings.append(look_at(f"the header {channel.name} specifies no unit; s is assumed{rate}"))
     return 1.0
 
 
 def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None) -> dict[str, Channel]:
-    """Columns of the receivers, by their names."""
+    """Receiver columns, by receiver name."""
     time = _time_column(recording, options)
     taken = {*(() if time is None else (time.name,)), *(() if drive is None else drive.columns)}
     if options.channel:
@@ -187,38 +187,38 @@ def _receivers(recording: Recording, options: SignalOptions, drive: Drive | None
         return named
     columns = receiver_columns([channel for channel in recording.channels if channel.name not in taken])
     if not columns:
-        remedy = f"name them with --channel NAME=COLUMN; {existing(recording)}"
-        raise DataError(
-            recording.provenance.name, limit="no column is recognised as a receiver's voltage", remedy=remedy
-        )
+        remedy = f"name the columns with --channel NAME=COLUMN; {existing(recording)}"
+        raise DataError(recording.provenance.name, limit="no column is recognised as a receiver voltage", remedy=remedy)
     return {column.name: column for column in columns}
 
 
 def _passed_over(recording: Recording, channels: Iterable[str]) -> list[Caution]:
-    """Warnings about columns with the name of a receiver but an unknown unit, if other receivers are in V."""
+    """Warnings about columns with a receiver name but an unknown unit, if other receivers are in V."""
     rest = {
         channel.name: _BRACKETED.search(channel.name) for channel in recording.channels if channel.name not in channels
     }
     return [
-        look_at(f'{name} is not used, because "{unit[1]}" is not a known unit; --channel NAME=COLUMN uses it')
+        look_at(
+            f'{name} is not used, because "{unit[1]}" is not a known unit; to use it, specify --channel NAME=COLUMN'
+        )
         for name, unit in rest.items()
         if unit and side_of(name)
     ]
 
 
 def receivers_unit(channels: Iterable[Channel]) -> str:
-    """Unit of the receivers: V, unless one receiver states a unit that cannot be converted to it."""
+    """Unit of the receivers: V, unless the unit of one receiver cannot be converted to V."""
     units = [channel.unit for channel in channels if channel.unit and channel.unit != "1"]
     return next((unit for unit in units if factor(unit, "V") is None), "V")
 
 
 def receiver_scale(channel: Channel, unit: str, file: str, warnings: list[Caution]) -> float:
-    """Factor from a receiver's unit to the common unit; an assumed V is a warning.
+    """Factor from a receiver's unit to the common unit; an assumed V causes a warning.
 
     Raises
     ------
     DataError
-        If its unit cannot be converted, or is not stated while another receiver is not in V.
+        If the unit cannot be converted, or is not specified while another receiver is not in V.
     """
     if unit != "V" or (channel.unit and channel.unit != "1"):
         scale = factor(channel.unit, unit) if channel.unit else None
@@ -231,6 +231,6 @@ def receiver_scale(channel: Channel, unit: str, file: str, warnings: list[Cautio
         largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
         doubt = f"; values up to {largest:.4g} V are unusual, check whether they are in mV" if largest > _HIGH_V else ""
         unknown = _BRACKETED.search(channel.name)
-        states = f'states "{unknown[1]}", which is not a known unit' if unknown else "states no unit"
-        warnings.append(look_at(f"{channel.name} {states}; V is assumed{doubt}"))
+        states = f'specifies "{unknown[1]}", which is not a known unit' if unknown else "states no unit"
+        warnings.append(look_at(f"the header {channel.name} {states}; V is assumed{doubt}"))
     return 1.0

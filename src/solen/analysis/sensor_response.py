@@ -1,8 +1,9 @@
 """Response and figures of merit of a sensor from its recordings, and the comparison of several sensors.
 
-Each recording gives its cycles. The first cycle is omitted, as in the paper, because the material and the stage settle
-in it. All recordings of one sensor are on one grid, so their half-cycles can be pooled. Sensors are the replicates:
-their mean and standard deviation are those of their mean curves, and n is the number of prints.
+Each recording supplies its cycles. The first cycle is omitted, as in the paper, because the material and the stage
+settle during it. All recordings of a sensor are on one grid, so their half-cycles can be pooled. Sensors are the
+replicates: the group's mean and standard deviation are those of the sensors' mean curves, and n is the number of
+prints.
 
 Public names: `sensor_response`, `group_of` and `SensorGroup`.
 """
@@ -48,13 +49,13 @@ class AnalysisOptions(SignalOptions):
     """Options for analysing recordings of a motion."""
 
     angle_file: tuple[Path, ...] = ()
-    """Log of the stage with a clock of its own, one for all files or one for each; --angle is then its column. The lag
+    """Stage log with its own clock, one for all files or one for each; --angle then names a column of the log. The lag
     between the clocks is determined from the voltages.
     """
     angle_time: str | None = None
-    """Column of the time in that log."""
+    """Time column of that log."""
     angle_rate_hz: Finite | None = Field(None, gt=0)
-    """Entries per second of that log, if it has no times."""
+    """Log entries per second, if the log contains no times."""
     amplitude_deg: Finite | None = Field(None, gt=0)
     """Commanded amplitude to each side, if no angle was recorded; cycles are then detected in the voltages."""
     speed_deg_per_s: Finite = Field(15.0, gt=0)
@@ -64,25 +65,25 @@ class AnalysisOptions(SignalOptions):
     pattern: str | None = None
     """Pattern of the file names, as in "{sensor}_{lens}_{run}.csv"."""
     control: tuple[str, ...] = ()
-    """Sensors without a lens, by their labels."""
+    """Labels of the sensors without a lens."""
     drop: int = Field(1, ge=0)
-    """Number of cycles at the beginning of each recording that are not used."""
+    """Number of cycles to omit at the beginning of each recording."""
     step_deg: Finite | None = Field(None, gt=0)
-    """Step of the grid of angles; default: a round number that suits the range."""
+    """Step of the angle grid; default: a round number that suits the range."""
     dark_V: Finite | None = None
-    """Voltage of a receiver without light, for crosstalk and contrast of the light itself."""
+    """Receiver voltage without light, for crosstalk and contrast of the light itself."""
     every: int | None = Field(None, ge=2)
-    """Show how response, null and noise change, in groups of this many cycles."""
+    """Show how response, null and noise change between groups of this many cycles."""
 
     @model_validator(mode="after")
     def _check_angle(self) -> Self:
         if self.angle_time is not None and not self.angle_file:
-            limit = "names a column of a log"
+            limit = "names a column of a stage log"
             raise refused("angle_time", limit, value=self.angle_time, remedy="name the log with --angle-file")
         if self.angle_rate_hz is not None and (not self.angle_file or self.angle_time is not None):
             limit = "applies to a log without times"
             raise refused(
-                "angle_rate_hz", limit, value=self.angle_rate_hz, remedy="name the log with --angle-file alone"
+                "angle_rate_hz", limit, value=self.angle_rate_hz, remedy="use --angle-file without --angle-time"
             )
         if self.amplitude_deg is not None and (self.angle_file or self.angle is not None):
             limit = "applies to recordings without an angle"
@@ -98,22 +99,22 @@ class AnalysisOptions(SignalOptions):
 
 
 class SensorResponse(Result):
-    """Response of one sensor.
+    """Response of a sensor.
 
     Attributes
     ----------
     label
         Name of the sensor.
     lens
-        Whether it has a lens; None if unknown.
+        Whether the sensor has a lens; None if unknown.
     receivers
-        Response of each receiver, by its name.
+        Response of each receiver, by receiver name.
     left_minus_right
         Response of the difference; None if the names do not distinguish left and right.
     timing
         Contribution of timing to the hysteresis, and the hysteresis without it.
     runs
-        Its recordings.
+        Recordings of the sensor.
     passes
         Half-cycles of all recordings on a common grid.
     near_zero_deg
@@ -121,7 +122,7 @@ class SensorResponse(Result):
     warnings
         Warnings.
     ageing
-        Change over its cycles, if ``every`` is stated.
+        Change of the sensor over its cycles; None unless ``every`` is specified.
     """
 
     label: str
@@ -138,12 +139,12 @@ class SensorResponse(Result):
 
     @property
     def stimulus(self) -> Stimulus:
-        """Quantity that the response is against."""
+        """Quantity against which the response is measured."""
         return self.runs[0].signals.stimulus
 
     @property
     def cell(self) -> LoadCell | None:
-        """Load cell of the forces (that with the largest uncertainty); its errors are included in every u."""
+        """Load cell of the forces (the cell with the largest uncertainty); its errors are included in every u."""
         return least_certain(run.signals.cell for run in self.runs)
 
     @reported
@@ -153,7 +154,7 @@ class SensorResponse(Result):
 
 
 class GroupCurve(Result):
-    """Mean and standard deviation over sensors of a receiver's mean curve (g,) and of its swing; NaN for one sensor."""
+    """Mean and standard deviation over sensors of a receiver's mean curve (g,) and swing; NaN for a single sensor."""
 
     mean_V: FloatArray
     sd_V: FloatArray
@@ -162,7 +163,7 @@ class GroupCurve(Result):
 
 
 class SensorGroup(Result):
-    """A group of sensors: their labels, their common angles (g,), and the curves of their common receivers by name."""
+    """A group of sensors: labels, common angles (g,), and curves of the common receivers, by name."""
 
     labels: tuple[str, ...]
     angle_deg: FloatArray
@@ -177,14 +178,14 @@ class SensorGroup(Result):
 def sensor_response(
     recordings: Sequence[Signals], options: AnalysisOptions, motions: dict[int, Motion] | None = None
 ) -> SensorResponse:
-    """Compute the response and figures of merit of one sensor.
+    """Compute the response and figures of merit of a sensor.
 
     ``motions`` caches the motion detected in an angle, by array identity, for other sensors on the same stage.
 
     Raises
     ------
     DataError
-        If a recording contains no complete cycle, none remains, or its recordings have different receivers.
+        If a recording contains no complete cycle, no cycle remains, or the recordings have different receivers.
     """
     first = recordings[0]
     for other in recordings[1:]:
@@ -194,7 +195,9 @@ def sensor_response(
         if other.receivers != first.receivers:
             limit = f"has receivers {', '.join(other.receivers)}, but {first.source} has {', '.join(first.receivers)}"
             raise DataError(
-                f"{other.source} ({other.label})", limit=limit, remedy="use the same names for them with --channel"
+                f"{other.source} ({other.label})",
+                limit=limit,
+                remedy="use the same receiver names in both with --channel",
             )
     known = {} if motions is None else motions
     runs = tuple(_run(signals, options, known) for signals in recordings)
@@ -234,7 +237,7 @@ def sensor_response(
 
 
 def _u_by_cell(own: ReceiverResponse, cell: LoadCell) -> dict[str, Any]:
-    """Add the errors common to all readings of a load cell to the uncertainties of a response against a force."""
+    """Add the load cell errors common to all readings to the uncertainties of a response against a force."""
     share = cell.u_slope or 0.0
     names = ("sensitivity_V_per_deg", "sensitivity_near_zero_V_per_deg")
     wider = {f"u_{name}": math.hypot(getattr(own, f"u_{name}"), share * getattr(own, name)) for name in names}
@@ -244,7 +247,7 @@ def _u_by_cell(own: ReceiverResponse, cell: LoadCell) -> dict[str, Any]:
 
 
 def _scatter(run: Run, start_s: float = -math.inf, end_s: float = math.inf) -> Scatter:
-    """Scatter of the readings of a run, or of one of its cycles."""
+    """Scatter of the readings in a run, or in one of its cycles."""
     time = run.signals.time_s
     begin, end = np.searchsorted(time, (start_s, end_s)).tolist()
     volts = np.where(run.clipped, np.nan, run.signals.volts)[begin:end]
@@ -259,7 +262,7 @@ def _cycle_scatters(run: Run) -> list[Scatter]:
 
 
 def _timing(runs: Sequence[Run], every: Passes, receivers: dict[str, ReceiverResponse]) -> Timing:
-    """Timing of all recordings from cycles of every speed, with the largest of their bounds."""
+    """Timing of all recordings from cycles at every speed, with the largest of their bounds."""
     speeds, bounds = [], []
     for run in runs:
         signals = run.signals

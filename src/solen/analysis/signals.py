@@ -1,6 +1,6 @@
 """Signals: the voltages of receivers over time, read from the columns of a recording.
 
-`SignalOptions` name columns and state what a file does not; every other role follows from headers
+`SignalOptions` names columns and specifies what a file does not; every other role follows from the headers
 (`solen.recording.column_roles`). Units are converted to s, degrees and volts. An assumption causes a warning, an
 ambiguity an error.
 
@@ -25,7 +25,7 @@ from solen.results import Result
 from solen.spec.strict import Finite, Options, refused
 
 TIMES, TIMES_OF_LOG = ("--time", "--rate-hz"), ("--angle-time", "--angle-rate-hz")
-"""Options that state the times of a recording, and of a stage's log."""
+"""Options that specify the times of a recording, and of a stage log."""
 
 AngleSource = Literal["optional", "elsewhere"]
 
@@ -34,31 +34,33 @@ class SignalOptions(Options):
     """Roles of the columns of a recording."""
 
     time: str | None = None
-    """Column of the time; default: the column with a header for time."""
+    """Time column; default: the column whose header denotes time."""
     angle: str | None = None
-    """Column of the angle; default: the column with a header for an angle."""
+    """Angle column; default: the column with an angle header."""
     load: str | None = None
-    """Column of a force, in N, mN, kN, gf, kgf or lbf, or in volts with --load-cell; default: as for the angle."""
+    """Force column, in N, mN, kN, gf, kgf or lbf, or in volts with --load-cell; default: the column with a force
+    header.
+    """
     depth: str | None = None
-    """Column of a depth; default: as for the angle."""
+    """Depth column; default: the column with a depth header."""
     against: Name | None = None
-    """Quantity that the voltages are analysed against; default: the angle if recorded, else the force, else the
-    depth.
+    """Quantity against which the voltages are analysed; default: the angle if recorded, otherwise the force,
+    otherwise the depth.
     """
     load_cell: Path | None = None
     """File with [load_cell], or a rig file: the sensitivity of the force column in N/V, with its uncertainty."""
     tare_s: Finite | None = Field(None, gt=0)
-    """Seconds at the beginning whose mean force or depth is subtracted as zero."""
+    """Seconds at the beginning of the recording over which the mean force or depth is subtracted as zero."""
     channel: tuple[str, ...] = ()
     """A receiver and its column, NAME=COLUMN, as in --channel left=ai0 right=ai1; S1.left=ai0 also names the sensor.
     Default: every column in volts.
     """
     time_unit: str | None = None
-    """Unit of the time if its column states none: s, ms, us, min."""
+    """Unit of the time column if its header specifies none: s, ms, us, min."""
     rate_hz: Finite | None = Field(None, gt=0)
     """Samples per second, for a recording without times."""
     zero_deg: Finite = 0.0
-    """Angle reading at rest; it is subtracted."""
+    """Angle reading at rest, which is subtracted from all angles."""
     flip_angle: bool = False
     """Reverse the sign of the angle."""
     on_off_hz: Finite | None = Field(None, ge=0)
@@ -72,13 +74,13 @@ class SignalOptions(Options):
     detected.
     """
     emitters: int = Field(1, ge=1)
-    """Number of emitters that take turns in it, each followed by an off phase; each counts as a sensor."""
+    """Number of emitters that are switched in sequence, each followed by an off phase; each counts as a sensor."""
     rails: tuple[float, float] | None = None
-    """Lowest and highest voltage of the recorder, e.g. 0 5: samples there are clipped. Default: detected."""
+    """Lowest and highest voltage of the recorder, e.g. 0 5: samples at these limits are clipped. Default: detected."""
     smooth_ms: Finite | None = Field(None, gt=0)
     """Width of a moving mean over the voltages; none by default."""
     columns: tuple[str, ...] = ()
-    """Names of the columns of tables without a header, e.g. time_s angle_deg left_mV right_mV."""
+    """Column names for tables without a header, e.g. time_s angle_deg left_mV right_mV."""
     sheet: str | None = None
     """Sheet of a workbook."""
 
@@ -95,16 +97,16 @@ class SignalOptions(Options):
         if self.rate_hz is not None and self.time is not None:
             raise refused("rate_hz", "cannot be combined with --time", value=self.rate_hz, remedy="leave one out")
         if self.emitters > 1 and not self.on_off_hz:
-            limit = "requires the rate at which each of them switches"
+            limit = "requires the rate at which each emitter switches"
             raise refused("emitters", limit, value=self.emitters, remedy="give --on-off-hz")
         if self.rails is not None and not self.rails[0] < self.rails[1]:
             low, high = self.rails
-            raise refused("rails", "must be the lower and the higher voltage", value=f"{low} {high}")
+            raise refused("rails", "must be the lowest and the highest voltage, in this order", value=f"{low} {high}")
         return self
 
     @property
     def named_receivers(self) -> tuple[tuple[str, str], ...]:
-        """Receivers with their columns, as named by ``channel``; a name alone is also that of its column."""
+        """Receivers with their columns, as specified by ``channel``; a name alone is also the column name."""
         parts = [text.partition("=") for text in self.channel]
         return tuple((name.strip(), (column if equals else name).strip()) for name, equals, column in parts)
 
@@ -115,13 +117,14 @@ class Switching(Result):
     Attributes
     ----------
     on_off_hz
-        Rate of one emitter, as stated or, if ``detected``, rounded.
+        Switching rate of one emitter, as specified or, if ``detected``, rounded.
     on
         Whether light makes the waveform ``low`` or ``high``.
     mains_hz, flicker_V
-        Mains frequency of the lamps whose flicker was subtracted, and its largest amplitude; None if there is none.
+        Mains frequency of the lamps whose flicker was subtracted, and the largest flicker amplitude; None if there is
+        none.
     samples
-        Number of samples of the waveform.
+        Number of samples in the waveform.
     clipped_samples
         Number of samples at a limit, by receiver.
     limits_V
@@ -140,7 +143,7 @@ class Switching(Result):
 
 @dataclass(frozen=True, eq=False)
 class Waveforms:
-    """Voltages of all receivers of a recording, in order of time.
+    """Voltages of all receivers in a recording, in time order.
 
     Attributes
     ----------
@@ -153,7 +156,7 @@ class Waveforms:
     clipped
         Whether the recording marks each sample as clipped, (n, m); None without such marks.
     unit
-        Unit of the values: V, or another stated in the recording, such as pF, lux or counts.
+        Unit of the values: V, or another unit specified in the recording, such as pF, lux or counts.
     ambient_subtracted
         Whether ambient light was subtracted, so that 0 V means no light.
     window_s
@@ -163,7 +166,7 @@ class Waveforms:
     stimulus
         Quantity in ``angle_deg``: an angle, or a force or depth in its own unit.
     cell
-        Load cell that measured it, if stated.
+        Load cell that measured the force; None if not specified.
     warnings
         Assumptions and omissions.
     """
@@ -191,12 +194,12 @@ class Waveforms:
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """One recording of one sensor.
+    """A recording of a sensor.
 
     Attributes
     ----------
     label
-        Name of the sensor; recordings with the same name are of the same sensor.
+        Name of the sensor; recordings with the same name belong to the same sensor.
     receivers
         Names of the receivers, (m,).
     time_s
@@ -204,24 +207,24 @@ class Signals:
     angle_deg
         Angles (n,), or values of another ``stimulus`` in its unit.
     volts
-        Voltages (n, m), NaN where there is no reading.
+        Voltages (n, m), NaN if there is no reading.
     lens
-        Whether the sensor has a lens; None if not stated.
+        Whether the sensor has a lens; None if unknown.
     source
-        Name of the file.
+        File name.
     clipped
         Whether the recording marks each sample as clipped, (n, m); None without such marks.
     provenance
         Provenance of the recording.
     unit
-        Unit of the values: V, or another stated in the recording.
+        Unit of the values: V, or another unit specified in the recording.
     ambient_subtracted
-        Whether ambient light was subtracted; clipped samples were then marked before.
+        Whether ambient light was subtracted; clipped samples were then marked before the subtraction.
     timing_bound_s
-        Largest difference in time between angles and readings, and the source of this bound; None if only the angle
-        itself gives one.
+        Largest time difference between angles and readings, and the source of this bound; None if it can only be
+        derived from the angle itself.
     ambient_V
-        Mean of the ambient light that was subtracted, by side, if the recording states it.
+        Mean ambient light that was subtracted, by side; None if not recorded.
     stimulus, cell
         As in `Waveforms`.
     """

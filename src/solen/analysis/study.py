@@ -1,7 +1,7 @@
-"""A study: recordings of one or several sensors, from files to the response of each and their comparison.
+"""A study: recordings of one or several sensors, from files to the response of each sensor and their comparison.
 
-A file contains recordings of one sensor, or of several that are named by its columns or groups. Recordings with the
-same label are pooled; sensors with and without a lens are compared.
+A file contains recordings of a single sensor, or of several sensors that are named by its columns or groups. Recordings
+with the same label are pooled; sensors with and without a lens are compared.
 
 Public names: `study` and `Study`.
 """
@@ -32,12 +32,12 @@ from solen.recording.stimulus import ANGLE, Stimulus
 from solen.results import HIDDEN, Result, in_unit, reported
 
 CONTROL_KEYS = ("control", "controls", "without lens", "no lens")
-"""Parameters of a file that name its sensors without a lens."""
+"""Parameters in a file that name its sensors without a lens."""
 
 
 @dataclass(frozen=True)
 class SwingWithoutLens:
-    """Mean swing of a receiver with a lens and without one, and the latter as a percentage of the former."""
+    """Mean swing of a receiver with and without a lens, and the second as a percentage of the first."""
 
     swing_V: float
     swing_without_lens_V: float
@@ -45,26 +45,26 @@ class SwingWithoutLens:
 
 
 class Study(Result):
-    """Sensors analysed and compared; keys end in the recordings' own units instead of V and deg.
+    """Analysed and compared sensors; keys end in the units of the recordings instead of V and deg.
 
     Attributes
     ----------
     sensors
-        Every sensor by its label, in the order of the files.
+        Every sensor, by label, in the order of the files.
     mean_of_sensors, mean_of_controls
-        Mean of the sensors with a lens and of those without; None if there are none.
+        Mean of the sensors with a lens and of the sensors without; None if there are none.
     lens_beside_none
-        Swing without a lens compared with that with one, by receiver; None unless there are both.
+        Swing without a lens compared with the swing with a lens, by receiver; None unless there are both.
     alignment
-        Relation of the log's clock to the recorder's, by recording.
+        Relation between the clocks of log and recorder, by recording.
     switching
         Switching detected in waveforms, by recording.
     options
-        Options of the analysis, including the detected ones.
+        Analysis options, including detected settings.
     command
-        Command line that states all options; None if the detected ones differ between recordings.
+        Command line with all options; None if detected settings differ between recordings.
     dark_V
-        Voltage without light: as stated, or 0 if ambient light is subtracted.
+        Voltage without light: as specified, or 0 if ambient light is subtracted.
     ambient_subtracted
         Whether ambient light is subtracted in all recordings.
     provenances
@@ -94,17 +94,17 @@ class Study(Result):
 
     @reported
     def sources(self) -> tuple[Provenance, ...]:
-        """The files, each once."""
+        """The files, each listed once."""
         return tuple({provenance.sha256: provenance for provenance in self.provenances}.values())
 
     @property
     def unit(self) -> str:
-        """Unit of the receivers: V, or another stated in the recordings."""
+        """Unit of the receivers: V, or another unit specified in the recordings."""
         return next(iter(self.sensors.values())).unit
 
     @property
     def stimulus(self) -> Stimulus:
-        """Quantity that the response is against."""
+        """Quantity against which the response is measured."""
         return next(iter(self.sensors.values())).stimulus
 
     def to_dict(self) -> dict[str, Any]:
@@ -113,25 +113,25 @@ class Study(Result):
 
     @property
     def remark(self) -> str:
-        """Note on the processing for every figure; empty for none."""
+        """Note on the processing for every figure; empty if there is none."""
         return "" if self.options.smooth_ms is None else f"moving mean over {self.options.smooth_ms:g} ms"
 
     @property
     def detected(self) -> bool:
-        """Whether any setting was detected rather than stated."""
+        """Whether any setting was detected rather than specified."""
         return any(one.detected for one in self.switching.values()) or self.logs_found
 
 
 def voltages_against_angle(found: Study) -> Study:
     """Check that a study is of voltages against an angle; `DataError` otherwise, because there is no model to fit.
 
-    A soft body has many other unknowns (modulus, holds, position and direction of the load) that one curve cannot
+    A soft body has many other unknowns (modulus, supports, position and direction of the load) that one curve cannot
     separate.
     """
     if found.stimulus is not ANGLE:
         limit = f"is analysed against the {found.stimulus.name}, but a diagnosis requires the response to an angle"
         remedy = (
-            "record the same sensor turned by an angle, or calibrate it in its present setup with solen bench calibrate"
+            "record the same sensor driven by an angle, or calibrate it in its present setup with solen bench calibrate"
         )
         raise DataError(found.provenances[0].file, limit=limit, remedy=remedy)
     if found.unit != "V":
@@ -142,9 +142,9 @@ def voltages_against_angle(found: Study) -> Study:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """One recording of a file: its samples with their angle, its source, and the offset of the log's clock.
+    """A recording in a file: its samples with their angle, its source, and the offset of the log's clock.
 
-    ``beside`` is the log if it was detected rather than stated.
+    ``beside`` is the log if it was detected rather than specified.
     """
 
     label: str
@@ -156,7 +156,7 @@ class _Part:
 
 
 def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Study:
-    """Analyse and compare all sensors of all files.
+    """Analyse and compare all sensors in all files.
 
     Raises
     ------
@@ -175,7 +175,7 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
     stimuli = {signal.stimulus.name for signals in sensors.values() for signal in signals}
     if len(stimuli) > 1:
         limit = f"are driven by {' and by '.join(sorted(stimuli))}"
-        raise DataError("recordings", limit=limit, remedy="choose one that all of them contain with --against")
+        raise DataError("recordings", limit=limit, remedy="specify a quantity that all of them contain with --against")
     used = options.model_copy(update={"dark_V": 0.0}) if options.dark_V is None and bare else options
     motions: dict[int, Motion] = {}
     responses = {label: _response(signals, used, motions) for label, signals in sensors.items()}
@@ -214,9 +214,9 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
 
 @dataclass
 class _Found:
-    """Recordings as read: signals of each sensor; provenances, alignments, switching and warnings of recordings.
+    """Recordings as read: signals of each sensor; provenances, alignments, switching and warnings of the recordings.
 
-    ``logs`` were detected next to recordings; ``bare`` states whether ambient light was subtracted from each.
+    ``logs`` were detected next to recordings; ``bare`` lists whether ambient light was subtracted from each recording.
     """
 
     sensors: dict[str, list[Signals]] = field(default_factory=dict)
@@ -247,7 +247,7 @@ def _read(files: Sequence[Path], options: AnalysisOptions) -> _Found:
 
 def _check_files(files: Sequence[Path], options: AnalysisOptions) -> None:
     if not files:
-        raise SpecError("files", limit="at least one recording is needed", remedy="name one or more")
+        raise SpecError("files", limit="at least one recording is required", remedy="name one or more recordings")
     twice = next((path for path in files if list(files).count(path) > 1), None)
     if twice is not None:
         raise SpecError("files", value=str(twice), limit="is named twice", remedy="name each recording once")
@@ -266,7 +266,7 @@ def _check_controls(options: AnalysisOptions, sensors: Mapping[str, object]) -> 
 
 
 def _response(signals: Sequence[Signals], options: AnalysisOptions, motions: dict[int, Motion]) -> SensorResponse:
-    """Response of one sensor; errors name its file."""
+    """Response of a sensor; errors name its file."""
     try:
         return sensor_response(signals, options, motions)
     except SolenError as bad:
@@ -277,7 +277,7 @@ def _response(signals: Sequence[Signals], options: AnalysisOptions, motions: dic
 
 
 def _parts(files: Sequence[Path], options: AnalysisOptions) -> Iterator[tuple[Path, _Part]]:
-    """Yield the recordings of all files, by emitter, one after the other."""
+    """Yield the recordings in all files, by emitter, one after the other."""
     elsewhere = bool(options.angle_file) or options.amplitude_deg is not None
     for number, path in enumerate(files):
         stated = {} if options.pattern is None else labels(path, options.pattern)
@@ -290,7 +290,7 @@ def _parts(files: Sequence[Path], options: AnalysisOptions) -> Iterator[tuple[Pa
 
 
 def _label(path: Path, stated: str | None, own: str, files: int) -> str:
-    """Label of a part of a file: its own name if the file is the only one."""
+    """Label of a part of a file; if the file is the only one, the part's own name."""
     label = stated or path.stem
     if not own:
         return label
@@ -298,7 +298,7 @@ def _label(path: Path, stated: str | None, own: str, files: int) -> str:
 
 
 def _with_angle(part: _Part, options: AnalysisOptions, number: int, files: Sequence[Path]) -> _Part:
-    """The recording with the angle of a log, or of the commanded protocol, if it has none."""
+    """The recording with the angle from a log, or from the commanded protocol, if it contains no angle."""
     samples = part.samples
     if options.angle_file:
         return _by_log(part, options.angle_file[number if len(options.angle_file) > 1 else 0], options)
@@ -311,7 +311,7 @@ def _with_angle(part: _Part, options: AnalysisOptions, number: int, files: Seque
     beside = find_log(files[number], files)
     if beside is None:
         reject_undriven(part.recording)
-    warning = look_at(f"{files[number].name} has no angle: the angle in {beside.name}, next to it, is used")
+    warning = look_at(f"{files[number].name} contains no angle: the angle in {beside.name}, next to it, is used")
     part = replace(part, samples=replace(samples, warnings=(warning, *samples.warnings)))
     return replace(_by_log(part, beside, options), beside=beside)
 
@@ -326,7 +326,7 @@ def _by_log(part: _Part, path: Path, options: AnalysisOptions) -> _Part:
 
 
 def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tuple[Alignment, Drive, list[Caution]]:
-    """Relation of a log's clock to the recorder's, the logged quantity, and assumptions about it."""
+    """Relation between the clocks of log and recorder, the logged quantity, and assumptions about it."""
     own = options.model_copy(update={"time": options.angle_time, "rate_hz": options.angle_rate_hz})
     warnings: list[Caution] = []
     base = sample_times(log, own, warnings, TIMES_OF_LOG)
@@ -334,7 +334,7 @@ def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tu
     file = log.provenance.file
     if drive is None:
         limit = "no column is recognised as an angle, force or depth"
-        raise DataError(file, limit=limit, remedy="name it with --angle, --load or --depth")
+        raise DataError(file, limit=limit, remedy="name the column with --angle, --load or --depth")
     held = np.isfinite(drive.values)
     alignment = align(
         samples.time_s, samples.volts, base.time_s[held], drive.values[held], samples.window_s, drive.stimulus
@@ -343,7 +343,7 @@ def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tu
 
 
 def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> Iterator[Signals]:
-    """Signals of each sensor of a recording."""
+    """Signals of each sensor in a recording."""
     samples, provenance = part.samples, part.recording.provenance
     has, controls = _stated_lens(provenance, options, path)
     ambient_V = ambient_by_side(part.recording)
@@ -373,7 +373,7 @@ def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> I
 
 
 def _timing_bound_s(part: _Part) -> tuple[float, Literal["recording", "log"]] | None:
-    """Largest time difference of angles and readings, from a bench, or twice the uncertainty of a log's lag."""
+    """Largest time difference between angles and readings, from a bench, or twice the uncertainty of a log's lag."""
     if part.alignment is not None:
         return 2.0 * part.alignment.u_lag_s, "log"
     try:
@@ -383,7 +383,7 @@ def _timing_bound_s(part: _Part) -> tuple[float, Literal["recording", "log"]] | 
 
 
 def _stated_lens(provenance: Provenance, options: AnalysisOptions, path: Path) -> tuple[bool | None, set[str]]:
-    """Whether a recording's sensors have a lens (None if not stated), and the labels of those without."""
+    """Whether a recording's sensors have a lens (None if unknown), and the labels of the sensors without one."""
     in_name = {} if options.pattern is None else labels(path, options.pattern)
     word = in_name.get("lens") or provenance.metadata.get("lens")
     texts = [value for key, value in provenance.metadata.items() if key.strip().casefold() in CONTROL_KEYS]
@@ -411,7 +411,9 @@ def _pooling_warnings(options: AnalysisOptions, sensors: Mapping[str, Sequence[S
     return [
         of(
             label,
-            look_at(f"{len(signals)} recordings with the same name are pooled as one sensor; --pattern separates them"),
+            look_at(
+                f"{len(signals)} recordings with the same name are pooled as one sensor; use --pattern to separate them"
+            ),
         )
         for label, signals in sensors.items()
         if len(signals) > 1
@@ -423,7 +425,7 @@ def _group_warnings(groups: Sequence[SensorGroup | None], sensors: int) -> list[
     warnings = []
     for group, what in zip(groups, ("with a lens", "without a lens"), strict=True):
         if group is not None and group.n == 1 and sensors > 1:
-            warnings.append(note(f"only one sensor {what}, which does not show the variation between prints"))
+            warnings.append(note(f"only one sensor {what}, so the variation between prints is unknown"))
     if groups[0] is not None and sensors == 1:
         warnings.append(note("only one sensor: its cycles show repeatability, not variation between prints"))
     return warnings

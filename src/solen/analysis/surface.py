@@ -19,7 +19,7 @@ class Surface:
     Attributes
     ----------
     low, high
-        Ends of each motion's range, (M,); positions beyond are treated as at the end.
+        Limits of each motion's range, (M,); positions beyond them are clamped to the nearest limit.
     """
 
     low: FloatArray
@@ -37,7 +37,7 @@ class Surface:
         nodes
             Positions of each motion, ascending; the values do not depend on a motion with a single position.
         values
-            Shape (n_1, ..., n_M, K).
+            Values at the grid points, (n_1, ..., n_M, K).
         """
         from scipy.interpolate import NdBSpline, make_interp_spline
 

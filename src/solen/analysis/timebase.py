@@ -1,4 +1,4 @@
-"""Recorded time stamps: irregular, with gaps, repeated stamps, occasionally backward.
+"""Recorded time stamps, which may be irregular, repeated or out of order, or contain gaps.
 
 Samples are used at their own times and never resampled, so an irregular clock needs no repair. Gaps, repeated stamps
 and samples out of order cause a warning with their location. If the clock runs backward for more than a few samples, it
@@ -16,21 +16,21 @@ from solen.errors import DataError
 from solen.ranks import Caution, look_at
 
 LONGEST_GAP = 5.0
-"""Length of a step, in units of the usual step, from which it is a gap."""
+"""A step is a gap if it is at least this many times the usual step."""
 _FEW_STEPS, _SHARE = 10.0, 0.01  # limits (in steps, and as a fraction of the samples) of disorder without a reset clock
 _LEAST = 16
 
 
 @dataclass(frozen=True, eq=False)
 class TimeBase:
-    """Order of the samples in time.
+    """Time order of the samples.
 
     Attributes
     ----------
     order
-        Indices of the samples used, in the order of their time, (n,).
+        Indices of the samples used, in time order, (n,).
     time_s
-        Their non-decreasing times, (n,).
+        Non-decreasing times of these samples, (n,).
     step_s
         Usual step between two samples.
     gaps_s
@@ -52,25 +52,27 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
     Parameters
     ----------
     time_s
-        Stamps in s, NaN if missing, (n,).
+        Time stamps in s, NaN if missing, (n,).
     name
-        Name of the stamps in error messages.
+        Name for the time stamps in error messages.
 
     Raises
     ------
     DataError
-        If there are too few stamps, or the clock runs backward.
+        If there are too few time stamps, or the clock runs backward.
     """
     order = np.flatnonzero(np.isfinite(time_s))
     missing = time_s.size - order.size
     warnings = [look_at(f"{missing} samples without a time are omitted")] if missing else []
     if order.size < _LEAST:
-        limit = f"has {order.size} samples with a time, but at least {_LEAST} are needed"
+        limit = f"has {order.size} samples with a time, but at least {_LEAST} are required"
         raise DataError(name, limit=limit, remedy="name the time column with --time")
     steps = np.diff(time_s[order])
     if not (steps > 0.0).any():
         raise DataError(
-            name, limit="does not advance", remedy="name the time column with --time, or state the rate with --rate-hz"
+            name,
+            limit="does not advance",
+            remedy="name the time column with --time, or specify the rate with --rate-hz",
         )
     usual = float(np.median(steps[steps > 0.0]))
     if (steps < 0.0).any():
@@ -91,7 +93,7 @@ def _disorder(time_s: FloatArray, order: IndexArray, steps: FloatArray, usual: f
     if -steps[worst] > _FEW_STEPS * usual or back.size > _SHARE * order.size:
         jump = f"jumps back {back.size} time{'s' * (back.size > 1)}, farthest at sample {row}"
         limit = f"{jump}: from {time_s[order[worst]]:.6g} s to {time_s[order[worst + 1]]:.6g} s"
-        raise DataError(name, limit=limit, remedy="split the file there, or export it with one continuous clock")
+        raise DataError(name, limit=limit, remedy="split the file there, or export it with a single continuous clock")
     return look_at(
         f"{back.size} samples were out of order by up to {-steps[worst]:.3g} s (first at sample {row}) and are sorted"
     )
@@ -102,7 +104,7 @@ def _repeated(ordered: FloatArray) -> list[Caution]:
     if not same:
         return []
     where = ordered[np.flatnonzero(np.diff(ordered) == 0.0)[0]]
-    return [look_at(f"{same} samples have the same time as the previous one (first at {where:.6g} s); all are kept")]
+    return [look_at(f"{same} samples have the same time as the previous sample (first at {where:.6g} s); all are kept")]
 
 
 def _gaps(ordered: FloatArray, usual: float) -> FloatArray:

@@ -1,8 +1,8 @@
 """Contribution of timing to a hysteresis, and the remainder if a motion has two speeds.
 
 If a reading belongs to a slightly earlier or later angle, rising and falling curves differ, as with hysteresis. At a
-speed v, a delay τ gives a difference of −2 v τ f'(θ), where f' is the slope of the response; a hysteresis of the sensor
-gives H(θ) at any speed. A single speed cannot separate the two, and the uncertainty of a recording's clocks then bounds
+speed v, a delay τ gives a difference of −2 v τ f'(θ), where f' is the slope of the response; hysteresis of the sensor
+gives H(θ) at any speed. A single speed cannot separate the two, and the timing uncertainty of the recording then bounds
 the first. Two speeds give two equations for two unknowns: the difference of each cycle, projected on f', is a straight
 line over speed with slope −2τ. A term that increases with speed may also be due to the material; it is called lag here.
 
@@ -31,13 +31,13 @@ Source = Literal["recording", "log", "angle", "force", "depth"]
 
 
 class ReceiverTiming(Result):
-    """Timing of one receiver; NaN for unknown values.
+    """Timing of a receiver; NaN for unknown values.
 
     Attributes
     ----------
     timing_V, timing_percent
-        Largest possible contribution of timing to its hysteresis, where its response is steepest, and in per cent of
-        full scale.
+        Largest possible contribution of timing to the receiver's hysteresis, where its response is steepest, and in per
+        cent of full scale.
     hysteresis_V, u_hysteresis_V, hysteresis_percent
         Hysteresis without the lag, from two speeds.
     """
@@ -55,16 +55,16 @@ class Timing(Result):
     Attributes
     ----------
     bound_s
-        Largest difference in time between angles and readings, in either direction.
+        Largest time difference between angles and readings, in either direction.
     source
         Source of the bound: the ``recording`` itself, an aligned ``log``, or the interval at which the ``angle``
         changes.
     speeds_deg_per_s
         Distinct speeds of all cycles used for timing.
     timing_deg
-        Largest possible contribution of timing to the difference of the directions, at the highest speed.
+        Largest possible contribution of timing to the difference between the directions, at the highest speed.
     lag_s, u_lag_s
-        Delay of the voltages relative to their angles, from two speeds; NaN for one speed.
+        Delay of the voltages relative to their angles, from two speeds; NaN for a single speed.
     receivers
         Timing of each receiver, by name.
     """
@@ -94,11 +94,11 @@ def timing_of(
     Parameters
     ----------
     passes
-        Its half-cycles.
+        Half-cycles of the sensor.
     cycles_deg_per_s
         Speed of each cycle, (cycles,).
     bound
-        Largest difference in time between angles and readings, in s, and its source.
+        Largest time difference between angles and readings, in s, and its source.
     receivers
         Responses of the receivers by name, in the order of the passes.
     """
@@ -122,18 +122,18 @@ def timing_of(
 
 
 def _distinct(speeds: FloatArray) -> list[float]:
-    """Median of each group of speeds; the groups differ by more than a fifth."""
+    """Median of each group of speeds; groups differ by more than a fifth."""
     return [float(np.median(group)) for group in _groups(speeds)]
 
 
 def _groups(speeds: FloatArray) -> list[FloatArray]:
-    """Speeds in ascending order, grouped: a new group starts where the next is more than a fifth higher."""
+    """Speeds in ascending order, grouped: a new group starts where the next speed is more than a fifth higher."""
     ordered = np.sort(speeds)
     return np.split(ordered, np.flatnonzero(ordered[1:] > _APART * ordered[:-1]) + 1)
 
 
 def _lag(apart: FloatArray, slope: FloatArray, speeds: FloatArray) -> tuple[float, float]:
-    """Lag of the voltages and its uncertainty, from the cycles' differences projected on the slope, or NaN."""
+    """Lag of the voltages and its uncertainty, from cycle differences projected on the slope; NaN if undetermined."""
     if len(_distinct(speeds)) < 2 or speeds.size < _LEAST_CYCLES:
         return math.nan, math.nan
     held = np.isfinite(apart).all(axis=0) & np.isfinite(slope)
@@ -150,8 +150,8 @@ def _lag(apart: FloatArray, slope: FloatArray, speeds: FloatArray) -> tuple[floa
 def _u_of_parts(products: FloatArray, squares: FloatArray, speeds: FloatArray, whole: float) -> float:
     """Uncertainty of a slope over speed, from the differences between parts of the range.
 
-    Angles interpolated across the corners of a ramp are early at one end and late at the other, alike in every cycle.
-    This is not a lag, and the scatter of the cycles does not show it.
+    Angles interpolated across the corners of a ramp are early at one end and late at the other, in the same way in
+    every cycle. This is not a lag, and the scatter of the cycles does not show it.
     """
     places = np.array_split(np.arange(len(squares)), _PARTS)
     weights = np.array([squares[part].sum() for part in places])
@@ -168,12 +168,12 @@ def _u_of_parts(products: FloatArray, squares: FloatArray, speeds: FloatArray, w
 
 
 def same_speed(speeds: FloatArray, one: float) -> BoolArray:
-    """Whether each speed belongs to the same group as a given one."""
+    """Whether each speed belongs to the same group as the specified speed."""
     return np.asarray((speeds <= _MEANT * one) & (one <= _MEANT * speeds))
 
 
 def at_main_speed(speeds: FloatArray) -> BoolArray:
-    """Whether each cycle is at the speed of most cycles, (cycles,); all are if there is clearly no second speed."""
+    """Whether each cycle is at the speed of most cycles, (cycles,); true for all if there is no clear second speed."""
     main = max(_groups(speeds), key=lambda group: (len(group), group[0]))
     low, high = float(main.min()), float(main.max())
     inside = (speeds >= low) & (speeds <= high)
@@ -197,7 +197,7 @@ def cycle_speeds(time_s: FloatArray, angle_deg: FloatArray, motion: Motion, used
 
 
 def _speed(time_s: FloatArray, angle_deg: FloatArray, ramp: Ramp) -> float:
-    """Speed in the middle of a ramp, away from its ends."""
+    """Speed in the central part of a ramp, away from its ends."""
     away = max(1, (ramp.stop - ramp.start) // 5)
     first, last = ramp.start + away, max(ramp.stop - 1 - away, ramp.start + away + 1)
     took = float(time_s[min(last, time_s.size - 1)] - time_s[first])
@@ -218,6 +218,6 @@ def angle_bound_s(time_s: FloatArray, angle_deg: FloatArray, motion: Motion) -> 
 
 
 def _within(moving: BoolArray, fresh: BoolArray) -> BoolArray:
-    """Whether each step from one new value to the next is within one ramp."""
+    """Whether each step from a new value to the next new value lies within a single ramp."""
     ramp = np.cumsum(np.diff(moving.astype(np.int8), prepend=0) == 1)[fresh]
     return np.asarray(np.diff(ramp) == 0)

@@ -1,8 +1,9 @@
 """Waveforms of a recording, by emitter: readings without ambient light if the emitters switch.
 
-A recorder that is faster than the switching shows it. Unless the options state a rate, the strongest spectral line of
-the voltages is tried. If it is a switch, and the switched light follows the motion, the ambient light and the flicker
-of lamps are subtracted (`solen.analysis.demodulation`); samples at the limits of the recorder are marked before.
+A recorder that is faster than the switching resolves it. Unless an option specifies the rate, the strongest spectral
+line of the voltages is tried. If this line is due to a switch, and the switched light follows the motion, the ambient
+light and the lamp flicker are subtracted (`solen.analysis.demodulation`); samples at the recorder's limits are marked
+before the subtraction.
 
 Public name: `waveforms`.
 """
@@ -38,14 +39,14 @@ def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSourc
     recording
         Recording with its columns.
     options
-        Roles of the columns, and options for processing them.
+        Roles of the columns, and processing options.
     angle
         With ``elsewhere``, no angle, force or depth is read.
 
     Raises
     ------
     DataError, SpecError
-        If a column is missing, contains no numbers or has a unit of another kind, or a stated rate is not present.
+        If a column is missing, contains no numbers or has an unsuitable unit, or a specified rate is not present.
     """
     file = recording.provenance.name
     whole = sampled(recording, options, angle)
@@ -88,7 +89,7 @@ def _clock(whole: Waveforms, options: SignalOptions, rate_hz: float | None, on: 
 
 
 def _follows(result: Switched) -> bool:
-    """Whether the switched part varies with the level of the phases, like an emitter's light in a moving sensor."""
+    """Whether the switched part varies with the level of the phases, like light from an emitter in a moving sensor."""
     on = result.readings.signal + result.readings.ambient
     least = np.minimum(np.nanstd(on, axis=0), np.nanstd(result.readings.ambient, axis=0))
     return bool((np.nanstd(result.readings.signal, axis=0) > _FOLLOWS * least).any())
@@ -143,9 +144,10 @@ def _readings(whole: Waveforms, readings: Switched, emitter: int) -> Waveforms:
 
 def _warnings(result: Switched, state: Switching, clock: Clock) -> list[Caution]:
     each = clock.rate_hz / max(len(result.readings.emitters), 1)
-    by = "detected automatically" if state.detected else f"{state.on_off_hz:g} Hz was stated"
+    by = "detected automatically" if state.detected else f"{state.on_off_hz:g} Hz was specified"
     subtracted = (
-        f"ambient light is subtracted: each reading is on minus the mean of off before and after, "
+        "ambient light is subtracted: each reading is the on phase minus the mean of the off phases before and "
+        "after it, "
         f"{result.kept.time_s.size} readings at {each:.6g} Hz ({by}); "
         f"light makes the voltage {'lower' if state.on == 'low' else 'higher'}"
     )
@@ -161,7 +163,7 @@ def _warnings(result: Switched, state: Switching, clock: Clock) -> list[Caution]
         )
     for name, resting in zip(result.samples.names, result.dark_at_limit, strict=True):
         if resting:
-            unseen = "is at its limit in the dark, so weak light of the emitter or the room is not visible"
+            unseen = "is at its limit in the dark, so weak light from the emitter or the room is not visible"
             warnings.append(look_at(f"{name} {unseen}"))
     return warnings
 
@@ -173,6 +175,8 @@ def _smoothed(samples: Waveforms, options: SignalOptions, file: str) -> Waveform
     most_ms = 1e3 * _WIDEST * float(samples.time_s[-1] - samples.time_s[0])
     if options.smooth_ms > most_ms:
         limit = f"must be at most {most_ms:.4g}, a twentieth of the length of {file}"
-        raise SpecError("--smooth-ms", value=options.smooth_ms, limit=limit, remedy="choose a smaller width, or none")
+        raise SpecError(
+            "--smooth-ms", value=options.smooth_ms, limit=limit, remedy="choose a smaller width, or omit the option"
+        )
     width = max(1, round(1e-3 * options.smooth_ms / samples.step_s)) | 1  # an odd number of samples
     return replace(samples, volts=np.asarray(uniform_filter1d(samples.volts, width, axis=0, mode="nearest")))

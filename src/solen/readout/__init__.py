@@ -1,9 +1,9 @@
-"""From received light to voltage: each receiver is a phototransistor that pulls a load resistor down from the supply.
+"""Conversion of light to voltage: each receiver is a phototransistor that pulls a load resistor down from the supply.
 
-A trace gives fractions of the emitted power at the receivers' faces. These are converted to mW with the current of the
-emitter, to an irradiance with the area of the face, to a current with the sensitivity of the part, to a voltage with
-the load, and to a number by the converter. **Brighter is a lower voltage.** Each step is a formula with its source.
-Noise is calculated by formula and then drawn at random.
+A trace gives the fractions of the emitted power that reach the receivers' faces. The emitter current converts these
+fractions to mW, the face area to irradiance, the part's sensitivity to current, the load to voltage, and the converter
+to a number. **Brighter is a lower voltage.** Each step is a formula with its source. Noise is calculated by formula and
+then drawn at random.
 
 Public names: `circuit_of`, `face_areas_mm2`, `volts`, `noise`, `advise` and `readings_of`.
 """

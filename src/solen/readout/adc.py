@@ -1,4 +1,4 @@
-"""An analogue-to-digital converter: range, steps and its own noise.
+"""An analogue-to-digital converter: range, steps and intrinsic noise.
 
 Public name: `Adc`.
 """
@@ -21,15 +21,15 @@ class Adc:
     Attributes
     ----------
     name
-        Name of the part.
+        Part name.
     bits
         Resolution; 2^bits codes.
     low_V, high_V
-        Ends of the range; the largest reading is ``high_V`` minus one step.
+        Limits of the range; the largest reading is ``high_V`` minus one step.
     noise_V
-        Standard deviation of its own noise.
+        Standard deviation of the converter's intrinsic noise.
     bandwidth_kHz
-        Bandwidth of its input; inf if unknown.
+        Input bandwidth; inf if unknown.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Adc:
 
     @classmethod
     def of(cls, part: AdcPart, supply_V: float, range_V: tuple[float, float] | None = None) -> "Adc":
-        """Converter in a requested range, or in its smallest range from 0 that includes the supply."""
+        """Converter in a requested range, or in its smallest range from 0 that includes the supply voltage."""
         chosen = _stated(part, range_V) if range_V is not None else _smallest(part, supply_V)
         bandwidth = math.inf if part.bandwidth_khz is None else part.bandwidth_khz.nominal
         return cls(part.name, part.bits, chosen.low_v, chosen.high_v, 1e-6 * chosen.noise_uv, bandwidth)
@@ -62,7 +62,7 @@ class Adc:
         return self.high_V - self.step_V
 
     def read(self, volts: FloatArray) -> FloatArray:
-        """Voltages (...) as read: rounded to steps and clipped to the range."""
+        """Voltages (...) as read by the converter: rounded to steps and clipped to the range."""
         numbers = np.clip(np.rint((volts - self.low_V) / self.step_V), 0, 2**self.bits - 1)
         return np.asarray(self.low_V + self.step_V * numbers)
 

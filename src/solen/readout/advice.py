@@ -1,7 +1,7 @@
-"""Advice on the load that keeps readings within the supply, for the dimmest and the brightest parts.
+"""Advice on the load that keeps readings within the supply voltage, for the dimmest and the brightest parts.
 
 The brightest reading of the motion may drop to a target, several knee widths above saturation, where the current is
-reduced by less than one percent. The load for this target is R = (V_supply − V_target)/I_brightest. The target is the
+reduced by less than one per cent. The load for this target is R = (V_supply − V_target)/I_brightest. The target is the
 same for all parts but the load is not, so the load should be adjusted by the reading and not by its resistance.
 """
 
@@ -18,17 +18,18 @@ from solen.readout.emitter import REFERENCE_C
 KNEES = 5.0
 """Height of the target above saturation in knee widths; there the current is reduced by e⁻⁵, 0.7 %."""
 ROOM = 0.9
-"""Fraction of a trimmer's smallest full resistance that the dimmest parts may require."""
+"""Fraction of a trimmer's minimum end-to-end resistance that the dimmest parts may require."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """One set of parts with the present load, and the load that suits it.
+    """A set of parts with the present load, and the load that suits it.
 
     ``volts_bright`` and ``volts_dark`` are the lowest and the highest reading over the motion; ``used`` is the fraction
-    of the supply between them. ``largest_ohm`` is the load that brings the lowest reading to the target, and ``turn``
-    the trimmer position for it, None if out of range. With the nearest possible load, ``set_ohm``, ``used_then`` is the
-    fraction of the supply used. ``saturates`` states whether the reading with the present load is below the target.
+    of the supply voltage between them. ``largest_ohm`` is the load that brings the lowest reading to the target, and
+    ``turn`` the trimmer position for this load, None if out of range. With the nearest possible load, ``set_ohm``,
+    ``used_then`` is the fraction of the supply voltage used. ``saturates`` is true if the reading with the present load
+    is below the target.
     """
 
     case: Case
@@ -46,8 +47,8 @@ class Setting:
 class Advice:
     """Settings for the three sets of parts, and their common target.
 
-    ``emitter_current_mA`` is the emitter current for which the trimmer suits all three sets; None if there is none
-    within the emitter's continuous rating.
+    ``emitter_current_mA`` is the emitter current at which the trimmer suits all three sets; None if no current within
+    the emitter's continuous rating suits them.
     """
 
     target_V: float
@@ -55,7 +56,7 @@ class Advice:
     emitter_current_mA: float | None
 
     def of(self, case: Case) -> Setting:
-        """Setting of a set of parts."""
+        """Setting for a set of parts."""
         return next(setting for setting in self.settings if setting.case == case)
 
 
@@ -66,7 +67,7 @@ def advise(
     ambient_mW_cm2: Floats = 0.0,
     temperature_C: float = REFERENCE_C,
 ) -> Advice:
-    """Loads for the range of a motion.
+    """Compute the load advice for the range of a motion.
 
     Parameters
     ----------
@@ -89,7 +90,7 @@ def advise(
 def _emitter_mA(
     circuit: Circuit, light: tuple[FloatArray, Floats, float], trimmer: TrimmerPart, target_V: float
 ) -> float | None:
-    """Emitter current at which the dimmest parts use most of the smallest trimmer, and the brightest parts not its end.
+    """Emitter current at which the trimmer suits both the dimmest and the brightest parts.
 
     Light is assumed proportional to the current.
     """
@@ -148,13 +149,13 @@ def _load_kohm(circuit: Circuit, most_mA: float, target_V: float) -> float:
 
 
 def _target_mA(circuit: Circuit, target_V: float) -> float:
-    """Photocurrent that brings a load of 1 kΩ to the target."""
+    """Photocurrent that brings the reading to the target with a load of 1 kΩ."""
     part = circuit.transistor
     return (circuit.supply_V - target_V) / -math.expm1(-(target_V - part.saturation_V) / part.knee_V)
 
 
 def slopes_V_per_deg(angle_deg: FloatArray, volts: FloatArray) -> FloatArray:
-    """Derivative of voltages (A, R) with respect to ascending angles (A,), of second order; 0 for a single angle."""
+    """Second-order derivative of voltages (A, R) with respect to ascending angles (A,); 0 for a single angle."""
     if len(angle_deg) < 2:
         return np.zeros_like(volts)
     return np.asarray(np.gradient(volts, angle_deg, axis=0, edge_order=2 if len(angle_deg) > 2 else 1))

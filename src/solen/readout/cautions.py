@@ -1,4 +1,4 @@
-"""Warnings about a readout: `cautions` of a circuit, its advice and its light."""
+"""Warnings about a readout: `cautions` checks a circuit, its load advice and its light."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,7 @@ from solen.readout.advice import Advice
 from solen.readout.circuit import Circuit
 
 SETTLED = 5.0
-"""Time constants after which 0.7 % of a step remains."""
+"""Number of time constants after which 0.7 % of a step remains."""
 DIM, OTHER_WINDOW = 0.5, 0.05
 FOR_VISIBLE = "TEMT7000X01"
 
@@ -28,7 +28,7 @@ def cautions(
     in_space
         Whether rays were traced in space rather than in the plane.
     emitters
-        Number of emitters that take turns, each followed by an off phase.
+        Number of emitters that are switched in sequence, each followed by an off phase.
     """
     sentences = [
         *_wavelength(circuit, wavelength_nm),
@@ -38,7 +38,7 @@ def cautions(
     ]
     if not in_space:
         sentences.append(
-            "the powers come from rays in the plane, so light emitted above and below it is assumed to "
+            "the powers come from rays in the plane, so light emitted above and below the plane is assumed to "
             "arrive in the same "
             'fractions; use trace.dimension = "extruded" to trace it'
         )
@@ -49,19 +49,19 @@ def _wavelength(circuit: Circuit, wavelength_nm: float) -> Iterator[str]:
     part, drive = circuit.transistor, circuit.drive
     if part.response < DIM:
         yield (
-            f"{part.name} detects light of {wavelength_nm:g} nm with {100.0 * part.response:.2g} % of its stated "
+            f"the sensitivity of {part.name} at {wavelength_nm:g} nm is {100.0 * part.response:.2g} % of its specified "
             f"sensitivity, which reduces the signal by a factor of {1.0 / part.response:.3g}; "
             f"{_remedy(part.name)} (readout.part)"
         )
     if abs(drive.peak_nm - wavelength_nm) > FAR_NM:
         yield (
-            f"the power is that of {drive.name}, which emits at {drive.peak_nm:g} nm, but the light is traced at "
+            f"the power is specified for {drive.name}, which emits at {drive.peak_nm:g} nm, but the light is traced at "
             f"{wavelength_nm:g} nm: name the emitter of this design (readout.emitter_part)"
         )
     if abs(part.exponent - 1.0) > OTHER_WINDOW:
         yield (
             f"{part.name} is directional, cos^{part.exponent:.3g}: its reading depends on its alignment with the "
-            "face, which is assumed to be perpendicular"
+            "face, to which its axis is assumed to be perpendicular"
         )
 
 
@@ -82,8 +82,8 @@ def _range(circuit: Circuit, advice: Advice) -> Iterator[str]:
         )
     elif bright.saturates:
         yield (
-            f"the brightest parts saturate at {load:g} ohm, but typical parts do not: the brightest need at most "
-            f"{bright.largest_ohm:.0f} ohm"
+            f"the brightest parts saturate at {load:g} ohm, but typical parts do not: the brightest parts "
+            f"require at most {bright.largest_ohm:.0f} ohm"
         )
     if advice.emitter_current_mA is None:
         yield (
@@ -95,11 +95,14 @@ def _limits(circuit: Circuit, dark_V: float) -> Iterator[str]:
     part, drive, adc = circuit.transistor, circuit.drive, circuit.adc
     if drive.current_mA > drive.most_current_mA:
         yield (
-            f"the current of {drive.current_mA:g} mA exceeds the {drive.most_current_mA:g} mA "
+            f"the emitter current of {drive.current_mA:g} mA exceeds the {drive.most_current_mA:g} mA "
             f"that {drive.name} may carry continuously"
         )
     if circuit.supply_V > part.most_supply_V:
-        yield (f"the supply of {circuit.supply_V:g} V exceeds the {part.most_supply_V:g} V that {part.name} tolerates")
+        yield (
+            f"the supply voltage of {circuit.supply_V:g} V exceeds the {part.most_supply_V:g} "
+            f"V that {part.name} tolerates"
+        )
     most_mA = 1e3 * circuit.supply_V / min(circuit.load_ohm)
     if most_mA > part.most_current_mA:
         yield (
@@ -110,7 +113,7 @@ def _limits(circuit: Circuit, dark_V: float) -> Iterator[str]:
         yield (
             f"dark readings of {dark_V:.3g} V are outside the range of {adc.name}, {adc.low_V:g} to "
             f"{adc.high_V:g} V, so "
-            "they and the ambient light to subtract are clipped"
+            "they are clipped, and with them the ambient light to be subtracted"
         )
 
 

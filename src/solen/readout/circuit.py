@@ -1,7 +1,7 @@
-"""The whole circuit of a design: its emitter, one phototransistor and load for each receiver, and the converter.
+"""The complete circuit of a design: emitter, a phototransistor and load for each receiver, and converter.
 
-Parts have typical values and tolerances. A `Circuit` is one set of parts; `spread` returns the typical set and those
-with the weakest and the strongest emitter and receivers, `Circuit.drawn` a random set.
+Parts have typical values and tolerances. A `Circuit` is one set of parts; `spread` returns the set with typical parts
+and the sets with the weakest and the strongest emitter and receivers, and `Circuit.drawn` a random set.
 
 Assumptions: light is uniform over a receiver's face, so a part detects power over area regardless of its position; and
 the part responds through its window as in air.
@@ -44,21 +44,21 @@ class Circuit:
     Attributes
     ----------
     names
-        Names of the receivers.
+        Receiver names.
     area_mm2
-        Areas of their faces; power fractions refer to all light through a face.
+        Areas of the receiver faces; power fractions refer to all light through a face.
     drive, transistor, adc
-        The emitter at its current, the type of the receivers, and the converter.
+        The emitter at its current, the receiver type, and the converter.
     sensitivity_uA
-        Current of each receiver at 1 mW/cm² of the stated wavelength.
+        Current of each receiver at 1 mW/cm² of the specified wavelength.
     load_ohm
-        Load of each receiver.
+        Load resistance of each receiver.
     supply_V
-        Supply of the loads.
+        Supply voltage of the loads.
     samples
         Number of samples averaged in a reading.
     rate_hz
-        Readings of an emitter per second.
+        Readings per second from one emitter.
     """
 
     names: tuple[str, ...]
@@ -92,15 +92,15 @@ class Circuit:
     ) -> FloatArray:
         """Currents (..., R) that the light generates, including dark current.
 
-        ``ambient_mW_cm2`` is equivalent light at the wavelength of the stated sensitivity; it and ``temperature_C``
-        are a single number, one per row (...,), or one per reading (..., R).
+        ``ambient_mW_cm2`` is the equivalent light at the wavelength for which the sensitivity is specified; it and
+        ``temperature_C`` are a single number, one per row (...,), or one per reading (..., R).
         """
         seen = self.transistor.response * self.irradiance_mW_cm2(power_fraction, temperature_C)
         ambient, temperature = _column(ambient_mW_cm2, power_fraction), _column(temperature_C, power_fraction)
         return self.transistor.current_mA(seen + ambient, np.array(self.sensitivity_uA), temperature)
 
     def load_line(self, current_mA: FloatArray) -> LoadLine:
-        """Voltages and slopes (..., R) for photocurrents (..., R)."""
+        """Load line voltages and slopes (..., R) for photocurrents (..., R)."""
         knee, loads = (self.transistor.saturation_V, self.transistor.knee_V), np.array(self.load_ohm)
         return load_line(current_mA, loads, self.supply_V, *knee)
 
@@ -120,14 +120,14 @@ class Circuit:
 
     @reported
     def noise_bandwidth_hz(self) -> FloatArray:
-        """Noise bandwidth (R,) of receiver and load, or of the converter's input if lower."""
+        """Noise bandwidth (R,) of receiver and load, or of the converter input if that is lower."""
         corner_hz = 1e6 / (2.0 * np.pi * self.time_constant_us)
         return np.asarray(NOISE_OF_3DB * np.minimum(corner_hz, 1e3 * self.adc.bandwidth_kHz))
 
     def drawn(self, rng: np.random.Generator) -> "Circuit":
-        """A copy with random parts, with each sensitivity uniform between the limits of the datasheet.
+        """A copy with random parts, with each sensitivity uniformly distributed between the datasheet limits.
 
-        The emitter's power is also uniform between its limits.
+        The emitter power is also uniformly distributed between its limits.
         """
         part, drive = self.transistor, self.drive
         chosen = rng.uniform(part.least_uA, part.most_uA, len(self.names))
@@ -145,14 +145,14 @@ def circuit_of(design: Design, area_mm2: Mapping[str, float]) -> Circuit:
     Parameters
     ----------
     design
-        Design with its ``[readout]`` and the light of its emitter.
+        Design with its ``[readout]`` and its emitter's light.
     area_mm2
         Face area of each receiver by name, from `face_areas_mm2`.
 
     Raises
     ------
     DataError
-        If a part is not found, cannot be read or is of another kind.
+        If a part is not found, cannot be read or is of the wrong kind.
     SpecError
         If the converter does not have the requested range.
     """
@@ -188,7 +188,7 @@ def spread(circuit: Circuit) -> dict[Case, Circuit]:
 
 
 def emitter_part(design: Design) -> EmitterPart:
-    """Emitter that determines the power: that of the readout, else that of the light, else the paper's."""
+    """Emitter that determines the power: from the readout, or else from the light source, or else the paper's."""
     if design.readout.emitter_part is not None:
         return named_part(design, "emitter_part", EmitterPart)
     name = design.emitter.part or USUAL_EMITTER
@@ -202,7 +202,7 @@ def trimmer_part(design: Design) -> TrimmerPart:
 
 
 def named_part(design: Design, key: str, kind: type[_P]) -> _P:
-    """Part named by a key of the readout; `DataError` if it is of another kind."""
+    """Part named by a readout key; `DataError` if the part is of the wrong kind."""
     name = getattr(design.readout, key)
     path = design.named_file(name)
     return _of_kind(f"readout.{key}", library_part(name) if path is None else load_part(path), kind)
@@ -217,7 +217,7 @@ def _of_kind(key: str, part: Part, kind: type[_P]) -> _P:
 
 
 def face_areas_mm2(design: Design, body: Body) -> dict[str, float]:
-    """Area of each receiver's face: length in the plane times height along y (default: the body's)."""
+    """Face area of each receiver: length in the plane times height along y (default: the body height)."""
     height = design.receivers.height_mm or design.body.thickness_mm
     areas: dict[str, float] = {}
     for face in (*body.all_faces, *body.apart):
@@ -227,6 +227,6 @@ def face_areas_mm2(design: Design, body: Body) -> dict[str, float]:
 
 
 def _column(values: Floats, beside: FloatArray) -> FloatArray:
-    """Numbers per row as a column that broadcasts with readings (..., R); a scalar or one per reading is unchanged."""
+    """Numbers per row as a column that broadcasts with readings (..., R); other shapes are unchanged."""
     column = np.asarray(values, dtype=float)
     return column[..., None] if 0 < column.ndim < np.ndim(beside) else column

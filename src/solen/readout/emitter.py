@@ -1,7 +1,8 @@
 """Radiant power of an emitter at a current and a temperature.
 
-A datasheet states the power at one current. The power follows a power law of the current, with exponent 1 up to about
-100 mA, and falls linearly with temperature. It varies from part to part in the same ratio as the radiant intensity.
+A datasheet specifies the power at one current. The power follows a power law in the current, with exponent 1 up to
+about 100 mA, and falls linearly with temperature. It varies from part to part in the same ratio as the radiant
+intensity.
 
 Public name: `Drive`.
 """
@@ -16,7 +17,7 @@ from solen.errors import DataError
 from solen.parts import EmitterPart, PatternPart
 
 REFERENCE_C = 25.0
-"""Temperature for the values of datasheets."""
+"""Temperature to which datasheet values refer."""
 
 
 @dataclass(frozen=True)
@@ -26,17 +27,17 @@ class Drive:
     Attributes
     ----------
     name
-        Name of the part.
+        Part name.
     current_mA
-        Current while it is on.
+        Current while the emitter is on.
     typical_mW, least_mW, most_mW
-        Radiant power at that current and 25 °C of a typical, the weakest and the strongest part.
+        Radiant power of a typical, the weakest and the strongest part at that current and 25 °C.
     fall_per_K
-        Relative decrease of the power per K.
+        Relative decrease in power per K.
     peak_nm
         Peak wavelength.
     most_current_mA
-        Largest continuous current allowed; inf if unknown.
+        Maximum continuous current; inf if unknown.
     """
 
     name: str
@@ -50,7 +51,7 @@ class Drive:
 
     @classmethod
     def of(cls, part: EmitterPart, current_mA: float) -> "Drive":
-        """Emitter at a current; `DataError` if its part states no power or intensity with a current."""
+        """Emitter at a current; `DataError` if its part specifies no power or intensity with a current."""
         if part.current_ma is None:
             raise DataError(
                 f"{part.name}: current_ma", limit="is missing, but the power requires it", remedy="add it to the part"
@@ -81,7 +82,7 @@ class Drive:
 
 
 def solid_angle_sr(pattern: PatternPart) -> float:
-    """Integral of a pattern over the sphere, relative to its axis: 2π ∫ I(θ) sin θ dθ / I(0); pi for a cosine."""
+    """Integral of a pattern over the sphere, relative to its axial value: 2π ∫ I(θ) sin θ dθ / I(0); π for a cosine."""
     angle = np.linspace(0.0, pattern.angle_deg[-1], 20_001)
     relative = np.interp(angle, pattern.angle_deg, pattern.relative) / pattern.relative[0]
     theta = np.radians(angle)
@@ -89,17 +90,19 @@ def solid_angle_sr(pattern: PatternPart) -> float:
 
 
 def _reference_mW(part: EmitterPart) -> float:
-    """Power at the datasheet's current: as stated, or axial intensity times the pattern's solid angle."""
+    """Power at the datasheet's current: as specified, or axial intensity times the pattern's solid angle."""
     if part.power_mw is not None:
         return part.power_mw.nominal
     if part.intensity_mw_per_sr is None or not part.pattern.relative[0] > 0.0:
-        limit = "states neither power_mw nor intensity_mw_per_sr"
-        raise DataError(f"part {part.name}", limit=limit, remedy="add one of them with its current_ma")
+        limit = "specifies neither power_mw nor intensity_mw_per_sr"
+        raise DataError(
+            f"part {part.name}", limit=limit, remedy="add power_mw or intensity_mw_per_sr, with its current_ma"
+        )
     return part.intensity_mw_per_sr.nominal * solid_angle_sr(part.pattern)
 
 
 def _spread(part: EmitterPart) -> tuple[float, float]:
-    """Weakest and strongest part relative to a typical one, from the limits of the power, else of the intensity."""
+    """Weakest and strongest part relative to a typical part, from the limits of the power, or else of the intensity."""
     for one in (part.power_mw, part.intensity_mw_per_sr):
         if one is not None and (one.least is not None or one.most is not None):
             return (one.least or one.nominal) / one.nominal, (one.most or one.nominal) / one.nominal

@@ -3,13 +3,14 @@
 - Shot noise: photoelectrons are counted before the transistor multiplies them, so their noise is also multiplied:
   i² = 2 q I_C (1 + g) B with the gain g; a photodiode has g = 0.
 - Thermal noise of the load (Johnson, Nyquist): i² = 4 k T B / R.
-- Both currents flow through the load in parallel with the transistor: v = i r, r being the load, or less in saturation.
-- The converter's own noise, and its quantisation: step/√12.
+- Both currents flow through the load in parallel with the transistor: v = i r, where r is the load, or less in
+  saturation.
+- Intrinsic noise of the converter, and its quantisation: step/√12.
 
 B is the receiver's first-order noise bandwidth, π/2 times its corner frequency. Because of this wide band, averaging n
 samples reduces noise by √n: samples are independent if they are farther apart than the time constant.
 
-Not included: ripple of the supply and noise of the emitter's current, which both affect all receivers alike.
+Not included: supply ripple and emitter current noise, which both affect all receivers alike.
 """
 
 import numpy as np
@@ -26,7 +27,7 @@ ZERO_K = 273.15
 
 
 class Noise(Result):
-    """Standard deviations of one sample (..., R) in V, and of a reading that averages ``samples``."""
+    """Standard deviations of a sample (..., R) in V, and of a reading that averages ``samples`` samples."""
 
     shot_V: FloatArray
     thermal_V: FloatArray
@@ -43,7 +44,8 @@ class Noise(Result):
     def reading_V(self) -> FloatArray:
         """Noise of the mean of the samples.
 
-        Quantisation averages out only if noise dithers the voltage, which is assumed for noise of at least half a step.
+        Quantisation errors average out only if noise dithers the voltage, which is assumed for noise of at least half a
+        step.
         """
         step = np.sqrt(12.0) * self.quantisation_V
         rounding = np.where(self.before_V >= 0.5 * step, self.quantisation_V**2 / self.samples, self.quantisation_V**2)

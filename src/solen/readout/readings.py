@@ -1,4 +1,4 @@
-"""Readings over a motion: voltages for typical and extreme parts, noise, slopes, resolution, advice.
+"""Readings over a motion: voltages for typical and extreme parts, noise, slopes, resolution and load advice.
 
 Public name: `readings_of`.
 """
@@ -17,21 +17,21 @@ from solen.readout.noise import Noise, noise
 from solen.results import Result, reported
 
 MOST_STEP = 0.25
-"""Largest change of a reading between angles, as a fraction of its range, before a slope counts as coarse."""
+"""Change in a reading between angles, as a fraction of its range, above which a slope counts as coarse."""
 
 
 @dataclass(frozen=True)
 class VoltageRange:
-    """Range of voltages over a motion, within the supply.
+    """Range of voltages over a motion, within the supply voltage.
 
     Attributes
     ----------
     lowest_V, highest_V
-        Voltages of typical parts.
+        Voltages with typical parts.
     used_of_supply
-        Fraction of the supply between them.
+        Fraction of the supply voltage between them.
     best_resolution_deg, worst_resolution_deg
-        Best and worst resolution of one reading of all receivers; None if nothing changes.
+        Best and worst resolution from one reading of all receivers; None if nothing changes.
     """
 
     lowest_V: float
@@ -57,16 +57,16 @@ class Readings(Result):
     off_V
         Voltages with the emitter off.
     noise
-        Noise of one sample with the emitter on.
+        Noise of a sample with the emitter on.
     sd_V
-        Noise of an on reading after subtraction of ambient light.
+        Noise of an "on" reading after ambient light subtraction.
     slope_V_per_deg
-        Slope of typical voltages.
+        Slope of the voltages with typical parts.
     resolution_deg, resolution_of_all_deg
         Standard deviation of an angle from one reading of each receiver, and of all combined (A,); NaN where the
         voltages do not change.
     drift_V_per_K
-        Temperature coefficient of typical voltages.
+        Temperature coefficient of the voltages with typical parts.
     advice
         Advice on the loads.
     """
@@ -87,12 +87,12 @@ class Readings(Result):
 
     @reported
     def voltage_V(self) -> FloatArray:
-        """Voltages of typical parts (A, R)."""
+        """Voltages with typical parts (A, R)."""
         return self.voltage_by_case_V["typical"]
 
     @reported
     def irradiance_mW_per_cm2(self) -> FloatArray:
-        """Mean irradiance of the receivers' faces (A, R)."""
+        """Mean irradiance of the receiver faces (A, R)."""
         return self.circuit.irradiance_mW_cm2(self.power_fraction)
 
     @reported
@@ -106,7 +106,7 @@ class Readings(Result):
 
     @reported
     def u_trace_V(self) -> FloatArray:
-        """Uncertainty of the voltages due to that of the traced power, (A, R)."""
+        """Uncertainty of the voltages due to the uncertainty of the traced power, (A, R)."""
         return np.asarray(self.u_power[:, None] * np.abs(self.circuit.slope_V(self.power_fraction)))
 
     @reported
@@ -118,14 +118,14 @@ class Readings(Result):
         return VoltageRange(low, high, (high - low) / self.circuit.supply_V, *ends)
 
     def coarse(self) -> Iterator[str]:
-        """Warning if the angles are too far apart for a slope."""
+        """Warning if the angles are too far apart to determine slopes."""
         yield from coarse_steps(self.angle_deg, self.voltage_V, "use a smaller motion.step_deg")
 
 
 def coarse_steps(angle_deg: FloatArray, volts: FloatArray, remedy: str) -> Iterator[str]:
-    """Warning if angles (A,) are too far apart for slopes of voltages (A, R)."""
+    """Warning if angles (A,) are too far apart to determine the slopes of voltages (A, R)."""
     if len(angle_deg) < 2:
-        yield "a single angle gives no slope, and so no resolution"
+        yield "a single angle gives no slope, and therefore no resolution"
         return
     moved, whole = np.abs(np.diff(volts, axis=0)), float(np.ptp(volts))
     if whole > 0.0 and moved.max() > MOST_STEP * whole:
@@ -193,8 +193,8 @@ def _volts(circuit: Circuit, fractions: FloatArray, ambient_mW_cm2: float, tempe
 def resolution_deg(slope_V_per_deg: FloatArray, sd_V: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Standard deviation of an angle estimated from one reading of each receiver, (A, R), and of all combined, (A,).
 
-    Each receiver determines the angle to σ/|slope|; all combined reach (Σ (slope/σ)²)^−1/2, which no unbiased estimator
-    can surpass (Cramér, Rao). NaN where the voltages do not change.
+    Each receiver determines the angle to σ/|slope|; all receivers combined reach (Σ (slope/σ)²)^−1/2, which no unbiased
+    estimator can surpass (Cramér, Rao). NaN where the voltages do not change.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         each = np.where(slope_V_per_deg != 0.0, sd_V / np.abs(slope_V_per_deg), np.nan)
@@ -204,5 +204,5 @@ def resolution_deg(slope_V_per_deg: FloatArray, sd_V: FloatArray) -> tuple[Float
 
 
 def difference_sd_V(on_V: FloatArray, off_V: FloatArray) -> FloatArray:
-    """Noise of an on reading minus the mean of the off readings before and after it."""
+    """Noise of an "on" reading minus the mean of the "off" readings before and after it."""
     return np.asarray(np.sqrt(on_V**2 + 0.5 * off_V**2))

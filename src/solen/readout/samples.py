@@ -1,4 +1,4 @@
-"""Samples over time: converter readings of changing powers, with seeded noise.
+"""Samples over time: converter readings for varying powers, with seeded noise.
 
 Public names: `volts`, `noisy` and `settled`.
 """
@@ -15,7 +15,7 @@ from solen.readout.noise import analogue_V
 from solen.readout.transistor import LoadLine
 
 ROWS = 1 << 16
-"""Rows processed at a time, so that an hour of samples needs little more memory than the result."""
+"""Number of rows processed at a time, so that an hour of samples requires little more memory than the result."""
 
 
 def volts(
@@ -36,7 +36,7 @@ def volts(
     ambient_mW_cm2, temperature_C
         A number, one for each row (T,), or one for each reading (T, R).
     rng
-        Source of noise; without it, readings are the exact voltages.
+        Random generator for the noise; if None, readings are the exact voltages.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def volts(
 
 
 def noisy(circuit: Circuit, line: LoadLine, temperature_C: Floats, rng: np.random.Generator) -> FloatArray:
-    """Readings of a load line (T, R): means of the circuit's samples, each with noise, quantised and clipped."""
+    """Readings (T, R) on a load line: means of the circuit's samples, each with noise, quantised and clipped."""
     shot, thermal = analogue_V(circuit, line, temperature_C)
     sd = np.sqrt(shot**2 + thermal**2 + circuit.adc.noise_V**2)
     total = np.zeros_like(line.volts)
@@ -77,7 +77,7 @@ def settled(volts: FloatArray, circuit: Circuit, rate_hz: float) -> FloatArray:
     """Voltages (T, R) after the receivers' first-order lag, sampled far faster than the readings.
 
     Light is constant between samples, and each sample is the value at the end of its interval. This is exact for light
-    that is switched at samples.
+    that is switched at sample times.
     """
     from scipy.signal import lfilter
 
@@ -97,4 +97,4 @@ def _check(fractions: FloatArray, circuit: Circuit, ambient_mW_cm2: Floats) -> N
         raise SpecError("power_fraction", value=fractions.shape, limit=limit)
     for name, values in (("power_fraction", fractions), ("ambient_mW_cm2", np.asarray(ambient_mW_cm2))):
         if not (np.isfinite(values).all() and (values >= 0.0).all()):
-            raise SpecError(name, limit="must contain only numbers of at least 0")
+            raise SpecError(name, limit="must contain only numbers that are at least 0")

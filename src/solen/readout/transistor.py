@@ -1,12 +1,12 @@
 """A phototransistor with its load resistor: irradiance to current, current to voltage.
 
-Light generates a current I. The transistor carries it while the voltage across it is sufficient, and less below a knee:
-I_C = I (1 − exp(−(V − V_s)/V_k)), with the saturation voltage V_s and the knee width V_k. With V = V_supply − R I_C
-this has a closed form with the Wright omega function ω, ω + ln ω = z:
+Light generates a current I. The transistor carries this current while the voltage across it is sufficient, and less
+below a knee: I_C = I (1 − exp(−(V − V_s)/V_k)), with the saturation voltage V_s and the knee width V_k. With V =
+V_supply − R I_C this has a closed form with the Wright omega function ω, ω + ln ω = z:
 
     y = (V − V_s)/V_k = a − b + ω(ln b + b − a),    a = (V_supply − V_s)/V_k,    b = R I/V_k.
 
-Far from the knee V = V_supply − R I; in bright light V approaches V_s. V always falls with the light.
+Far from the knee V = V_supply − R I; in bright light V approaches V_s. V always falls with increasing light.
 
 Public names: `Phototransistor`, `load_line` and `spectral_response`.
 """
@@ -32,19 +32,19 @@ RISE_OF_TAU = math.log(9.0)
 
 @dataclass(frozen=True)
 class Phototransistor:
-    """A receiver for light of one spectrum.
+    """A receiver for light with a specified spectrum.
 
     Attributes
     ----------
     name
-        Name of the part.
+        Part name.
     typical_uA, least_uA, most_uA
         Current at 1 mW/cm² of the datasheet's wavelength, 25 °C.
     response
-        Sensitivity for the emitter's light relative to that at the datasheet's wavelength.
+        Sensitivity to the emitter's light relative to the sensitivity at the datasheet's wavelength.
     exponent
-        Exponent m of its response cos^m to a beam; 1 for a flat window, whose current depends only on the power through
-        it.
+        Exponent m of the response cos^m to a beam; 1 for a flat window, where the current depends only on the power
+        through the window.
     saturation_V, knee_V
         Saturation voltage, and the width of the knee above it.
     gain
@@ -52,11 +52,11 @@ class Phototransistor:
     dark_nA, dark_doubling_K
         Dark current at 25 °C, and the temperature rise that doubles it.
     rise_per_K
-        Relative increase of the sensitivity per K.
+        Relative increase in sensitivity per K.
     rise_us, rise_us_per_kohm
         Rise time from 10 to 90 % with a small load, and its increase per kΩ.
     most_current_mA, most_supply_V
-        Largest current and voltage allowed.
+        Maximum current and voltage.
     """
 
     name: str
@@ -103,14 +103,14 @@ class Phototransistor:
         )
 
     def dark_mA(self, temperature_C: float | FloatArray) -> FloatArray:
-        """Dark current, which doubles for each stated temperature rise."""
+        """Dark current, which doubles for each temperature rise by ``dark_doubling_K``."""
         warmer_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
         return np.asarray(1e-6 * self.dark_nA * np.exp2(warmer_K / self.dark_doubling_K))
 
     def current_mA(
         self, irradiance_mW_cm2: FloatArray, sensitivity_uA: float | FloatArray, temperature_C: float | FloatArray
     ) -> FloatArray:
-        """Photocurrent of parts of a given sensitivity; arrays broadcast."""
+        """Photocurrent of parts with the specified sensitivity; arrays broadcast."""
         warmer_K = np.asarray(temperature_C, dtype=float) - REFERENCE_C
         per_mW_cm2 = 1e-3 * np.asarray(sensitivity_uA) * np.maximum(1.0 + self.rise_per_K * warmer_K, 0.0)
         return np.asarray(irradiance_mW_cm2 * per_mW_cm2 + self.dark_mA(temperature_C))
@@ -124,8 +124,9 @@ class Phototransistor:
 class LoadLine(Result):
     """Voltages at a phototransistor with a load, in the broadcast shape of the currents.
 
-    ``collector_mA`` is the collector current. ``output_ohm`` converts a small collector current to voltage: the load,
-    or less in saturation. ``drive_ohm`` does so for the photocurrent: the voltage drop per ampere.
+    ``collector_mA`` is the collector current. ``output_ohm`` converts a small change in collector current to voltage:
+    it is the load, or less in saturation. ``drive_ohm`` does so for the photocurrent: it is the voltage drop per
+    ampere.
     """
 
     volts: FloatArray
@@ -141,14 +142,14 @@ def load_line(
     saturation_V: float = SATURATION_V,
     knee_V: float = KNEE_V,
 ) -> LoadLine:
-    """Voltages at the collector for given photocurrents.
+    """Collector voltages for the specified photocurrents.
 
     Parameters
     ----------
     current_mA, load_ohm
-        Arrays that broadcast; currents of at least 0.
+        Arrays that broadcast; currents must be at least 0.
     supply_V, saturation_V, knee_V
-        Supply, saturation voltage and knee width.
+        Supply voltage, saturation voltage and knee width.
 
     Returns
     -------
@@ -176,7 +177,7 @@ def load_line(
 
 
 def spectral_response(part: ReceiverPart, lines: Sequence[tuple[float, float]]) -> float:
-    """Sensitivity for lines of (nm, weight), relative to that at the datasheet's wavelength; 1 without a spectrum."""
+    """Sensitivity to lines (nm, weight), relative to that at the datasheet's wavelength; 1 without a spectrum."""
     if part.spectrum is None:
         return 1.0
     nm, relative = np.array(part.spectrum.wavelength_nm), np.array(part.spectrum.relative)
@@ -195,7 +196,7 @@ def exponent_of(part: ReceiverPart) -> float:
 
 
 def angular_factor(exponent: float, angle_deg: FloatArray, power: FloatArray) -> FloatArray:
-    """Fraction of the power through a face that a receiver of response cos^m detects.
+    """Fraction of the power through a face that is detected by a receiver with response cos^m.
 
     Power through a face already includes cos θ, so a beam is weighted by cos^(m−1) θ; for a flat window, m is 1 and all
     beams have the same weight.
@@ -212,7 +213,7 @@ def angular_factor(exponent: float, angle_deg: FloatArray, power: FloatArray) ->
     Returns
     -------
     array (...)
-        1 if no light arrives.
+        Detected fraction; 1 if no light arrives.
     """
     cosine = np.clip(np.cos(np.radians(angle_deg)), 1e-6, 1.0)
     total = power.sum(axis=-1)

@@ -1,12 +1,13 @@
 """Calibration of a sensor from its recorded response, cross-validation, and decoding of voltages into angles.
 
 A calibration consists of the curve that (V_left, V_right) follows while the sensor turns, one for rising and one for
-falling angles, and the covariance of a reading about it. A reading is decoded from the likelihood of every angle, so
-two equally likely angles are both reported. Cycles or prints left out of the calibration measure its accuracy.
+falling angles, and the covariance of a reading about this curve. A reading is decoded from the likelihood of every
+angle, so two equally likely angles are both reported. Cycles or prints omitted from the calibration measure its
+accuracy.
 
-Public name: `calibrated_sensors`. Its steps are `training_of` a `SensorResponse`, `calibrated`, `pooled`,
-`leave_one_cycle_out` and `leave_one_sensor_out`. `CalibrationFile` is the saved file, `Decoder` decodes readings with
-it, and `StreamDecoder` decodes a stream.
+Public name: `calibrated_sensors`. Its steps are `training_of`, which prepares a `SensorResponse`; `calibrated`,
+`pooled`, `leave_one_cycle_out` and `leave_one_sensor_out`. `CalibrationFile` is the saved file, `Decoder` uses it to
+decode readings, and `StreamDecoder` decodes a stream.
 """
 
 from solen.analysis.calibration.calibrate import CalibrationOptions, SensorCalibrations, calibrated_sensors

@@ -31,7 +31,7 @@ _MANY = 0.01  # largest fraction of ambiguous readings without a warning
 
 
 class CalibrationOptions(ConditionOptions):
-    """Choice of the sensors to calibrate, and how they are calibrated."""
+    """Selection of the sensors to calibrate, and calibration options."""
 
     sensor: str | None = None
     """Calibrate only this sensor."""
@@ -42,7 +42,7 @@ class CalibrationOptions(ConditionOptions):
 
 
 class SensorCalibrations(Result):
-    """Calibrations of the sensors of a study.
+    """Calibrations of a study's sensors.
 
     Attributes
     ----------
@@ -68,14 +68,14 @@ class SensorCalibrations(Result):
     remark: str = field(default="", metadata=HIDDEN)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as plain data; keys of calibrations end in their own units instead of V and deg."""
+        """Return the result as plain data; the calibrations' keys end in their actual units instead of V and deg."""
         whole = super().to_dict()
         pairs = zip(self.calibrations, whole["calibrations"], strict=True)
         return whole | {"calibrations": [one.keyed(data) for one, data in pairs]}
 
 
 def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) -> SensorCalibrations:
-    """Calibrate each requested sensor, or make one calibration pooled over all.
+    """Calibrate each requested sensor, or compute one calibration pooled over all sensors.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
     ones = [calibrated(training) for training in trainings]
     if options.pool:
         checks = [leave_one_sensor_out(trainings, ones)]
-        few = look_at(f"{len(ones)} prints: at least three are needed to check the calibration on a print left out")
+        few = look_at(f"{len(ones)} prints: at least three are needed to check the calibration on a held-out print")
         cautions = [] if checks[0] else [few]
         files = [_file(study, options, sensors, pooled(ones), checks[0], cautions)]
     else:
@@ -105,7 +105,7 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
 
 
 def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorResponse], list[Caution]]:
-    """Sensors to calibrate: the named one, or those with a lens, with a warning about the others."""
+    """Sensors to calibrate: the named sensor, or all those with a lens and a warning about the others."""
     sensors = list(study.sensors.values())
     if options.sensor is not None:
         sensors = [sensor for sensor in sensors if options.sensor in {sensor.label, sensor.label.rpartition(".")[2]}]
@@ -169,13 +169,13 @@ def _file(
 
 
 def _words(check: Check | None, left_out: str, stimulus: Stimulus, cell: Cell | None) -> tuple[str, ...]:
-    """Summary of a check in words, with its limits."""
+    """Summary of a cross-validation in words, with its limits."""
     if check is None:
         return ()
     one, sign = check.whole, stimulus.sign
     against = " of the load cell's reading" if stimulus is FORCE else ""
     sentence = (
-        f"{stimulus.plural} of a {left_out} left out are decoded to {one.rms_deg:.2g}{sign}{against} (rms; mean error "
+        f"{stimulus.plural} of a held-out {left_out} are decoded to {one.rms_deg:.2g}{sign}{against} (rms; mean error "
         f"{one.bias_deg:+.1g}{sign}, worst {one.worst_deg:.2g}{sign}); {100 * one.within_68:.0f} % lie within the "
         f"68 % bands, {100 * one.within_95:.0f} % within the 95 % bands"
     )
@@ -194,7 +194,7 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
         several = f"several {sensor.stimulus.plural} that match them"
         warnings.append(look_at(f"{share:.2g} % of the readings have {several}"))
     if check is not None and check.whole.within_95 < _FEW:
-        few = f"only {100 * check.whole.within_95:.0f} % of the readings of cycles left out lie within the 95 % bands"
+        few = f"only {100 * check.whole.within_95:.0f} % of the readings of held-out cycles lie within the 95 % bands"
         warnings.append(do_not_use(few))
     low, high = sensor.runs[0].motion.low_deg, sensor.runs[0].motion.high_deg
     first, second, last = (float(calibration.angle_deg[place]) for place in (0, 1, -1))
@@ -210,7 +210,7 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
 
 
 def _cell(runs: Sequence[Run]) -> Cell | None:
-    """Load cell of the recordings; if there are several, the one with the largest uncertainty."""
+    """Load cell of the recordings; if there are several, the load cell with the largest uncertainty."""
     worst = least_certain(run.signals.cell for run in runs)
     if worst is None:
         return None

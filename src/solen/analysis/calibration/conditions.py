@@ -1,6 +1,6 @@
-"""Conditions of a recording: motion and circuit, from the header of a bench or from a design file.
+"""Conditions of a recording: motion and circuit, from the bench header or from a design file.
 
-Recordings of other programs do not state them; `ConditionOptions` provides them.
+Recordings from other programs do not contain the conditions; `ConditionOptions` supplies them.
 
 Public name: `conditions`.
 """
@@ -19,18 +19,18 @@ from solen.spec.strict import Options
 
 
 class ConditionOptions(Options):
-    """Conditions of a recording that its file does not state."""
+    """Conditions of a recording that its file does not specify."""
 
     design: Path | None = None
     """Design file of the sensor, for its motion, pivot, moving parts and circuit."""
     motion: Literal["rotation", "bend", "loaded"] | None = None
-    """Kind of motion, if the recording does not state it."""
+    """Kind of motion, if the recording does not specify it."""
 
 
 def conditions(
     sensor: str, provenance: Provenance | None, options: ConditionOptions, ambient: Ambient | None
 ) -> tuple[Motion, Circuit]:
-    """Return the motion and circuit of a sensor's recording, or None for those not stated.
+    """Return the motion and circuit of a sensor's recording; None for a condition that is not specified.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def conditions(
 
 
 def header_of(provenance: Provenance) -> dict[str, Any]:
-    """Header written by a bench at the start of a run; empty for recordings of other programs."""
+    """Header written by a bench at the start of a run; empty for recordings from other programs."""
     try:
         header = json.loads(provenance.metadata.get("header", "{}"))
     except ValueError:
@@ -79,7 +79,7 @@ def _design_text(header: dict[str, Any], sensor: str) -> str:
 
 
 def _design(text: str) -> Design | None:
-    """Design from the text of a header; None if it is missing or cannot be read by this version of solen."""
+    """Design parsed from the text in a header; None if it is missing or cannot be read by this version of solen."""
     try:
         return loads(text, what="the recording's design") if text else None
     except SolenError:

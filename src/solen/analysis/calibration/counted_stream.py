@@ -1,4 +1,4 @@
-"""Common part of the decoders of streams: counts of readings and their flags, and warnings about them.
+"""Common part of the stream decoders: counts of readings and their flags, and warnings about the flags.
 
 Public name: `CountedStream`.
 """
@@ -20,7 +20,7 @@ _LEAST_PERCENT = 0.5  # smallest percentage of the readings with a flag that cau
 
 
 class _Known(Protocol):
-    """What streams use of the calibration of a sensor or a network."""
+    """Attributes of a sensor or network calibration that streams use."""
 
     @property
     def simulated(self) -> bool: ...
@@ -40,7 +40,7 @@ class CountedStream(Generic[K]):
     known, file
         The calibration, and the name of its file.
     source, provenance
-        Name of the stream in error messages, and its file; None for lines.
+        Name of the stream in error messages, and its file; None if lines are read.
     largest
         Largest calibrated reading.
     flags
@@ -70,12 +70,12 @@ class CountedStream(Generic[K]):
 
     @property
     def header(self) -> str:
-        """Header line with the names of the columns."""
+        """Header line with the column names."""
         raise NotImplementedError
 
     @property
     def heading(self) -> str:
-        """First lines of a file of rows: notes on simulated data and on reasons not to use it, then the header."""
+        """First lines of an output file: notes on simulated data and on unusable data, then the header."""
         reasons = dict.fromkeys(line for line in self.warnings if rank_of(line) == DO_NOT_USE)
         return SIMULATED_DATA * self._simulated + "".join(f"# {line}\n" for line in reasons) + self.header
 
@@ -90,7 +90,7 @@ class CountedStream(Generic[K]):
         if largest > _MILLI * self._largest:
             unit = self._known.unit
             limit = f"reads {largest:.4g} {unit}, but the calibration only reaches {self._largest:.3g} {unit}"
-            raise DataError(self._source, limit=limit, remedy=f"state the unit in the header, as in {example}")
+            raise DataError(self._source, limit=limit, remedy=f"specify the unit in the header, as in {example}")
 
     def _count_readings(self, time_s: FloatArray, good: BoolArray, flags: Mapping[str, BoolArray]) -> None:
         self.counts["readings"] += int(good.sum())
@@ -102,7 +102,7 @@ class CountedStream(Generic[K]):
             self._times_s = (first if math.isfinite(first) else float(times[0])), float(times[-1])
 
     def _flag_warnings(self, meanings: Mapping[str, str], always: tuple[str, ...]) -> Iterator[Caution]:
-        """Warnings about flags of many readings, or of any reading for those to be reported always."""
+        """Warnings about flags that many readings have, or that any reading has if the flag must always be reported."""
         for name, meaning in meanings.items():
             count = self.counts[name]
             percent = 100.0 * count / max(self.counts["readings"], 1)

@@ -1,10 +1,10 @@
-"""Cross-validation of a calibration by leaving out a cycle or a print.
+"""Cross-validation of a calibration on held-out cycles or prints.
 
-The remaining data are calibrated as if the part left out had never been recorded. This part is then decoded and
-compared with the angle of the stage. The fraction of readings within their bands shows whether the bands can be
-trusted. Errors within a cycle are correlated, so this fraction scatters more than the number of readings suggests.
+The remaining data are calibrated as if the held-out part had never been recorded. This part is then decoded and
+compared with the stage angle. The fraction of readings within their bands shows whether the bands can be trusted.
+Errors within a cycle are correlated, so this fraction scatters more than the number of readings suggests.
 
-`leave_one_cycle_out` and `leave_one_sensor_out` both return a `Check` with a `Part` for each cycle or print left out.
+`leave_one_cycle_out` and `leave_one_sensor_out` both return a `Check` with a `Part` for each held-out cycle or print.
 """
 
 import math
@@ -25,9 +25,10 @@ _MOST_READINGS = 40_000
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """Result of a cross-validation, in total and for each part left out.
+    """Result of a cross-validation, in total and for each held-out part.
 
-    ``true_deg``, ``angle_deg``, ``low_deg`` and ``high_deg`` (68 and 95 %, (n, 2)) are its readings.
+    ``true_deg``, ``angle_deg``, ``low_deg`` and ``high_deg`` (68 and 95 %, (n, 2)) are the true angles, decoded angles
+    and band limits of all held-out readings.
     """
 
     whole: Part
@@ -39,9 +40,9 @@ class Check:
 
 
 def leave_one_cycle_out(training: Training) -> Check | None:
-    """Decode each cycle with a calibration from the others; None for fewer than three cycles.
+    """Decode each cycle with a calibration from the other cycles; None for fewer than three cycles.
 
-    If there are many cycles, they are left out in twenty groups.
+    If there are many cycles, they are held out in twenty groups.
     """
     if training.cycles < 3:
         return None
@@ -56,7 +57,7 @@ def leave_one_cycle_out(training: Training) -> Check | None:
 
 
 def leave_one_sensor_out(trainings: Sequence[Training], ones: Sequence[Calibration]) -> Check | None:
-    """Decode each print with a calibration from the others; None for fewer than three prints."""
+    """Decode each print with a calibration from the other prints; None for fewer than three prints."""
     if len(ones) < 3:
         return None
     found = []
@@ -86,7 +87,7 @@ def _check(names: Sequence[str], result: Sequence[tuple[FloatArray, Decoded]]) -
 
 
 def merged(name: str, parts: Sequence[Part]) -> Part:
-    """Merge parts into one; at least one of them must contain a reading."""
+    """Merge several parts; at least one of them must contain a reading."""
     weight = np.array([part.readings for part in parts], dtype=float)
     weight /= max(weight.sum(), 1.0)
 

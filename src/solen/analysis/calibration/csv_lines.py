@@ -1,4 +1,4 @@
-"""Lines of CSV as they arrive: the names of the columns, then the numbers of each line.
+"""Lines of CSV as they arrive: the column names, then the numbers in each line.
 
 Public name: `lines_of`.
 """
@@ -18,12 +18,12 @@ from solen.recording.words import heading
 STDIN = "-"
 _SEPARATORS = (";", "\t", ",")
 _BYTE_ORDER = ("\ufeff", "\xef\xbb\xbf")
-"""Byte order mark before a header, read as UTF-8 and as Windows-1252."""
+"""Byte order mark before a header, decoded as UTF-8 or as Windows-1252."""
 
 
 @dataclass(frozen=True)
 class Lines:
-    """Names of the columns, and the numbers of each line: NaN for a cell that is empty or not a number.
+    """Column names, and the numbers in each line: NaN for a cell that is empty or not a number.
 
     A line with a different number of cells gives no numbers.
     """
@@ -33,14 +33,14 @@ class Lines:
 
     @property
     def header(self) -> Recording:
-        """The columns without values, as in a file."""
+        """Table with these columns and no rows, as read from a file."""
         heads = map(heading, self.names)
         channels = (Channel(head.name, head.quantity, head.unit, np.empty(0)) for head in heads)
         return Recording(tuple(channels), Provenance(STDIN))
 
 
 def lines_of(text: Iterable[str], columns: Sequence[str] = (), *, remedy: str) -> Lines:
-    """Read the lines of a text; the first non-blank line is the header, unless the columns are named.
+    """Read the lines of a text; the first non-blank line is the header, unless column names are specified.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def lines_of(text: Iterable[str], columns: Sequence[str] = (), *, remedy: str) -
         again = {first.strip(), head.strip()}  # a logger that is restarted writes its header again
         rows = (row for row in rows if row.strip() not in again)
     elif not columns:
-        limit = "begins with numbers instead of the names of its columns"
+        limit = "begins with numbers instead of column names"
         raise DataError(STDIN, limit=limit, remedy=remedy)
     if columns:
         names, rows = list(columns), chain([head], rows)

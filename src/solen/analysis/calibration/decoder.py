@@ -1,11 +1,11 @@
-"""Decoding of voltages into angles with a calibration: the likelihood over all angles, and its bands.
+"""Decoding of voltages into angles with a calibration: the likelihood over all angles, and its credible bands.
 
-Between neighbouring points the curve is straight in the plane of the two voltages, so the nearest angle of each piece
-has a closed form. Pieces whose best likelihood is far below the maximum are ignored; the others form intervals of
-adjoining angles. Over each interval the likelihood is evaluated on a fine grid of its own, however narrow the interval
-is. It is a t distribution about the rising and the falling curve, each with weight one half. The prior is uniform over
-the calibrated range. The probability of an interval is its fraction of the total, and its band is the shortest one that
-contains 68 or 95 % of it. If two intervals have a notable probability, the reading is ambiguous and both are reported.
+Between neighbouring points the curve is straight in the plane of the two voltages, so the nearest angle of each segment
+has a closed form. Segments whose best likelihood is far below the maximum are ignored; the others form intervals of
+adjoining angles. Over each interval, however narrow, the likelihood is evaluated on a separate fine grid. It is a t
+distribution about the rising and the falling curve, each with weight one half. The prior is uniform over the calibrated
+range. The probability of an interval is its fraction of the total, and its band is the shortest band that contains 68
+or 95 % of it. If two intervals have a notable probability, the reading is ambiguous and both are reported.
 
 A clipped reading of a receiver shows only that the true voltage is at or beyond the limit.
 
@@ -26,7 +26,7 @@ from solen.errors import DataError
 
 LEVELS = (0.68, 0.95)
 OUTSIDE = 1e-3
-"""Probability below which a reading counts as outside the curve."""
+"""A reading is off the curve if the probability of a larger distance from the curve is below this value."""
 _DROP = 8.0  # largest difference from the maximum log-likelihood that is not negligible
 _POINTS = 64  # number of points of the grid of an interval
 _AT_ONCE = 512
@@ -48,19 +48,19 @@ class Decoded:
     angle_deg
         Median of the most probable interval, (n,).
     low_deg, high_deg
-        Its bands of 68 and 95 %, (n, 2).
+        Limits of the 68 and 95 % bands of that interval, (n, 2).
     probability
         Probability of that interval.
     right
         Probability of a negative angle (to the right).
     distance
-        Squared distance of the voltages from the curve, in units of their covariance.
+        Squared distance of the voltages from the curve, in units of the covariance.
     outside, ambiguous, clipped
-        Whether the voltages match no point of the curve, match several, or are at a limit of the recorder.
+        Whether the voltages match no point on the curve, match several points, or are at a limit of the recorder.
     at_end
         Whether the band reaches an end of the calibrated range, so that the angle may be beyond it.
     other
-        Indices (k,) of the readings that the less probable intervals belong to.
+        Indices (k,) of the readings to which the less probable intervals belong.
     other_deg, other_probability
         95 % bands (k, 2) of these intervals, and their probabilities.
     """
@@ -80,9 +80,9 @@ class Decoded:
     other_probability: FloatArray
 
     def holds(self, angle_deg: FloatArray, level: int) -> BoolArray:
-        """Whether the bands of a level (0 for 68 %, 1 for 95 %) contain the true angles.
+        """Whether the bands at a level (0 for 68 %, 1 for 95 %) contain the true angles.
 
-        For the 95 % level, the band of any interval may contain the angle.
+        At the 95 % level, the band of any interval may contain the angle.
         """
         found = (self.low_deg[:, level] <= angle_deg) & (angle_deg <= self.high_deg[:, level])
         if level == len(LEVELS) - 1 and self.other.size:
@@ -103,11 +103,11 @@ class Decoded:
 
 @dataclass(frozen=True, eq=False)
 class _Metric:
-    """Distance of voltages from each straight piece, for the receivers that are not clipped.
+    """Distance of voltages from each straight segment, for the receivers that are not clipped.
 
-    The product of (V_left, V_right, 1) with `along` is the position along a piece (0 to 1 within it); the product with
-    `aside` is the distance from the line of the piece, in units of the covariance. `square` is the squared length of
-    the piece.
+    The product of (V_left, V_right, 1) with `along` is the position along a segment (0 to 1 within it); the product
+    with `aside` is the distance from the segment's line, in units of the covariance. `square` is the squared length of
+    the segment.
     """
 
     along: FloatArray  # (3, 2 k): all rising pieces, then all falling ones
@@ -127,14 +127,14 @@ class Decoder:
     calibration
         Calibration of the sensor.
     gain_percent
-        Standard deviation of a common factor of the light, e.g. of an emitter that ages or warms up.
+        Standard deviation of a common gain factor of the light, e.g. from an emitter that ages or warms up.
     dark_V
-        Voltage without light, which that factor does not change.
+        Voltage without light, which the gain factor does not change.
 
     Raises
     ------
     DataError
-        If the calibration is not one of a single sensor; `solen.analysis.network.load_network` loads that of a network.
+        If the calibration is not for a single sensor; `solen.analysis.network.load_network` loads network calibrations.
     """
 
     def __init__(self, calibration: Calibration, *, gain_percent: float = 0.0, dark_V: float = 0.0) -> None:
@@ -163,7 +163,7 @@ class Decoder:
 
     @property
     def pieces(self) -> int:
-        """Number of straight pieces of the curve."""
+        """Number of straight segments of the curve."""
         return int(self._freedom.size)
 
     @property
@@ -225,7 +225,7 @@ class Decoder:
         return _Metric(along, aside, square.ravel(), constant, int(kept.size), tops, np.array(allowed))
 
     def _form(self, direction: FloatArray, whiten: FloatArray) -> FloatArray:
-        """Component along a direction of the whitened voltages from each piece's start, as a linear form, (3, 2 k)."""
+        """Component of the whitened voltages from each segment's start along a direction, as a linear form (3, 2 k)."""
         slope = np.einsum("dki,kij->dkj", direction, whiten)
         level = -(slope * self._start).sum(axis=-1, keepdims=True)
         return np.ascontiguousarray(np.concatenate([slope, level], axis=-1).reshape(-1, 3).T)
@@ -257,7 +257,7 @@ class Decoder:
     def _near(
         self, volts: FloatArray, metric: _Metric, *, all_of_it: bool
     ) -> tuple[IndexArray, IndexArray, FloatArray, FloatArray]:
-        """Pairs of a reading and a nearby piece, with the position along the piece and the squared distance."""
+        """Pairs of a reading and a nearby segment, with the position along the segment and the squared distance."""
         three = np.column_stack([volts, np.ones(len(volts))])
         along = three @ metric.along
         distance = three @ metric.aside
@@ -283,7 +283,7 @@ class Decoder:
         return np.asarray(-0.5 * (freedom + size) * np.log1p(distance / freedom))
 
     def _point(self, place: IndexArray, along: FloatArray) -> FloatArray:
-        """Voltages of the curve at positions along its pieces, (..., 2)."""
+        """Voltages of the curve at positions along its segments, (..., 2)."""
         start, step = self._start.reshape(-1, 2)[place], self._step.reshape(-1, 2)[place]
         return np.asarray(start + np.clip(along, 0.0, 1.0)[..., None] * step)
 
@@ -307,7 +307,7 @@ class Decoder:
         top: FloatArray,
         metric: _Metric,
     ) -> tuple[IndexArray, FloatArray, FloatArray]:
-        """Angle intervals with a likelihood not far below the maximum: index of the reading, and ends in degrees."""
+        """Angle intervals whose likelihood is not far below the maximum: reading index, and limits in degrees."""
         piece, square = place % self.pieces, metric.square[place]
         over = along - np.clip(along, 0.0, 1.0)
         allowed = self._allowed(top[row], piece, metric.constant, metric.size)
@@ -386,7 +386,7 @@ class Decoder:
         return np.asarray(sum(np.exp(law - highest[row, None]) for law in both))
 
     def _reading_noise(self, calibration: Calibration) -> FloatArray:
-        """Standard deviation of the decoded angle due to noise alone, for each piece."""
+        """Standard deviation of the decoded angle due to noise alone, for each segment."""
         middle = 0.5 * (self.nodes_deg[1:] + self.nodes_deg[:-1])
         slope = self._step.mean(axis=0) / self._width
         toward = np.linalg.solve(self._covariance, slope[..., None])[..., 0]
@@ -396,7 +396,7 @@ class Decoder:
 
 
 def _nodes(calibration: Calibration, total: FloatArray) -> FloatArray:
-    """Angles between which the curve is straight within the tolerance."""
+    """Angles between which the curve is straight to within the tolerance."""
     bend = np.abs(np.diff(calibration.curves_V, 2, axis=1)) / 8.0
     sd = np.sqrt(np.diagonal(total, axis1=1, axis2=2))[1:-1]
     most = float(np.max(bend / (_FLAT * sd)))
@@ -413,7 +413,7 @@ def _between_points(grid: FloatArray, matrices: FloatArray, where: FloatArray) -
 
 
 def _bands(density: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Ends of the shortest band of each level, (m, 2): where the density crosses the enclosing height."""
+    """Limits of the shortest band at each level, (m, 2): where the density crosses the enclosing height."""
     ordered = -np.sort(-density, axis=1)
     total = np.cumsum(ordered, axis=1) - 0.5 * ordered
     rows, last = np.arange(len(density)), density.shape[1] - 1

@@ -1,11 +1,11 @@
-"""Estimation of a calibration from sweeps and samples: curves, and components of a reading's covariance about them.
+"""Estimation of a calibration from sweeps and samples: curves, and covariance components of a reading about them.
 
-Every sample is compared with the mean of the *other* cycles, so its distance is that of a reading in a new cycle. The
-products of these distances, averaged over neighbouring angles, are the covariance of a reading in a new cycle. The
-variation from sample to sample is the noise of a reading. The remainder is constant over a cycle: the repeatability of
-cycles, and the error of the mean. It is estimated from a few cycles only, so readings follow a t distribution whose
-degrees of freedom combine those of the components (Satterthwaite 1946). For several prints, the covariance of their
-mean curves is added; its degrees of freedom are the number of prints minus one.
+Every sample is compared with the mean of the *other* cycles, so its deviation is that of a reading in a new cycle. The
+products of these deviations, averaged over neighbouring angles, are the covariance of a reading in a new cycle. The
+variation from sample to sample is the noise of a reading. The remainder is constant over a cycle: it combines the cycle
+repeatability and the error of the mean. It is estimated from a few cycles only, so readings follow a t distribution
+whose degrees of freedom combine those of the components (Satterthwaite 1946). For several prints, the covariance of
+their mean curves is added; its degrees of freedom are the number of prints minus one.
 
 Public names: `calibrated`, `Calibration` and `pooled`.
 """
@@ -33,7 +33,7 @@ _LEAST_SHARE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Curves and covariances of a calibration; the left receiver always comes before the right one.
+    """Curves and covariances of a calibration; the left receiver always comes before the right receiver.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Calibration:
     rails_V
         As in `Training`.
     u_scale, u_line_deg
-        Standard uncertainties common to all readings of the stimulus: of its scale, and from its non-linearity. The
+        Standard uncertainties common to all stimulus readings: of their scale, and from their non-linearity. The
         scatter does not show them. They are 0 if the calibration is to agree with those readings.
     """
 
@@ -71,19 +71,19 @@ class Calibration:
 
     @property
     def u_shared_deg(self) -> FloatArray:
-        """Standard uncertainty at each angle common to all readings of the stimulus, (g,); zero without a load."""
+        """Standard uncertainty at each angle that is common to all stimulus readings, (g,); zero without a load."""
         line = np.where(self.angle_deg == 0.0, 0.0, self.u_line_deg)
         return np.hypot(self.u_scale * self.angle_deg, line)
 
     @property
     def shared(self) -> FloatArray:
-        """Covariance due to errors of the stimulus that are common to all readings, along the curve, (g, 2, 2)."""
+        """Covariance due to stimulus errors that are common to all readings, along the curve, (g, 2, 2)."""
         slope = self._slope
         variance = self.u_shared_deg[:, None, None] ** 2
         return np.asarray(variance * slope[:, :, None] * slope[:, None, :])
 
     def widened(self) -> "Calibration":
-        """Extend the calibration linearly at both ends by the possible error of the stimulus, if it has any."""
+        """Extend the calibration linearly at both ends by the possible stimulus error, if there is one."""
         u = self.u_shared_deg[[0, -1]]
         ends = [end for end, off in zip((0, -1), u, strict=True) if off > 0.0]
         if not ends:
@@ -110,9 +110,9 @@ class Calibration:
     def t_distribution(self) -> tuple[FloatArray, FloatArray]:
         """Scale (g, 2, 2) and degrees of freedom (g,) of the t distribution of a new reading.
 
-        The degrees of freedom of a sum follow Satterthwaite, with the fractions of the components in the variance of
-        the angle. A prediction of two variables with an estimated covariance then has one degree of freedom less and a
-        larger scale (Hotelling 1931).
+        The degrees of freedom of the sum follow Satterthwaite, with the components weighted by their fractions of the
+        angle variance. A prediction of two variables with an estimated covariance then has one degree of freedom less
+        and a larger scale (Hotelling 1931).
         """
         total = self.total + self.shared
         slope = self._slope
@@ -128,7 +128,7 @@ class Calibration:
 
 
 def at_angles(angle_deg: FloatArray, curves_V: FloatArray, where: FloatArray) -> FloatArray:
-    """Curves (2, g, 2) interpolated at angles (n,), monotone between monotone points (Fritsch and Carlson)."""
+    """Curves (2, g, 2) interpolated at angles (n,), monotonic between monotonic points (Fritsch and Carlson)."""
     return np.asarray(PchipInterpolator(angle_deg, curves_V, axis=1)(where))
 
 
@@ -142,7 +142,7 @@ def calibrated(training: Training) -> Calibration:
     """
     cycles = training.cycles
     if cycles < 2:
-        raise DataError(f"sensor {training.label}", limit="has a single cycle", remedy="use at least two")
+        raise DataError(f"sensor {training.label}", limit="has only one cycle", remedy="use at least two")
     chosen = np.unique(np.linspace(0, cycles - 1, min(cycles, _MOST_CYCLES)).round().astype(int))
     products, steps = np.zeros((0, 4)), np.zeros((0, 4))
     for cycle in chosen:
@@ -154,7 +154,7 @@ def calibrated(training: Training) -> Calibration:
             [steps, np.column_stack([rows.angle_deg[moved], 0.5 * _squares(rest[moved] - rest[moved - 1])])]
         )
     if len(steps) < _LEAST_SAMPLES:
-        limit = f"has {len(steps)} samples in the cycles used, too few to estimate their scatter"
+        limit = f"has only {len(steps)} samples in the cycles used, too few to estimate their scatter"
         raise DataError(f"sensor {training.label}", limit=limit, remedy="sample faster, or record more cycles")
     floor = _FLOOR * float(np.nanmax(np.ptp(training.curves_V(), axis=1))) ** 2 * np.eye(2)
     total, count = _smooth(products, training.angle_deg)
@@ -215,7 +215,7 @@ def _smooth(rows: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def _split(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A component limited to the total in every direction, and the remainder of the total, both (g, 2, 2)."""
+    """Split the total into a component, limited to the total in every direction, and the remainder, both (g, 2, 2)."""
     root = np.linalg.cholesky(whole)
     inverse = np.linalg.inv(root)
     values, vectors = np.linalg.eigh(inverse @ part @ inverse.swapaxes(1, 2))
@@ -227,7 +227,7 @@ def _split(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray]
 def pooled(ones: Sequence[Calibration]) -> Calibration:
     """Pool the calibrations of several prints into one, for use with another print.
 
-    The covariance between prints is that of their mean curves.
+    The covariance between prints is the covariance of their mean curves.
 
     Raises
     ------
@@ -259,23 +259,23 @@ def pooled(ones: Sequence[Calibration]) -> Calibration:
 
 
 def _common(grids: Sequence[FloatArray]) -> tuple[FloatArray, list[list[int]]]:
-    """Angles common to all grids, and their indices in each."""
+    """Angles common to all grids, and their indices in each grid."""
     keys = [{round(float(angle), 9): place for place, angle in enumerate(grid)} for grid in grids]
     shared = sorted(set.intersection(*(set(key) for key in keys)))
     if len(shared) < 5:
-        limit = f"have only {len(shared)} angles of their grids in common"
+        limit = f"have only {len(shared)} grid angles in common"
         raise DataError("the prints", limit=limit, remedy="use the same --step-deg and the same range for all of them")
     return np.array(shared), [[key[angle] for angle in shared] for key in keys]
 
 
 def _between(curves: FloatArray) -> FloatArray:
-    """Covariance (g, 2, 2) of the curves (p, g, 2) of several prints."""
+    """Covariance (g, 2, 2) between the curves (p, g, 2) of several prints."""
     apart = curves - curves.mean(axis=0)
     found = np.einsum("pgi,pgj->gij", apart, apart) / (len(curves) - 1)
     return _shrunk(found, 1.0 / (len(curves) - 1))
 
 
 def _shrunk(covariance: FloatArray, share: float) -> FloatArray:
-    """Covariances shrunk towards equal variances, because few cycles or prints hardly determine a correlation."""
+    """Covariances shrunk towards equal variances, because a few cycles or prints hardly determine a correlation."""
     level = np.trace(covariance, axis1=1, axis2=2) / 2.0
     return np.asarray((1.0 - share) * covariance + share * level[:, None, None] * np.eye(2))

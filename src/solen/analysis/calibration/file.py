@@ -1,4 +1,4 @@
-"""The file of a calibration: curves and covariances, motion and circuit, sources, checks.
+"""Calibration file: curves and covariances, motion and circuit, sources and checks.
 
 Public names: `CalibrationFile`, `load`, `text_of`, `Motion`, `Circuit` and `differences`.
 """
@@ -28,7 +28,7 @@ KIND, OF_NETWORK = "calibration", "network calibration"
 Ambient = Literal["subtracted", "not subtracted"]
 Pair = tuple[Number, Number]
 Three = tuple[Number, Number, Number]
-"""Variance of left, covariance, variance of right."""
+"""Variance of the left receiver, covariance, variance of the right receiver."""
 Column = Annotated[tuple[Number, ...], Field(min_length=5, max_length=100_000)]
 
 
@@ -39,27 +39,29 @@ class Motion(Strict):
     error: ClassVar[type[DataError]] = DataError
 
     kind: Literal["rotation", "bend", "loaded"] | None = Field(
-        None, description="rotation, bend or loaded; null if not stated."
+        None, description="rotation, bend or loaded; null if unknown."
     )
     drives: Text | None = Field(None, description="For a loaded sensor: the driven quantity, such as press.depth_mm.")
-    pivot: Text | None = Field(None, description="Centre of the rotation: stem-base, emitter, or x z in mm.")
-    parts: tuple[Text, ...] | None = Field(None, description="Parts that move: lens, emitter, receivers, mirrors.")
+    pivot: Text | None = Field(None, description="Centre of rotation: stem-base, emitter, or x z in mm.")
+    parts: tuple[Text, ...] | None = Field(None, description="Moving parts: lens, emitter, receivers, mirrors.")
     low_deg: Number | None = Field(None, description="Lowest angle visited.")
     high_deg: Number | None = Field(None, description="Highest angle.")
-    speed_deg_per_s: Number | None = Field(None, description="Median speed of the ramps.")
-    protocol: Text | None = Field(None, description="Name of the protocol.")
+    speed_deg_per_s: Number | None = Field(None, description="Median ramp speed.")
+    protocol: Text | None = Field(None, description="Protocol name.")
 
 
 class Cell(Strict):
-    """Load cell that measured the forces, with the errors common to all its readings."""
+    """Load cell that measured the forces, and the errors common to all its readings."""
 
     table: ClassVar[str] = "load_cell"
     error: ClassVar[type[DataError]] = DataError
 
     name: Text = Field(description="Its name.")
-    sensitivity_deg_per_V: Number = Field(description="Sensitivity, in newtons per volt.")
-    u_sensitivity_deg_per_V: NotNegative | None = Field(None, description="Its uncertainty; null if not stated.")
-    off_line_deg: NotNegative = Field(0.0, description="Standard uncertainty from its non-linearity.")
+    sensitivity_deg_per_V: Number = Field(description="Sensitivity in newtons per volt.")
+    u_sensitivity_deg_per_V: NotNegative | None = Field(
+        None, description="Uncertainty of the sensitivity; null if unknown."
+    )
+    off_line_deg: NotNegative = Field(0.0, description="Standard uncertainty due to non-linearity.")
 
     @property
     def u_scale(self) -> float | None:
@@ -72,7 +74,7 @@ class Cell(Strict):
 
     @property
     def shared(self) -> str:
-        """Sentence on the error common to all readings."""
+        """Sentence about the error common to all readings."""
         line = f" and {self.off_line_deg:.1g} N" if self.off_line_deg else ""
         return (
             f"all readings of the load cell have a common error of {100.0 * (self.u_scale or 0.0):.2g} "
@@ -82,19 +84,19 @@ class Cell(Strict):
 
 
 class Circuit(Strict):
-    """Circuit that the voltages were measured with."""
+    """Circuit with which the voltages were measured."""
 
     table: ClassVar[str] = "circuit"
     error: ClassVar[type[DataError]] = DataError
 
     ambient: Ambient | None = Field(None, description="Whether ambient light was subtracted from the voltages.")
-    emitter_current_mA: Number | None = Field(None, description="Current of the emitter, from the design.")
-    load_ohm: Number | None = Field(None, description="Load resistor of the receivers, from the design.")
-    design_sha256: Text | None = Field(None, description="Checksum of the design file's text.")
+    emitter_current_mA: Number | None = Field(None, description="Emitter current, from the design.")
+    load_ohm: Number | None = Field(None, description="Receiver load resistance, from the design.")
+    design_sha256: Text | None = Field(None, description="Checksum of the design file text.")
 
 
 class Curves(Strict):
-    """Voltages over the angles; each pair is (left, right)."""
+    """Voltages at each angle; each pair is (left, right)."""
 
     table: ClassVar[str] = "curves"
     error: ClassVar[type[DataError]] = DataError
@@ -102,9 +104,9 @@ class Curves(Strict):
     angle_deg: Column = Field(description="Angles, ascending, in degrees.")
     rising_V: tuple[Pair, ...] = Field(description="Mean of the rising half-cycles.")
     falling_V: tuple[Pair, ...] = Field(description="Mean of the falling half-cycles.")
-    noise_V2: tuple[Three, ...] = Field(description="Covariance of the noise of a reading.")
+    noise_V2: tuple[Three, ...] = Field(description="Covariance of a reading due to noise.")
     repeat_V2: tuple[Three, ...] = Field(description="Covariance of a new cycle, including the error of the mean.")
-    between_V2: tuple[Three, ...] = Field(description="Covariance of a new print; zero if there is a single one.")
+    between_V2: tuple[Three, ...] = Field(description="Covariance of a new print; zero for a single print.")
     samples: tuple[NotNegative, ...] = Field(description="Number of samples used for the covariances at each angle.")
 
     @model_validator(mode="after")
@@ -127,14 +129,14 @@ class Part(Strict):
 
     error: ClassVar[type[DataError]] = DataError
 
-    name: Text = Field(description="What was left out.")
+    name: Text = Field(description="Held-out cycles or print.")
     readings: Annotated[int, Field(ge=0)] = Field(description="Readings decoded.")
     rms_deg: NotNegative = Field(description="Root mean square error.")
     bias_deg: Number = Field(description="Mean error.")
     worst_deg: NotNegative = Field(description="Largest error.")
     within_68: NotNegative = Field(description="Fraction of the readings within their 68 % bands.")
     within_95: NotNegative = Field(description="Fraction of the readings within their 95 % bands.")
-    outside: NotNegative = Field(description="Fraction of the readings that match no point of the curve.")
+    outside: NotNegative = Field(description="Fraction of the readings that match no point on the curve.")
     ambiguous: NotNegative = Field(description="Fraction of the readings that match several points.")
 
 
@@ -144,41 +146,42 @@ class Checked(Strict):
     error: ClassVar[type[DataError]] = DataError
 
     whole: Part = Field(description="All readings.")
-    parts: tuple[Part, ...] = Field(description="Results for each cycle or print left out.")
+    parts: tuple[Part, ...] = Field(description="Results for each held-out cycle or print.")
 
 
 class CalibrationFile(Strict):
-    """A calibration of one sensor, or of several prints pooled."""
+    """A calibration of one sensor, or of several prints pooled into one."""
 
     error: ClassVar[type[DataError]] = DataError
 
-    kind: Literal["calibration"] = Field("calibration", description="Type of the file.")
-    solen: Text = Field(description="Version of solen that wrote the file.")
-    sensor: Text = Field(description="Name of the sensor, or of the pool.")
-    prints: tuple[Text, ...] = Field(description="Sensors that were calibrated.")
+    kind: Literal["calibration"] = Field("calibration", description="File type.")
+    solen: Text = Field(description="solen version that wrote the file.")
+    sensor: Text = Field(description="Name of the sensor, or of the pooled prints.")
+    prints: tuple[Text, ...] = Field(description="Calibrated sensors.")
     simulated: bool = Field(description="Whether any recording was simulated.")
-    cycles: Annotated[int, Field(ge=2)] = Field(description="Number of cycles used, of all prints together.")
-    unit: Text = Field("V", description="Unit of the receivers, which replaces V in the keys.")
+    cycles: Annotated[int, Field(ge=2)] = Field(description="Number of cycles used, summed over all prints.")
+    unit: Text = Field("V", description="Unit of the receiver readings, which replaces V in the keys.")
     stimulus: Name = Field(
         "angle", description="Decoded quantity; for a force or depth, keys end in N or mm instead of deg."
     )
-    load_cell: Cell | None = Field(None, description="Load cell that measured the forces; null if not stated.")
+    load_cell: Cell | None = Field(None, description="Load cell that measured the forces; null if unknown.")
     range_deg: Pair = Field(description="Lowest and highest calibrated angle.")
     freedom_repeat: Annotated[int, Field(ge=1)] = Field(description="Degrees of freedom of repeat_V2.")
     rails_V: tuple[tuple[Number | None, Number | None], tuple[Number | None, Number | None]] = Field(
-        description="Lowest and highest voltage of left and right at which readings were clipped; null if none were."
+        description="Lowest and highest left and right voltages at which readings were clipped; "
+        "null if none were clipped."
     )
-    dark_V: Number | None = Field(None, description="Voltage without light, if known.")
-    motion: Motion = Field(description="Parts that move, and the range of the motion.")
+    dark_V: Number | None = Field(None, description="Voltage without light; null if unknown.")
+    motion: Motion = Field(description="Moving parts, and range of motion.")
     circuit: Circuit = Field(description="Meaning of the voltages.")
-    curves: Curves = Field(exclude=True, description="Voltages over the angles, and their covariances.")
+    curves: Curves = Field(exclude=True, description="Voltages at each angle, and their covariances.")
     leave_one_cycle_out: Checked | None = Field(
-        description="Each cycle decoded with a calibration from the others; null with two cycles."
+        description="Each cycle decoded with a calibration from the other cycles; null with two cycles."
     )
     leave_one_sensor_out: Checked | None = Field(
-        description="Each print decoded with a calibration from the others; null with fewer than three prints."
+        description="Each print decoded with a calibration from the other prints; null with fewer than three prints."
     )
-    words: tuple[str, ...] = Field(description="Results of the checks, in sentences.")
+    words: tuple[str, ...] = Field(description="Check results in words.")
     sources: tuple[dict[str, Any], ...] = Field(description="The recordings.")
     warnings: tuple[Caution, ...] = Field(description="Limits of the calibration.")
 
@@ -207,7 +210,7 @@ class CalibrationFile(Strict):
         )
 
     def keyed(self, data: dict[str, Any]) -> dict[str, Any]:
-        """Plain data of the file, with keys in its own units."""
+        """Plain data of the file; the keys end in the file's units."""
         return self.stimulus_of.keyed(in_unit(data, self.unit))
 
 
@@ -225,7 +228,7 @@ def curves_of(calibration: Calibration) -> Curves:
 
 
 def rails_of(calibration: Calibration) -> tuple[tuple[float | None, ...], ...]:
-    """Rails, with None for unknown values."""
+    """Lowest and highest recordable voltages, with None for unknown values."""
     return tuple(tuple(v if math.isfinite(v) else None for v in row) for row in calibration.rails_V.tolist())
 
 
@@ -243,19 +246,19 @@ def _square(rows: tuple[Three, ...]) -> FloatArray:
 
 
 def text_of(file: CalibrationFile) -> str:
-    """Text of the file."""
+    """Text of the calibration file."""
     data = {"schema": SCHEMA, **file.model_dump(mode="json"), "curves": file.curves.model_dump(mode="json")}
     return json.dumps(file.keyed(data), indent=1, allow_nan=False) + "\n"
 
 
 def calibration_data(path: Path) -> Any:
-    """JSON of a calibration file of a sensor or a network; `DataError` if it cannot be read."""
+    """Read the JSON data of a sensor or network calibration file; `DataError` if the file cannot be read."""
     text = read_text(path, DataError, maker="solen bench calibrate")
     return parsed(text, str(path), remedy="create it again with solen bench calibrate")
 
 
 def data_of_kind(path: Path, kind: str, limit: str) -> dict[str, Any]:
-    """JSON of a calibration file of one kind; `DataError` with the ``limit`` if it is of another."""
+    """Read the JSON data of a calibration file; `DataError` with the ``limit`` if its kind is not ``kind``."""
     data = calibration_data(path)
     found = data.get("kind") if isinstance(data, dict) else None
     if found != kind:
@@ -270,7 +273,7 @@ def data_of_kind(path: Path, kind: str, limit: str) -> dict[str, Any]:
 
 def load(path: Path) -> CalibrationFile:
     """Load a calibration from a file; `DataError` if it cannot be read or is not a calibration."""
-    data = data_of_kind(path, KIND, "is not a calibration of a sensor")
+    data = data_of_kind(path, KIND, "is not the calibration of a sensor")
     with error_context(str(path)):
         stimulus = STIMULI.get(str(data.get("stimulus")), ANGLE)
         return CalibrationFile(**tuples(stimulus.unkeyed(in_unit(data, "V", data.get("unit", "V")))))
@@ -286,13 +289,13 @@ def tuples(value: Any) -> Any:
 def json_schema() -> dict[str, Any]:
     """JSON Schema of the file."""
     found = CalibrationFile.model_json_schema()
-    found["properties"]["schema"] = {"const": SCHEMA, "description": "Version of this file format.", "type": "integer"}
+    found["properties"]["schema"] = {"const": SCHEMA, "description": "File format version.", "type": "integer"}
     found["required"] = ["schema", *found["required"]]
     return found
 
 
 def differences(ours: CalibrationFile, motion: Motion, circuit: Circuit) -> tuple[list[str], list[str]]:
-    """Phrases for the differences of a recording from the calibrated one, and the names of what is not stated."""
+    """Phrases for differences between a recording and the calibrated recording, and names of unknown conditions."""
     other, unknown = [], []
     for name, mine, theirs in (
         ("kind of motion", ours.motion.kind, motion.kind),
@@ -320,7 +323,7 @@ def differences(ours: CalibrationFile, motion: Motion, circuit: Circuit) -> tupl
 
 
 def _pressed(drives: str | None) -> str | None:
-    """Name of the finger, pull or clamp that is driven; a depth and a force of one finger are the same motion."""
+    """Name of the finger, pull or clamp that is driven; depth and force of the same finger are the same motion."""
     return None if drives is None else drives.rpartition(".")[0]
 
 

@@ -1,9 +1,8 @@
-"""Averaging of the forces of a noisy load cell over time, before curves are fitted to them.
+"""Averaging of the forces from a noisy load cell over time, before curves are fitted to them.
 
-Noise of the load cell is not noise of the receivers. If it were kept, it would move the ends of the calibrated range
-inwards, to where every press has a reading, and would appear as scatter of the voltages. Straight lines over a few
-samples of a ramp, and the mean of a hold (or a line, if it drifts), remove most of it. Forces with little noise are not
-changed.
+Load cell noise is not receiver noise. If it were kept, it would narrow the calibrated range to forces at which every
+press has a reading, and it would appear as scatter of the voltages. Straight lines over a few samples of a ramp, and
+the mean of a hold (or a line, if the hold drifts), remove most of it. Forces with little noise are not changed.
 
 Public names: `smoothed` and `OUT`.
 """
@@ -21,7 +20,7 @@ from solen.arrays import FloatArray
 from solen.recording.stimulus import FORCE
 
 OUT = 3.0
-"""Extension of a calibrated range at each end, in standard uncertainties of the reading of that end."""
+"""Extension of a calibrated range at each end, in standard uncertainties of the reading at that end."""
 _FINE = 5e-4  # smallest noise that is averaged, as a fraction of the range
 _PART = 5  # a line is fitted to at most this part (1/5) of a ramp
 _DRIFTS = 4.0  # standard uncertainties
@@ -29,7 +28,7 @@ _LATE = 3.5  # distance from a level, in units of the noise, at which a ramp is 
 
 
 def smoothed(sensor: SensorResponse) -> tuple[SensorResponse, float]:
-    """Sensor with averaged forces, and the standard uncertainty of a hold; unchanged and 0 without noise."""
+    """Return the sensor with averaged forces, and the standard uncertainty of a hold; unchanged and 0 without noise."""
     fine = [_FINE * (run.motion.high_deg - run.motion.low_deg) for run in sensor.runs]
     if sensor.stimulus is not FORCE or all(
         run.motion.noise_deg < limit for run, limit in zip(sensor.runs, fine, strict=True)
@@ -58,7 +57,7 @@ def _run(run: Run, fine: float) -> tuple[Run, float]:
 
 
 def _whole(ramp: Ramp, noise: float, size: int) -> Ramp:
-    """Extend a ramp from level to level, because noise hides its first and last samples."""
+    """Extend a ramp from hold level to hold level, because noise hides its first and last samples."""
     each = abs(ramp.end_deg - ramp.start_deg) / max(ramp.stop - ramp.start - 1, 1)
     more = round(_LATE * noise / each) if each else 0
     return replace(ramp, start=max(ramp.start - more, 0), stop=min(ramp.stop + more, size))
@@ -75,13 +74,13 @@ def _cycles(motion: Motion, ramps: tuple[Ramp, ...]) -> tuple[Cycle, ...]:
 
 
 def _held(force: FloatArray, noise: float) -> FloatArray:
-    """Mean of a hold, or a straight line if it drifts, as a force on a soft body does."""
+    """Mean force of a hold, or a straight line if the force drifts, as it does on a soft body."""
     place = np.arange(force.size) - 0.5 * (force.size - 1)
     drift, u = float(place @ force / (place @ place)), noise / math.sqrt(float(place @ place))
     return np.asarray(force.mean() + (drift * place if abs(drift) > _DRIFTS * u else 0.0 * place))
 
 
 def _line(force: FloatArray, wanted: float) -> FloatArray:
-    """Straight lines over as many neighbours as are needed to leave little noise."""
+    """Forces from straight lines fitted over as many neighbours as are needed to leave little noise."""
     window = int(min(wanted, force.size / _PART)) | 1
     return force if window < 3 else np.asarray(savgol_filter(force, window, 1, mode="interp"))

@@ -1,7 +1,7 @@
 """Heading of a stream of angles, rising or falling, from the last few angles.
 
-A least-squares line is fitted to the angles in a short time before each one. The standard deviation of its slope
-contains only the noise of a reading, because errors that are constant over a cycle move all angles alike. The
+A least-squares line is fitted to the angles in a short window before each angle. The standard deviation of its slope
+contains only the noise of a reading, because errors that are constant over a cycle shift all angles alike. The
 probability that the slope is positive follows from a normal distribution; a stream that is not clearly rising or
 falling has no heading.
 
@@ -22,18 +22,18 @@ _LEAST = 3
 
 @dataclass(frozen=True, eq=False)
 class Headings:
-    """Slope (deg/s) and probability that the angle rises, both (n,); NaN and 0.5 if there are too few angles."""
+    """Slope (deg/s) and probability that the angle is rising, both (n,); NaN and 0.5 if there are too few angles."""
 
     slope_deg_per_s: FloatArray
     rises: FloatArray
 
     def words(self) -> list[str]:
-        """``rising``, ``falling`` or an empty text for each angle."""
+        """``rising``, ``falling`` or an empty string for each angle."""
         return ["rising" if rise >= SURE else "falling" if rise <= 1.0 - SURE else "" for rise in self.rises.tolist()]
 
 
 class Tracker:
-    """Slopes of a stream; one window of angles is kept in memory."""
+    """Slopes of a stream of angles; one window of angles is kept in memory."""
 
     def __init__(self, window_s: float = WINDOW_S) -> None:
         self._window_s = window_s

@@ -1,7 +1,7 @@
-"""Reference for decoding a single reading: the likelihood on an even grid of angles.
+"""Reference for decoding a single reading: the likelihood on a uniform grid of angles.
 
-`Decoder` must agree with it. It is short enough to be checked by reading, and does not approximate the curves by
-straight lines.
+`Decoder` must agree with this reference, which is short enough to be checked by reading and does not approximate the
+curves by straight lines.
 
 Public name: `posterior`.
 """
@@ -13,7 +13,7 @@ from solen.arrays import FloatArray
 
 
 def posterior(calibration: Calibration, volts: FloatArray, angle_deg: FloatArray) -> FloatArray:
-    """Probability of each evenly spaced angle (m,) within the calibrated range, given left and right (2,)."""
+    """Probability of each evenly spaced angle (m,) in the calibrated range for a left and right reading (2,)."""
     grid = calibration.angle_deg
     curves = at_angles(grid, calibration.curves_V, angle_deg)
     scale, known = calibration.t_distribution()

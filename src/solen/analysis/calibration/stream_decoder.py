@@ -46,10 +46,10 @@ SIDES = ("direction", "probability")
 """Columns that apply to angles only, because a force or depth has no sides."""
 FLAGS = ("outside", "ambiguous", "clipped", "at_end")
 _MEANING = {
-    "outside": "are outside the calibrated curve, so their {plural} are meaningless",
+    "outside": "do not lie on the calibrated curve, so their {plural} are meaningless",
     "ambiguous": "are consistent with several {plural}",
-    "clipped": "are clipped, so their {name} depends on one receiver",
-    "missing": "lack a reading of a receiver",
+    "clipped": "are clipped, so their {name} depends on a single receiver",
+    "missing": "lack the voltage of a receiver",
 }
 
 
@@ -57,13 +57,15 @@ class DecodeOptions(ConditionOptions):
     """Options for decoding a stream."""
 
     sensor: str | None = None
-    """Sensor of the source to decode; default: the calibrated sensor."""
+    """Sensor in the source to decode; default: the calibrated sensor."""
     follow: bool = False
     """Follow a journal while it grows, until its run ends."""
     gain_percent: Finite = Field(0.0, ge=0)
-    """Allow for a common change of the light with this standard deviation in per cent, e.g. of an emitter that ages."""
+    """Allow for a common change in the light with this standard deviation in per cent, e.g. for an emitter that
+    ages.
+    """
     window_ms: Finite = Field(1e3 * WINDOW_S, ge=0)
-    """Time over which the heading (rising or falling) is determined."""
+    """Time window from which the heading (rising or falling) is determined."""
 
 
 class Decoding(Result):
@@ -72,7 +74,7 @@ class Decoding(Result):
     Attributes
     ----------
     readings, missing
-        Number of readings that were decoded, and of those that lack a voltage.
+        Number of decoded readings, and of readings that lack a voltage.
     outside, ambiguous, clipped, at_end
         Number of readings with these flags, as in `solen.analysis.calibration.decoder.Decoded`.
     from_s, to_s
@@ -80,13 +82,13 @@ class Decoding(Result):
     stimulus
         Decoded quantity: ``angle``, ``force`` or ``depth``. Keys end in its unit.
     lowest_deg, highest_deg
-        Range of the decoded angles that are not outside the curve; None if there are none.
+        Range of the decoded angles of readings that lie on the curve; None if there are none.
     against_angle
-        Errors relative to the angle that the source itself states, if any, within the calibrated range.
+        Errors relative to the angle recorded in the source, if any, within the calibrated range.
     calibration, calibrated_sensor
-        File of the calibration, and its sensor.
+        Calibration file, and the sensor it calibrates.
     sensor
-        Sensor of the source, if known.
+        Sensor in the source; None if unknown.
     simulated
         Whether the calibration or the source is simulated.
     interrupted
@@ -132,16 +134,16 @@ class StreamDecoder(CountedStream[CalibrationFile]):
     stream
         Source of the readings.
     options
-        Options for decoding.
+        Decoding options.
     rails
-        Lowest and highest voltage of the recorder, used instead of those of the calibration.
+        Lowest and highest voltage of the recorder, used instead of the calibration's limits.
     source
         Name of the stream in error messages.
 
     Raises
     ------
     SpecError
-        If a change of gain is allowed for but the voltage without light is unknown.
+        If a gain change is allowed for but the voltage without light is unknown.
     """
 
     def __init__(
@@ -154,14 +156,14 @@ class StreamDecoder(CountedStream[CalibrationFile]):
         source: str,
     ) -> None:
         if options.gain_percent and known.dark_V is None:
-            limit = "requires the voltage without light, which the calibration does not state"
+            limit = "requires the voltage without light, which the calibration does not contain"
             remedy = "calibrate with --dark-V"
             raise SpecError("--gain-percent", value=options.gain_percent, limit=limit, remedy=remedy)
         scale = factor(stream.unit, known.unit)
         if scale is None:
-            limit = f"is the unit of the readings, but the calibration {file} is in {known.unit}"
+            limit = f"is the unit of the readings, but the unit of the calibration {file} is {known.unit}"
             remedy = (
-                f"state the unit of the readings in the header, as in left ({known.unit}), "
+                f"specify the unit of the readings in the header, as in left ({known.unit}), "
                 "or calibrate with readings in their unit"
             )
             raise DataError(source, value=stream.unit, limit=limit, remedy=remedy)
@@ -179,13 +181,13 @@ class StreamDecoder(CountedStream[CalibrationFile]):
 
     @property
     def header(self) -> str:
-        """Header line with the names of the columns."""
+        """Header line with the column names."""
         stimulus = self._known.stimulus_of
         names = [name for name in COLUMNS if stimulus is ANGLE or name not in SIDES]
         return ",".join(stimulus.keyed(dict.fromkeys(names))) + "\n"
 
     def rows(self, batch: Batch) -> str:
-        """Decode a batch into lines of CSV with the columns `COLUMNS`; `DataError` if it is in another unit."""
+        """Decode a batch into CSV lines with the columns `COLUMNS`; `DataError` if the batch is in another unit."""
         batch = replace(batch, volts=self._scale * batch.volts)
         good = np.asarray(np.isfinite(batch.volts).all(axis=1))
         self._check_scale(batch.volts[good], "left_mV")
@@ -243,14 +245,14 @@ class StreamDecoder(CountedStream[CalibrationFile]):
         )
 
     def _cell_notes(self) -> Iterator[Caution]:
-        """Note on what errors relative to the force of the recording do not show."""
+        """Note on the error that a comparison with the recorded force does not show."""
         cell = self._known.load_cell
         if self._parts and cell is not None and cell.u_scale is not None:
             yield note(cell.shared)
 
 
 def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[Caution]:
-    """Warnings if the calibration must not be used, differs from the source, or cannot be compared with it."""
+    """Warnings if the calibration must not be used, differs from the source, or cannot be compared with the source."""
     yield from (of("calibration", line) for line in known.warnings if rank_of(line) == DO_NOT_USE)
     motion, circuit = conditions(stream.sensor or known.sensor, stream.provenance, options, stream.ambient)
     other, unknown = differences(known, motion, circuit)
@@ -260,23 +262,23 @@ def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeO
             other.insert(0, f"sensor {stream.sensor} instead of {known.sensor}")
         else:
             yield note(
-                f"{stream.sensor} is only the name of the file, so it is decoded as the calibrated sensor "
+                f"{stream.sensor} is only a file name, so the recording is decoded as the calibrated sensor "
                 f'{known.sensor}; use --sensor "{stream.sensor}" if it is a different sensor'
             )
     if other:
         yield do_not_use(f"the recording does not match the calibration: {'; '.join(other)}")
     if unknown and not moved:
         yield look_at(
-            "whether the calibration applies to this motion cannot be checked, because the recording does "
-            f"not state the {', '.join(unknown)}; "
-            "state it with --design or --motion"
+            "it cannot be checked whether the calibration applies to this motion, because the recording does "
+            f"not specify the {', '.join(unknown)}; "
+            "specify it with --design or --motion"
         )
     if known.simulated and not stream.simulated and stream.provenance is not None:
         yield do_not_use("the calibration is simulated, but the recording is not")
 
 
 def _last(name: str) -> str:
-    """Name of a sensor without the name of its file."""
+    """Sensor name without the file name."""
     return name.rpartition(".")[2]
 
 

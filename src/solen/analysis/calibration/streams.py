@@ -1,6 +1,6 @@
 """Streams of voltages to decode: a recorded file, or lines of CSV as they arrive.
 
-A `Stream` yields one `Batch` of left and right voltages after another, each as large as the available data.
+A `Stream` yields a sequence of `Batch` objects with left and right voltages, each as large as the available data.
 
 Public names: `recorded_stream` and `line_stream`.
 """
@@ -40,7 +40,7 @@ FILE_OPTIONS = (*_OF_DRIVE, "on_off_hz", "on", "mains_hz", "emitters", "smooth_m
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Readings: times (n,), left and right (n, 2) with NaN for missing ones, flags of clipped ones, true angles."""
+    """Readings: times (n,), left and right (n, 2) with NaN if missing, flags for clipped readings, and true angles."""
 
     time_s: FloatArray
     volts: FloatArray
@@ -52,7 +52,7 @@ class Batch:
 class Stream:
     """Readings with their sensor, source and unit, and whether ambient light was subtracted (None if unknown).
 
-    ``named`` is False if the sensor is named only after its file.
+    ``named`` is False if the sensor name is only the file name.
     """
 
     batches: Iterator[Batch]
@@ -72,14 +72,14 @@ class Stream:
 def recorded_stream(
     path: Path, options: SignalOptions, sensor: str | None, calibrated: str, stimulus: Stimulus = ANGLE
 ) -> Stream:
-    """Read the readings of a file; ``sensor`` is the sensor to decode, by default the ``calibrated`` one.
+    """Read the readings in a file; ``sensor`` is the sensor to decode, by default the ``calibrated`` sensor.
 
-    Decoded values are compared with the file's own values of the ``stimulus``, if there are any.
+    Decoded values are compared with the values of the ``stimulus`` in the file, if there are any.
 
     Raises
     ------
     DataError, SpecError
-        If the file has no sensor with that name, or no left and right receiver.
+        If the file contains no sensor with that name, or no left and right receiver.
     """
     _check_drive(options, stimulus)
     streams: dict[str, Stream] = {}
@@ -101,7 +101,7 @@ def recorded_stream(
 
 
 def _check_drive(options: SignalOptions, stimulus: Stimulus) -> None:
-    """Raise `SpecError` for the column of a quantity that is not decoded."""
+    """Raise `SpecError` if a column is specified for a quantity that is not decoded."""
     limit = f"does not apply, because the calibration is for the {stimulus.name}"
     for name, other in STIMULI.items():
         if name != stimulus.name and (column := getattr(options, other.column)) is not None:
@@ -111,7 +111,7 @@ def _check_drive(options: SignalOptions, stimulus: Stimulus) -> None:
 
 
 def _has(recording: Recording, options: SignalOptions) -> bool:
-    """Whether a recording contains true values of the stimulus; volts of a load cell require its calibration."""
+    """Whether a recording contains true values of the stimulus; volts count only with a load cell calibration."""
     name = options.against or ANGLE.name
     if getattr(options, STIMULI[name].column) is not None or column_of(recording, name) is not None:
         return True
@@ -126,7 +126,7 @@ def _of_sensor(samples: Waveforms, name: str, places: list[int], provenance: Pro
 
 
 def chosen_sensor(names: Sequence[str], sensor: str | None, calibrated: str, source: str) -> str:
-    """The requested sensor, otherwise the calibrated one, otherwise the only one."""
+    """The requested sensor; by default the calibrated sensor, or else the only sensor."""
     for wanted in filter(None, (sensor, calibrated)):
         named = [name for name in names if name.rpartition(".")[2] == wanted.rpartition(".")[2]]
         if named:
@@ -140,11 +140,11 @@ def chosen_sensor(names: Sequence[str], sensor: str | None, calibrated: str, sou
 
 
 def check_live(options: SignalOptions, *, subtracted: bool = False) -> None:
-    """Raise `SpecError` for an option that does not apply to live readings, or only to those with ambient light."""
+    """Raise `SpecError` for an option that does not apply to live readings, or only to readings with ambient light."""
     if subtracted and options.rails is not None:
         limit = (
-            "do not apply, because the ambient light of these readings was already subtracted "
-            "and clipped ones are marked"
+            "do not apply, because ambient light was already subtracted from these readings "
+            "and clipped readings are marked"
         )
         raise SpecError("--rails", limit=limit, remedy="leave it out")
     for name in FILE_OPTIONS:
@@ -154,7 +154,7 @@ def check_live(options: SignalOptions, *, subtracted: bool = False) -> None:
 
 
 def line_stream(text: Iterable[str], options: SignalOptions) -> Stream:
-    """Read lines of CSV, each as soon as it arrives; the first line is the header unless the columns are named.
+    """Read CSV lines, each as soon as it arrives; the first line is the header unless column names are specified.
 
     Times are converted to seconds and voltages to a common unit; an assumed unit causes a warning.
 
@@ -163,14 +163,14 @@ def line_stream(text: Iterable[str], options: SignalOptions) -> Stream:
     DataError
         If no line arrives, or the header names no left and right receiver.
     """
-    lines = lines_of(text, options.columns, remedy="name them, as in --columns time_s left_V right_V")
+    lines = lines_of(text, options.columns, remedy="name the columns, as in --columns time_s left_V right_V")
     layout = _Layout.of(lines.header, options)
     return Stream(layout.batches(lines.rows), warnings=layout.warnings, unit=layout.unit)
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """Columns of time, left and right in a line, their scale factors, and the unit of left and right."""
+    """Columns of time, left and right in a line, their scale factors, and the unit of the left and right readings."""
 
     places: tuple[int | None, int, int]
     scales: tuple[float, float, float]
@@ -186,8 +186,8 @@ class _Layout:
         elif options.rate_hz is None:
             time = column_of(header, "time")
             if time is None:
-                remedy = f"name it with --time, or state the rate with --rate-hz; {existing(header)}"
-                raise DataError(STDIN, limit="no column is recognised as the time of the readings", remedy=remedy)
+                remedy = f"name the column with --time, or specify the rate with --rate-hz; {existing(header)}"
+                raise DataError(STDIN, limit="no column is recognised as a time column", remedy=remedy)
         left, right = (_receiver(header, options, side) for side in ("left", "right"))
         warnings: list[Caution] = []
         of_time = 1.0 if time is None else time_scale(time, options.time_unit, STDIN, warnings)
@@ -207,7 +207,7 @@ class _Layout:
 
 
 def _receiver(header: Recording, options: SignalOptions, side: str) -> Channel:
-    """Column of the left or the right receiver."""
+    """Column of the left or right receiver."""
     named = next((column for name, column in options.named_receivers if side_of(name) == side), None)
     if named is not None:
         return named_column(header, named, "--channel")
@@ -215,7 +215,7 @@ def _receiver(header: Recording, options: SignalOptions, side: str) -> Channel:
         channel for channel in header.channels if side_of(channel.name) == side and not is_companion(channel.name)
     ]
     if len(columns) != 1:
-        limit = f"{len(columns) or 'no'} columns are recognised as the {side} receiver, but exactly one is needed"
-        remedy = f"name it with --channel {side}=COLUMN; {existing(header)}"
+        limit = f"{len(columns) or 'no'} columns are recognised as the {side} receiver, but exactly one is required"
+        remedy = f"name the column with --channel {side}=COLUMN; {existing(header)}"
         raise DataError(STDIN, limit=limit, remedy=remedy)
     return columns[0]

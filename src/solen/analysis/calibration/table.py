@@ -1,10 +1,10 @@
 """A calibration as a small table, with code in MicroPython and C that decodes readings with it on a board.
 
-Between two nodes of the table the curve is straight in the plane of the two voltages. The point of each piece nearest
-to a reading, in units of the reading's covariance, has a closed form; the nearest piece gives the angle. This is the
-median of `solen.analysis.calibration.decoder` without its bands. Rising and falling directions are merged into one
-curve here, and their difference is added to the covariance. If two angles match a reading, only the more probable one
-is returned.
+Between two nodes of the table the curve is straight in the plane of the two voltages. On each segment, the point
+nearest to a reading, in units of the reading's covariance, has a closed form; the nearest segment gives the angle. This
+is the median of `solen.analysis.calibration.decoder` without its bands. Rising and falling directions are merged into
+one curve here, and their difference is added to the covariance. If two angles match a reading, only the more probable
+angle is returned.
 
 Public names: `BoardTable` and `DecodingTable`.
 """
@@ -27,7 +27,7 @@ from solen.results import Result, reported
 from solen.spec.strict import Options
 
 TRIED = 20
-"""Number of positions on each piece at which the table is compared with the full decoder."""
+"""Number of positions on each segment at which the table is compared with the full decoder."""
 MOST_OFF = 0.5
 """Largest deviation from the full decoder that causes no warning, in standard uncertainties."""
 _PYTHON = '''"""{plural} of a calibrated sensor: {name}. Written by solen {version}.
@@ -95,20 +95,20 @@ static inline bool solen_decode(float left, float right, float *{what}_{unit}, f
 
 
 class TableOptions(Options):
-    """Size of the table."""
+    """Table size."""
 
     points: Annotated[int, Field(ge=5, le=257)] = 33
-    """Number of nodes of the table, evenly spaced in angle."""
+    """Number of table nodes, evenly spaced in angle."""
 
 
 @dataclass(frozen=True, eq=False)
 class BoardTable:
-    """Pieces of the curve, (n, 9), as in the generated code, and the squared distance that marks an outlying reading.
+    """Segments of the curve, (n, 9), as in the generated code, and the squared distance that marks an outlier.
 
     Attributes
     ----------
     name, readings, version, stimulus
-        Sensor, readings, version of solen and decoded quantity, as stated in the generated source files.
+        Sensor, receiver readings, solen version and decoded quantity, as written in the generated source files.
     """
 
     pieces: FloatArray
@@ -129,7 +129,7 @@ class BoardTable:
         version: str,
         stimulus: Stimulus = ANGLE,
     ) -> "BoardTable":
-        """Compute the table of a calibration."""
+        """Compute the table for a calibration."""
         total, freedom = calibration.t_distribution()
         half = 0.5 * (calibration.curves_V[1] - calibration.curves_V[0])
         total = total + half[:, :, None] * half[:, None, :]
@@ -173,7 +173,7 @@ class BoardTable:
         return np.array([space["decode"](left, right)[0] for left, right in volts.tolist()])
 
     def off_deg(self, calibration: Calibration) -> tuple[float, float]:
-        """Largest difference from the full decoder along the curve, in degrees and in standard uncertainties."""
+        """Largest deviation from the full decoder along the curve, in degrees and in standard uncertainties."""
         nodes = np.append(self.pieces[:, 0], self.pieces[-1, 0] + self.pieces[-1, 1])
         angle = np.linspace(nodes[0], nodes[-1], TRIED * len(self.pieces) + 1)[TRIED:-TRIED]
         volts = at_angles(calibration.angle_deg, calibration.curves_V.mean(axis=0)[None], angle)[0]
@@ -191,13 +191,13 @@ class DecodingTable(Result):
     sensor
         Name of the calibrated sensor.
     pieces
-        Number of straight pieces of the table.
+        Number of straight segments in the table.
     low_deg, high_deg
         Range of the table.
     off_deg
-        Largest difference from the full decoder along the curve.
+        Largest deviation from the full decoder along the curve.
     sigma
-        The same difference in standard uncertainties of an angle.
+        The same deviation in standard uncertainties of an angle.
     simulated
         Whether the calibration is based on simulated recordings.
     stimulus
@@ -223,4 +223,4 @@ class DecodingTable(Result):
         if self.sigma <= MOST_OFF:
             return ()
         off = f"{self.off_deg:.2g}{STIMULI[self.stimulus].sign}"
-        return (look_at(f"the table differs by up to {off} from the full decoder; use more --points"),)
+        return (look_at(f"the table deviates by up to {off} from the full decoder; use more --points"),)

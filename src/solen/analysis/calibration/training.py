@@ -1,4 +1,4 @@
-"""Input of a calibration: the rising and falling sweeps of each cycle, and their samples.
+"""Calibration input: the rising and falling sweeps of each cycle, and their samples.
 
 Public names: `training_of` and `Training`.
 """
@@ -26,14 +26,15 @@ LEAST_CYCLES = 2
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of the used cycles, including their holds.
+    """Samples of the used cycles, including holds.
 
     Attributes
     ----------
     angle_deg, volts
         Angles (n,), and voltages (n, 2): left, right.
     cycle, way
-        Index of the cycle, and the direction: 0 in a rising sweep or the hold after it, 1 in a falling one, (n,).
+        Cycle index, and the direction: 0 in a rising sweep or the following hold, 1 in a falling sweep or the following
+        hold, (n,).
     follows
         Whether the sample immediately follows the previous one, (n,).
     """
@@ -47,21 +48,22 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class Training:
-    """Sweeps and samples of one sensor.
+    """Sweeps and samples of a sensor.
 
     Attributes
     ----------
     label
-        Label of the sensor.
+        Sensor label.
     angle_deg
         Evenly spaced angles at which both receivers have a reading, (g,).
     cycles_V
-        Voltages (cycles, 2, g, 2): rising and falling; left and right. NaN where a sweep has no reading.
+        Voltages (cycles, 2, g, 2); axis 1 is rising, falling and the last axis left, right. NaN if a sweep has no
+        reading.
     samples
         Samples between the first and the last angle.
     rails_V
-        Lowest and highest voltage of left and right at which samples were clipped, (2, 2); NaN if none was clipped, or
-        if the recorder marks clipped readings itself.
+        Lowest and highest left and right voltages at which samples were clipped, (2, 2); NaN if none were clipped, or
+        if the recorder itself marks clipped readings.
     """
 
     label: str
@@ -83,12 +85,12 @@ class Training:
         return replace(self, cycles_V=self.cycles_V[kept], samples=samples)
 
     def curves_V(self) -> FloatArray:
-        """Mean over the cycles of the rising and of the falling sweeps, (2, g, 2)."""
+        """Mean of the rising and of the falling sweeps over the cycles, (2, g, 2)."""
         return mean_curves(self.cycles_V)
 
 
 def mean_curves(cycles_V: FloatArray) -> FloatArray:
-    """Mean over the first axis, ignoring NaN; a direction without readings is replaced by the other one."""
+    """Mean over the first axis, ignoring NaN; a direction without readings is replaced by the opposite direction."""
     held = np.isfinite(cycles_V)
     count = held.sum(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -101,7 +103,7 @@ def training_of(sensor: SensorResponse, *, whole: bool = False) -> Training:
     """Collect the sweeps and samples of an analysed sensor.
 
     With ``whole``, the range extends to the ends of the motion, which a grid of round numbers may not reach. Such a
-    sensor has a grid of its own and cannot be pooled.
+    sensor has a separate grid and cannot be pooled.
 
     Raises
     ------
@@ -115,9 +117,9 @@ def training_of(sensor: SensorResponse, *, whole: bool = False) -> Training:
         raise DataError(f"sensor {sensor.label}", limit=limit, remedy=remedy)
     cycles = sensor.passes.cycles
     if cycles < LEAST_CYCLES:
-        limit = f"has {cycles} usable cycle{'s' * (cycles != 1)}, but a calibration needs at least {LEAST_CYCLES}"
+        limit = f"has {cycles} usable cycle{'s' * (cycles != 1)}, but a calibration requires at least {LEAST_CYCLES}"
         raise DataError(
-            f"sensor {sensor.label}", limit=limit, remedy="record more cycles, or include the first one with --drop 0"
+            f"sensor {sensor.label}", limit=limit, remedy="record more cycles, or include the first cycle with --drop 0"
         )
     sensor, u_end = smoothed(sensor)
     ways = _to_the_ends(sensor, u_end) if whole else sensor.passes
@@ -134,7 +136,7 @@ def training_of(sensor: SensorResponse, *, whole: bool = False) -> Training:
 def _to_the_ends(sensor: SensorResponse, u_end: float) -> Passes:
     """Interpolate the sweeps on a grid over their common range, if the grid of the analysis does not reach its ends.
 
-    If the ends are means of noisy readings, with standard uncertainty ``u_end``, the range is extended by three of it.
+    If the ends are means of noisy readings, with standard uncertainty ``u_end``, the range is extended by 3 ``u_end``.
     """
     grid = sensor.passes.angle_deg
     near = _NEAR * (grid[1] - grid[0])
@@ -162,7 +164,7 @@ def _stretch(good: BoolArray) -> tuple[int, int]:
 
 
 def _samples(sensor: SensorResponse, sides: tuple[int, int], ends: tuple[float, float]) -> tuple[Samples, FloatArray]:
-    """Samples of all runs between two angles, without the clipped ones, and the voltages of the clipped ones."""
+    """Samples of all runs between two angles, excluding clipped samples, and the voltages of the clipped samples."""
     parts: list[tuple[FloatArray, FloatArray, IndexArray, IndexArray, BoolArray]] = []
     rails = np.full((2, 2), math.nan)
     cycle = 0
@@ -187,7 +189,7 @@ def _used(run: Run) -> list[IndexArray]:
 
 
 def _ways(motion: Motion, size: int) -> IndexArray:
-    """Direction of each sample: 0 from a rising ramp to the next ramp, 1 from a falling one, −1 before the first."""
+    """Direction of each sample: 0 from a rising ramp to the next, 1 from a falling ramp, −1 before the first ramp."""
     ways = np.full(size, -1, dtype=np.intp)
     starts = [ramp.start for ramp in motion.ramps]
     for ramp, stop in zip(motion.ramps, [*starts[1:], size], strict=True):
@@ -196,7 +198,7 @@ def _ways(motion: Motion, size: int) -> IndexArray:
 
 
 def _wider(rails: FloatArray, volts: FloatArray, clipped: BoolArray) -> FloatArray:
-    """Rails of each receiver, (2, 2), including those shown by samples clipped below or above the others."""
+    """Rails of each receiver, (2, 2), including those inferred from samples clipped below or above the others."""
     found = rails.copy()
     for place in range(2):
         flags = clipped[:, place]

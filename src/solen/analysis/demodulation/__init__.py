@@ -1,10 +1,10 @@
-"""Subtraction of ambient light: emitters switch on and off, and the light while they are off is subtracted.
+"""Subtraction of ambient light: emitters switch on and off, and the light measured while they are off is subtracted.
 
-Samples are grouped into slots, i.e. runs with a constant state of the emitters (`slots_of`). Each on slot gives a
-reading: its mean minus the ambient light at its time, interpolated linearly between the off slots before and after it
-(`subtract`). Without a column of states, the slots are detected in the waveform itself (`find_clock`). A formula gives
-the remaining ambient light at any frequency (`solen.analysis.demodulation.rejection`). No filter is applied unless
-requested: `averaged` computes the mean over whole periods of the mains.
+Samples are grouped into slots, i.e. runs with a constant emitter state (`slots_of`). Each "on" slot gives a reading:
+its mean minus the ambient light at its time, interpolated linearly between the "off" slots before and after it
+(`subtract`). Without a state column, the slots are detected in the waveform itself (`find_clock`). A formula gives the
+remaining ambient light at any frequency (`solen.analysis.demodulation.rejection`). No filter is applied unless
+requested: `averaged` computes the mean over whole mains periods.
 
 `demodulated` applies all steps to a recording.
 """

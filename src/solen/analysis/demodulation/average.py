@@ -1,8 +1,8 @@
-"""Means of readings over whole mains periods, which remove flicker that the subtraction does not.
+"""Means of readings over whole mains periods, which remove flicker that the subtraction does not remove.
 
-Lamps flicker at twice the mains frequency. At 200 readings a second, 100 Hz alternates from one reading to the next.
-The mean of four readings, one period of 50 Hz, removes it and all its multiples, except for those at 200 Hz itself.
-This is a filter: it is applied only on request, blocks do not overlap, and the result states their size.
+Lamps flicker at twice the mains frequency. At 200 readings per second, 100 Hz alternates from one reading to the next.
+The mean of four readings, one period of 50 Hz, removes it and all its multiples, except for multiples of 200 Hz. This
+is a filter: it is applied only on request, blocks do not overlap, and the result reports their size.
 """
 
 import math
@@ -24,7 +24,7 @@ NEAR = 0.02
 class Averaged:
     """Means of blocks of readings, like `Demodulated`; ``left_out`` readings belong to no complete block.
 
-    ``places`` are the indices of the readings of each block, (B, readings).
+    ``places`` contains the indices of the readings in each block, (B, readings).
     """
 
     time_s: FloatArray
@@ -42,20 +42,20 @@ def readings_per_mains(period_s: float, mains_hz: float) -> int:
     """Smallest number of readings that spans whole mains periods; `DataError` if no number up to 1000 does."""
     if not math.isfinite(period_s):
         raise DataError(
-            "mains", value=mains_hz, limit="requires at least two readings of an emitter", remedy="leave it out"
+            "mains", value=mains_hz, limit="requires at least two readings from an emitter", remedy="leave it out"
         )
     for readings in range(1, MOST_READINGS + 1):
         periods = readings * period_s * mains_hz
         if periods >= 1.0 - NEAR and abs(periods - round(periods)) <= NEAR:
             return readings
-    limit = f"no number of readings every {1e3 * period_s:.4g} ms spans whole periods of it"
+    limit = f"no number of readings every {1e3 * period_s:.4g} ms spans whole mains periods"
     raise DataError("mains", value=mains_hz, limit=limit, remedy="leave it out")
 
 
 def averaged(result: Demodulated, slots: Slots, readings: int) -> Averaged:
-    """Average blocks of successive readings of each emitter; blocks with a missing reading are omitted.
+    """Average blocks of successive readings from each emitter; blocks with a missing reading are omitted.
 
-    ``slots`` are the slots of these readings. Flicker that the means remove does not contribute to their uncertainty.
+    ``slots`` are the slots of these readings. Flicker that averaging removes does not contribute to the uncertainty.
     """
     parts = [_of_emitter(result, emitter, readings) for emitter in result.emitters]
     places = np.concatenate([np.empty((0, readings), dtype=np.intp), *parts])
@@ -75,7 +75,7 @@ def averaged(result: Demodulated, slots: Slots, readings: int) -> Averaged:
 
 
 def _u(result: Demodulated, slots: Slots, emitter: IntArray, readings: int) -> FloatArray:
-    """Uncertainty of the means; with one emitter, successive readings share the off slot between them."""
+    """Uncertainty of the means; with one emitter, successive readings share the "off" slot between them."""
     off = slots.time_s[slots.state == OFF]
     per_period = max(1, round(result.period_s / float(np.median(np.diff(off))))) if off.size > 1 else 1
     off_sd = slot_sd(slots, readings * per_period)

@@ -1,12 +1,12 @@
-"""Recovery of the emitters' clock from a waveform that was sampled while they switched.
+"""Recovery of the emitter clock from a waveform that was sampled while the emitters switched.
 
 The sum of all channels rises and falls with the emitters. Its phase at the switching frequency is determined block by
-block, and so follows a drift between the clocks of the emitters and the recorder. Folding the samples at that phase
-gives the shape of one period, and the edges are where it crosses half its height. The time of a sample then determines
-whether it is on, off or too close to an edge, regardless of its noise.
+block, and so follows a drift between the emitter and recorder clocks. Folding the samples at that phase gives the shape
+of one period; the edges are where this shape crosses half its height. The time of a sample then determines whether the
+emitters are on or off or the sample is too close to an edge, regardless of its noise.
 
-If several emitters take turns, each on and off once, the clock is that of the slots. An emitter is then identified by
-its position in the sequence, counted from the first on slot of the recording.
+If several emitters are switched in sequence, each on and off once, the detected clock is that of the slots. An emitter
+is then identified by its position in the sequence, counted from the first "on" slot in the recording.
 
 Public names: `find_clock`, `find_switching` and `Clock`.
 """
@@ -25,37 +25,39 @@ On = Literal["low", "high"]
 
 LEAST_PERIODS, BLOCK_PERIODS = 8, 32
 AT_EDGE = 0.45
-"""Sample intervals around an edge within which a sample may be on either side of it."""
+"""Distance from an edge, in sample intervals, within which a sample may be on either side of the edge."""
 LEAST_SAMPLES = 6
-"""Smallest number of samples in a period: an edge, a settled and a spare sample on each side."""
+"""Smallest number of samples in a period: an edge, a settled and a spare sample in each phase."""
 SEARCHED_SHARE, SEARCHED_S = 0.05, 10.0
-"""Half-width of the search range relative to the stated rate, and length of the part of the recording used for it."""
+"""Half-width of the search range relative to the specified rate, and length of the part of the recording that is
+searched.
+"""
 BINS = 200
 CLEAR, CERTAIN = 6.0, 20.0
-"""Smallest ratio of modulation to noise for a clock, and the ratio above which the clock is certain."""
+"""Ratio of modulation to noise above which a clock is detected, and ratio above which the clock is certain."""
 SMOOTH = 0.2
-"""Fraction of a period between on and off above which the modulation looks like flicker rather than a switch."""
+"""Transition time, as a fraction of a period, above which the modulation looks like flicker rather than a switch."""
 SLOWEST_HZ, TRIED = 15.0, 4
-"""Lowest rate searched if none is stated, above that of any motion, and the number of spectral lines tried."""
+"""Lowest rate searched if none is specified, faster than any motion, and the number of spectral lines tried."""
 
 
 class Clock(Result):
-    """Clock of the emitters, with the phases of N samples.
+    """Emitter clock, with the phases of N samples.
 
     Attributes
     ----------
     phase
-        Switching periods since the first edge to on, (N,); whole numbers are at these edges.
+        Switching periods since the first switch-on edge, (N,); whole numbers are at these edges.
     rate_hz, u_rate_hz
         Mean switching frequency on the recording's clock, and its standard uncertainty.
     wander_us
-        Largest distance of an edge from its position on a clock with a constant rate.
+        Largest deviation of an edge from its position on a clock with a constant rate.
     jitter_us
-        Standard uncertainty of the position of an edge.
+        Standard uncertainty of an edge position.
     on_share
-        Fraction of a period in which an emitter is on.
+        Fraction of a period for which an emitter is on.
     depth
-        Depth of the modulation in the sum of the channels, in their unit.
+        Modulation depth in the sum of the channels, in their unit.
     clearness
         Ratio of the modulation to its noise.
     between_share
@@ -73,10 +75,10 @@ class Clock(Result):
     between_share: float = 0.0
 
     def states(self, settle_s: float, emitters: int = 1) -> IntArray:
-        """State of each sample, (N,); samples that settle or are at an edge are dropped.
+        """State of each sample, (N,); samples that are settling or at an edge are dropped.
 
-        The positions of edges have a jitter, of which three standard uncertainties are excluded, and lie between two
-        samples. If the recorder and the emitters share a clock, the sample at an edge may be on either side of it.
+        Edge positions lie between two samples and have a jitter, of which three standard uncertainties are excluded. If
+        the recorder and the emitters share a clock, the sample at an edge may be on either side of the edge.
         """
         turns = np.floor(self.phase).astype(np.int64)
         inside = self.phase - turns
@@ -106,11 +108,11 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
     values
         Channels, (N, C), all of which change in the same direction with the light.
     rate_hz
-        Stated number of readings of one emitter per second; the true rate may differ by up to 5 %.
+        Nominal number of readings per second from one emitter; the true rate may differ by up to 5 %.
     on
-        Whether light makes the values low, as at a receiver that pulls a load down, or high.
+        Whether light makes the values low, as with a receiver that pulls a load down, or high.
     emitters
-        Number of emitters that take turns.
+        Number of emitters switched in sequence.
 
     Raises
     ------
@@ -125,11 +127,11 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
     middle, turns, clearness, level = _followed(start, signal, near)
     if clearness < CLEAR:
         limit = (
-            f"no clear modulation near it: the modulation is {clearness:.1f} times its noise, "
+            f"no clear modulation near this rate: the modulation is {clearness:.1f} times its noise, "
             f"but at least {CLEAR:g} times is needed"
         )
         raise DataError(
-            "rate_hz", value=rate_hz, limit=limit, remedy="state the rate, or record the switch state in a column"
+            "rate_hz", value=rate_hz, limit=limit, remedy="specify the rate, or record the switch state in a column"
         )
     slope, u_slope, rough = _line(middle, turns)
     phase = near * start + _between(middle, turns, start)
@@ -154,10 +156,10 @@ def find_clock(time_s: FloatArray, values: FloatArray, rate_hz: float, *, on: On
 
 
 def find_switching(time_s: FloatArray, values: FloatArray, on: On = "low") -> Clock | None:
-    """Find the clock in a waveform of one emitter with an unknown rate; None if it does not switch.
+    """Find the clock in a waveform from one emitter with an unknown rate; None if the emitter does not switch.
 
-    Times (N,) ascend, and the values (N, C) change in the same direction with the light. The strongest spectral lines
-    are tried in order.
+    Times (N,) are ascending, and the values (N, C) change in the same direction with the light. The strongest spectral
+    lines are tried in order.
     """
     step = float(np.median(np.diff(time_s)))
     if not step > 0.0 or 1.0 / step < LEAST_SAMPLES * SLOWEST_HZ:
@@ -198,11 +200,11 @@ def _check(time_s: FloatArray, rate_hz: float) -> None:
     per_period = (len(time_s) - 1) / (length * rate_hz)
     if per_period < LEAST_SAMPLES:
         limit = f"samples in a period of {rate_hz:g} Hz, but at least {LEAST_SAMPLES} are needed to determine the edges"
-        raise DataError("recording", value=round(per_period, 2), limit=limit, remedy="add a column of states (--state)")
+        raise DataError("recording", value=round(per_period, 2), limit=limit, remedy="add a state column (--state)")
 
 
 def _strongest(start: FloatArray, signal: FloatArray, rate_hz: float) -> float:
-    """Frequency of the strongest spectral line near the stated rate in the first seconds, by zero padding."""
+    """Frequency of the strongest spectral line near the specified rate in the first seconds, by zero padding."""
     last = max(int(np.searchsorted(start, SEARCHED_S)), 2)
     values = signal[:last] - signal[:last].mean()
     step = float(start[last - 1]) / (last - 1)
@@ -216,10 +218,10 @@ def _strongest(start: FloatArray, signal: FloatArray, rate_hz: float) -> float:
 def _followed(
     start: FloatArray, signal: FloatArray, rate_hz: float
 ) -> tuple[FloatArray, FloatArray, float, FloatArray]:
-    """Middle of each block, its phase relative to a clock with that rate, and the ratio of modulation to noise.
+    """Midpoint of each block, its phase relative to a clock with that rate, and the modulation-to-noise ratio.
 
-    The phase is in turns. The last value is the signal minus the mean of each block, which removes a drift of the
-    room's light.
+    The phase is in periods. The last returned value is the signal minus the mean of each block, which removes a drift
+    of the room light.
     """
     periods = min(BLOCK_PERIODS, max(2, int(start[-1] * rate_hz) // 4))
     block = np.minimum((start * rate_hz / periods).astype(np.int64), int(start[-1] * rate_hz / periods) - 1)
@@ -236,14 +238,14 @@ def _followed(
 
 
 def _noise(start: FloatArray, level: FloatArray, rate_hz: float, block: IntArray, count: IntArray) -> float:
-    """Noise of the blocks at three quarters of the line's frequency, where nothing that switches has a harmonic."""
+    """Noise of the blocks at three quarters of the line frequency, where a switched signal has no harmonic."""
     turning = np.exp(-2j * np.pi * 0.7309 * rate_hz * start)
     real, imaginary = (np.bincount(block, level * part) / count for part in (turning.real, turning.imag))
     return float(np.median(np.hypot(real, imaginary)))
 
 
 def _line(middle: FloatArray, turns: FloatArray) -> tuple[float, float, float]:
-    """Slope of the phase in Hz with its uncertainty, and the noise of a block's phase in turns, without drift."""
+    """Slope of the phase in Hz with its uncertainty, and the noise of a block's phase in periods, without drift."""
     if len(middle) < 3:
         return float((turns[-1] - turns[0]) / (middle[-1] - middle[0])) if len(middle) > 1 else 0.0, np.inf, 0.0
     bends = turns[1:-1] - 0.5 * (turns[:-2] + turns[2:])
@@ -254,7 +256,7 @@ def _line(middle: FloatArray, turns: FloatArray) -> tuple[float, float, float]:
 
 
 def _between(middle: FloatArray, turns: FloatArray, start: FloatArray) -> FloatArray:
-    """Phase at every sample, interpolated between the middles of the blocks and extrapolated at both ends."""
+    """Phase at every sample, interpolated between the block midpoints and extrapolated at both ends."""
     if len(middle) == 1:
         return np.full_like(start, turns[0])
     found = np.interp(start, middle, turns)
@@ -266,7 +268,7 @@ def _between(middle: FloatArray, turns: FloatArray, start: FloatArray) -> FloatA
 
 
 def _folded(phase: FloatArray, signal: FloatArray, turns: int = 1) -> FloatArray:
-    """Mean signal over the phase, in bins of one period or of several."""
+    """Mean signal over the phase, in bins of one or several periods."""
     bins = turns * BINS
     place = np.floor((phase % turns) * BINS).astype(np.int64) % bins
     count = np.bincount(place, minlength=bins)
@@ -276,7 +278,7 @@ def _folded(phase: FloatArray, signal: FloatArray, turns: int = 1) -> FloatArray
 
 
 def _between_share(phase: FloatArray, signal: FloatArray, emitters: int) -> float:
-    """Fraction of a period in which the signal is between a quarter and three quarters of each emitter's own height."""
+    """Fraction of a period in which the signal is between a quarter and three quarters of each emitter's height."""
     waves = _folded(phase, signal, emitters).reshape(emitters, BINS)
     low, high = np.percentile(waves, [10, 90], axis=1)
     above = waves - 0.5 * (low + high)[:, None]
@@ -288,18 +290,18 @@ def _levels(folded: FloatArray) -> tuple[float, float]:
 
 
 def _check_once(folded: FloatArray, rate_hz: float) -> None:
-    """Raise `DataError` if a period contains several on phases: the rate is then a fraction of the true rate."""
+    """Raise `DataError` if a period contains several "on" phases: the rate is then a fraction of the true rate."""
     low, high = _levels(folded)
     marks = np.where(folded > low + 0.7 * (high - low), 1, np.where(folded < low + 0.3 * (high - low), -1, 0))
     marks = marks[marks != 0]
     rises = int(np.sum((marks == 1) & (np.roll(marks, 1) == -1)))
     if rises > 1:
-        limit = f"a period of it contains {rises} on phases"
+        limit = f"one period at this rate contains {rises} on phases"
         raise DataError("rate_hz", value=rate_hz, limit=limit, remedy=f"try {rises * rate_hz:g}, or more emitters")
 
 
 def _edges(folded: FloatArray) -> tuple[float, float, float]:
-    """Phase of the rising edge of the folded signal, fraction of it above half its height, and its height."""
+    """Phase of the rising edge in the folded signal, fraction of the signal above half height, and signal height."""
     low, high = _levels(folded)
     above = folded - 0.5 * (low + high)
     rise, fall = _crossing(above), _crossing(-above)
@@ -314,7 +316,7 @@ def _crossing(above: FloatArray) -> float:
         raise DataError(
             "waveform",
             limit="shows no edge at that rate",
-            remedy="state the rate, or record the switch state in a column",
+            remedy="specify the rate, or record the switch state in a column",
         )
     width = 3
     climb = [

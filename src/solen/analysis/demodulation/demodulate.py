@@ -1,4 +1,4 @@
-"""A recording demodulated: readings without ambient light, missing data, and the rejection of the subtraction.
+"""Demodulation of a recording: readings without ambient light, missing data, and the rejection of the subtraction.
 
 Public names: `demodulated`, `Demodulation` and `readings_csv`.
 """
@@ -23,12 +23,12 @@ from solen.recording import Provenance, Recording
 from solen.results import HIDDEN, Result
 
 REPORTED_HZ = (1.0, 10.0, 50.0, 60.0, 100.0, 120.0)
-"""Frequencies of ambient light whose rejection is reported."""
+"""Ambient light frequencies for which the rejection is reported."""
 SWAPPED, LEAST_TO_COMPARE = 2.0, 20
 
 
 class EmitterReadings(Result):
-    """Readings of one channel and emitter: mean, scatter, uncertainty of one reading, and number of clipped ones."""
+    """Readings of a channel for one emitter: mean, scatter, uncertainty of a reading, and number clipped."""
 
     mean: float
     sd: float
@@ -37,18 +37,18 @@ class EmitterReadings(Result):
 
 
 class ChannelReadings(Result):
-    """Readings of one channel, in its unit.
+    """Readings of a channel, in the channel's unit.
 
     Attributes
     ----------
     unit
-        Unit of the channel; empty if unknown.
+        Channel unit; empty if unknown.
     emitters
-        Readings of each emitter, by its number.
+        Readings for each emitter, by emitter number.
     mean_ambient, sd_ambient
         Mean and standard deviation of the subtracted values.
     sd_slot
-        Noise of an off slot that the subtraction leaves.
+        Noise of an "off" slot that the subtraction leaves.
     """
 
     unit: str
@@ -59,7 +59,7 @@ class ChannelReadings(Result):
 
 
 class Rejection(Result):
-    """Rejection of ambient light at a frequency, from its formula; also with a mean over mains periods."""
+    """Ambient light rejection at a frequency, from its formula; also with a mean over mains periods."""
 
     frequency_hz: float
     two_sided_dB: float
@@ -75,19 +75,19 @@ class Demodulation(Result):
     switched
         The recording, its slots and readings.
     options
-        Options of the demodulation.
+        Demodulation options.
     flicker
-        Flicker of lamps, fitted to the off phases of a waveform and subtracted; None without flicker.
+        Lamp flicker, fitted to the "off" phases of a waveform and subtracted; None without flicker.
     method
-        Source of the emitters' states: ``states`` or ``waveform``.
+        Source of the emitter states: ``states`` or ``waveform``.
     clock, off_stated_ppm
-        Clock of the emitters and its deviation from the stated rate, if detected in the waveform.
+        Emitter clock and its deviation from the specified rate, if detected in the waveform.
     rate_hz
-        Readings of one emitter per second; None with fewer than two.
+        Readings per second from one emitter; None with fewer than two.
     readings_kept, readings_averaged
-        Number of readings (or of means), and of readings averaged in each.
+        Number of readings (or means) that are returned, and number of readings averaged in each.
     samples_per_slot, window_s
-        Typical samples per slot, and the averaging time.
+        Typical number of samples per slot, and the averaging time.
     settle_us
         Time omitted after each switch.
     counts
@@ -97,7 +97,7 @@ class Demodulation(Result):
     channels
         Readings of each channel, by name.
     rejection
-        Rejection at each frequency; empty with fewer than two readings of an emitter.
+        Rejection at each frequency; empty if an emitter has fewer than two readings.
     simulated
         Whether the recording is simulated.
     sources
@@ -128,7 +128,7 @@ class Demodulation(Result):
 
     @property
     def samples(self) -> Samples:
-        """Samples of the recording."""
+        """Samples in the recording."""
         return self.switched.samples
 
     @property
@@ -138,7 +138,7 @@ class Demodulation(Result):
 
     @property
     def means(self) -> Averaged | None:
-        """Means of readings over whole mains periods; None unless these were needed."""
+        """Means of readings over whole mains periods; None unless means were needed."""
         return self.switched.means
 
 
@@ -232,7 +232,7 @@ def _warnings(result: Switched) -> list[Caution]:
     ]
 
 
-_LEFT_OUT = "{} readings do not fill a whole period of the mains and are omitted from the means"
+_LEFT_OUT = "{} readings do not fill a whole mains period and are omitted from the means"
 
 
 def _count_warnings(readings: Demodulated) -> list[Caution]:
@@ -246,18 +246,16 @@ def _count_warnings(readings: Demodulated) -> list[Caution]:
         warnings.append(look_at(f"{counts.without_off} on slots have no off slot nearby and give no reading"))
     if counts.one_sided > 2 * len(readings.emitters):
         one_sided = (
-            "readings have an off slot on one side only, so a linear change of the ambient "
+            "readings have an off slot on one side only, so a linear change in the ambient "
             "light is not removed from them"
         )
         warnings.append(look_at(f"{counts.one_sided} {one_sided}"))
     if counts.emptied:
-        warnings.append(
-            look_at(f"{counts.emptied} slots have no sample left after settling: use a shorter --settle-us")
-        )
+        warnings.append(look_at(f"{counts.emptied} slots contain no samples after settling: use a shorter --settle-us"))
     if counts.clipped:
         clipped = (
             f"{counts.clipped} of {len(readings.time_s)} readings contain samples at a limit of their "
-            "channel; light of the "
+            "channel; light from the "
             "emitter or the room beyond the limit is not recorded (see --low and --high)"
         )
         warnings.append(look_at(clipped))
@@ -269,8 +267,7 @@ def _noise_warnings(readings: Demodulated) -> list[Caution]:
         return [look_at("fewer than three off slots: the uncertainties are unknown")]
     if not np.nanmax(readings.slot_sd) > 0.0:
         still = (
-            "off slots never change: the noise is smaller than the step of the converter, "
-            "and uncertainties of 0 are not real"
+            "off slots never change: the noise is smaller than the converter step, and uncertainties of 0 are not real"
         )
         return [look_at(still)]
     return []
@@ -280,7 +277,7 @@ def _clock_warnings(clock: Clock) -> list[Caution]:
     warnings = []
     if clock.between_share > SMOOTH:
         slow = (
-            f"{100.0 * clock.between_share:.0f} % of a period is between on and off, which indicates "
+            f"the transitions between on and off take {100.0 * clock.between_share:.0f} % of a period, which indicates "
             "flicker or a slow receiver "
             "rather than an emitter that switches"
         )
@@ -293,14 +290,14 @@ def _clock_warnings(clock: Clock) -> list[Caution]:
 
 
 def swapped(samples: Samples, readings: Demodulated) -> list[Caution]:
-    """Warning if the off phases vary more than the on phases, as if the two were swapped."""
+    """Warning if the "off" phases vary more than the "on" phases, as if the two were swapped."""
     with np.errstate(invalid="ignore"):
         off, on = (np.nanstd(one, axis=0) for one in (readings.ambient, readings.ambient + readings.signal))
     if len(readings.time_s) < LEAST_TO_COMPARE or not (off > SWAPPED * on).all():
         return []
-    remedy = "the column of states" if samples.clock is None else "--on"
+    remedy = "the state column" if samples.clock is None else "--on"
     varies = (
-        f"readings with the state off vary more than {SWAPPED:g} times as much as those with the state on; "
+        f"readings with the emitter off vary more than {SWAPPED:g} times as much as those with the emitter on; "
         "the emitter's light "
         f"follows the motion but ambient light does not, so on and off may be swapped ({remedy})"
     )
@@ -310,8 +307,8 @@ def swapped(samples: Samples, readings: Demodulated) -> list[Caution]:
 def readings_csv(result: Demodulation, recording: Recording) -> str:
     """Format the readings as CSV: time, emitter, and each channel's signal, uncertainty, ambient light and clipping.
 
-    Other columns of the recording follow, averaged over the samples of each reading. The last column is the averaging
-    time of a reading, unless a reading is a single sample.
+    The other columns of the recording follow, averaged over the samples in each reading. The last column is the
+    averaging time of a reading, unless a reading is a single sample.
     """
     kept, options = result.switched.kept, result.options
     columns: dict[str, list[float]] = {"time_s": kept.time_s.tolist(), "emitter": kept.emitter.tolist()}
@@ -340,7 +337,7 @@ def readings_csv(result: Demodulation, recording: Recording) -> str:
 
 
 def _format(head: str) -> Callable[[Any], str]:
-    """Format of a column: integers without decimals, times to the microsecond, missing values empty."""
+    """Format a column: integers without decimals, times to the microsecond, missing values empty."""
     if head == "emitter" or head.startswith("clipped_"):
         return lambda value: str(int(value))
     digits = ".6f" if head == "time_s" else ".9g"

@@ -1,16 +1,16 @@
-"""Flicker of lamps in a waveform, fitted to the samples while the emitters are off, and subtracted from all samples.
+"""Lamp flicker in a waveform, fitted to the samples while the emitters are off, and subtracted from all samples.
 
 Lamps flicker at twice the mains frequency, and wires pick up the mains itself. In readings at 200 Hz, 100 Hz alternates
-from one reading to the next, which no difference of slots can remove. The samples inside the slots can remove it,
-because those of the off slots show only the ambient light. Sines at multiples of the mains frequency are fitted to them
-in overlapping windows of a third of a second, short enough to follow slow changes of a lamp. The change of phase from
-window to window gives the frequency. The fit is also subtracted from the samples of the on slots. Nothing is averaged
-over time, so the motion of a sensor is not smeared.
+from one reading to the next, so no difference between slots can remove it. The samples inside the "off" slots can,
+because they show only the ambient light. Sines at multiples of the mains frequency are fitted to these samples in
+overlapping windows of a third of a second, short enough to follow slow changes of a lamp. The phase change from window
+to window gives the frequency. The fit is also subtracted from the samples in the "on" slots. Nothing is averaged over
+time, so the motion of a sensor is not smeared.
 
 A multiple at the switching rate looks like the emitter's light, and a window is too short to separate the two. The
-whole recording is long enough: this multiple keeps its amplitude and phase relative to the lamp's fundamental, which is
-known. If the two hardly drift relative to each other, only the shape inside the off slots shows this multiple; the
-first part of each slot, in which a slow receiver may still settle, is then not used.
+entire recording is long enough: this multiple has a constant amplitude and phase relative to the lamp's fundamental,
+which is known. If the two hardly drift relative to each other, only the shape inside the "off" slots shows this
+multiple; the first part of each slot, in which a slow receiver may still be settling, is then not used.
 
 Public names: `find_flicker` and `Flicker`.
 """
@@ -25,18 +25,18 @@ from solen.results import HIDDEN, Result
 
 MAINS_HZ = (50.0, 60.0)
 ORDERS, LAMP = (1, 2, 4), 2
-"""Fitted multiples of the mains (others alias to these in slots of 200 Hz), and the multiple of a lamp."""
+"""Fitted multiples of the mains frequency (others alias to these in slots at 200 Hz), and the multiple of a lamp."""
 WINDOW_S, FEWEST = 0.32, 30
-"""Length of a window, and the smallest number of off samples per number fitted in it."""
+"""Length of a window, and the smallest number of "off" samples per fitted parameter."""
 CLEAR, SHARE = 8.0, 0.02
 """Smallest ratio of a sine's power to its uncertainty, and smallest amplitude relative to the strongest sine."""
 NEAR_RATE_HZ = 6.0
 """Smallest distance of a sine from a multiple of the switching rate that a window can resolve."""
 DISTURBED = 6.0
-"""Ratio to the typical residual variance above which a window is disturbed, e.g. by a lamp that was switched on."""
+"""Ratio to the typical residual variance above which a window is disturbed, e.g. by a lamp being switched on."""
 TURNED, SETTLING = 2.0, 0.4
-"""Turns by which a multiple must drift relative to the rate; with less drift, this first part of each off slot is not
-used.
+"""Periods by which a multiple must drift relative to the rate; with less drift, this first fraction of each "off"
+slot is not used.
 """
 
 _Complex = np.ndarray[tuple[int, ...], np.dtype[np.complex128]]
@@ -48,11 +48,11 @@ class Flicker(Result):
     Attributes
     ----------
     mains_hz
-        Frequency of the mains on the recording's clock.
+        Mains frequency on the recording's clock.
     multiples
         Multiples of the mains frequency that were subtracted.
     amplitude
-        Amplitude of the strongest multiple in each channel, in its unit, (C,).
+        Amplitude of the strongest multiple in each channel, in the channel's unit, (C,).
     values
         Value subtracted from each sample, (N, C).
     """
@@ -71,18 +71,18 @@ def find_flicker(
     mains_hz: tuple[float, ...] = MAINS_HZ,
     used: BoolArray | None = None,
 ) -> Flicker | None:
-    """Find flicker in samples; None if no multiple of the mains is significant.
+    """Find flicker in samples; None if no multiple of the mains frequency is significant.
 
     Parameters
     ----------
     time_s, values, state
         Samples, (N,), (N, C) and (N,).
     rate_hz
-        Rate of the on slots.
+        Rate of the "on" slots.
     mains_hz
-        Nominal frequencies; the one with the clearest sines is chosen.
+        Nominal mains frequencies; the frequency with the clearest sines is chosen.
     used
-        Mask of usable samples, i.e. those not at a limit, (N,).
+        Mask of usable samples, i.e. samples that are not at a limit, (N,).
     """
     off = (state == OFF) & np.isfinite(values).all(axis=1)
     if used is not None:
@@ -102,7 +102,7 @@ def find_flicker(
 
 
 def _late(state: IntArray) -> BoolArray:
-    """Samples that are not in the first part of a run of one state."""
+    """Samples that are not in the first part of a run with one state."""
     starts = np.flatnonzero(np.diff(state, prepend=state[0] - 1))
     lengths = np.diff(np.append(starts, state.size))
     inside = np.arange(state.size) - np.repeat(starts, lengths)
@@ -116,14 +116,14 @@ def _distance_hz(hz: float, rate_hz: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _OffSamples:
-    """Off samples, (n,) and (n, C), and a mask of those not at the beginning of a slot."""
+    """Samples with the emitters off, (n,) and (n, C), and a mask of those not at the beginning of a slot."""
 
     time_s: FloatArray
     values: FloatArray
     late: BoolArray
 
     def windows(self) -> list[tuple[float, slice]]:
-        """Middle and samples of windows that overlap by half."""
+        """Midpoints and samples of windows that overlap by half."""
         if not self.time_s.size:
             return []
         hop = 0.5 * WINDOW_S
@@ -135,7 +135,7 @@ class _OffSamples:
         return [(float(t), slice(int(a), int(b))) for t, a, b in zip(middles, *places, strict=True)]
 
     def without_means(self, values: FloatArray) -> FloatArray:
-        """Values at the off samples (n, k) minus their mean over each half window."""
+        """Values at the "off" samples (n, k) minus their mean over each half window."""
         place = ((self.time_s - self.time_s[0]) / (0.5 * WINDOW_S)).astype(np.int64)
         count = np.maximum(np.bincount(place), 1)
         return np.column_stack([one - (np.bincount(place, one) / count)[place] for one in values.T])
@@ -143,7 +143,7 @@ class _OffSamples:
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Sines in windows: middles (w,), complex amplitudes (w, orders, C), and the clearness of the clearest sine."""
+    """Sines in windows: midpoints (w,), complex amplitudes (w, orders, C), and the highest significance of a sine."""
 
     mains_hz: float
     free: tuple[int, ...]
@@ -159,18 +159,18 @@ class _Fit:
         return np.asarray(np.sqrt(self.power))
 
     def order(self, time_s: FloatArray, order: int) -> _Complex:
-        """Complex sine of an order at given times, (n, C), interpolated between the middles of the windows."""
+        """Complex sine of an order at the specified times, (n, C), interpolated between the window midpoints."""
         own = self.sines[:, self.orders.index(order)]
         turning = np.exp(2j * np.pi * self.mains_hz * order * time_s)[:, None]
         slow = [np.interp(time_s, self.middle_s, part) for one in own.T for part in (one.real, one.imag)]
         return np.asarray(np.column_stack([a + 1j * b for a, b in zip(slow[::2], slow[1::2], strict=True)]) * turning)
 
     def at(self, time_s: FloatArray) -> FloatArray:
-        """Sum of all orders at given times, (n, C)."""
+        """Sum of all orders at the specified times, (n, C)."""
         return np.asarray(sum(self.order(time_s, order).real for order in self.orders))
 
     def multiple(self, time_s: FloatArray, off_samples: _OffSamples, times: int, drifts: bool) -> FloatArray:
-        """Fitted multiple of the lamp's phase at given times, with the amplitude variation of the lamp, (n, C)."""
+        """Fitted multiple (n, C) of the lamp's phase at the specified times, with the lamp's amplitude variation."""
         if not drifts:
             off_samples = rows_of(off_samples, off_samples.late)
         left = off_samples.without_means(off_samples.values - self.at(off_samples.time_s))
@@ -185,7 +185,7 @@ class _Fit:
 
 
 def _powers(sine: _Complex, times: int) -> _Complex:
-    """Sine of a multiple of the phase, with the amplitude of the sine itself."""
+    """Sine of a multiple of the phase, with the original sine's amplitude."""
     height = np.abs(sine)
     return np.asarray(height * (sine / np.where(height > 0.0, height, 1.0)) ** times)
 
@@ -213,7 +213,7 @@ def _fitted(off_samples: _OffSamples, nominal: float, rate_hz: float) -> _Fit | 
 
 @dataclass(frozen=True, eq=False)
 class _Sines:
-    """Sines of windows: middles (w,), complex amplitudes at time zero (w, k, C), and their variances (w, k, C)."""
+    """Sines in windows: midpoints (w,), complex amplitudes at time zero (w, k, C), and their variances (w, k, C)."""
 
     middle_s: FloatArray
     heights: _Complex
@@ -257,7 +257,7 @@ def _sines(off_samples: _OffSamples, mains_hz: float, orders: tuple[int, ...]) -
 
 
 def _drift_hz(sines: _Sines, place: int) -> float:
-    """Frequency offset of an order, from its change of phase between windows."""
+    """Frequency offset of an order, from its phase change between windows."""
     own = sines.heights[:, place]
     steps = np.diff(sines.middle_s)
     if not steps.size:

@@ -1,9 +1,9 @@
 """Processing of samples and their states into readings, common to all commands.
 
-Samples at a limit are marked as recorded, before anything is subtracted. The flicker of lamps is subtracted if the
-samples inside slots show it. Slots of a single sample do not show it; on request, their readings are averaged over
-whole periods of the mains. Slots are then averaged, and a reading is on minus off. Other recorded columns, e.g. the
-angle of a stage, are averaged over the same samples as the reading.
+Samples at a limit are marked in the recorded values, before anything is subtracted. Lamp flicker is subtracted if the
+samples inside slots show it. Slots of a single sample do not show flicker; on request, their readings are averaged over
+whole mains periods. Slots are then averaged, and a reading is the "on" slot minus the "off" slots. Other recorded
+columns, e.g. a stage angle, are averaged over the same samples as the reading.
 
 Public names: `switched`, `Switched` and `limits_of`.
 """
@@ -21,29 +21,29 @@ from solen.analysis.demodulation.subtract import Demodulated, subtract
 from solen.arrays import BoolArray, FloatArray
 
 DISTINCT, AT_EXTREME = 100, 4
-"""Clipping is detected in channels with at least this many distinct values and samples at the extreme, respectively."""
+"""Smallest numbers of distinct values and of samples at the extreme in a channel for clipping to be detected."""
 DENSE = 4
-"""Smallest number of samples in a slot that show flicker inside it."""
+"""Smallest number of samples in a slot for flicker to be visible inside it."""
 RESTING = 0.5
-"""Fraction of off samples at one extreme above which this extreme is the channel's dark level."""
+"""Fraction of "off" samples at one extreme above which this extreme is the channel's dark level."""
 
 
 @dataclass(frozen=True, eq=False)
 class Switched:
-    """Readings, with the slots and samples that they were computed from.
+    """Readings, with the slots and samples from which they were computed.
 
     Attributes
     ----------
     samples, slots, readings
         The recording, its slots and all readings.
     means
-        Means of readings over whole mains periods; None unless these were needed.
+        Means of readings over whole mains periods; None unless means were needed.
     flicker
         Interference subtracted from the samples; None if there was none.
     limits
         Lowest and highest value of each channel, both (C,); infinite if unknown.
     clipped
-        Number of samples of each channel at a limit, (C,).
+        Number of samples at a limit in each channel, (C,).
     dark_at_limit
         Whether each channel is at a limit while the emitters are off, (C,).
     """
@@ -74,7 +74,7 @@ class Switched:
         return self.slot_s if self.means is None else self.means.readings * self.readings.period_s
 
     def beside(self, values: FloatArray) -> FloatArray:
-        """Means (M, k) of other samples (N, k) over the samples of each reading."""
+        """Means (M, k) of other columns (N, k) over the samples in each reading."""
         other = _slots(self.samples, values)
         own = other.mean[self.readings.slot]
         return own if self.means is None else np.asarray(own[self.means.places].mean(axis=1))
@@ -87,14 +87,14 @@ def switched(
     mains_hz: float | None = None,
     rails: tuple[float | None, float | None] = (None, None),
 ) -> Switched:
-    """Compute the readings of samples.
+    """Compute readings from samples.
 
     Parameters
     ----------
     samples
         Samples with their states.
     kernel
-        Off slots that are subtracted.
+        "Off" slots that are subtracted.
     mains_hz
         Mains frequency of flickering lamps; None to detect it, 0 to ignore flicker.
     rails
@@ -103,7 +103,7 @@ def switched(
     Raises
     ------
     DataError
-        If there is nothing to subtract, or no number of readings spans whole periods of the mains.
+        If there is nothing to subtract, or no number of readings spans whole mains periods.
     """
     limits, resting = limits_of(samples, rails)
     at_limit = at_limits(samples.values, limits) & ~(resting & (samples.state == OFF)[:, None])
@@ -124,13 +124,13 @@ def switched(
 
 
 def _slots(samples: Samples, values: FloatArray, at_limit: BoolArray | None = None) -> Slots:
-    """Slots of further values recorded with the samples."""
+    """Slots of additional values recorded with the samples."""
     settle_s, gap_s = samples.slot_settle_s, samples.gap_s
     return slots_of(samples.time_s, values, samples.state, settle_s=settle_s, clipped=at_limit, gap_s=gap_s)
 
 
 def _rate_hz(slots: Slots) -> float:
-    """Rate of on slots."""
+    """Rate of the "on" slots."""
     on = slots.time_s[slots.state > OFF]
     return 1.0 / float(np.median(np.diff(on))) if on.size > 1 else np.inf
 
@@ -138,10 +138,10 @@ def _rate_hz(slots: Slots) -> float:
 def limits_of(
     samples: Samples, rails: tuple[float | None, float | None] = (None, None)
 ) -> tuple[tuple[FloatArray, FloatArray], BoolArray]:
-    """Clipping limits of each channel, both (C,), and whether each channel is at one of them in the dark.
+    """Clipping limits of each channel, both (C,), and whether each channel is at one of its limits in the dark.
 
-    The limits are as stated, or detected from the frequency of extremes. The usual dark value is the circuit's level
-    without light; only samples with a different value can be clipped.
+    The limits are as specified, or detected from the frequency of extreme values. The most frequent dark value is the
+    circuit's level without light; only samples with a different value can be clipped.
     """
     low, high = (np.full(samples.values.shape[1], end) for end in (-np.inf, np.inf))
     resting = np.zeros(low.size, dtype=bool)
@@ -166,7 +166,7 @@ def _off_and_on(samples: Samples) -> tuple[BoolArray, BoolArray]:
 
 
 def _upper_limit(values: FloatArray) -> float:
-    """Largest value, if it occurs far more often in a channel than the next one; otherwise inf."""
+    """Largest value, if it occurs far more often in a channel than the next largest value; otherwise inf."""
     count = int((values == values.max()).sum())
     distinct = np.unique(values[:: max(1, len(values) // 100_000)])
     if count < AT_EXTREME or len(distinct) < DISTINCT:

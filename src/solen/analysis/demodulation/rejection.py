@@ -1,15 +1,15 @@
-"""Ambient light that remains after a subtraction, by its frequency.
+"""Ambient light that remains after subtraction, as a function of its frequency.
 
-Let an on slot of width W be repeated with period P, and let the off slots be half a period before and after it. Light a
-cos(ωt) then leaves, in readings taken at all phases, an amplitude of at most a times
+Let an "on" slot of width W be repeated with period P, and let the "off" slots be half a period before and after it.
+Light of the form a cos(ωt) then leaves, in readings taken at all phases, an amplitude of at most a times
 
     one-sided   2 |sin(ωP/4)| · |sinc|          two-sided   (1 − cos(ωP/2)) · |sinc| = 2 sin²(ωP/4) · |sinc|
 
-with sinc = sin(ωW/2)/(ωW/2) from averaging within a slot. Both remove constant light. Towards 0, two-sided falls with
-ω² and one-sided with ω, so only two-sided also removes a linear change. At ωP = π (100 Hz flicker at 200 readings a
-second), one-sided amplifies it by 3 dB and two-sided leaves it unchanged, apart from the factor sinc: the choice of off
-slots does not help, but a mean over whole periods of the mains does. At ωP = 2π, the switching rate, ambient light
-looks like the emitter's light.
+with sinc = sin(ωW/2)/(ωW/2) from averaging within a slot. Both remove constant light. As ω approaches 0, the two-sided
+amplitude falls as ω² and the one-sided as ω, so only two-sided subtraction also removes a linear change. At ωP = π (100
+Hz flicker at 200 readings per second), one-sided subtraction amplifies it by 3 dB and two-sided leaves it unchanged,
+apart from the sinc factor: the choice of "off" slots does not help, but a mean over whole mains periods does. At ωP =
+2π, the switching rate, ambient light looks like the emitter's light.
 
 Public names: `gain`, `rejection_dB` and `mean_gain`.
 """
@@ -32,13 +32,13 @@ def gain(
     Parameters
     ----------
     frequency_hz
-        Frequency of the light, of any shape.
+        Frequency of the light, as an array of any shape.
     period_s
-        Time between on slots; the off slots are midway between them.
+        Time between "on" slots; the "off" slots are midway between them.
     window_s
         Averaging time of a slot; 0 for a single sample.
     kernel
-        Off slots that are subtracted.
+        "Off" slots that are subtracted.
     """
     turn = 2.0 * np.pi * np.asarray(frequency_hz, dtype=float)
     inside = np.abs(np.sinc(turn * window_s / (2.0 * np.pi)))
@@ -47,7 +47,7 @@ def gain(
 
 
 def mean_gain(frequency_hz: FloatArray | float, period_s: float, readings: int) -> FloatArray:
-    """Amplitude that the mean of n successive readings leaves of an amplitude of 1: sin(nωP/2)/(n sin(ωP/2))."""
+    """Amplitude that remains in the mean of n successive readings for an amplitude of 1: sin(nωP/2)/(n sin(ωP/2))."""
     half = np.pi * np.asarray(frequency_hz, dtype=float) * period_s
     bottom = readings * np.sin(half)
     flat = np.abs(bottom) < 1e-9

@@ -1,4 +1,4 @@
-"""Samples of several channels with the state of the emitters at each, from the columns of a recording.
+"""Samples of several channels and the emitter state at each sample, from the columns of a recording.
 
 Public names: `samples_of`, `DemodulationOptions`, `Samples` and `other_columns`.
 """
@@ -24,7 +24,7 @@ STATES = ("state", "emitter", "led", "emitter state")
 VOLTAGES = ("V", "mV", "µV")
 OFF_WORDS, ON_WORDS = ("off", "dark", "aus", "0", "false"), ("on", "light", "an", "ein", "1", "true")
 DEFAULT_SETTLE_US = 300.0
-"""Time omitted after a switch in a waveform: some ten time constants at 2 kΩ."""
+"""Time omitted after a switch in a waveform: about ten time constants at 2 kΩ."""
 
 
 class DemodulationOptions(Options):
@@ -35,11 +35,13 @@ class DemodulationOptions(Options):
     time: str | None = None
     """Time column; default: the column whose header denotes time."""
     state: str | None = None
-    """Column that states which emitter is on: 0 or off for none. Default: a column called state, emitter or led."""
+    """Column with the number of the emitter that is on: 0 or off for none. Default: a column called state, emitter
+    or led.
+    """
     rate_hz: Finite | None = Field(None, gt=0)
-    """Readings of one emitter per second; the edges are then found in the waveform itself."""
+    """Readings per second from one emitter; the edges are then found in the waveform itself."""
     emitters: int = Field(1, ge=1)
-    """Number of emitters that take turns in a waveform, each followed by an off phase."""
+    """Number of emitters that are switched in sequence in a waveform, each followed by an off phase."""
     on: On = "low"
     """Whether light makes the readings low, as with the paper's receivers, or high."""
     settle_us: Finite | None = Field(None, ge=0)
@@ -51,17 +53,17 @@ class DemodulationOptions(Options):
     mains_hz: Finite | None = Field(None, ge=0)
     """Mains frequency of flickering lamps, 50 or 60. Default: detected in a waveform, whose flicker is fitted to the
     off phases and subtracted. With single samples per slot, readings are averaged over whole mains periods only
-    if this is stated. 0 ignores flicker.
+    if this frequency is specified. 0 ignores flicker.
     """
     low: Finite | None = None
-    """Value at and below which a channel is clipped; default: detected from its extremes."""
+    """Value at or below which a channel is clipped; default: detected from its extreme values."""
     high: Finite | None = None
-    """Value at and above which a channel is clipped; default: detected from its extremes."""
+    """Value at or above which a channel is clipped; default: detected from its extreme values."""
 
     @model_validator(mode="after")
     def _check_state(self) -> Self:
         if self.state is not None and self.rate_hz is not None:
-            limit = "has no effect with --state, which states when an emitter is on"
+            limit = "has no effect with --state, which specifies when an emitter is on"
             raise refused("rate_hz", limit, value=self.rate_hz, remedy="omit one of the two")
         return self
 
@@ -94,7 +96,7 @@ class Samples:
 
     @property
     def slot_settle_s(self) -> float:
-        """Time to discard at the beginning of a slot; 0 if the states of a clock already exclude it."""
+        """Time to discard at the beginning of a slot; 0 if the clock's states already exclude it."""
         return self.settle_s if self.clock is None else 0.0
 
     @property
@@ -104,12 +106,12 @@ class Samples:
 
     @property
     def rate_hz(self) -> float | None:
-        """Rate of the on slots from the clock."""
+        """Rate of the "on" slots, from the clock."""
         return None if self.clock is None else self.clock.rate_hz
 
 
 def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
-    """Return the samples of a recording with the state of each, from its column or from the waveform.
+    """Return the samples of a recording with the emitter state at each sample, from a column or from the waveform.
 
     Raises
     ------
@@ -126,8 +128,8 @@ def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
     if state is not None:
         return Samples(time_s, values, names, units, state[kept], 1e-6 * (options.settle_us or 0.0), None)
     if options.rate_hz is None:
-        limit = "neither a column of states nor a switching rate is known"
-        raise SpecError("--state", limit=limit, remedy="name the column, or state --rate-hz 200")
+        limit = "contains no state column, and no switching rate is specified"
+        raise SpecError("--state", limit=limit, remedy="name the column, or specify --rate-hz 200")
     settle_s = 1e-6 * (DEFAULT_SETTLE_US if options.settle_us is None else options.settle_us)
     clock = find_clock(time_s, values, options.rate_hz, on=options.on, emitters=options.emitters)
     if settle_s >= clock.shorter_s:
@@ -137,7 +139,7 @@ def samples_of(recording: Recording, options: DemodulationOptions) -> Samples:
 
 
 def other_columns(recording: Recording, options: DemodulationOptions) -> dict[str, FloatArray]:
-    """Other columns of numbers, e.g. a stage's angle, at the samples (N,), by header.
+    """Other numeric columns, e.g. a stage angle, at the samples (N,), by header.
 
     Missing numbers are interpolated; a column without numbers is omitted.
     """
@@ -172,12 +174,12 @@ def _channels(recording: Recording, options: DemodulationOptions, time: Channel)
     channels = [one for one in free if _name_and_unit(one)[1] in VOLTAGES] or receiver_columns(free)
     if not channels:
         limit = f"no column is in V; the columns are {', '.join(recording.names)}"
-        raise SpecError("--channel", limit=limit, remedy="name the columns of the receivers")
+        raise SpecError("--channel", limit=limit, remedy="name the receiver columns")
     return channels
 
 
 def _name_and_unit(channel: Channel) -> tuple[str, str]:
-    """Name and unit of a channel; a name such as ``right_V`` without a separate unit is split."""
+    """Name and unit of a channel; a name such as ``right_V`` without a separate unit is split into name and unit."""
     stem, _, end = channel.name.rpartition("_")
     return (stem, end) if not channel.unit and stem and end in VOLTAGES else (channel.name, channel.unit)
 
@@ -187,7 +189,7 @@ def _state_names(options: DemodulationOptions) -> tuple[str, ...]:
 
 
 def _recorded_state(recording: Recording, options: DemodulationOptions) -> IntArray | None:
-    """States from a column of numbers or words; None if a rate is stated or there is no state column."""
+    """States from a column of numbers or words; None if a rate is specified or there is no state column."""
     if options.rate_hz is not None:
         return None
     names = _state_names(options)
@@ -209,7 +211,7 @@ def _states_of_numbers(channel: Channel) -> IntArray:
 
 
 def _state_of_word(text: str, row: int) -> int:
-    """State of a word: off, on, on 2, emitter 2; empty for a sample without a state."""
+    """State given by a word: off, on, on 2, emitter 2; an empty word is a sample without a state."""
     word = text.strip().casefold()
     if not word:
         return -1
@@ -219,6 +221,6 @@ def _state_of_word(text: str, row: int) -> int:
         return 1
     number = re.fullmatch(r"(?:on|led|emitter|e)?[\s_#-]*(\d+)", word)
     if number is None:
-        limit = "must be off, on, a number, or emitter and its number"
+        limit = "must be off, on, a number, or emitter followed by its number"
         raise DataError(f"state in row {row}", value=text, limit=limit)
     return int(number[1])

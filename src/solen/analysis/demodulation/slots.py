@@ -1,7 +1,7 @@
-"""Slots: runs of samples with a constant state of the emitters.
+"""Slots: runs of samples with a constant emitter state.
 
-A slot ends when the state changes or samples are missing. Its first samples may still settle and are dropped; the
-others are averaged, each channel over its own samples.
+A slot ends when the state changes or samples are missing. The first samples, which may still be settling, are dropped;
+the remaining samples of each channel are averaged.
 
 Public name: `slots_of`.
 """
@@ -14,9 +14,9 @@ from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 
 OFF, DROPPED = 0, -1
-"""States of samples: all emitters off, and not to be used. An emitter that is on is stated by its number, from 1."""
+"""Sample states: all emitters off, and not to be used. If an emitter is on, the state is its number, from 1."""
 BREAK = 1.5
-"""Time step, in units of the usual step, above which samples are missing."""
+"""Time step, relative to the usual step, above which samples are missing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,16 +28,16 @@ class Slots:
     time_s, state
         Mean time of the averaged samples, and the state, both (K,).
     mean
-        Mean of each channel, (K, C); NaN where a channel has no sample.
+        Mean of each channel, (K, C); NaN if a channel has no sample.
     scatter
-        Noise of one sample, (C,), for each state, from differences of neighbours inside slots. Empty if slots are
+        Noise of one sample, (C,), for each state, from differences between neighbours inside slots. Empty if slots are
         single samples.
     samples
         Number of samples averaged in the channel with the most samples, (K,).
     clipped
-        Whether a sample of the slot was at a limit, (K, C).
+        Whether a sample in the slot was at a limit, (K, C).
     emptied
-        Number of slots without a sample after settling.
+        Number of slots that contain no sample after settling.
     """
 
     time_s: FloatArray
@@ -66,7 +66,7 @@ def slots_of(
     time_s
         Times, ascending, (N,).
     values
-        Values (N, C); NaN where a channel has no sample.
+        Values (N, C); NaN if a channel has no sample.
     state
         States (N,): `OFF`, the number of the emitter that is on, or `DROPPED`.
     settle_s
@@ -74,7 +74,7 @@ def slots_of(
     limits
         Lowest and highest value of each channel, both (C,); samples at a limit count as clipped.
     clipped
-        Which samples are clipped, (N, C), instead of limits.
+        Which samples are clipped, (N, C), as an alternative to limits.
     gap_s
         Gap between samples of the same state that separates two slots; by default one and a half usual steps. If every
         phase is known to last longer, a smaller gap cannot hide a change of state.
@@ -82,7 +82,7 @@ def slots_of(
     Raises
     ------
     DataError
-        If times do not ascend or there are no samples.
+        If times are not ascending or there are no samples.
     """
     _check(time_s, values, state)
     begins = _begins(time_s, state, gap_s)
@@ -140,7 +140,7 @@ def _check(time_s: FloatArray, values: FloatArray, state: IntArray) -> None:
     if late.size or not np.isfinite(time_s).all():
         row = int(late[0]) + 1 if late.size else int(np.flatnonzero(~np.isfinite(time_s))[0])
         raise DataError(
-            f"time of sample {row + 1}", value=float(time_s[row]), limit="must be later than the previous one"
+            f"time of sample {row + 1}", value=float(time_s[row]), limit="must be later than the previous time"
         )
 
 
@@ -161,7 +161,7 @@ def at_limits(values: FloatArray, limits: tuple[FloatArray, FloatArray] | None) 
 
 
 def _scatter(values: FloatArray, valid: BoolArray, slot: IndexArray, states: IntArray) -> dict[int, FloatArray]:
-    """Noise of a sample inside slots, by state, from differences of neighbours, which slow changes hardly affect."""
+    """Noise of a sample inside slots, by state, from differences between neighbours, unaffected by slow changes."""
     inside = slot[1:] == slot[:-1]
     there = valid[1:] & valid[:-1] & inside[:, None]
     squares = np.where(there, np.diff(np.where(valid, values, 0.0), axis=0), 0.0) ** 2

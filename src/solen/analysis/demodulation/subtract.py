@@ -1,11 +1,11 @@
-"""On minus off: the reading of each on slot without the simultaneous ambient light.
+"""On minus off: the reading of each "on" slot without the simultaneous ambient light.
 
-The ambient light at the time of an on slot is interpolated linearly between the off slots before and after it. If both
-are equally far away, this is their mean. Constant light and light that changes at a constant rate are removed exactly,
-for every emitter of a sequence. With only one off slot (one-sided), only constant light is removed.
+The ambient light at the time of an "on" slot is interpolated linearly between the "off" slots before and after it. If
+both are equally far away, this is their mean. Constant light and light that changes at a constant rate are removed
+exactly, for every emitter in a sequence. With only one "off" slot (one-sided), only constant light is removed.
 
-The uncertainty of a reading is estimated from the off slots themselves: the deviation of each from the line between its
-neighbours contains the noise of a slot and the ambient light that is too fast to subtract.
+The uncertainty of a reading is estimated from the "off" slots themselves: the deviation of each slot from the line
+between its neighbours contains the noise of a slot and the ambient light that is too fast to subtract.
 
 Public names: `subtract`, `Demodulated` and `Counts`.
 """
@@ -20,16 +20,18 @@ from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 
 FAR = 1.5
-"""Distance of an off slot, relative to the usual one for the emitter, above which a nearer off slot is missing."""
+"""Distance to an "off" slot, relative to the usual distance for the emitter, above which a nearer "off" slot is
+missing.
+"""
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Counts of on slots, used and rejected; by emitter if they differ.
+    """Counts of "on" slots, used and rejected; by emitter if they differ.
 
-    ``missing`` slots of a regular sequence are not in the recording, ``without_off`` slots have no off slot nearby and
-    give no reading, ``one_sided`` slots have one on one side only, ``emptied`` slots have no sample left after
-    settling, and ``clipped`` readings contain a sample at a limit in any channel.
+    ``missing`` slots of a regular sequence are not in the recording, ``without_off`` slots have no "off" slot nearby
+    and give no reading, ``one_sided`` slots have an "off" slot on one side only, ``emptied`` slots contain no sample
+    after settling, and ``clipped`` readings contain a sample at a limit in any channel.
     """
 
     readings: dict[int, int]
@@ -42,22 +44,22 @@ class Counts:
 
 @dataclass(frozen=True, eq=False)
 class Demodulated:
-    """M readings of C channels, in the order of time.
+    """M readings of C channels, in time order.
 
     Attributes
     ----------
     time_s, emitter, slot
-        Time, emitter and index of the on slot of each reading, (M,).
+        Time, emitter and index of the "on" slot of each reading, (M,).
     signal, u
         On minus ambient, (M, C), negative if light pulls a voltage down, and its standard uncertainty.
     ambient
-        Value subtracted, (M, C): the reading with the emitter off.
+        Subtracted value, (M, C): the reading with the emitter off.
     one_sided
-        Whether only one off slot was near, (M,).
+        Whether only one "off" slot was near, (M,).
     clipped
-        Whether a sample of the on slot or of its off slots was at a limit, (M, C).
+        Whether a sample in the "on" slot or in its "off" slots was at a limit, (M, C).
     slot_sd
-        Noise of a slot, (C,), from which the uncertainties follow; NaN with fewer than three off slots.
+        Noise of a slot, (C,), from which the uncertainties follow; NaN with fewer than three "off" slots.
     period_s
         Usual time between readings of one emitter; NaN with fewer than two.
     counts
@@ -78,18 +80,18 @@ class Demodulated:
 
     @property
     def emitters(self) -> tuple[int, ...]:
-        """Numbers of the emitters."""
+        """Emitter numbers."""
         return tuple(int(one) for one in np.unique(self.emitter))
 
     def of(self, emitter: int) -> BoolArray:
-        """Whether each reading is of an emitter, (M,)."""
+        """Whether each reading belongs to an emitter, (M,)."""
         return np.asarray(self.emitter == emitter)
 
 
 def _drifts(slots: Slots, before: IntArray, after: IntArray, alone: BoolArray, off_sd: FloatArray) -> FloatArray:
-    """Typical change of ambient light between an off slot and the next reading, (C,), corrected for noise.
+    """Typical change of ambient light between an "off" slot and the next reading, (C,), corrected for noise.
 
-    It is half of the change between the off slots around a reading.
+    It is half of the change between the "off" slots around a reading.
     """
     both = ~alone
     if not both.any():
@@ -101,19 +103,19 @@ def _drifts(slots: Slots, before: IntArray, after: IntArray, alone: BoolArray, o
 
 
 def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
-    """Subtract the ambient light and return the readings of all on slots.
+    """Subtract the ambient light and return the readings of all "on" slots.
 
     Parameters
     ----------
     slots
-        Slots in order of time.
+        Slots in time order.
     kernel
-        ``two-sided``: the off slots before and after; ``one-sided``: only the one before, for comparison.
+        ``two-sided``: the "off" slots before and after; ``one-sided``: only the "off" slot before, for comparison.
 
     Raises
     ------
     DataError
-        If there is no on slot or no off slot.
+        If there is no "on" slot or no "off" slot.
     """
     on, off = np.flatnonzero(slots.state > OFF), np.flatnonzero(slots.state == OFF)
     if not on.size or not off.size:
@@ -159,11 +161,11 @@ def subtract(slots: Slots, kernel: Kernel = "two-sided") -> Demodulated:
 
 
 def slot_sd(slots: Slots, block: int = 1) -> FloatArray:
-    """Noise of an off slot (C,), from deviations from the line between its neighbours; NaN with fewer than three slots.
+    """Noise of an "off" slot (C,), from deviations from the line between its neighbours; NaN for fewer than three.
 
-    With a ``block``, it is estimated from the means of this many successive differences, and then excludes flicker with
-    whole periods in a block. For independent slots, such a mean varies by their noise divided by the length of the
-    block.
+    With a ``block``, the noise is estimated from the means of this many successive differences, and then excludes
+    flicker with whole periods in a block. For independent slots, such a mean varies by the slot noise divided by the
+    block length.
     """
     off = np.flatnonzero(slots.state == OFF)
     if off.size < 3:
@@ -182,7 +184,7 @@ def slot_sd(slots: Slots, block: int = 1) -> FloatArray:
 
 
 def _neighbours(slots: Slots, on: IndexArray, off: IndexArray) -> tuple[IndexArray, IndexArray, BoolArray]:
-    """Off slots before and after each on slot, and whether they exist and are near, (M, 2)."""
+    """Nearest "off" slots before and after each "on" slot, and whether they exist and are near, (M, 2)."""
     place = np.searchsorted(off, on)
     first, last = place == 0, place == off.size
     before, after = off[np.maximum(place - 1, 0)], off[np.minimum(place, off.size - 1)]
@@ -200,16 +202,16 @@ def _neighbours(slots: Slots, on: IndexArray, off: IndexArray) -> tuple[IndexArr
 def _share_of_after(
     time_s: FloatArray, on: IndexArray, before: IndexArray, after: IndexArray, there: BoolArray
 ) -> FloatArray:
-    """Weight of the following off slot, (M,): linear in time between the two, or 0 or 1 if only one exists."""
+    """Weight of the following "off" slot, (M,): linear in time between the two slots, or 0 or 1 if only one exists."""
     both = there.all(axis=1)
     span = np.where(both, time_s[after] - time_s[before], 1.0)
     return np.where(both, (time_s[on] - time_s[before]) / span, np.where(there[:, 1], 1.0, 0.0))
 
 
 def on_sd(slots: Slots, off_sd: FloatArray, emitter: IntArray) -> FloatArray:
-    """Noise of the on slots (M, C) of emitters (M,): the larger of that of an off slot and that of the samples inside.
+    """Noise of the "on" slots (M, C) of emitters (M,): the larger of the "off" slot noise and the sample noise.
 
-    A receiver in light has more shot noise than one in the dark.
+    An illuminated receiver has more shot noise than a receiver in the dark.
     """
     found = np.broadcast_to(off_sd, (len(emitter), len(off_sd))).copy()
     for one, scatter in slots.scatter.items():
@@ -222,7 +224,7 @@ def on_sd(slots: Slots, off_sd: FloatArray, emitter: IntArray) -> FloatArray:
 
 
 def _cadence(slots: Slots) -> tuple[FloatArray, dict[int, int]]:
-    """Usual period of each emitter that has one, and the number of its missing slots."""
+    """Usual period of each emitter that has one, and the number of missing slots for each emitter."""
     periods, missing = [], {}
     for emitter in np.unique(slots.state[slots.state > OFF]).tolist():
         steps = np.diff(slots.time_s[slots.state == emitter])

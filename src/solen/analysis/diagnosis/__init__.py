@@ -1,11 +1,11 @@
-"""Diagnosis: parameters of a sensor from its recording.
+"""Diagnosis: design parameters of a sensor, determined from a recording.
 
-The traced response of a design, for an emitter of any decentre and chip width, is fitted to the mean curves of a
-recording. The interval of each parameter includes the scatter of the cycles, prior knowledge and the misfit of the
-model. A parameter that the recording does not determine is described in words instead of by a number.
+The traced response of a design, for an emitter with any decentre and chip width, is fitted to the mean curves of a
+recording. The interval of each parameter includes the scatter of the cycles, prior knowledge and the model misfit. A
+parameter that the recording does not determine is described in words instead of by a number.
 
-Public name: `diagnosed_sensors`. Its steps are `Response.of` a design's sensor and `diagnosed` of a `SensorResponse`,
-which returns a `Diagnosis`; `words` describes it in sentences.
+Public name: `diagnosed_sensors`. Its steps are `Response.of`, which traces the response of a design, and `diagnosed`,
+which fits it to a `SensorResponse` and returns a `Diagnosis`; `words` describes the diagnosis in sentences.
 """
 
 from solen.analysis.diagnosis.curve_model import Bend, Model

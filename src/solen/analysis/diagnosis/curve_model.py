@@ -1,8 +1,8 @@
-"""Model of a recording's mean curves: its parameters with their priors, and the voltages of the receivers.
+"""Model of a recording's mean curves: its parameters with their priors, and the receiver voltages.
 
 Light I lowers the voltage of a receiver by gain times I, until the transistor is saturated. Saturation follows
 `solen.readout.load_line`, and is modelled only if the circuit is known. Voltages begin at 0 if the voltage without the
-emitter was subtracted, otherwise at the supply voltage; an offset of each receiver accounts for both cases.
+emitter was subtracted, otherwise at the supply voltage; an offset for each receiver accounts for both cases.
 
 Public name: `Model`.
 """
@@ -25,7 +25,9 @@ _OHM = 1e3  # converts mA to V
 LOSS_WORTH = 0.05
 """Loss along the path, as a fraction of the light, above which a warning is given."""
 _NODES = math.sqrt(3.0) * np.array([-0.794654472, -0.187592474, 0.187592474, 0.794654472])
-"""Positions in a cell, in standard deviations, at which the mean equals that over the cell (Chebyshev quadrature)."""
+"""Positions in a cell, in standard deviations, at which the mean equals the mean over the cell (Chebyshev
+quadrature).
+"""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class Bend:
 
     @classmethod
     def of(cls, circuit: Circuit, room_V: tuple[float, ...]) -> "Bend":
-        """Load lines of a circuit in given ambient light."""
+        """Load lines of a circuit in the specified ambient light."""
         part = circuit.transistor
         return cls(circuit.supply_V, part.saturation_V, part.knee_V, room_V)
 
@@ -61,19 +63,19 @@ class Bend:
 
 
 def _receiver_V(shares: FloatArray, gain_V: FloatArray, offset_V: FloatArray, bend: Bend | None) -> FloatArray:
-    """Voltages (n, r) from fractions of the light (n, r), with gains and offsets (r,)."""
+    """Voltages (n, r) from fractions of the light (n, r), for gains and offsets (r,)."""
     pulled = shares * gain_V
     return np.asarray(offset_V - (pulled if bend is None else bend(pulled)))
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of the model.
+    """A parameter of the model.
 
     Attributes
     ----------
     name
-        A key of the design, ``angle.zero_deg``, ``loss_per_mm``, ``gain right`` or ``offset left``, and so on.
+        A design key, ``angle.zero_deg``, ``loss_per_mm``, ``gain right`` or ``offset left``, and so on.
     start
         Value in the design.
     scale
@@ -123,11 +125,11 @@ class Model:
         swing_V
             Range of each receiver's curve, (r,).
         known
-            Standard uncertainties by key, of the zero of the angle and of variations between prints.
+            Standard uncertainties, by key, of the zero angle and of variations between prints.
         bend
             Load line, if the circuit is known.
         spacing_deg
-            Spacing of the samples, between which curves are linear.
+            Angle between samples; the curves are linear between them.
         """
         way_mm = max(response.path_mm(angle_deg), 1.0)
         spread = response.width_mm**2
@@ -145,7 +147,7 @@ class Model:
 
     @cached_property
     def places(self) -> dict[str, int]:
-        """Index of each parameter by its name."""
+        """Index of each parameter, by name."""
         return {parameter.name: place for place, parameter in enumerate(self.parameters)}
 
     @cached_property
@@ -160,10 +162,10 @@ class Model:
 
     @cached_property
     def _nodes(self) -> FloatArray:
-        """Quadrature angles of each cell; the outermost cells, which the motion does not fill, have one angle each.
+        """Quadrature angles for each cell; the outermost cells, which the motion does not fill, have one angle each.
 
-        Averaging over a cell has a standard deviation of its width over √12, and linear interpolation between samples
-        one of their distance over √6.
+        Averaging over a cell broadens the angle with a standard deviation of the cell width over √12, and linear
+        interpolation between samples with a standard deviation of the sample spacing over √6.
         """
         spread = np.full(self.angle_deg.size, self.angle_deg[1] - self.angle_deg[0]) / math.sqrt(12.0)
         spread = np.hypot(spread, self.spacing_deg / math.sqrt(6.0))
@@ -171,7 +173,7 @@ class Model:
         return np.concatenate([self.angle_deg + node * spread for node in _NODES.tolist()])
 
     def _means(self, means: FloatArray) -> FloatArray:
-        """Means over the cells (n, r) of values at their angles."""
+        """Means over the cells (n, r) of values at the quadrature angles."""
         return np.asarray(means.reshape(_NODES.size, self.angle_deg.size, -1).mean(axis=0))
 
     def shares(self, values: FloatArray) -> FloatArray:
@@ -206,7 +208,7 @@ class Model:
         return found
 
     def start(self, curve: FloatArray, offset_mm: float, spread_mm2: float) -> FloatArray:
-        """Start values for a decentre and a squared chip width, with gains and offsets fitted to curves (n, r)."""
+        """Starting values for a decentre and a squared chip width, with gains and offsets fitted to curves (n, r)."""
         values = np.array([parameter.start for parameter in self.parameters])
         values[self.places[OFFSET]], values[self.places[SPREAD]] = offset_mm, spread_mm2
         mean = self._means(self.shares(values))

@@ -1,12 +1,12 @@
-"""Light at the receivers of a design, as a function of position and width of the emitter and of other tolerances.
+"""Light at the receivers of a design, as a function of emitter position and width and of other tolerances.
 
-A table is computed for the design itself, and for every other parameter that may differ (index, loss) the change of the
-table. The index and similar parameters have a small effect but shift the bends of the response, so a parabola through
-one step to each side is used where a straight line would be wrong by more than the noise. Loss attenuates the light
-along its path, which is an exponential.
+A table is computed for the design itself, and the change of this table for every other parameter that may differ
+(index, loss). The index and similar parameters have a small effect but shift the bends of the response, so a parabola
+through one step to each side is used where a straight line would be wrong by more than the noise. Loss attenuates the
+light exponentially along its path.
 
-The width of a chip enters as its square, the **spread** of the light about the middle of the chip. The effect of a
-narrow chip is proportional to it, so a chip without width is not a boundary. The fitted spread may be below 0, like any
+The width of a chip enters as its square, the **spread** of the light about the chip centre. The effect of a narrow chip
+is proportional to its spread, so zero width is not a boundary of the fit. The fitted spread may be below 0, like any
 estimate of a number near 0.
 
 Public name: `Response`. A `Change` is the effect of one parameter.
@@ -27,10 +27,10 @@ from solen.spec import value_at, with_values
 
 INDEX, LOSS = "material.index", "material.absorption_per_mm"
 STEP_U = 1.0
-"""Step of a parameter, in its standard uncertainty."""
+"""Step of a parameter, relative to its standard uncertainty."""
 LOSS_STEP = 0.01
 LEAST_SPREAD_MM2 = 0.02**2
-"""Spread below which the response is interpolated linearly between this spread and a point."""
+"""Spread below which the response is interpolated linearly between the response at this spread and that of a point."""
 LEAST_SHARE = 1e-9
 
 
@@ -41,7 +41,7 @@ class Change:
     Attributes
     ----------
     step
-        Step of the parameter.
+        Parameter step.
     up, down
         The table one step above and one step below, minus the design's table.
     """
@@ -51,7 +51,7 @@ class Change:
     down: Table
 
     def chip(self, angle_deg: FloatArray, offset_mm: float, width_mm: float, by: float) -> FloatArray:
-        """Change of the fractions (n, 2), as in `Table.chip`, if the parameter increases by ``by``."""
+        """Change in the fractions (n, 2), as in `Table.chip`, if the parameter increases by ``by``."""
         x = by / self.step
         end = min(max(x, -1.0), 1.0)
         found = np.zeros((angle_deg.size, 2))
@@ -70,13 +70,13 @@ class Response:
     base
         Table of the design.
     changes
-        Change of the table with each parameter, by its key.
+        Change of the table with each parameter, by key.
     lossy
         The table with additional absorption `LOSS_STEP`, at some of the angles, minus the design's table.
     width_mm, offset_mm
-        Width and decentre of the design's chip.
+        Chip width and decentre in the design.
     u_share
-        Error of the tables as a fraction of a receiver's swing; the default is that of traced tables.
+        Error of the tables as a fraction of a receiver's swing; the default applies to traced tables.
     """
 
     base: Table
@@ -95,7 +95,7 @@ class Response:
         spreads: Mapping[str, float] | None = None,
         progress: Progress | None = None,
     ) -> "Response":
-        """Trace the response of a design between two angles, and its change with given parameters.
+        """Trace the response of a design between two angles, and its change with the specified parameters.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class Response:
         low_deg, high_deg
             Lowest and highest angle.
         spreads
-            Standard uncertainty of each parameter, by its key.
+            Standard uncertainty of each parameter, by key.
         progress
             Called with the completed fraction.
 
@@ -140,7 +140,7 @@ class Response:
 
     @property
     def reach_mm(self) -> float:
-        """Largest distance of a chip's edge from the axis."""
+        """Largest distance between a chip edge and the axis."""
         return self.base.reach_mm
 
     def shares(
@@ -158,11 +158,11 @@ class Response:
         angle_deg
             Angles within the range of the table.
         offset_mm, spread_mm2
-            Decentre of the emitter, and the square of its chip's width.
+            Decentre of the emitter, and the squared width of its chip.
         moved
-            Differences of parameters from the design, by key.
+            Parameter deviations from the design, by key.
         loss_per_mm
-            Absorption in addition to the design's.
+            Absorption coefficient in addition to the design's.
         """
         if spread_mm2 >= LEAST_SPREAD_MM2:
             return self._of_width(angle_deg, offset_mm, math.sqrt(spread_mm2), moved or {}, loss_per_mm)
@@ -171,7 +171,7 @@ class Response:
         return np.asarray(point + (least - point) * (spread_mm2 / LEAST_SPREAD_MM2))
 
     def path_mm(self, angle_deg: FloatArray) -> float:
-        """Mean path of the detected light in the material, from the derivative with respect to the loss."""
+        """Mean path of the detected light in the material, from the derivative with respect to the absorption."""
         plain = self.base.chip(angle_deg, self.offset_mm, self.width_mm).sum()
         lost = self.lossy.chip(angle_deg, self.offset_mm, self.width_mm).sum()
         return float(-math.log1p(lost / plain) / LOSS_STEP)
@@ -198,12 +198,12 @@ def _moved(sensor: Sensor, key: str, by: float) -> Sensor:
     value = value_at(sensor.design, key)
     if not isinstance(value, float):
         remedy = "set it in the design"
-        raise SpecError(key, value=value, limit="must be a real number that the design states", remedy=remedy)
+        raise SpecError(key, value=value, limit="must be a real number specified in the design", remedy=remedy)
     try:
         return _same_lens(Sensor.of(with_values(sensor.design, {key: value + by})), sensor)
     except SolenError as bad:
         limit = f"{value + by:g} cannot be traced: {bad}"
-        raise SpecError(f"--spread {key}", limit=limit, remedy="state a smaller spread") from None
+        raise SpecError(f"--spread {key}", limit=limit, remedy="specify a smaller spread") from None
 
 
 def _same_lens(other: Sensor, sensor: Sensor) -> Sensor:

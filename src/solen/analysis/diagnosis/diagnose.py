@@ -1,7 +1,7 @@
 """Diagnosis of a sensor: a fit of its design's traced response to the mean curves of its recording.
 
 All parameters that the recording determines are fitted. A parameter whose uncertainty exceeds its scale is fixed at the
-design's value; the correlations in the fit of all parameters show which others it cannot be separated from.
+design value; the correlations in the fit of all parameters show which others it cannot be separated from.
 
 Public names: `cycles_of`, `diagnosed` and `Diagnosis`.
 """
@@ -25,11 +25,11 @@ from solen.sensor.acceptance import SIDES
 
 LEAST_ANGLES = 12
 ZERO_U_DEG, INDEX_U = 0.1, 0.003
-"""Usual standard uncertainties of the zero of the angle and of the index of a print."""
+"""Usual standard uncertainties of the zero angle and of the refractive index of a print."""
 BEYOND_DEG = 0.5
 """Range beyond the recorded angles in which the response is traced, to allow for a different zero of the angle."""
 PARTNER = 0.9
-"""Correlation above which an undetermined parameter cannot be separated from another one."""
+"""Correlation above which an undetermined parameter cannot be separated from another parameter."""
 HELD_FIRST = (LOSS, SPREAD, OFFSET)
 POOREST = 0.98
 """Correlation with a gain above which a loss is not determined, because it would absorb any misfit of the model."""
@@ -38,22 +38,22 @@ POOR = 0.95
 
 
 class ParameterEstimate(Result, eq=True):
-    """One parameter of a diagnosis.
+    """A parameter in a diagnosis.
 
     Attributes
     ----------
     name, unit
         Name of the parameter, and its unit.
     value, u_value
-        Value and standard uncertainty; None if the recording does not determine it.
+        Value and standard uncertainty; None if the recording does not determine the parameter.
     low, high
-        Ends of its 95 % interval; None if there is none.
+        Limits of the 95 % interval; None if there is no interval.
     design_value
-        Value in the design; None if the design states none.
+        Value in the design; None if the design specifies no value.
     u_prior
         Standard uncertainty of the prior; None without a prior.
     half_width_68
-        Half-width of its 68 % interval.
+        Half-width of the 68 % interval.
     """
 
     name: str = field(metadata=HIDDEN)
@@ -79,20 +79,20 @@ class ParameterEstimate(Result, eq=True):
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """Fit of one sensor.
+    """Fit of a sensor.
 
     Attributes
     ----------
     label
         Label of the sensor.
     cycles
-        Curves of its cycles.
+        Curves of the sensor's cycles.
     fitted
         The fit.
     estimates
         Estimate of every parameter, by name.
     held
-        Parameters that the recording does not determine, each with the parameters that it is correlated with.
+        Parameters that the recording does not determine, each with the parameters correlated with it.
     poor
         Pairs of parameters that are poorly separated, with their correlation.
     correlations
@@ -117,7 +117,7 @@ class Diagnosis:
 
 
 def sides_of(receivers: Iterable[str]) -> dict[str, int]:
-    """Indices of the right and the left receiver, one of which may be missing; `DataError` if no name states a side."""
+    """Indices of the right and left receivers, one of which may be missing; `DataError` if both are missing."""
     sides: dict[str, int] = {}
     receivers = list(receivers)
     for place, name in enumerate(receivers):
@@ -125,18 +125,18 @@ def sides_of(receivers: Iterable[str]) -> dict[str, int]:
         if side and side in sides:
             limit = f"{receivers[sides[side]]} and {name} are both recognised as the {side} receiver"
             raise DataError(
-                "receivers", limit=limit, remedy="name one receiver of each side with --channel left=… right=…"
+                "receivers", limit=limit, remedy="name one receiver on each side with --channel left=… right=…"
             )
         if side:
             sides[side] = place
     if not sides:
-        limit = f"the names {', '.join(receivers)} do not distinguish right from left"
+        limit = f"the receiver names {', '.join(receivers)} do not distinguish right from left"
         raise DataError("receivers", limit=limit, remedy="name them with --channel left=… right=…")
     return {side: sides[side] for side in SIDES if side in sides}
 
 
 def cycles_of(passes: Passes, places: Sequence[int]) -> Cycles:
-    """Curves of each cycle for given receivers: the mean of both directions, or the only direction."""
+    """Curves of each cycle for the specified receivers: the mean of both directions, or the only direction."""
     hidden = np.where(passes.clipped, np.nan, passes.volts)[..., list(places)]
     there = np.isfinite(hidden).any(axis=(0, 2, 3), keepdims=True)
     both = np.where(there, 1.0, 0.0)
@@ -165,7 +165,7 @@ def diagnosed(
     bend
         Load line of the receivers in the order right, left, if their circuit is known.
     rising
-        Whether brighter light gives a higher voltage.
+        Whether more light gives a higher voltage.
 
     Raises
     ------
@@ -203,24 +203,28 @@ def _check(sensor: SensorResponse, cycles: Cycles, places: Mapping[str, int]) ->
         valid = int(cycles.valid[:, n].sum())
         if valid < LEAST_ANGLES:
             limit = (
-                f"has {valid} angles that every cycle reaches unclipped, but a diagnosis needs at least {LEAST_ANGLES}"
+                f"has {valid} angles that every cycle reaches unclipped, but a diagnosis requires "
+                f"at least {LEAST_ANGLES}"
             )
             remedy = "record a wider range or lower voltages, or use a smaller --step-deg"
             raise DataError(f"{sensor.label}: {side} receiver", limit=limit, remedy=remedy)
 
 
 def _check_signs(sensor: SensorResponse, fitted: Fitted, places: Mapping[str, int]) -> None:
-    """Raise `DataError` for a gain below zero, because the sensor was then turned or named the other way round."""
+    """Raise `DataError` for a negative gain, because the sensor was then mounted or named the other way round."""
     for side in places:
         value, half = fitted.value(f"gain {side}"), fitted.half_width(f"gain {side}")
         if value + half < 0.0:
-            limit = "responds opposite to the design: its voltage rises where the design predicts more light"
-            remedy = "turn the angle with --flip-angle, or state --brighter higher"
+            limit = (
+                "responds in the opposite direction to the design: its voltage rises where "
+                "the design predicts more light"
+            )
+            remedy = "reverse the angle with --flip-angle, or specify --brighter higher"
             raise DataError(f"{sensor.label}: {side} receiver", limit=limit, remedy=remedy)
 
 
 def _determined(model: Model, cycles: Cycles) -> tuple[Fitted, dict[str, tuple[str, ...]]]:
-    """Fit the parameters that the curves determine, and return the fit and the names of the others."""
+    """Fit the parameters that the curves determine, and return the fit and the names of the undetermined parameters."""
     active = list(range(len(model.parameters)))
     held: dict[str, tuple[str, ...]] = {}
     fitted = fit(model, cycles, active)
@@ -246,7 +250,7 @@ def _undetermined(fitted: Fitted) -> str | None:
 
 
 def _partners(fitted: Fitted, name: str, beyond: float = PARTNER) -> tuple[str, ...]:
-    """Parameters correlated with a given one, in the fit of all parameters."""
+    """Parameters correlated with the specified parameter, in the fit of all parameters."""
     names = [fitted.model.parameters[place].name for place in fitted.active]
     row = _correlations(fitted)[names.index(name)]
     return tuple(
@@ -302,7 +306,7 @@ def _plain(
 
 
 def _width(fitted: Fitted, held: Mapping[str, object]) -> ParameterEstimate:
-    """Width of the chip from its square, whose interval is symmetric; the interval is cut off at 0."""
+    """Chip width from its square, whose interval is symmetric; the interval is truncated at 0."""
     design = fitted.model.response.width_mm
     if SPREAD in held:
         return ParameterEstimate("chip width", "mm", design_value=design)

@@ -3,14 +3,14 @@
 The noise of a recording is not white: drift, flicker and lag correlate the errors of neighbouring angles. But **cycles
 are repetitions of each other**. The fit is by least squares, and every estimate is, to first order, a linear function
 of the curves. This function, applied to each cycle separately, gives the scatter of the estimate, whatever the
-correlations within a cycle, and its mean over n cycles follows Student's t distribution with n − 1 degrees of freedom.
-Two terms are added according to the law of propagation:
+correlations within a cycle. The mean of the estimate over n cycles follows Student's t distribution with n − 1 degrees
+of freedom. Two terms are added according to the law of propagation:
 
 - priors (e.g. of the index), which enter the fit as observations;
-- **misfit**: deviations of the mean curves from the model beyond the scatter of the cycles, as waves.
-  Its size is estimated from the waves that no parameter can absorb, and assumed for those that parameters can absorb.
+- **misfit**: deviations of the mean curves from the model beyond the scatter of the cycles, expressed as waves.
+  The wave amplitude is estimated from the waves that no parameter can absorb, and assumed for the others.
 
-The degrees of freedom of the sum are those of Welch and Satterthwaite.
+The degrees of freedom of the sum follow Welch and Satterthwaite.
 
 Public names: `Cycles`, `fit` and `Fitted`.
 """
@@ -28,24 +28,24 @@ from solen.results import Result, reported
 STARTS_MM = (0.0, -0.03, 0.03, -0.06, 0.06, -0.1, 0.1)
 STARTS_MM2 = (0.1**2, 0.25**2)
 TRIED = 3
-"""Number of starting values (decentres and spreads of the chip) that are refined in a fit.
+"""Number of starting values (chip decentres and spreads) that are refined in a fit.
 
-The best linear fits are chosen. Parameters with priors are fixed at first.
+The starting values with the best linear fits are chosen. Parameters with priors are fixed at first.
 """
 WAVES = 12
-"""Number of half waves over the range of angles, from 0, that a misfit may consist of."""
+"""Number of half waves over the range of angles, from 0, that a misfit may contain."""
 SIGNIFICANT = 0.05
-"""Probability of such a misfit by chance, below which it is significant."""
+"""A misfit is significant if the probability of such a misfit by chance is below this value."""
 CURVES_SHARE = 2e-5
-"""Error common to the curves of all cycles, as a fraction of the swing: from angles between entries of a log, and
-cells.
+"""Error common to the curves of all cycles, as a fraction of the swing, due to interpolation between log entries and to
+averaging over cells.
 """
 _ROUNDS = 60
 
 
 @dataclass(frozen=True, eq=False)
 class Cycles:
-    """Curves of the cycles of a recording.
+    """Curves of the cycles in a recording.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class Cycles:
 
     @property
     def valid(self) -> BoolArray:
-        """Whether every cycle has a value at each angle, for each receiver, (n, r)."""
+        """Whether every cycle has a value at each angle, (n, r)."""
         return np.asarray(np.isfinite(self.volts).all(axis=0))
 
     @property
@@ -83,7 +83,7 @@ class Misfit(Result):
     rms_V
         Root mean square of the residuals by receiver (r,), right before left.
     ratio, chance
-        Mean square of the residuals' waves relative to that expected from the scatter of the cycles, and the
+        Mean square of the residual waves relative to the value expected from the scatter of the cycles, and the
         probability of such a ratio by chance; NaN for a single cycle.
     share
         Size of the misfit beyond the scatter as a fraction of the swing; 0 if there is none.
@@ -107,7 +107,7 @@ class Fitted:
     Attributes
     ----------
     model
-        The model fitted.
+        The fitted model.
     values
         Values of all parameters, (p,).
     active
@@ -131,7 +131,7 @@ class Fitted:
     misfit: Misfit
 
     def u(self, name: str) -> float:
-        """Standard uncertainty of a parameter; inf if it was not fitted."""
+        """Standard uncertainty of a parameter; inf if the parameter was not fitted."""
         place = self._place(name)
         return float(np.sqrt(self.covariance[place, place])) if place is not None else float("inf")
 
@@ -161,11 +161,11 @@ def fit(model: Model, cycles: Cycles, active: Sequence[int], start: FloatArray |
     model
         Model with the same angles and receivers.
     cycles
-        Curves; at least two cycles are needed for intervals.
+        Curves; at least two cycles are required for intervals.
     active
-        Indices of the fitted parameters; the others keep their start values.
+        Indices of the fitted parameters; the others are fixed at their start values.
     start
-        Start values (p,); by default the best of several decentres.
+        Starting values (p,); by default the best of several decentres.
     """
     places = np.array(sorted(active), dtype=np.intp)
     sd = _first_sd(cycles)
@@ -178,7 +178,7 @@ def fit(model: Model, cycles: Cycles, active: Sequence[int], start: FloatArray |
 
 
 def _first_sd(cycles: Cycles) -> FloatArray:
-    """Standard deviation of the mean curves of each receiver (r,), always greater than 0."""
+    """Standard deviation of each receiver's mean curve (r,), always greater than 0."""
     count = len(cycles.volts)
     least = 1e-6 * cycles.swing_V + 1e-12
     if count < 2:
@@ -188,7 +188,7 @@ def _first_sd(cycles: Cycles) -> FloatArray:
 
 
 def _started(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray) -> FloatArray:
-    """Values from the best of several starting points."""
+    """Parameter values fitted from the best of several starting points."""
     spread = model.parameters[model.places[SPREAD]].start
     free = {model.parameters[place].name for place in places}
     begun = [
@@ -206,7 +206,7 @@ def _started(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray) -
 def _solved(
     model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, float]:
-    """Values and sum of squares from the Levenberg-Marquardt method, in the scales of the parameters."""
+    """Values and sum of squares from the Levenberg-Marquardt method, with scaled parameters."""
     scale = np.array([model.parameters[place].scale for place in places])
     values, damping = start.copy(), 1e-3
     rest, cost = _rest(model, cycles, places, sd, values)
@@ -289,7 +289,7 @@ def _fitted(model: Model, cycles: Cycles, places: IndexArray, sd: FloatArray, va
 
 
 def _inverse(normal: FloatArray, scale: FloatArray) -> FloatArray:
-    """Inverse of a matrix of normal equations, computed in the scales of the parameters."""
+    """Inverse of a matrix of normal equations, computed with scaled parameters."""
     return np.asarray(np.linalg.inv(normal * np.outer(scale, scale)) * np.outer(scale, scale))
 
 
@@ -314,7 +314,7 @@ def _waves(cycles: Cycles) -> FloatArray:
 def _misfit(
     left: FloatArray, apart: FloatArray, waves: FloatArray, table: FloatArray, hat: FloatArray, count: int
 ) -> tuple[float, float, tuple[float, float]]:
-    """Size of the misfit's waves, their degrees of freedom, the ratio to the cycles' scatter, and its chance."""
+    """Size of the misfit waves, their degrees of freedom, and their ratio to the scatter with its probability."""
     seen = waves - table @ (hat @ waves)
     basis, sizes, _ = np.linalg.svd(seen, full_matrices=False)
     basis = basis[:, sizes > 1e-3 * sizes[0]]
@@ -336,9 +336,9 @@ def _misfit(
 
 
 def _effective(scatter: FloatArray, most: float, freedom: int) -> float:
-    """Effective number of independent waves, tr² C / tr C², from a scatter matrix S of few deviations.
+    """Effective number of independent waves, tr² C / tr C², from the scatter matrix S of a few deviations.
 
-    It uses E tr S² = (1 + 1/ν) tr C² + tr² C / ν for ν degrees of freedom.
+    The estimate uses E tr S² = (1 + 1/ν) tr C² + tr² C / ν for ν degrees of freedom.
     """
     trace, square = float(np.trace(scatter)), float(np.sum(scatter**2))
     unbiased = (square - trace**2 / freedom) / (1.0 + 1.0 / freedom)

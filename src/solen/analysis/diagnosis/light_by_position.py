@@ -1,10 +1,10 @@
-"""Light of an emitter as a function of the starting point, at one angle of the motion.
+"""Light from an emitter as a function of the starting position, at one angle of the motion.
 
-The light of a chip is the mean over its points, so the integral over position serves for chips of any decentre and
-width. In the plane it is computed from points, each integrated over its angles, more densely where the response is
-curved. In space the light of a point has two more dimensions, and its integration takes as long for a strip as for a
-point. The integral is therefore computed from strips, integrated over position and angles with matching ends; strips
-are halved where the curve through them is curved. The height of the chip is that of the design.
+The light from a chip is the mean over its points, so the integral over position applies to chips of any decentre and
+width. In the plane this integral is computed from points, each integrated over its emission angles, with more points
+where the response is curved. In space the light from a point has two more dimensions, and integration takes as long for
+a strip as for a point. The integral is therefore computed from strips, integrated over position and angles with
+matching ends; strips are halved where the curve through them bends. The chip height is as in the design.
 
 Public names: `light_by_place` and `Places`.
 """
@@ -25,31 +25,31 @@ from solen.sensor.acceptance import SIDES, Acceptance
 from solen.trace.adaptive import Points, integrate
 
 TOLERANCE = 1e-5
-"""Tolerance of the integral of each point, as a fraction of the emitted power."""
+"""Integration tolerance for each point, as a fraction of the emitted power."""
 FIRST_MM, FIRST_CHANGE_MM, LEAST_MM = 0.05, 0.1, 0.0001
-"""Initial distance of positions, also for changes in space, and the smallest distance after halving in the plane."""
+"""Initial spacing of the positions, also for changes in space, and the smallest spacing after halving in the plane."""
 BEND_MM = 3e-6
-"""Deviation from the line between its neighbours, per distance, above which the positions about a point are refined."""
+"""Deviation from the line between its neighbours, per unit spacing, above which positions about a point are refined."""
 STRIP_MM, LEAST_STRIP_MM = 2e-5, 0.002
-"""Tolerance of a strip's integral over its positions, for an emitted power of 1, and the smallest width of a strip."""
+"""Tolerance of a strip's integral over its positions, for an emitted power of 1, and the minimum strip width."""
 STRIP_BEND_MM, CHANGE_BEND_MM = 4e-5, 2e-5
-"""Deviation of the integral at a strip's middle, or of its change, from the curve, above which the strip and its
+"""Deviation of the integral at a strip's midpoint, or of its change, from the curve, above which the strip and its
 neighbours are halved.
 """
 NEAR_MM, FAR = 0.35, 4.0
-"""Distance from the axis beyond which the tolerance of integrals over positions is larger, and the factor."""
+"""Distance from the axis beyond which the tolerance of integrals over positions is increased, and the factor."""
 MOST_TOLERANCE = 2e-3
 MISSED = 10.0
-"""Largest uncertainty of a strip whose integration ended early, in units of the tolerance."""
+"""Largest uncertainty of a strip whose integration ended early, as a multiple of the tolerance."""
 STRIPS, STRIPS_IN_SPACE = (0.01, 2**11), (0.05, 2**13)
-"""Width in mm of the strips that are traced for directional receivers, and number of rays for each."""
+"""Width in mm of the strips that are traced for directional receivers, and number of rays for each strip."""
 
 Curve = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """Integral of both receivers' fractions of the light over the position of the emitter, at one angle.
+    """Integral of both receivers' fractions of the light over the emitter position, at one angle.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Places:
     integral_to: Curve
 
     def mirrored(self) -> "Places":
-        """The integral for the opposite angle of a symmetric sensor, with right and left exchanged."""
+        """The integral at the opposite angle of a symmetric sensor, with right and left exchanged."""
         return Places(-self.place_mm[::-1], lambda at: -self.integral_to(-at)[:, ::-1])
 
 
@@ -79,12 +79,12 @@ def light_by_place(wide: Sensor, angle_deg: float, reach_mm: float, like: Places
     reach_mm
         Largest distance from the axis.
     like
-        Result of a similar sensor; in space, only the difference is then traced, with fewer strips.
+        Result for a similar sensor; in space, only the difference is then traced, with fewer strips.
 
     Raises
     ------
     DesignError
-        If light is scattered or comes from a file of rays, or an emission pattern of the plane is used in space.
+        If light is scattered or comes from a ray file, or if a planar emission pattern is used in space.
     """
     scene = wide.scene(angle_deg)
     check_light(scene)
@@ -99,7 +99,7 @@ def check_light(scene: Scene) -> None:
         raise DesignError("diagnosis", value="scattered light", limit=limit, remedy="omit the scatter")
     if scene.sources[0].emission() is None:
         raise DesignError(
-            "emitter", limit="a file of rays has no emitter position that can be fitted", remedy="state a pattern"
+            "emitter", limit="a ray file has no emitter position that can be fitted", remedy="state a pattern"
         )
 
 
@@ -118,7 +118,7 @@ class _Chip:
         return source
 
     def strip(self, place_mm: float, width_mm: float = 0.0) -> Chip | Emitter:
-        """A part of the chip."""
+        """Part of the chip at a position; a single point by default."""
         emission = self.source.emission()
         if emission is None:
             raise AssertionError("checked before: the chip consists of points")
@@ -184,7 +184,7 @@ class _Chip:
         if not (trace.reached or 0.0 < trace.u_power <= MISSED * tolerance):
             limit = f"a strip {1e3 * width_mm:.3g} um wide must be integrated to {tolerance:.2g}: {trace.why}"
             remedy = 'set trace.dimension = "2d"'
-            raise DesignError("light in space", value=f"{place_mm:.3g} mm off the axis", limit=limit, remedy=remedy)
+            raise DesignError("light in space", value=f"{place_mm:.3g} mm from the axis", limit=limit, remedy=remedy)
         return [trace.detectors[side].power for side in SIDES]
 
     def _first(self, step_mm: float) -> FloatArray:
@@ -192,7 +192,7 @@ class _Chip:
         return np.linspace(-self.reach_mm, self.reach_mm, count + 1)
 
     def directional_factors(self, places_mm: FloatArray) -> FloatArray:
-        """Factors of directional receivers for the fractions (p, 2) at positions (p,); 1 for flat windows."""
+        """Detection factors of directional receivers for the fractions (p, 2) at positions (p,); 1 for flat windows."""
         if self.acceptance.is_flat:
             return np.ones((places_mm.size, len(SIDES)))
         places, factors = self._factors
@@ -209,11 +209,11 @@ class _Chip:
 
 
 def _adjoining(places: FloatArray, bent: FloatArray) -> IndexArray:
-    """The intervals on both sides of the positions with a curved response."""
+    """The intervals on both sides of positions where the response is curved."""
     at = np.searchsorted(places, bent)
     return np.unique(np.concatenate([at - 1, at])).astype(np.intp)
 
 
 def _tolerance_factor(places_mm: FloatArray) -> FloatArray:
-    """Factor of the tolerances at given positions."""
+    """Factor by which the tolerance is multiplied at each position."""
     return np.where(np.abs(places_mm) <= NEAR_MM, 1.0, FAR)

@@ -1,11 +1,11 @@
-"""The traced response of a design for an emitter of any position and width, as one table.
+"""The traced response of a design for an emitter at any position and of any width, as one table.
 
 The points of a chip emit incoherently, so the response of a chip is the mean of the responses of its points. These are
-traced on a grid of motion angles and positions of a point emitter, and integrated once over position. The light of a
-chip of any decentre and width is then the difference of two values of that integral. Positions are traced more densely
-where the response bends. They are measured from the edge, where the light changes sides; the edge moves with the angle,
-but the response relative to it changes slowly, so few angles are sufficient. Directional receivers detect less of each
-point's light, as described in `solen.sensor.readings`.
+traced on a grid of motion angles and point emitter positions, and integrated once over position. The light from a chip
+of any decentre and width is then the difference between two values of that integral. Positions are traced more densely
+where the response is curved. They are measured from the edge, the position at which the light crosses from one receiver
+to the other; the edge moves with the angle, but the response relative to it changes slowly, so a few angles are
+sufficient. Directional receivers detect less light from each point, as described in `solen.sensor.readings`.
 
 Public names: `Table` and `angles_deg`.
 """
@@ -25,13 +25,15 @@ from solen.sensor import Sensor
 from solen.spec import with_values
 
 REACH_MM = 0.6
-"""Range of traced positions on each side, in addition to the design's own decentre and half the width of its chip."""
+"""Range of traced positions on each side, in addition to the design's decentre and half of its chip width."""
 STEP_MM = 0.002
 """Step of the integral over position."""
 STEP_DEG, STEP_IN_SPACE_DEG, MOST_ANGLES = 0.125, 0.25, 81
-"""Spacing of the traced angles in the plane and in space, and their largest number."""
+"""Spacing of the traced angles in the plane and in space, and the maximum number of angles."""
 EDGE_MM, MOST_OFF_MM = 0.005, 0.05
-"""Distance for the slope of light against position; largest deviation of the edge from a straight line."""
+"""Distance over which the slope of light against position is determined; largest deviation of the edge from a straight
+line.
+"""
 POINT_MM = 0.004
 """Width below which a chip is treated as a point."""
 _PAD = 12
@@ -48,11 +50,11 @@ class Table:
     place_mm
         Positions relative to the edge, (p,).
     edge
-        Polynomial of the edge's position in mm against the angle, as required by `numpy.polyval`.
+        Polynomial of the edge position in mm against the angle, in the form used by `numpy.polyval`.
     total_mm
         Integral up to each position, right and left, (2, a, p).
     rows
-        Traced results at each angle, from which another table may differ; () for a table that was not traced.
+        Traced results at each angle, to which a similar table can be traced as a difference; () if not traced.
     """
 
     angle_deg: FloatArray
@@ -89,16 +91,16 @@ class Table:
         return cls(angle_deg, grid, edge, total, rows)
 
     def places_of(self, angle_deg: FloatArray) -> IndexArray:
-        """Rows of the table with the given angles (n,)."""
+        """Rows of the table at the specified angles (n,)."""
         return np.searchsorted(self.angle_deg, angle_deg - 1e-9)
 
     def minus(self, other: "Table") -> "Table":
-        """Difference from a table that includes these angles and has the same positions and edge."""
+        """Difference from a table that includes these angles and has the same positions and the same edge."""
         return replace(self, total_mm=self.total_mm - other.total_mm[:, other.places_of(self.angle_deg)])
 
     @cached_property
     def _coefficients(self) -> tuple[FloatArray, ...]:
-        """Cubic spline coefficients of both receivers; the table is extended to be straight at its ends."""
+        """Cubic spline coefficients for both receivers; the table is extended linearly at its ends."""
         from scipy.ndimage import spline_filter
 
         wide = np.pad(self.total_mm, ((0, 0), (_PAD, _PAD), (_PAD, _PAD)), mode="reflect", reflect_type="odd")
@@ -106,7 +108,7 @@ class Table:
 
     @property
     def reach_mm(self) -> float:
-        """Largest distance of a chip's edge from the axis that is possible at every angle."""
+        """Largest distance between a chip edge and the axis that is possible at every angle."""
         return float(self.place_mm[-1] - np.abs(np.polyval(self.edge, self.angle_deg[[0, -1]])).max())
 
     def chip(self, angle_deg: FloatArray, offset_mm: float, width_mm: float) -> FloatArray:
@@ -126,7 +128,7 @@ class Table:
 
 
 def angles_deg(low_deg: float, high_deg: float, step_deg: float = STEP_DEG) -> FloatArray:
-    """Angles at which a response is traced: an odd number, so that every other one includes both ends."""
+    """Angles at which a response is traced: an odd number, so that every second angle includes both ends."""
     half = int(np.clip(math.ceil(0.5 * (high_deg - low_deg) / step_deg), 4, MOST_ANGLES // 2))
     return np.linspace(low_deg, high_deg, 2 * half + 1)
 
@@ -149,7 +151,7 @@ def _traced(
 
 
 def _reaching(sensor: Sensor) -> tuple[Sensor, float]:
-    """The same sensor with a chip that covers all positions, and the half width of that chip."""
+    """The same sensor with a chip that covers all positions, and the half-width of that chip."""
     emitter = sensor.design.emitter
     reach_mm = REACH_MM + abs(emitter.offset_mm) + 0.5 * sensor.light.width_mm
     wide = Sensor.of(with_values(sensor.design, {"emitter.offset_mm": 0.0, "emitter.width_mm": 2.0 * reach_mm}))

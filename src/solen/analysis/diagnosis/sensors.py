@@ -1,7 +1,7 @@
-"""Diagnosis of the sensors of a study: the design of each, its traced response, and the fit.
+"""Diagnosis of a study's sensors: the design of each sensor, its traced response, and the fit.
 
-A recording of a bench contains its designs; for other recordings the options name one. Sensors of the same design share
-its response.
+A recording from a bench contains its designs; for other recordings the design is specified with an option. Sensors of
+the same design share its response.
 
 Public names: `diagnosed_sensors` and `SensorDiagnoses`.
 """
@@ -44,26 +44,26 @@ from solen.spec.strict import Finite, Options, refused
 MOST_BEYOND_DEG = 0.5
 """Angle by which a recording may exceed the motion of its design without a warning."""
 FAR_OFF = 0.002
-"""Misfit as a fraction of the swing above which a model in the plane is stated as a possible cause."""
+"""Misfit as a fraction of the swing above which a model in the plane is reported as a possible cause."""
 FITTED = ("emitter.offset_mm", "emitter.width_mm", "material.absorption_per_mm")
 """Keys that are always fitted."""
 
 
 class DiagnosisOptions(Options):
-    """Choice of the sensors to diagnose, and their priors."""
+    """Selection of the sensors to diagnose, and their priors."""
 
     design: Path | None = None
-    """Design of the sensor; default: the one contained in a recording of solen bench."""
+    """Design of the sensor; default: the design contained in a recording made with solen bench."""
     sensor: tuple[str, ...] = ()
-    """Sensors to diagnose, by their labels; default: all."""
+    """Labels of the sensors to diagnose; default: all."""
     spread: tuple[str, ...] = ()
-    """Parameter that differs from print to print, with its standard uncertainty, KEY=U, as in --spread
+    """Parameter that varies from print to print, with its standard uncertainty, KEY=U, as in --spread
     emitter.distance_mm=0.02; default: material.index=0.003.
     """
     zero_u_deg: Finite = Field(ZERO_U_DEG, gt=0, le=BEYOND_DEG)
     """Standard uncertainty of the angle at which the sensor is straight."""
     brighter: Literal["lower", "higher"] = "lower"
-    """Whether brighter light gives a lower or a higher voltage."""
+    """Whether more light gives a lower or a higher voltage."""
 
     @model_validator(mode="after")
     def _check_spread(self) -> Self:
@@ -82,13 +82,13 @@ class DiagnosisOptions(Options):
 
     @property
     def spreads(self) -> dict[str, float]:
-        """Standard uncertainties by key; by default only that of the index."""
+        """Standard uncertainties by key; by default only that of the refractive index."""
         parts = [text.partition("=") for text in self.spread]
         return {INDEX: INDEX_U} | {key.strip(): float(value) for key, _, value in parts}
 
 
 class FittedCurve(Result):
-    """Mean curve of a receiver, the curve of the model, and their difference over the angles (n,)."""
+    """Mean curve of a receiver, the model curve, and their difference, at angles (n,)."""
 
     angle_deg: FloatArray
     mean_V: FloatArray
@@ -97,24 +97,24 @@ class FittedCurve(Result):
 
 
 class SensorDiagnosis(Result):
-    """Diagnosis of one sensor.
+    """Diagnosis of a sensor.
 
     Attributes
     ----------
     diagnosis
         The fit and its estimates.
     lens
-        Whether the sensor has a lens; None if not stated.
+        Whether the sensor has a lens; None if unknown.
     design
-        Name of its design.
+        Name of the design.
     drawn
-        True values of a simulated sensor, by key; None for a measured one.
+        True values of a simulated sensor, by key; None for a measured sensor.
     words, advice
         Results in words, one line for each parameter, and advice.
     parameters
-        Every parameter by name.
+        Every parameter, by name.
     not_determined
-        Parameters that the recording does not determine, each with the parameters that it is correlated with.
+        Parameters that the recording does not determine, each with the parameters correlated with it.
     correlated, correlations
         Names of the fitted parameters, and their correlations (a, a).
     cycles_used
@@ -144,7 +144,7 @@ class SensorDiagnosis(Result):
 
 
 class SensorDiagnoses(Result):
-    """Diagnoses of a study.
+    """Diagnoses of a study's sensors.
 
     Attributes
     ----------
@@ -179,12 +179,12 @@ class _Carried:
 def diagnosed_sensors(
     study: Study, options: DiagnosisOptions | None = None, progress: Progress | None = None
 ) -> SensorDiagnoses:
-    """Diagnose each sensor; sensors of the same design and lens share a traced response.
+    """Diagnose each sensor; sensors with the same design and lens share a traced response.
 
     Parameters
     ----------
     study
-        The recordings, analysed.
+        The analysed recordings.
     options
         Sensors to diagnose, their design, and priors.
     progress
@@ -243,7 +243,7 @@ def _carried(sensor: SensorResponse) -> _Carried:
 
 
 def _design(sensor: SensorResponse, stated: Design | None, own: Design | None) -> Design:
-    """Design of a sensor; `DataError` if there is none, or if its motion differs from that of the recording."""
+    """Design of a sensor; `DataError` if there is no design, or if its motion differs from the recording's motion."""
     if stated is None:
         if own is None:
             remedy = "name its design file with --design"
@@ -253,7 +253,7 @@ def _design(sensor: SensorResponse, stated: Design | None, own: Design | None) -
         ours, theirs = (_text(getattr(one.motion, key)) for one in (stated, own) if one is not None)
         if ours != theirs:
             limit = f"the recording of {sensor.label} was made with {theirs}"
-            remedy = "state the motion of the recording, or omit --design"
+            remedy = "specify the motion of the recording, or omit --design"
             raise DataError(f"--design: motion.{key}", value=ours, limit=limit, remedy=remedy)
     return stated
 
@@ -277,7 +277,7 @@ def _diagnosis(
     bend = None if rising else _bend(sensor, design, own)
     warnings = list(_motion_warnings(sensor, design))
     if bend is None:
-        straight = "the design states no [readout], so voltages are assumed to fall in proportion to the light"
+        straight = "the design contains no [readout] table, so voltages are assumed to fall in proportion to the light"
         warnings.append(look_at(straight))
     diagnosis = diagnosed(sensor, response, {ZERO: options.zero_u_deg} | options.spreads, bend, rising=rising)
     fitted = diagnosis.fitted
@@ -308,7 +308,7 @@ def _curves(diagnosis: Diagnosis) -> dict[str, FittedCurve]:
 
 
 def _bend(sensor: SensorResponse, design: Design, own: _Carried) -> Bend | None:
-    """Load lines of the receivers, if the design states its readout or the recording is of a bench run."""
+    """Load lines of the receivers, if the design contains a readout or the recording is from a bench run."""
     if own.design is None and "readout" not in design.model_fields_set:
         return None
     body = Sensor.of(design)
@@ -323,8 +323,8 @@ def _motion_warnings(sensor: SensorResponse, design: Design) -> Iterator[Caution
     motion = design.motion
     if low < motion.from_deg - MOST_BEYOND_DEG or high > motion.to_deg + MOST_BEYOND_DEG:
         yield look_at(
-            f"the recording covers {low:.3g}° to {high:.3g}°, but the motion of the design {motion.from_deg:g}° to "
-            f"{motion.to_deg:g}°; check that the motion is the same"
+            f"the recording covers {low:.3g}° to {high:.3g}°, but the motion of the design covers "
+            f"{motion.from_deg:g}° to {motion.to_deg:g}°; check that the motion is the same"
         )
 
 
@@ -339,7 +339,7 @@ def _cautions(diagnosis: Diagnosis, design: Design) -> Iterator[Caution]:
         )
     if misfit.significant and misfit.share > FAR_OFF and design.trace.dimension == "2d":
         yield look_at(
-            "the model is in the plane, which an emitter in space does not obey: state "
+            "the model is in the plane, but the light of an emitter spreads in space: set "
             'trace.dimension = "extruded", with its emitter.pattern and the chip\'s height_mm'
         )
     for key, change in diagnosis.fitted.model.response.changes.items():

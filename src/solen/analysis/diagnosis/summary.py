@@ -12,7 +12,7 @@ from solen.analysis.diagnosis.diagnose import Diagnosis, ParameterEstimate
 NAMES = {
     OFFSET: "the emitter's decentre",
     SPREAD: "the chip's width",
-    ZERO: "the zero of the angle",
+    ZERO: "the zero angle",
     LOSS: "loss in the material",
     "material.index": "the index",
     "gain right": "the right receiver's gain",
@@ -21,7 +21,7 @@ NAMES = {
     "offset left": "the left receiver's offset",
 }
 UNINFORMATIVE = 0.8
-"""Ratio of the uncertainty to that of the prior above which a recording adds no information."""
+"""Ratio of the posterior to the prior uncertainty above which a recording adds no information."""
 ALIKE = 0.05
 """Relative difference below which two gains count as equal."""
 NARROW_DEG = 2.0
@@ -29,7 +29,7 @@ NARROW_DEG = 2.0
 
 
 def words(diagnosis: Diagnosis) -> list[str]:
-    """Results of a diagnosis, one line for each parameter; ± is half of the 95 % interval."""
+    """Results of a diagnosis, one line for each parameter; ± denotes half of the 95 % interval."""
     return [
         *_decentre(diagnosis),
         *_chip(diagnosis),
@@ -46,7 +46,7 @@ def advice(diagnosis: Diagnosis) -> list[str]:
 
 
 def pm(estimate: ParameterEstimate) -> str:
-    """A number with half of its 95 % interval, both rounded to the precision of the latter."""
+    """A number with half of its 95 % interval, both rounded to the precision of the half interval."""
     if estimate.value is None or estimate.low is None or estimate.high is None:
         return "not determined"
     return _pm(estimate.value, 0.5 * (estimate.high - estimate.low), estimate.unit)
@@ -66,7 +66,7 @@ def _decentre(diagnosis: Diagnosis) -> Iterator[str]:
     side = "right" if one.value >= 0.0 else "left"
     half = 0.5 * (one.high - one.low)
     line = f"emitter {_pm(abs(one.value), half, 'mm')} to the {side}"
-    yield line + (", possibly not shifted" if abs(one.value) < half else "")
+    yield line + (", possibly centred" if abs(one.value) < half else "")
 
 
 def _chip(diagnosis: Diagnosis) -> Iterator[str]:
@@ -80,7 +80,7 @@ def _chip(diagnosis: Diagnosis) -> Iterator[str]:
 
 
 def _beside_design(estimate: ParameterEstimate) -> str:
-    """Comparison of an estimate with the value in the design, if that is outside its interval."""
+    """Comparison of an estimate with the value in the design, if that value is outside the estimate's interval."""
     if (
         estimate.design_value is None
         or estimate.low is None
@@ -88,17 +88,15 @@ def _beside_design(estimate: ParameterEstimate) -> str:
         or estimate.low <= estimate.design_value <= estimate.high
     ):
         return ""
-    return f" (the design states {estimate.design_value:g} {estimate.unit})"
+    return f" (design value {estimate.design_value:g} {estimate.unit})"
 
 
 def _zero(diagnosis: Diagnosis) -> Iterator[str]:
     one = diagnosis.estimates["angle_zero_deg"]
     if one.u_value is not None and one.u_prior is not None and one.u_value > UNINFORMATIVE * one.u_prior:
-        yield (
-            f"the recording adds no information on the zero of the angle, whose prior uncertainty is {one.u_prior:g}°"
-        )
+        yield (f"the recording adds no information about the zero angle, whose prior uncertainty is {one.u_prior:g}°")
     elif one.low is not None and one.high is not None and one.low <= 0.0 <= one.high:
-        yield f"the zero of the angle is correct within {max(-one.low, one.high):.2g}°"
+        yield f"the zero angle is correct to within {max(-one.low, one.high):.2g}°"
     elif one.value is not None:
         turn = "left" if one.value > 0.0 else "right"
         half = 0.5 * ((one.high or 0.0) - (one.low or 0.0))
@@ -114,16 +112,19 @@ def _loss(diagnosis: Diagnosis) -> Iterator[str]:
             "determined, and the gains apply to the loss in the design"
         )
     else:
-        yield f"loss in addition to the design's {pm(one)}"
+        yield f"loss exceeds the design value by {pm(one)}"
 
 
 def _others(diagnosis: Diagnosis) -> Iterator[str]:
     for key in diagnosis.fitted.model.response.changes:
         one = diagnosis.estimates[key]
         if one.u_value is not None and one.u_prior is not None and one.u_value > UNINFORMATIVE * one.u_prior:
-            yield (f"the recording adds no information on {key}, which is assumed to be the design's ± {one.u_prior:g}")
+            yield (
+                f"the recording adds no information about {key}, which is assumed to be the "
+                f"design value ± {one.u_prior:g}"
+            )
         else:
-            yield f"{key} differs from the design's by {pm(one)}"
+            yield f"{key} differs from the design value by {pm(one)}"
 
 
 def _gains(diagnosis: Diagnosis) -> Iterator[str]:
@@ -148,7 +149,7 @@ def _shift(diagnosis: Diagnosis) -> Iterator[str]:
     if one.value is None or one.low is None or one.high is None:
         return
     if one.low <= 0.0 <= one.high:
-        yield f"the emitter needs no shift: it is centred within {1e3 * max(-one.low, one.high):.2g} µm"
+        yield f"the emitter needs no shift: it is centred to within {1e3 * max(-one.low, one.high):.2g} µm"
     else:
         side = "left" if one.value > 0.0 else "right"
         half = 0.5e3 * (one.high - one.low)
@@ -160,14 +161,18 @@ def _trim(diagnosis: Diagnosis) -> Iterator[str]:
     if one is None or one.value is None or abs(one.value - 1.0) < ALIKE:
         return
     side, ratio = ("right", one.value) if one.value > 1.0 else ("left", 1.0 / one.value)
-    yield f"the {side} receiver's load divided by {ratio:.3g} would make both gains equal"
+    yield f"dividing the {side} receiver's load resistance by {ratio:.3g} would make both gains equal"
 
 
 def _record(diagnosis: Diagnosis) -> Iterator[str]:
     if LOSS in diagnosis.held:
-        yield ("guides of several lengths (solen resin cutback) determine the loss, and with it the gains")
+        yield (
+            "measurements on guides of several lengths (solen resin cutback) determine the loss, and with it the gains"
+        )
     if OFFSET in diagnosis.held or SPREAD in diagnosis.held:
-        yield "a recording with the lens, or over a wider range of angles, would determine decentre and chip"
+        yield (
+            "a recording with the lens, or over a wider range of angles, would determine the decentre and chip width"
+        )
     angle = diagnosis.cycles.angle_deg
     reach = float(angle[-1] - angle[0])
     if reach < NARROW_DEG and not {OFFSET, SPREAD} & set(diagnosis.held):

@@ -1,9 +1,9 @@
-"""Recorded networks: powers by emitter and receiver over several motions, and motions decoded from them.
+"""Recorded networks: powers by emitter and receiver over several motions, and motions decoded from these powers.
 
-The emitters of a network are lit in turn, so a reading is a matrix, emitter × receiver. The matrix is averaged at the
-stops of a recording (`states`). A smooth forward map, i.e. the readings as functions of the motions, is fitted through
-the stops (`forward`). A reading is decoded by weighted least squares with the covariance of its noise and of the error
-of the map (`decoder`).
+The emitters of a network are switched on in sequence, so a reading is a matrix, emitter × receiver. The matrix is
+averaged at the stops of a recording (`states`). A smooth forward map, i.e. the readings as functions of the motions, is
+fitted to the stops (`forward`). A reading is decoded by weighted least squares with the covariance of its noise and of
+the map error (`decoder`).
 
 Public names: `network_readings`, `analysed_network`, `calibrated_network` and `NetworkDecoder`.
 """

@@ -1,8 +1,8 @@
-"""Calibration of a network from recordings of its motions: a forward map through its states, and its validation.
+"""Calibration of a network from recordings of its motions: a forward map through its states, and cross-validation.
 
-All motions are calibrated together, from the stops of recordings that visit their states. A tenth of the states at a
-time is left out and decoded with a calibration from the others. If the readings cannot separate the motions, according
-to the derivatives and noise of the map, the calibration is rejected with an error that names the motions.
+All motions are calibrated together, from the stops of recordings that visit the network's states. A tenth of the states
+at a time is held out and decoded with a calibration from the others. If the readings cannot separate the motions,
+according to the derivatives and noise of the map, the calibration is rejected with an error that names the motions.
 
 Public names: `calibrated_network` and `NetworkCalibrations`.
 """
@@ -29,17 +29,17 @@ from solen.results import HIDDEN, Result, in_unit, plain
 from solen.sensor.network.motions import Determination, determined, in_words
 
 FOLDS, ROWS = 10, 15
-"""Number of parts of the states that are left out in turn, and of the rows of each stop that are then decoded."""
+"""Number of parts of the states that are held out in turn, and number of rows from each stop that are then decoded."""
 CHECKED_STATES = 200
 """Number of states in which the separation of the motions is checked."""
 WIDE = 4.0
-"""Ratio of the standard deviation of a combination of motions to its range above which it is not separated."""
+"""A combination of motions is not separated if this many of its standard deviations exceed its range."""
 MOST_LOST, SOME_LOST = 0.5, 0.02
 """Fraction of the states with unseparated motions above which the calibration is rejected, and above which a warning is
 given.
 """
 TAIL = 0.1
-"""Fraction of the distances of states left out that form the tail."""
+"""Fraction of the held-out states' distances that form the tail."""
 FEW = 0.88
 """Smallest fraction of readings within the 95 % bands without a warning."""
 
@@ -53,18 +53,18 @@ class LeftOut:
 
     @classmethod
     def joined(cls, parts: Sequence["LeftOut"]) -> "LeftOut":
-        """Join several into one."""
+        """Join several sets of held-out readings into one."""
         true = np.concatenate([part.angle_deg for part in parts])
         return cls(true, joined_rows([part.decoded for part in parts]))
 
 
 class NetworkCalibrations(Result):
-    """A calibration of a network.
+    """A network calibration.
 
     Attributes
     ----------
     calibration
-        Content of its file.
+        Content of the calibration file.
     states
         Number of distinct states used.
     unseparated
@@ -106,7 +106,7 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
     least = len(first.motions) + 4
     if len(angle) < least or (np.ptp(angle, axis=0) <= 0.0).any():
         still = [name for name, span in zip(first.motions, np.ptp(angle, axis=0), strict=True) if span <= 0.0]
-        limit = f"{still[0]} stands still" if still else (f"has {len(angle)} states, but at least {least} are needed")
+        limit = f"{still[0]} stands still" if still else (f"has {len(angle)} states, but at least {least} are required")
         raise DataError(file, limit=limit, remedy="visit more states, e.g. with a [grid] in the protocol")
     noise = _noise(each, alike)
     forward = ForwardMap.through(angle, signal)
@@ -156,19 +156,19 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
 
 
 def _as(first: NetworkReadings, other: NetworkReadings) -> NetworkReadings:
-    """Another recording in the order of the first; `DataError` if a column is missing."""
+    """Another recording with its columns in the order of the first recording; `DataError` if a column is missing."""
     file = other.provenance.name
     found = other.ordered(first.motions, first.emitters, first.receivers)
     if not found.motions:
-        limit = f"has no angles of {', '.join(name for name in first.motions if name not in other.motions)}"
+        limit = f"contains no angles for {', '.join(name for name in first.motions if name not in other.motions)}"
         raise DataError(file, limit=limit, remedy="calibrate with recordings of the same motions")
     if other.unit != first.unit:
-        raise DataError(file, value=other.unit, limit=f"is in a different unit than {first.unit}")
+        raise DataError(file, value=other.unit, limit=f"has a unit other than {first.unit}")
     return found
 
 
 def _joined(each: Sequence[States]) -> tuple[FloatArray, FloatArray]:
-    """Distinct states of all recordings, and their readings."""
+    """Distinct states in all recordings, and their readings."""
     whole = replace(
         each[0],
         angle_deg=np.concatenate([one.angle_deg for one in each]),
@@ -180,7 +180,7 @@ def _joined(each: Sequence[States]) -> tuple[FloatArray, FloatArray]:
 
 
 def _noise(each: Sequence[States], recordings: Sequence[NetworkReadings]) -> FloatArray:
-    """Noise of all recordings, at least that of a uniform distribution over the smallest step of a reading."""
+    """Noise of all recordings, at least the noise of a uniform distribution over the smallest step of a reading."""
     noise = np.mean([one.noise for one in each], axis=0)
     values = np.concatenate([recording.signal.reshape(len(recording.signal), -1) for recording in recordings])
     steps = [np.diff(np.unique(column[np.isfinite(column)])) for column in values.T]
@@ -192,7 +192,7 @@ def _noise(each: Sequence[States], recordings: Sequence[NetworkReadings]) -> Flo
 def _lost(motions: Sequence[str], forward: ForwardMap, decoder: NetworkDecoder) -> tuple[float, Determination | None]:
     """Fraction of the states within the ranges in which motions are not separated, and the combinations concerned.
 
-    The states are between the recorded ones, where the slopes are those of the map.
+    The states are between the recorded states, where the slopes are those of the map.
     """
     angle = np.random.default_rng(0).uniform(forward.low, forward.high, (CHECKED_STATES, len(motions)))
     slopes, covariance = decoder.slopes(angle), decoder.covariance(angle)
@@ -205,7 +205,7 @@ def _lost(motions: Sequence[str], forward: ForwardMap, decoder: NetworkDecoder) 
 
 
 def _with_range(found: Determination, span: FloatArray) -> Determination:
-    """The same, where a combination of motions whose band would contain its whole range counts as not determined."""
+    """Copy in which a combination of motions counts as not determined if its band would contain its entire range."""
     combinations = []
     for combination in found.combinations:
         reach = float(np.sqrt(np.sum((np.array(list(combination.shares.values())) * span) ** 2)))
@@ -244,10 +244,10 @@ def _left_out(
 
 
 def _outside(left_out: LeftOut | None) -> float:
-    """Squared distance that few true readings exceed, from the tail for states left out; 0 without such states.
+    """Squared distance that few true readings exceed, from the tail for held-out states; 0 without such states.
 
-    Where a response has a sharp bend, the error of the map is larger than its variance indicates. The tail is assumed
-    to be exponential, with the mean of the excesses.
+    Where a response has a sharp bend, the map error is larger than its variance indicates. The tail is assumed to be
+    exponential, with a mean equal to the mean excess.
     """
     if left_out is None:
         return 0.0
@@ -258,14 +258,14 @@ def _outside(left_out: LeftOut | None) -> float:
 
 
 def _some(recording: NetworkReadings, stop: slice) -> FloatArray:
-    """Evenly spaced rows of a stop, of those that are complete."""
+    """Evenly spaced rows from the complete rows of a stop."""
     flat = recording.signal[stop].reshape(stop.stop - stop.start, -1)
     whole = flat[np.isfinite(flat).all(axis=1)]
     return np.asarray(whole[np.unique(np.linspace(0, len(whole) - 1, ROWS).astype(int))])
 
 
 def checks_of(motions: Sequence[str], left_out: LeftOut) -> tuple[MotionCheck, ...]:
-    """Errors and bands of each motion."""
+    """Errors and bands for each motion."""
     decoded, true = left_out.decoded, left_out.angle_deg
     error = decoded.angle_deg - true
     width = decoded.high_deg[..., 1] - decoded.low_deg[..., 1]
@@ -286,7 +286,7 @@ def checks_of(motions: Sequence[str], left_out: LeftOut) -> tuple[MotionCheck, .
 
 def _words(check: MotionCheck) -> str:
     return (
-        f"{check.motion}: states left out are decoded to {check.rms_deg:.2g}° (rms; mean error "
+        f"{check.motion}: held-out states are decoded to {check.rms_deg:.2g}° (rms; mean error "
         f"{check.bias_deg:+.1g}°, worst {check.worst_deg:.2g}°); 95 % bands are {check.band95_deg:.2g}° wide; "
         f"{100 * check.within_68:.0f} % lie within the 68 % bands, {100 * check.within_95:.0f} % within the 95 % bands"
     )
@@ -295,12 +295,12 @@ def _words(check: MotionCheck) -> str:
 def _cautions(checks: Sequence[MotionCheck], lost: float, worst: Determination | None) -> list[Caution]:
     found = []
     if not checks:
-        found.append(look_at(f"fewer than {2 * FOLDS} states, too few to check the calibration on states left out"))
+        found.append(look_at(f"fewer than {2 * FOLDS} states, too few to check the calibration on held-out states"))
     if lost > SOME_LOST and worst is not None:
         found.append(look_at(f"in {100 * lost:.2g} % of the states, {' and '.join(in_words(worst))}"))
     found += [
         do_not_use(
-            f"{check.motion}: only {100 * check.within_95:.0f} % of the states left out lie within the 95 % bands"
+            f"{check.motion}: only {100 * check.within_95:.0f} % of the held-out states lie within the 95 % bands"
         )
         for check in checks
         if check.within_95 < FEW
@@ -309,7 +309,7 @@ def _cautions(checks: Sequence[MotionCheck], lost: float, worst: Determination |
 
 
 def _on_a_grid(motions: Sequence[str], angle: FloatArray) -> list[Caution]:
-    """Warning if all states are on a grid, because sharp bends between its points then remain undetected."""
+    """Warning if all states are on a grid, because sharp bends between the grid points then remain undetected."""
     span = np.maximum(np.ptp(angle, axis=0), 1e-9)
     places = [len(np.unique(np.rint(column))) for column in (angle / span * 250.0).T]
     if len(motions) < 2 or len(angle) < np.prod(places):

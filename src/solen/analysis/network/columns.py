@@ -1,9 +1,9 @@
-"""Columns of a network's table, of a file or of lines: its powers, their common unit, and accompanying columns.
+"""Columns of a network table, from a file or from lines: powers, their common unit, and accompanying columns.
 
-A column is a power if its name is ``EMITTER.RECEIVER``. Each has its own unit; all are converted to V if possible or if
-none states a unit, otherwise to the unit of the first. ``a.left_A`` is in ampere if all names end in ``_A``. A power
-may be accompanied by marks of clipping, ``a.left_clipped``, and by the ambient light that was subtracted,
-``a.left_ambient``. Such columns without a power, or of ambient light for only some of the powers, are rejected.
+A column is a power if its name is ``EMITTER.RECEIVER``. Each power has its own unit; all are converted to V if possible
+or if no unit is specified, otherwise to the unit of the first power. ``a.left_A`` is in ampere if all names end in
+``_A``. A power may be accompanied by clipping flags, ``a.left_clipped``, and by the ambient light that was subtracted,
+``a.left_ambient``. Such columns without a power, or with ambient light for only some of the powers, are rejected.
 
 Public names: `power_columns` and `PowerColumns`.
 """
@@ -20,7 +20,7 @@ from solen.recording.column_roles import ENDS_IN_V, is_companion, unit_of
 from solen.units import factor
 
 DOTTED = re.compile(r"([^.\s]+)\.([^.\s]+?)(?:_V)?")
-"""Name of a power, from the names of its emitter and its receiver."""
+"""Name of a power, composed of the names of its emitter and its receiver."""
 ENDS_IN_A = "_A"
 _BESIDE = re.compile(r"(?:(ambient|clipped)_)?(.*?)(?:_(ambient|clipped))?")
 Pair = tuple[str, str]
@@ -28,10 +28,10 @@ Pair = tuple[str, str]
 
 @dataclass(frozen=True)
 class PowerColumns:
-    """Indices of the columns of powers and their factors to the common unit; marks of clipping.
+    """Indices of the power columns and their factors to the common unit; indices of the clipping flags.
 
-    ``ambient`` is ``subtracted`` if each power has a column of subtracted ambient light, else None; ``warnings`` state
-    whether V is assumed.
+    ``ambient`` is ``subtracted`` if each power has a column of subtracted ambient light, else None; ``warnings``
+    reports whether V is assumed.
     """
 
     places: dict[Pair, int]
@@ -48,7 +48,8 @@ def power_columns(columns: Sequence[Channel], source: str) -> PowerColumns:
     Raises
     ------
     DataError
-        If units cannot be converted to a common one, or a column that accompanies powers is missing or belongs to none.
+        If units cannot be converted to a common unit, or a column that accompanies powers is missing or belongs to no
+        power.
     """
     columns = _in_ampere(columns)
     names = [ENDS_IN_V.sub("", column.name) for column in columns]
@@ -61,15 +62,15 @@ def power_columns(columns: Sequence[Channel], source: str) -> PowerColumns:
     clipped, ambient = (_beside(kind, lights, places, source) for kind in ("clipped", "ambient"))
     lacking = [".".join(pair) for pair in places if pair not in ambient]
     if ambient and lacking:
-        limit = f"has a column of ambient light for some powers, but not for {lacking[0]}"
+        limit = f"contains an ambient light column for some powers, but not for {lacking[0]}"
         raise DataError(source, limit=limit, remedy="subtract it from all powers or from none")
     scaled = dict(zip(places, scales, strict=True))
-    assumed = [] if unit or not places else [look_at("the powers state no unit; V is assumed")]
+    assumed = [] if unit or not places else [look_at("no unit is specified for the powers; V is assumed")]
     return PowerColumns(places, scaled, unit or "V", clipped, "subtracted" if ambient else None, tuple(assumed))
 
 
 def _in_ampere(columns: Sequence[Channel]) -> Sequence[Channel]:
-    """Columns in A if the names of all powers end in it, as ``a.left_A``; otherwise it is part of a name."""
+    """Columns in A if all power names end in ``_A``, as in ``a.left_A``; otherwise the suffix is part of a name."""
     are = [bool(DOTTED.fullmatch(column.name)) and not is_companion(column.name) for column in columns]
     powers = [column for column, is_power in zip(columns, are, strict=True) if is_power]
     if not powers or any(power.unit not in {"", "1"} or not power.name.endswith(ENDS_IN_A) for power in powers):
@@ -81,7 +82,7 @@ def _in_ampere(columns: Sequence[Channel]) -> Sequence[Channel]:
 
 
 def _scales(units: dict[str, str], source: str) -> tuple[str, list[float]]:
-    """Common unit of powers, empty if none states one, and the factor of each power to it."""
+    """Common unit of the powers, empty if none is specified, and the factor of each power to this unit."""
     first = next((unit for unit in units.values() if unit not in {"", "1"}), "")
     if not first:
         return "", [1.0] * len(units)
@@ -91,20 +92,20 @@ def _scales(units: dict[str, str], source: str) -> tuple[str, list[float]]:
         scale = factor(unit, common) if unit not in {"", "1"} else None
         if scale is None:
             limit = f"cannot be converted to {common}, the unit of the other powers"
-            remedy = "state units of the same quantity for all powers, as in a.end_mV"
+            remedy = "specify units of the same quantity for all powers, as in a.end_mV"
             raise DataError(f"{source}: {name}", value=unit or "no unit", limit=limit, remedy=remedy)
         scales.append(scale)
     return common, scales
 
 
 def _in(unit: str, columns: Sequence[Channel], names: Sequence[str]) -> list[str]:
-    """Names of columns without a unit of another kind (e.g. the temperature ``ambient (K)``); empty for the latter."""
+    """Column names; empty for a column whose unit is of another kind (e.g. the temperature ``ambient (K)``)."""
     other = (column.unit not in {"", "1", unit} and factor(column.unit, unit or "V") is None for column in columns)
     return ["" if odd else name for odd, name in zip(other, names, strict=True)]
 
 
 def _beside(kind: str, names: Sequence[str], powers: dict[Pair, int], source: str) -> dict[Pair, int]:
-    """Indices of the columns of a kind, by the powers that they accompany."""
+    """Indices of accompanying columns of one kind, by the powers that they accompany."""
     known = {".".join(pair): pair for pair in powers}
     found = {}
     for place, name in enumerate(names):

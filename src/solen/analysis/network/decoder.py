@@ -1,8 +1,8 @@
-"""Decoding of a network's readings into motions: weighted least squares on the forward map, with bands.
+"""Decoding of network readings into motions: weighted least squares on the forward map, with credible bands.
 
 The forward map is tabulated as a smooth surface of means and of variances. For a reading y, the motions θ minimise (y −
-f(θ))ᵀ S(θ)⁻¹ (y − f(θ)) + ln det S(θ), where S is the covariance of a reading's noise plus the variances of the map.
-The minimum is searched for over the whole table and refined by Gauss–Newton steps from its lowest nodes, so other
+f(θ))ᵀ S(θ)⁻¹ (y − f(θ)) + ln det S(θ), where S is the covariance of the reading noise plus the variances of the map.
+The minimum is searched for over the entire table and refined by Gauss–Newton steps from the lowest nodes, so other
 motions that match a reading are also found. The covariance of θ is (Jᵀ S⁻¹ J)⁻¹; its bands are limited to the
 calibrated range. A reading that is too far from every f(θ) is outside the map.
 
@@ -21,13 +21,13 @@ from solen.analysis.surface import Surface
 from solen.arrays import BoolArray, FloatArray
 
 NODES, MOST_NODES = 4096, 49
-"""Largest number of nodes of the table for all motions together, and for one motion."""
+"""Maximum number of table nodes for all motions together, and for one motion."""
 STARTS, ROUNDS = 4, 8
-"""Number of nodes of the table from which a reading is refined, and of the steps for each."""
+"""Number of table nodes from which a reading is refined, and number of steps from each node."""
 COUNTS = 0.05
-"""Probability from which another state that matches a reading counts."""
+"""Another state that matches a reading counts if its probability is at least this value."""
 APART = 3.0
-"""Standard deviations by which two states must differ to be distinct."""
+"""Two states are distinct if they differ by at least this many standard deviations."""
 AT_ONCE = 256
 
 
@@ -40,15 +40,15 @@ class NetworkDecoded:
     angle_deg, sd_deg
         Angles and their standard deviations, (n, motions); NaN if a reading is missing.
     low_deg, high_deg
-        Bands of 68 and 95 %, (n, motions, 2), within the calibrated range.
+        Limits of the 68 and 95 % bands, (n, motions, 2), within the calibrated range.
     distance
         Squared distance of the readings from the map, in units of their covariance, (n,).
     other_deg, probability
         Another state that matches the readings (n, motions), NaN if there is none, and the probability of the first
         state.
     outside, ambiguous, at_end, missing
-        Whether the readings match no point of the map; match several; have a band that reaches an end of a calibrated
-        range; are incomplete, (n,).
+        Whether the readings match no point of the map, match several points, have a band that reaches an end of a
+        calibrated range, or are incomplete, (n,).
     """
 
     angle_deg: FloatArray
@@ -64,14 +64,14 @@ class NetworkDecoded:
     missing: BoolArray
 
     def holds(self, angle_deg: FloatArray, level: int) -> BoolArray:
-        """Whether the bands of a level (0 for 68 %, 1 for 95 %) contain the true angles (n, motions)."""
+        """Whether the bands at a level (0 for 68 %, 1 for 95 %) contain the true angles (n, motions)."""
         found = (self.low_deg[..., level] <= angle_deg) & (angle_deg <= self.high_deg[..., level])
         return np.asarray(found)
 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """States (n, M) at which the sum has a minimum, with the distance, the sum and the covariance there."""
+    """States (n, M) at which the sum has a minimum, with the distance, the sum and the covariance at these states."""
 
     angle_deg: FloatArray
     distance: FloatArray
@@ -89,9 +89,10 @@ class NetworkDecoder:
     noise
         Covariance of a reading, (K, K).
     freedom
-        Degrees of freedom of the map's variances.
+        Degrees of freedom of the map variances.
     outside
-        Squared distance from which a reading is outside, if larger than that of the map's t distribution.
+        Squared distance above which a reading is outside the map, if larger than the value from the map's t
+        distribution.
     """
 
     def __init__(self, forward: ForwardMap, noise: FloatArray, freedom: int, outside: float = 0.0) -> None:
@@ -116,11 +117,11 @@ class NetworkDecoder:
 
     @property
     def nodes_deg(self) -> FloatArray:
-        """States of its table, (G, M)."""
+        """States at the table nodes, (G, M)."""
         return self._grid
 
     def covariance(self, angle_deg: FloatArray) -> FloatArray:
-        """Covariance (N, K, K) of readings about the map in states (N, M)."""
+        """Covariance (N, K, K) of readings about the map at states (N, M)."""
         scatter = self._surface.at(angle_deg)[:, self._readings :]
         return np.asarray(self._noise + (scatter**2)[:, :, None] * np.eye(self._readings))
 
@@ -159,7 +160,7 @@ class NetworkDecoder:
         return np.asarray(np.take_along_axis(first, order, axis=1))
 
     def _refined(self, flat: FloatArray, places: FloatArray, weights: FloatArray) -> _Fit:
-        """Refine by damped Gauss–Newton steps within the range."""
+        """Refine the states by damped Gauss–Newton steps within the range."""
         span = np.maximum(self.high_deg - self.low_deg, 1e-12)
         damping = np.full(len(flat), 1e-3)
         residual = flat - self._surface.at(places)[:, : self._readings]
@@ -183,7 +184,7 @@ class NetworkDecoder:
         return self._at(flat, places)
 
     def _at(self, flat: FloatArray, places: FloatArray) -> _Fit:
-        """Evaluate the match of readings at given states."""
+        """Evaluate how well readings match the specified states."""
         covariance, jacobian = self.covariance(places), self.slopes(places)
         residual = flat - self._surface.at(places)[:, : self._readings]
         weights = np.linalg.inv(covariance)

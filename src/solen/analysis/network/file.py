@@ -1,4 +1,4 @@
-"""The file of a network's calibration: the recorded states, the noise of a reading, and parameters of the forward map.
+"""Network calibration file: the recorded states, the noise of a reading, and the parameters of the forward map.
 
 Public names: `NetworkCalibration`, `load_network`, `is_network_file` and `text_of`.
 """
@@ -24,7 +24,7 @@ Row = tuple[Number, ...]
 
 
 class MotionCheck(Strict):
-    """Errors of one motion for states left out, decoded with a calibration from the others."""
+    """Errors of one motion for held-out states, decoded with a calibration from the other states."""
 
     table: ClassVar[str] = "check"
     error: ClassVar[type[DataError]] = DataError
@@ -43,32 +43,32 @@ class NetworkCalibration(Strict):
 
     error: ClassVar[type[DataError]] = DataError
 
-    kind: Literal["network calibration"] = Field("network calibration", description="Type of the file.")
-    solen: Text = Field(description="Version of solen that wrote the file.")
-    sensor: str = Field(description="Name of the network; empty if the recording states none.")
+    kind: Literal["network calibration"] = Field("network calibration", description="File type.")
+    solen: Text = Field(description="solen version that wrote the file.")
+    sensor: str = Field(description="Network name; empty if the recording contains none.")
     simulated: bool = Field(description="Whether any recording was simulated.")
     unit: Text = Field("V", description="Unit of the readings, which replaces V in the keys.")
     ambient: Ambient | None = Field(None, description="Whether ambient light was subtracted; null if unknown.")
-    motions: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Names of the motions.")
-    emitters: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Names of the emitters.")
-    receivers: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Names of the receivers.")
+    motions: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Motion names.")
+    emitters: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Emitter names.")
+    receivers: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(description="Receiver names.")
     range_deg: tuple[tuple[Number, Number], ...] = Field(description="Lowest and highest angle of each motion.")
     angle_deg: tuple[Row, ...] = Field(description="Recorded states, each a row of angles.")
-    signal_V: tuple[Row, ...] = Field(description="Readings in each state, by emitter and then by receiver.")
-    noise_V2: tuple[Row, ...] = Field(description="Covariance of the noise of a reading.")
+    signal_V: tuple[Row, ...] = Field(description="Readings in each state, by emitter, then by receiver.")
+    noise_V2: tuple[Row, ...] = Field(description="Covariance of a reading due to noise.")
     reach: tuple[tuple[Positive, ...], ...] = Field(
-        description="Correlation length of the map of each reading, as a fraction of each motion's range."
+        description="Correlation lengths of each reading's map, as fractions of the motion ranges."
     )
     scatter: tuple[Positive, ...] = Field(
         description="Variance of a state about the map, relative to the map's variance."
     )
     outside: NotNegative = Field(
-        0.0, description="Smallest squared distance of a reading from the map at which it counts as off the map."
+        0.0, description="A reading is off the map if its squared distance from the map is at least this value."
     )
     checks: tuple[MotionCheck, ...] = Field(
-        description="States left out, decoded with a calibration from the others; none if there are few states."
+        description="Held-out states, decoded with a calibration from the other states; none if there are few states."
     )
-    words: tuple[str, ...] = Field(description="Results of the checks, in sentences.")
+    words: tuple[str, ...] = Field(description="Check results in words.")
     sources: tuple[dict[str, Any], ...] = Field(description="The recordings.")
     warnings: tuple[Caution, ...] = Field(description="Limits of the calibration.")
 
@@ -110,19 +110,19 @@ class NetworkCalibration(Strict):
 
 
 def text_of(file: NetworkCalibration) -> str:
-    """Text of the file."""
+    """Text of the calibration file."""
     data = in_unit({"schema": SCHEMA, **file.model_dump(mode="json")}, file.unit)
     return json.dumps(data, indent=1, allow_nan=False) + "\n"
 
 
 def is_network_file(path: Path) -> bool:
-    """Whether a file is the calibration of a network; `DataError` if it cannot be read."""
+    """Whether a file is a network calibration; `DataError` if it cannot be read."""
     data = calibration_data(path)
     return isinstance(data, dict) and data.get("kind") == OF_NETWORK
 
 
 def load_network(path: Path) -> NetworkCalibration:
-    """Load the calibration of a network from a file; `DataError` if it cannot be read or is not one."""
-    data = data_of_kind(path, OF_NETWORK, "is not a calibration of a network")
+    """Load a network calibration from a file; `DataError` if the file cannot be read or is of another kind."""
+    data = data_of_kind(path, OF_NETWORK, "is not a network calibration")
     with error_context(str(path)):
         return NetworkCalibration(**tuples(in_unit(data, "V", data.get("unit", "V"))))

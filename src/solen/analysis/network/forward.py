@@ -1,10 +1,10 @@
 """The forward map of a network: its readings as smooth functions of its motions, through the states of a recording.
 
 Each reading is a Gaussian process (Rasmussen & Williams, Gaussian Processes for Machine Learning, 2006) about a
-least-squares plane, with a Matérn covariance of smoothness 5/2. Its correlation length along each motion and the
-scatter of a state about it minimise the error of each state predicted from all others, which has a closed form (ibid.,
-eq. 5.12); the same errors determine its scale. The variance of the map is therefore small at recorded states, larger
-between them and largest beyond them, and larger where the readings change sharply.
+least-squares plane, with a Matérn covariance of smoothness 5/2. The correlation length along each motion and the
+scatter of a state about the map minimise the error of each state predicted from all others, which has a closed form
+(ibid., eq. 5.12); the same errors determine the scale. The variance of the map is therefore small at recorded states,
+larger between them, largest beyond them, and larger where the readings change sharply.
 
 Public name: `ForwardMap`.
 """
@@ -20,13 +20,13 @@ REACHES = (0.1, 0.2, 0.35, 0.6, 1.0, 2.0, 5.0)
 """Correlation lengths tried, as a fraction of a motion's range."""
 FEWER = (0.2, 0.5, 1.2, 4.0)
 SCATTERS = (1e-6, 1e-4, 1e-3, 1e-2, 0.1)
-"""Variances of a state about the map that are tried, relative to that of the map."""
+"""Variances of a state about the map that are tried, relative to the map variance."""
 AT_ONCE = 2048
 
 
 @dataclass(frozen=True, eq=False)
 class _Process:
-    """Readings with a common covariance: their indices, correlation lengths and scatter, and precomputed matrices."""
+    """Readings with a common covariance: indices, correlation lengths and scatter, and precomputed matrices."""
 
     places: tuple[int, ...]
     reach: FloatArray
@@ -42,11 +42,11 @@ class ForwardMap:
     Attributes
     ----------
     low, high
-        Ends of the range of each motion, (M,).
+        Lower and upper limit of each motion, (M,).
     reach
-        Correlation length of each reading along each motion, as a fraction of its range, (K, M).
+        Correlation length of each reading along each motion, as a fraction of the motion's range, (K, M).
     scatter, scale
-        Variance of a state of each reading relative to the map's variance, and variance of the map, (K,).
+        Variance of a state of each reading relative to the map variance, and map variance, (K,).
     """
 
     low: FloatArray
@@ -77,7 +77,7 @@ class ForwardMap:
         signal
             Readings in these states, (n, K).
         ends_deg
-            Ends of the range (2, M); default: those of the states.
+            Limits of the ranges (2, M); default: the extremes of the states.
         reach, scatter
             As in the attributes; default: chosen from the states.
         """
@@ -99,7 +99,7 @@ class ForwardMap:
         return cls(low, high, reach, scatter, scale, states, plane, tuple(processes))
 
     def at(self, angle_deg: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Means and variances (N, K) of the expected readings in states (N, M)."""
+        """Means and variances (N, K) of the expected readings at states (N, M)."""
         places = (angle_deg - self.low) / np.maximum(self.high - self.low, 1e-12)
         mean = np.column_stack([np.ones(len(places)), places]) @ self._plane
         variance = np.zeros_like(mean)
@@ -115,7 +115,7 @@ class ForwardMap:
 
 
 def _chosen(states: FloatArray, beside: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Correlation lengths (K, M) and scatter (K,) that best predict each state of a reading from the others."""
+    """Correlation lengths (K, M) and scatter (K,) that best predict each state of a reading from the other states."""
     motions = states.shape[1]
     each = REACHES if motions <= 2 else FEWER
     best = np.full(beside.shape[1], np.inf)

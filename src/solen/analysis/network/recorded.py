@@ -1,8 +1,9 @@
-"""Readings of a network from a recording: a matrix, emitter × receiver, for each turn of its emitters.
+"""Readings of a network from a recording: a matrix, emitter × receiver, for each switching cycle of the emitters.
 
-The bench of solen writes a group for each emitter, with its own times and angles; other recorders write a table with a
-column for each power, named ``EMITTER.RECEIVER``. Both are converted to rows of one turn each: the reading of the first
-emitter and the next one of every other emitter. An incomplete turn is kept, with NaN for the missing readings.
+The bench of solen writes a group for each emitter, with separate times and angles; other recorders write a table with a
+column for each power, named ``EMITTER.RECEIVER``. Both are converted to rows, one for each switching cycle: the reading
+of the first emitter and the next reading of every other emitter. An incomplete cycle is kept, with NaN for the missing
+readings.
 
 Public names: `holds_network`, `network_readings` and `NetworkReadings`.
 """
@@ -35,13 +36,13 @@ class NetworkReadings:
     Attributes
     ----------
     sensor
-        Name of the network; empty if not stated.
+        Name of the network; empty if unknown.
     motions, emitters, receivers
         Names of the motions, emitters and receivers.
     time_s
-        Time of each turn's first reading, (N,).
+        Time of the first reading in each switching cycle, (N,).
     angle_deg
-        Mean angles over each turn, (N, motions); no columns if the recording has no angles.
+        Mean angles over each switching cycle, (N, motions); no columns if the recording contains no angles.
     signal
         Signals (N, emitters, receivers), without ambient light if it was subtracted; NaN for missing readings.
     clipped
@@ -68,7 +69,7 @@ class NetworkReadings:
     warnings: tuple[Caution, ...] = ()
 
     def ordered(self, motions: Sequence[str], emitters: Sequence[str], receivers: Sequence[str]) -> "NetworkReadings":
-        """The readings with emitters, receivers and motions in the given order; `DataError` if one is missing.
+        """Return the readings with emitters, receivers and motions in this order; `DataError` if one is missing.
 
         All motions may be missing, as in a recording that is to be decoded.
         """
@@ -89,17 +90,17 @@ class NetworkReadings:
 
 
 def places_of(kind: str, wanted: Sequence[str], there: Sequence[str], file: str) -> list[int]:
-    """Indices of the requested names of a kind among those in a file; `DataError` if one is missing."""
+    """Indices of the requested names of one kind among those in a file; `DataError` if a name is missing."""
     for name in wanted:
         if name not in there:
-            limit = f"has no readings of {kind} {name}; it has those of {', '.join(there)}"
-            raise DataError(file, limit=limit, remedy="record everything that was calibrated")
+            limit = f"contains no readings for {kind} {name}; it contains readings for {', '.join(there)}"
+            raise DataError(file, limit=limit, remedy="record all motions, emitters and receivers that were calibrated")
     return [there.index(one) for one in wanted]
 
 
 @dataclass(frozen=True, eq=False)
 class _Lit:
-    """Readings with one emitter on: times (n,), angles (n, M), signals and marks of clipped ones (n, R)."""
+    """Readings with one emitter on: times (n,), angles (n, M), signals and clipping flags (n, R)."""
 
     time_s: FloatArray
     angle_deg: FloatArray
@@ -108,7 +109,7 @@ class _Lit:
 
 
 def holds_network(path: Path) -> bool:
-    """Whether a recording is of a network, according to the bench's header or to its columns."""
+    """Whether a recording is of a network, according to the bench header or the columns."""
     _, recording = next(iter(read_parts(path)))
     if header_of(recording.provenance).get("motions"):
         return True
@@ -124,14 +125,14 @@ def network_readings(path: Path, sensor: str | None = None) -> NetworkReadings:
     Parameters
     ----------
     path
-        A recording of solen's bench, or a table with columns ``time_s``, ``MOTION_deg`` and ``EMITTER.RECEIVER``.
+        A recording from solen's bench, or a table with columns ``time_s``, ``MOTION_deg`` and ``EMITTER.RECEIVER``.
     sensor
-        Name of the network; default: the only one.
+        Name of the network; default: the only network.
 
     Raises
     ------
     DataError, SpecError
-        If the file has no network or none with this name, or has several but no name is given.
+        If the file contains no network or no network with this name, or several networks but no name is specified.
     """
     parts = list(read_parts(path))
     header = header_of(parts[0][1].provenance)
@@ -143,13 +144,13 @@ def network_readings(path: Path, sensor: str | None = None) -> NetworkReadings:
 
 
 def chosen_network(header: Mapping[str, Any], sensor: str | None, file: str) -> Mapping[str, Any]:
-    """Entry of a header for a sensor."""
+    """Header entry of a sensor."""
     entries: dict[str, Mapping[str, Any]] = {one["name"]: one for one in header["sensors"]}
     if sensor is None and len(entries) == 1:
         return next(iter(entries.values()))
     if sensor in entries:
         return entries[sensor]
-    limit = f"must be one of {', '.join(entries)}, the sensors of {file}"
+    limit = f"must be one of {', '.join(entries)}, the sensors in {file}"
     raise SpecError("--sensor", value=sensor, limit=limit)
 
 
@@ -200,7 +201,7 @@ def _lit(recording: Recording, motions: Sequence[str], receivers: Sequence[str])
 
 
 def _turns(times: Sequence[FloatArray]) -> Any:
-    """Index of each emitter's reading in the turns of the first emitter (N, emitters); -1 if it is missing."""
+    """Index of each emitter's reading in the first emitter's switching cycles (N, emitters); -1 if missing."""
     first = times[0]
     usual_s = float(np.median(np.diff(first))) if len(first) > 1 else np.inf
     ends = np.append(first[1:], np.inf)
@@ -215,7 +216,7 @@ def _turns(times: Sequence[FloatArray]) -> Any:
 
 
 def _angles(recording: Recording) -> dict[str, Channel]:
-    """Columns of angles by the names of their motions."""
+    """Angle columns, by motion name."""
     found = {}
     for one in (channel for channel in recording.channels if not is_companion(channel.name)):
         if (one.unit and factor(one.unit, "deg") is not None) or one.name.endswith("_deg"):
@@ -224,7 +225,7 @@ def _angles(recording: Recording) -> dict[str, Channel]:
 
 
 def times_of(recording: Recording) -> tuple[Channel, float, list[Caution]]:
-    """Column of the times, its factor to s, and a warning if that is assumed; `DataError` without such a column."""
+    """Time column, its factor to s, and a warning if this is assumed; `DataError` if there is no time column."""
     file = recording.provenance.name
     time = column_of(recording, "time")
     if time is None:
@@ -241,15 +242,15 @@ def _of_table(recording: Recording) -> NetworkReadings:
     for name in recording.texts:
         if is_companion(name):
             raise DataError(
-                f"{file}: {name}", limit="contains words instead of numbers", remedy="write 0 or 1, or omit it"
+                f"{file}: {name}", limit="contains words instead of numbers", remedy="write 0 or 1, or omit the column"
             )
     emitters, receivers = (tuple(dict.fromkeys(pair[place] for pair in powers)) for place in (0, 1))
     if not powers:
         remedy = f"name a column for each power, EMITTER.RECEIVER; {existing(recording)}"
-        raise DataError(file, limit="has no columns of powers by emitter and receiver", remedy=remedy)
+        raise DataError(file, limit="contains no columns of powers by emitter and receiver", remedy=remedy)
     for pair in ((lit, read) for lit in emitters for read in receivers):
         if pair not in powers:
-            limit = f"has no column {'.'.join(pair)}, but every emitter requires one for every receiver"
+            limit = f"contains no column {'.'.join(pair)}, but every emitter requires a column for every receiver"
             raise DataError(file, limit=limit, remedy=existing(recording))
     angles = _angles(recording)
     columns = [channel.values for channel in recording.channels]

@@ -1,9 +1,9 @@
-"""States of a network in a recording: the stops of its motions, and the readings averaged over each.
+"""States of a network in a recording: the stops of its motions, and the mean readings at each stop.
 
-The readings of a turn belong to one state only while all motions rest. A stop is a run of rows over which no angle
-changes. The noise of a reading is the covariance of the rows of a stop, pooled over the stops, because ambient light or
-the supply of a converter affects several readings together. The uncertainty of a stop's mean is that of the means of
-its pieces, if these differ by more than the noise explains.
+The readings of a switching cycle belong to a single state only while all motions rest. A stop is a run of rows over
+which no angle changes. The noise of a reading is the covariance of the rows of a stop, pooled over the stops, because
+ambient light or the supply of a converter affects several readings together. If the means of the segments of a stop
+differ by more than the noise explains, the uncertainty of the stop's mean follows from these segment means.
 
 Public names: `states_of`, `States`, `analysed_network` and `NetworkStates`.
 """
@@ -22,16 +22,16 @@ from solen.results import HIDDEN, Result, in_unit
 REST_ROWS = 5
 """Number of rows over which a motion at rest must not move."""
 REST_MOVEMENT, REST_NOISES = 1e-3, 5.0
-"""Largest movement at rest, as a fraction of the range of the motion, or in units of the noise of its angle."""
+"""Largest movement at rest, as a fraction of the motion's range, or relative to the noise of its angle."""
 SHORTEST, SETTLING = 8, 2
-"""Smallest number of rows of a stop, and number of rows omitted at both ends."""
+"""Smallest number of rows in a stop, and number of rows omitted at both ends."""
 PIECES = 6
-"""Number of pieces of a stop whose means show the correlation of its rows."""
+"""Number of segments of a stop whose means show the correlation between its rows."""
 
 
 @dataclass(frozen=True, eq=False)
 class States:
-    """Stops of a recording.
+    """Stops in a recording.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class NetworkStates(Result):
     noise_V
         Standard deviation of a single reading (emitters, receivers).
     readings, missing
-        Number of turns of the emitters, and of those that lack a reading.
+        Number of emitter switching cycles, and number of those that lack a reading.
     simulated
         Whether the recording is simulated.
     sources
@@ -116,7 +116,7 @@ class NetworkStates(Result):
 
 
 def analysed_network(readings: NetworkReadings) -> NetworkStates:
-    """Response of a network at the stops of a recording; `DataError` if it has no angles or no stops."""
+    """Response of a network at the stops of a recording; `DataError` if there are no angles or no stops."""
     states, shape = states_of(readings), readings.signal.shape[1:]
     missing = int(np.isnan(readings.signal).any(axis=(1, 2)).sum())
     return NetworkStates(
@@ -139,15 +139,15 @@ def analysed_network(readings: NetworkReadings) -> NetworkStates:
 
 
 def states_of(readings: NetworkReadings) -> States:
-    """Find the stops of a recording; `DataError` if it has no angles or no stops."""
+    """Find the stops of a recording; `DataError` if the recording contains no angles or no stops."""
     file = readings.provenance.name
     if not readings.motions:
-        limit = "has no angles of motions"
+        limit = "contains no motion angles"
         raise DataError(file, limit=limit, remedy="add a column for each motion, as in index-bends_deg")
     flat = readings.signal.reshape(len(readings.signal), -1)
     stops = [stop for stop in _stops(readings.angle_deg) if _held(flat[stop]) >= SHORTEST]
     if not stops:
-        limit = f"never rests with complete readings for {SHORTEST} turns of the emitters"
+        limit = f"never rests with complete readings for {SHORTEST} switching cycles of the emitters"
         raise DataError(file, limit=limit, remedy="hold each state for longer")
     whole = [flat[stop][np.isfinite(flat[stop]).all(axis=1)] for stop in stops]
     apart = np.concatenate([rows - rows.mean(axis=0) for rows in whole])
@@ -172,17 +172,21 @@ def at_rest(angle_deg: FloatArray) -> BoolArray:
 
 
 def missing_slots(readings: NetworkReadings) -> list[Caution]:
-    """Warning about turns that lack a reading, by emitter."""
+    """Warning about switching cycles that lack a reading, by emitter."""
     lacking = np.isnan(readings.signal).any(axis=2).sum(axis=0)
     pairs = zip(readings.emitters, lacking.tolist(), strict=True)
     lost = [f"{name} {count}" for name, count in pairs if count]
     if not lost:
         return []
-    return [look_at(f"readings are missing: {', '.join(lost)} of {len(readings.signal)}; those turns are omitted")]
+    return [
+        look_at(
+            f"readings are missing: {', '.join(lost)} of {len(readings.signal)}; those switching cycles are omitted"
+        )
+    ]
 
 
 def clipped_in(readings: NetworkReadings, states: States) -> list[Caution]:
-    """Warning about powers that are at an end of the recorder's range in some states."""
+    """Warning about powers that are at a limit of the recorder's range in some states."""
     names = [f"{lit}.{read}" for lit in readings.emitters for read in readings.receivers]
     shares = states.clipped.mean(axis=0).tolist()
     ends = [f"{name} {100 * share:.2g} %" for name, share in zip(names, shares, strict=True) if share > 0.0]
@@ -198,7 +202,7 @@ def _held(rows: FloatArray) -> int:
 
 
 def _stops(angle_deg: FloatArray) -> list[slice]:
-    """Slices of rows over which no motion moves, without a few rows at both ends."""
+    """Slices of rows over which nothing moves, without a few rows at both ends."""
     if len(angle_deg) <= REST_ROWS:
         return []
     span, noise = np.ptp(angle_deg, axis=0), _noise_deg(angle_deg)

@@ -1,4 +1,4 @@
-"""Decoding of a stream of a network's readings with a saved calibration: rows of motions as they arrive, and a summary.
+"""Decoding of a stream of network readings with a saved calibration: rows of motions as they arrive, and a summary.
 
 Public names: `recorded_turns`, `line_turns`, `Turns`, `NetworkStream`, `NetworkDecoding` and `unused`.
 """
@@ -32,16 +32,16 @@ FLAGS = ("outside", "ambiguous", "at_end")
 _MEANING = {
     "outside": "are outside the calibrated map, so their motions are meaningless",
     "ambiguous": "are consistent with several states",
-    "missing": "lack a reading of a receiver",
+    "missing": "lack the reading of a receiver",
     "clipped": "contain a value at a limit of the recorder's range, which hides any change beyond it",
 }
 
 
 @dataclass(frozen=True, eq=False)
 class Turns:
-    """Turns of a network's emitters: times (n,), signals (n, emitters, receivers), and true angles, NaN if unknown.
+    """Switching cycles of emitters: times (n,), signals (n, emitters, receivers), and true angles, NaN if unknown.
 
-    ``clipped`` marks signals at an end of the recorder's range; None if the source does not state it.
+    ``clipped`` marks signals at a limit of the recorder's range; None if the source contains no such flags.
     """
 
     time_s: FloatArray
@@ -56,20 +56,20 @@ class NetworkDecoding(Result):
     Attributes
     ----------
     readings, missing
-        Number of turns that were decoded, and of those that lack a reading.
+        Number of decoded switching cycles, and number of those that lack a reading.
     outside, ambiguous, at_end
-        Number of turns with these flags, as in `solen.analysis.network.decoder.NetworkDecoded`.
+        Number of switching cycles with these flags, as in `solen.analysis.network.decoder.NetworkDecoded`.
     clipped
-        Number of turns with a reading that the source marks as clipped.
+        Number of switching cycles with a reading that the source marks as clipped.
     from_s, to_s
-        Times of the first and the last turn.
+        Times of the first and the last switching cycle.
     reached_deg
-        Lowest and highest angle of each motion, in turns that are not outside.
+        Lowest and highest angle of each motion, from readings that lie on the map.
     against
-        Errors relative to the source's own angles, at its stops and within the calibrated ranges; empty if there are
-        none.
+        Errors relative to the angles recorded in the source, at its stops and within the calibrated ranges; empty if
+        there are none.
     calibration, sensor
-        File of the calibration, and its network.
+        Calibration file, and the network it calibrates.
     simulated
         Whether the calibration or the source is simulated.
     interrupted
@@ -99,14 +99,14 @@ class NetworkDecoding(Result):
 
 
 class NetworkStream(CountedStream[NetworkCalibration]):
-    """Decoder of a stream of turns that also counts them.
+    """Decoder of a stream of switching cycles that also counts them.
 
     Parameters
     ----------
     known, file
         The calibration, and the name of its file.
     source, provenance
-        Name of the stream in error messages, and its file; None for lines.
+        Name of the stream in error messages, and its file; None if lines are read.
     warnings
         Warnings about the stream itself.
     """
@@ -127,21 +127,23 @@ class NetworkStream(CountedStream[NetworkCalibration]):
 
     @property
     def header(self) -> str:
-        """Header line with the names of the columns."""
+        """Header line with the column names."""
         columns = (f"{one}_deg" for name in self._known.motions for one in (name, *(f"{name}_{b}" for b in BANDS)))
         return ",".join(["time_s", *columns, "flags", "probability", "other"]) + "\n"
 
     def rows(self, turns: Turns) -> str:
-        """Decode turns into lines of CSV; `DataError` if the readings are about a thousand times too large."""
+        """Decode switching cycles into CSV lines; `DataError` if the readings are about a thousand times too large."""
         self._check_scale(turns.signal, "a.end_mV")
         decoded = self._known.decoder.decode(turns.signal)
         self._count(turns, decoded)
         return "".join(_rows(turns.time_s, decoded))
 
     def result(self, *, interrupted: bool) -> NetworkDecoding:
-        """Return the summary of the decoded stream; `DataError` if there was no complete turn."""
+        """Return the summary of the decoded stream; `DataError` if there was no complete switching cycle."""
         if not self.counts["readings"]:
-            raise DataError(self._source, limit="contains no complete turn of the emitters", remedy="check its columns")
+            raise DataError(
+                self._source, limit="contains no complete switching cycle of the emitters", remedy="check its columns"
+            )
         pairs = zip(self._known.motions, self._ends.tolist(), strict=True)
         return NetworkDecoding(
             **self.counts,
@@ -187,12 +189,12 @@ class NetworkStream(CountedStream[NetworkCalibration]):
 def recorded_turns(
     path: Path, known: NetworkCalibration, sensor: str | None
 ) -> tuple[Turns, Provenance, tuple[Caution, ...]]:
-    """Turns of a recording with the true angles at its stops, its file, and its warnings.
+    """Switching cycles in a recording with the true angles at its stops, its file, and its warnings.
 
     Raises
     ------
     DataError
-        If an emitter or a receiver is missing, or the unit is another one.
+        If an emitter or a receiver is missing, or the unit differs from that of the calibration.
     """
     found = network_readings(path, sensor).ordered(known.motions, known.emitters, known.receivers)
     scale = scale_of(path.name, found.unit, known)
@@ -203,17 +205,17 @@ def recorded_turns(
 
 def _check_ambient(source: str, ambient: Ambient | None, known: NetworkCalibration) -> None:
     if None not in {ambient, known.ambient} and ambient != known.ambient:
-        limit = f"has ambient light {ambient}, but the calibration has it {known.ambient}"
+        limit = f"contains readings with ambient light {ambient}, but in the calibration it is {known.ambient}"
         raise DataError(source, limit=limit, remedy="calibrate with recordings made in the same way")
 
 
 def scale_of(source: str, unit: str, known: NetworkCalibration) -> float:
-    """Factor from a unit of readings to that of the calibration; `DataError` if it cannot be converted."""
+    """Factor from a unit of readings to the calibration's unit; `DataError` if the unit cannot be converted."""
     scale = factor(unit, known.unit)
     if scale is None:
-        limit = f"is the unit of the readings, but the calibration is in {known.unit}"
+        limit = f"is the unit of the readings, but the unit of the calibration is {known.unit}"
         remedy = (
-            f"state the unit of the readings in the header, as in a.end ({known.unit}), or "
+            f"specify the unit of the readings in the header, as in a.end ({known.unit}), or "
             "calibrate with readings in their unit"
         )
         raise DataError(source, value=unit, limit=limit, remedy=remedy)
@@ -221,21 +223,21 @@ def scale_of(source: str, unit: str, known: NetworkCalibration) -> float:
 
 
 def line_turns(text: Iterable[str], known: NetworkCalibration) -> tuple[Iterator[Turns], tuple[Caution, ...]]:
-    """Turns of lines of CSV, each as soon as it arrives, and warnings; the first line names the columns.
+    """Switching cycles from CSV lines, each as soon as it arrives, and warnings; the first line names the columns.
 
     Raises
     ------
     DataError
-        If the time or a power of the calibration has no column.
+        If there is no column for the time or for a power in the calibration.
     """
-    lines = lines_of(text, remedy="begin with time_s, and EMITTER.RECEIVER for each power")
+    lines = lines_of(text, remedy="begin the lines with time_s, and EMITTER.RECEIVER for each power")
     layout = _Layout.of(lines, known)
     return (layout.turn(values) for values in lines.rows), layout.warnings
 
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """Column and scale of the time and of each power (emitters, receivers); columns of its marks of clipping, or -1."""
+    """Column and scale of the time and of each power (emitters, receivers); columns of the clipping flags, or -1."""
 
     time: tuple[int, float]
     places: IntArray
@@ -245,7 +247,7 @@ class _Layout:
 
     @classmethod
     def of(cls, lines: Lines, known: NetworkCalibration) -> "_Layout":
-        """Layout of lines from their header."""
+        """Layout of lines, from their header."""
         header = lines.header
         times, of_time, warnings = times_of(header)
         powers = power_columns(header.channels, STDIN)
@@ -253,8 +255,8 @@ class _Layout:
         pairs = [(lit, read) for lit in known.emitters for read in known.receivers]
         for pair in pairs:
             if pair not in powers.places:
-                limit = f"has no column {'.'.join(pair)}, which the calibration requires"
-                raise DataError(STDIN, limit=limit, remedy=f"its columns are {', '.join(lines.names)}")
+                limit = f"contains no column {'.'.join(pair)}, which the calibration requires"
+                raise DataError(STDIN, limit=limit, remedy=f"the columns are {', '.join(lines.names)}")
         shape = len(known.emitters), len(known.receivers)
         return cls(
             time=(header.names.index(times.name), of_time),
@@ -266,7 +268,7 @@ class _Layout:
         )
 
     def turn(self, values: Sequence[float]) -> Turns:
-        """Turn from the values of one line."""
+        """Switching cycle from the values in one line."""
         (place, scale), row = self.time, np.array(values)
         clipped = (self.marks >= 0) & (row[self.marks] > 0.5)
         return Turns(scale * row[[place]], self.scales * row[None, self.places], clipped=clipped[None])
@@ -282,7 +284,7 @@ def unused(options: Options, kept: Sequence[str] = ()) -> None:
 
 
 def _rows(time_s: FloatArray, decoded: NetworkDecoded) -> Iterator[str]:
-    """Yield a line for each turn."""
+    """Yield a line for each switching cycle."""
     motions = decoded.angle_deg.shape[1]
     bands = np.stack([decoded.low_deg, decoded.high_deg], axis=-1).reshape(len(time_s), motions, 4)
     values = np.concatenate([decoded.angle_deg[..., None], bands], axis=-1).reshape(len(time_s), -1)
