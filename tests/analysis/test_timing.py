@@ -143,6 +143,6 @@ def test_a_speed_whose_cycles_are_all_left_out_is_stated() -> None:
     (lost,) = [line for line in found.warnings if "--drop 1" in line]
     assert "1 cycle at 15" in lost
     assert "figures are for 5" in lost
-    assert sum("at one speed (5°/s)" in line for line in found.warnings) == 1
+    assert sum("at a single speed (5°/s)" in line for line in found.warnings) == 1
     few = found_of(Two(0.016, fast=2, slow=1))
     assert not any("at a single speed" in line or "--drop" in line for line in few.warnings)

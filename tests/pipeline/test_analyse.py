@@ -54,7 +54,7 @@ def test_columns_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     right = sensor["receivers"]["right"]
     assert right["mean_V"] == pytest.approx(TRUTH.response_V(np.array(right["angle_deg"]))[:, 1].tolist(), abs=0.02)
     assert len(right["sd_V"]) == len(right["angle_deg"]) == len(right["rising"]["mean_V"])
-    assert any("states no unit; V is assumed" in warning for warning in found["warnings"])
+    assert any("specifies no unit; V is assumed" in warning for warning in found["warnings"])
 
 
 def test_an_unknown_unit_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -252,7 +252,7 @@ def test_a_log_on_another_clock(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert len(found["sources"]) == 2
     np.savetxt(log, rows[:, 1], header="pos_deg", comments="")
     assert run_command(["bench", "analyse", str(volts), "--angle-file", str(log)]) == 2
-    assert "--angle-time, or state the rate with --angle-rate-hz" in capsys.readouterr().err
+    assert "--angle-time, or specify the rate with --angle-rate-hz" in capsys.readouterr().err
 
 
 def test_an_angle_that_nobody_recorded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -268,7 +268,7 @@ def test_all_readings_are_100_percent(folder: Path) -> None:
         (("--design", "bend.toml"), "does not match the calibration: kind of motion bend instead of rotation"),
         (("--design", "emitter.toml"), "does not match the calibration: pivot emitter instead of stem-base"),
         (("--motion", "bend"), "does not match the calibration: kind of motion bend instead of rotation"),
-        ((), "does not state the kind of motion, pivot, moving parts"),
+        ((), "does not specify the kind of motion, pivot, moving parts"),
     ],
 )
 def test_another_motion_is_warned_of_once(
