@@ -365,7 +365,7 @@ def test_what_a_recording_cannot_say_is_said(tmp_path: Path) -> None:
         json.dumps(found.to_dict(), allow_nan=False)
         return " | ".join(found.warnings)
 
-    assert "--zero-deg 90 counts from there" in warnings(signals.angle_deg + 90.0, signals.volts)
+    assert "--zero-deg 90 sets the zero there" in warnings(signals.angle_deg + 90.0, signals.volts)
     told = warnings(signals.angle_deg, 0.0 * signals.volts + 2.5)
     assert "does not respond to the angle" in told
     assert "both move" not in told

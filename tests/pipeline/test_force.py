@@ -250,7 +250,7 @@ CELL_FILE, TARE = "--load-cell {}/cell.toml", "--tare-s 0.9"
         ("load_cell_V", "--load-cell {}/empty.toml", ("[load_cell]",)),
         ("load_cell_V", "--load-cell {}/both.toml", ("mV_per_V", "N_per_V")),
         ("load_cell_V", "--against depth", ("depth", "--depth")),
-        ("force_N", "--against angle", ("this recording has force", "--angle")),
+        ("force_N", "--against angle", ("this recording contains force", "--angle")),
         ("Force (g)", "", ("no unit", "force_gf")),
         ("force_N", "--against angle --angle force", ("unit of angle",)),
         ("angle_deg", f"{CELL_FILE}", ("--load-cell", "angle")),

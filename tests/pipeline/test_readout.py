@@ -81,13 +81,13 @@ def test_what_rests_on_estimates_is_reported(found: dict[str, Any]) -> None:
 @pytest.mark.parametrize(
     ("assignments", "words"),
     [
-        (("emitter.wavelength_nm=450",), "detects light of 450 nm with 1.2 % of its stated sensitivity"),
+        (("emitter.wavelength_nm=450",), "at 450 nm is 1.2 % of its specified sensitivity"),
         (("emitter.wavelength_nm=450",), "VSMY1850, which emits at 850 nm"),
         (("readout.emitter_current_ma=20",), "typical parts saturate: 0.16 V"),
         (("readout.emitter_current_ma=1",), "the brightest parts saturate at 2000 ohm, but typical parts do not"),
         (("readout.emitter_current_ma=150",), "150 mA exceeds the 100 mA that VSMY1850 may carry"),
         (("readout.load_ohm=100",), "up to 50 mA, which exceeds the 20 mA"),
-        (("readout.supply_v=24",), "the supply of 24 V exceeds the 20 V"),
+        (("readout.supply_v=24",), "the supply voltage of 24 V exceeds the 20 V"),
         (("readout.adc=ATmega328P",), "outside the range of ATmega328P, 0 to 5 V"),
         (("readout.load_ohm=200000",), "reduce the load or the rate"),
         ((), "rays in the plane"),

@@ -231,6 +231,6 @@ def receiver_scale(channel: Channel, unit: str, file: str, warnings: list[Cautio
         largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
         doubt = f"; values up to {largest:.4g} V are unusual, check whether they are in mV" if largest > _HIGH_V else ""
         unknown = _BRACKETED.search(channel.name)
-        states = f'specifies "{unknown[1]}", which is not a known unit' if unknown else "states no unit"
+        states = f'specifies "{unknown[1]}", which is not a known unit' if unknown else "specifies no unit"
         warnings.append(look_at(f"the header {channel.name} {states}; V is assumed{doubt}"))
     return 1.0
