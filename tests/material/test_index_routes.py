@@ -215,7 +215,7 @@ def test_the_published_numbers_are_reproduced_and_labelled() -> None:
     assert "not valid as a measurement" in AS_PUBLISHED
     assert np.isnan(found.n.u).all()
     assert np.isnan(found.k.value).all()
-    assert found.reason == ("k: no measurement: R was computed from T alone",) * 3
+    assert found.reason == ("k: not measured: R was computed from T alone",) * 3
     # what the same transmittances would be of clear layers: nothing like it, and falling with the wavelength too
     assert found.lossless.value == pytest.approx(lossless_index([0.8473, 0.8685, 0.8889]))
 
