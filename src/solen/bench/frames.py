@@ -265,7 +265,7 @@ class FrameReader:
         del self._waiting[:at]
 
     def _begin(self, data: bytes, at: int) -> int:
-        """Return the position of the next frame, or the end of the bytes except one that may begin a frame."""
+        """Return the position of the next frame mark; without one, the end of the data, less a possible half mark."""
         if data[at : at + 2] == SYNC:
             return at
         found = data.find(SYNC, at)

@@ -48,14 +48,14 @@ class _Rows:
 
 
 class Paced:
-    """An outlet that passes each row on when its time, in the first column, has elapsed since the first row.
+    """An outlet that passes rows on in real time, according to the time in their first column.
 
     Parameters
     ----------
     outlet
         Destination of the rows.
     clock
-        Clock of the waiting time.
+        Clock used for waiting.
     """
 
     def __init__(self, outlet: Outlet, clock: Clock) -> None:

@@ -59,7 +59,7 @@ def record(kind: int, stream: int, number: int, payload: bytes) -> bytes:
 
 
 def version_of(begun: bytes) -> int:
-    """Return the version of a journal by its first bytes; 0 for another file, or one that is too short."""
+    """Return the journal version from the first bytes of a file; 0 if it is not a journal or is too short."""
     return {MAGIC: 2, MAGIC_1: 1}.get(begun, 0)
 
 

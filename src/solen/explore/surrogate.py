@@ -21,7 +21,7 @@ HIGHEST_DEGREE, SAMPLES_A_TERM = 12, 3
 PATIENCE = 3
 """Number of degrees without improvement after which no higher degree is tried."""
 FOLDS = 8
-"""Number of parts of the samples; each is held out once."""
+"""Number of cross-validation folds."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -198,7 +198,7 @@ def tolerance(
 def _varied(sensor: Sensor, options: ToleranceOptions) -> list[Variation]:
     if options.compensated and options.process is None:
         limit = "needs the process of --process, and none is stated"
-        raise SpecError("--compensated", limit=limit, remedy="add --process FILE, or omit it")
+        raise SpecError("--compensated", limit=limit, remedy="add --process FILE, or omit --compensated")
     return variations_of(sensor, options.vary, options.process, compensated=options.compensated)
 
 

@@ -104,4 +104,6 @@ def _text(data: bytes, path: Path) -> Corners:
     try:
         return np.array(corners, dtype=np.bytes_).astype(np.float64).reshape(-1, 3, 3)
     except ValueError:
-        raise DataError(str(path), value="a corner that is not a number", limit="is damaged", remedy=REMEDY) from None
+        raise DataError(
+            str(path), value="a vertex coordinate that is not a number", limit="is damaged", remedy=REMEDY
+        ) from None

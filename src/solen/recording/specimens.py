@@ -73,7 +73,7 @@ def specimens(grid: Grid) -> list[Table]:
     lists = _lists(grid, others)
     marked = any(_EXPORT.search(cell) for cells in grid.rows for cell in cells[:1])
     if marked and not blocks:
-        limit = "contains no table of a test: a row of names such as Time, Extension, Load, one of units, and numbers"
+        limit = "contains no test data: a row of names such as Time, Extension, Load, a row of units, and numbers"
         raise grid.source.refused("", limit, "export the raw data of the specimens too")
     if len(blocks) < (1 if marked or lists else 2):
         return []

@@ -37,7 +37,7 @@ _Y = {
 CHECKED = ("NPOINTS", "FIRSTX", "LASTX", "FIRSTY", "MAXY", "MINY")
 _NEAR_Y = 1e-3
 """Largest difference between a stated first value and the first value, as a fraction of the largest value."""
-_UNSTATED = "the file does not state whether its values are counts, a transmission or an absorbance"
+_UNSTATED = "the file does not state whether its values are counts, transmittance or absorbance"
 
 
 def number(source: Source, stated: Mapping[str, str], label: str) -> float:

@@ -59,7 +59,7 @@ def _(checked: RigCheck) -> Iterator[str]:
 
 
 def _levels(own: InputCheck, unit: str) -> str:
-    turn = "" if own.load_factor is None else f"; set its trimmer to {own.load_factor:.2g} times its load"
+    turn = "" if own.load_factor is None else f"; multiply the resistance of its trimmer by {own.load_factor:.2g}"
     share = f" ({100 * own.signal_V / own.off_V:.0f} %)" if own.off_V else ""
     return (
         f"{own.off_V:.5g} {unit} off, {own.on_V:.5g} {unit} on; signal {own.signal_V:.5g} {unit}{share}, "

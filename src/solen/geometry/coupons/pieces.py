@@ -107,7 +107,7 @@ def film_layer(options: CouponOptions = CouponOptions()) -> Coupon:
     )
     cautions = (
         "the layer is as thick as the gap, which the calibration sets: measure it, do not assume it",
-        "the spectrum baseline is the bare film: specify this to solen resin index with --baseline substrate",
+        "the spectrum baseline is the bare film: run solen resin index with --baseline substrate",
     )
     readings = (
         Reading("size", "not stated", f"{side:g} x {side:g} mm, to cover the beam of a spectrophotometer"),

@@ -116,7 +116,7 @@ def _beziers(fields: Fields, closed: bool) -> list[Curve]:
     rows = [[point_of(f"points[{i}].{key}", item.get(key)) for key in keys] for i, item in enumerate(items)]
     pairs = list(pairwise([*rows, rows[0]] if closed and rows else rows))
     if not pairs:
-        raise UnreadError("points", "must be at least two points")
+        raise UnreadError("points", "must contain at least two points")
     return [_bezier(here[0], here[1], here[2], there[0]) for here, there in pairs]
 
 

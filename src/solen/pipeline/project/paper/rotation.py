@@ -74,9 +74,7 @@ def _parts() -> list[Comparison]:
 def _experiment(_: Path) -> Made:
     led = shipped(LED)
     found = turned(led)
-    alt = (
-        "rays of the LED in the plane: at 0° both receivers, at −3° more at the right, at +3° more at the left receiver"
-    )
+    alt = "rays of the LED in the plane: equal at 0°, more at the right receiver at −3°, more at the left one at +3°"
     keys = ("experiment-right", "experiment-balanced", "experiment-left")
     rows = [compared(key, *pair) for key, *pair in zip(keys, found.contrast, found.u_contrast, strict=True)]
     mark = "SIMULATED: the LED of solen-860 with its chip; the rays of the plane are shown, no seed"
