@@ -356,7 +356,7 @@ def test_a_mixture_is_weighed_in_both_readings(shell: Shell) -> None:
         (("a:50", "b:40"), "mixture = '90 %'; the fractions must add up to 100 %"),
         (
             ("a:50", "b:50", "--total-g", "1", "--base-g", "1"),
-            "--base-g; state the mass of the whole or that of the base",
+            "--base-g; specify either the total mass or the mass of the base",
         ),
         (("a:50", "b:50", "--total-g", "0"), "--total-g = '0'; must be greater than 0"),
         (("a:50", "b:50", "--resolution-g", "-1"), "--resolution-g = '-1'; must be at least"),
