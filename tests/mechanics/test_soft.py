@@ -210,7 +210,7 @@ FINGER = Press("top", 2.0, 1.0, depth_mm=0.1)
     ("holds", "load", "named"),
     [
         ((), FINGER, "no holds.*nothing holds it"),
-        (SYMMETRIC[:1], FINGER, r"floor.*shift along \(-?1, "),
+        (SYMMETRIC[:1], FINGER, r"floor.*shift in the direction \(-?1, "),
         ((Hold((Stretch("bottom"),), "turning", (1.0, 0.5), name="pin"),), FINGER, "pin.*turn about x = 1, z = 0.5"),
         (FLOOR, replace(FINGER, depth_mm=3.5), r"press\.depth_mm.*3\.5.*below 3 mm"),
         (FLOOR, replace(FINGER, at_mm=9.0), r"press\.at_mm.*9.*0 to 4 mm"),
