@@ -15,8 +15,8 @@ from solen.bench.roles import Stage
 from solen.errors import BenchError
 
 SETTLE_S = 0.5
-"""Time in s after the shortest duration of a move at which a stage is asked whether it has arrived, even if it still
-moves.
+"""Time in s, counted from the shortest possible duration of a move, after which a stage is asked whether it has arrived
+even if it is still moving.
 """
 OVERSHOOT = 1e-3
 """Fraction of the travel by which a stage may overshoot at the end of its travel."""
@@ -26,7 +26,7 @@ STREAM = "stage"
 
 
 def stream_of(motion: str) -> str:
-    """Return the name of a journal's stream of positions for a motion's stage; empty for the only stage of a run."""
+    """Return the name of a stage's position stream in a journal; ``motion`` is empty for a run's only stage."""
     return f"{STREAM} {motion}" if motion else STREAM
 
 
@@ -54,11 +54,11 @@ class Axis:
 
     @property
     def name(self) -> str:
-        """Name of the stage in a message that it does not stop."""
+        """Name of the stage in messages about a stage that does not stop."""
         return f"stage of {self.motion}" if self.motion else "stage"
 
     def look(self) -> float:
-        """Ask the stage for its position; question and answer are timestamped."""
+        """Ask the stage for its position; the question and the answer are timestamped."""
         sent_s = self.clock.now_s()
         position = self.stage.position()
         at_s = self.clock.now_s()
@@ -86,7 +86,11 @@ class Axis:
                 )
 
     def arrived(self, step: Step, arrives_s: float) -> bool:
-        """Whether the stage has arrived; asked only after the shortest possible duration, and if it seems at rest."""
+        """Whether the stage has arrived.
+
+        The stage is asked once the shortest possible duration has passed and it seems to be at rest, or `SETTLE_S`
+        later.
+        """
         now_s = self.clock.now_s()
         if now_s < arrives_s:
             return False
@@ -103,7 +107,7 @@ def axes_of(
     part: int,
     travel: Mapping[str, tuple[float, float] | None] | tuple[float, float] | None,
 ) -> dict[str, Axis]:
-    """Return the axes of a run by motion; ``travel`` applies to each stage by name, or to all of them."""
+    """Return the axes of a run by motion; ``travel`` is specified for each motion, or once for all stages."""
     named = stages if isinstance(stages, Mapping) else {"": stages}
     return {
         motion: Axis(motion, stage, clock, part, travel.get(motion) if isinstance(travel, Mapping) else travel)

@@ -39,7 +39,7 @@ STATUSES = {
 }
 ALIVE_EVERY_S = 0.25
 WAKES_S = 3.0
-"""Time in s for which an Arduino may not answer after its port was opened."""
+"""Time in s for which an Arduino may fail to answer after its port has been opened."""
 _NAMES = {
     IDENTIFY: "identify",
     CONFIGURE: "configure",
@@ -119,7 +119,7 @@ class SerialBoard:
         return Periods.joined(parts, self.layout)
 
     def time_s(self) -> float | None:
-        """Return the board's own time in s, or NaN if the board does not know the command.
+        """Return the board's own time in s; NaN if the board does not know the command, None if it does not answer.
 
         Even an answer without a time bounds the line's delay. A board that does not answer at all is not asked again.
         """
@@ -190,16 +190,16 @@ class SerialBoard:
 
 
 class BoardStage:
-    """The motor on a board: a stepper, or a hobby servo whose steps are microseconds of its pulse.
+    """The motor on a board: a stepper, or a hobby servo whose steps are microseconds of pulse width.
 
-    Only the commanded position is known; nothing measures the actual one.
+    Only the commanded position is known; nothing measures the actual position.
 
     Parameters
     ----------
     board, clock
         The board, and the clock of the run.
     steps_per_unit, unit
-        Steps per deg or mm.
+        Steps per deg or mm, and the unit.
     acceleration
         Acceleration in the stage's unit per s².
     """
@@ -222,12 +222,12 @@ class BoardStage:
 
     @property
     def referenced(self) -> bool:
-        """Whether a zero was set since the board was connected."""
+        """Whether a zero has been set since the board was connected."""
         return self._referenced
 
     @property
     def search(self) -> str:
-        """Sentence that states that there is no reference switch."""
+        """Sentence for the user: the motor has no reference switch."""
         return "It has no switch that marks its zero."
 
     def reference(self) -> None:
@@ -248,11 +248,11 @@ class BoardStage:
         self._target = to
 
     def position(self) -> float:
-        """Return the position in deg or mm, computed from the steps that were made."""
+        """Return the position in deg or mm, computed from the motor's step count."""
         return self._where()[1] / self._per_unit
 
     def on_target(self) -> bool:
-        """Whether the motor has come to rest at its target; raise `BenchError` if it rests elsewhere."""
+        """Whether the motor has come to rest at its target; raise `BenchError` if it has come to rest elsewhere."""
         _, at, moving = self._where()
         if not moving and at != self._target:
             raise BenchError(
@@ -277,7 +277,7 @@ class BoardStage:
             self.board.close()
 
     def _steps(self, what: str, value: float, scale: float, *, signed: bool = True) -> int:
-        """Return a number as the board's integer; raise `BenchError` if it does not fit in 32 bits."""
+        """Return a number as an integer for the board; raise `BenchError` if the number does not fit in 32 bits."""
         low, high = (-(2**31), 2**31 - 1) if signed else (0, 2**32 - 1)
         if not low <= value * scale <= high:
             limit = f"{what} must be {low / scale:.6g} to {high / scale:.6g} {self.unit}: steps have 32 bits"

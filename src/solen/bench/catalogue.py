@@ -1,7 +1,7 @@
 """The catalogue of a folder of recordings: one row for each completed run, in an SQLite file in the same folder.
 
-The files are authoritative; the catalogue only indexes them. A row repeats what the file states. A file that was moved
-away is listed as missing, and a new one is entered at the next scan of the folder.
+The recording files are authoritative; the catalogue only indexes them, and each row repeats values from its file. A
+file that has been moved away is listed as missing, and a new file is entered at the next scan of the folder.
 
 Public names: `Catalogue` and `CatalogueEntry`.
 """
@@ -32,7 +32,10 @@ _TAKE_IN = """insert or replace into recordings values
 
 @dataclass(frozen=True)
 class CatalogueEntry:
-    """Description of a recording; ``sensors`` are their names, ``there`` is whether the file still exists."""
+    """Catalogue entry of a recording.
+
+    ``sensors`` lists the sensor names, and ``there`` is whether the file still exists.
+    """
 
     file: str
     sha256: str
@@ -82,7 +85,8 @@ def list_recordings(folder: Path, *, look: bool = False) -> RecordingList:
     folder
         The folder.
     look
-        Search the folder for recordings that were copied there; always done if there is no catalogue yet.
+        Whether to search the folder for recordings that were copied there; it is always searched if it has no catalogue
+        yet.
     """
     if not folder.is_dir():
         raise SpecError(str(folder), limit="is not a folder", remedy="name the folder of the recordings")
@@ -108,7 +112,7 @@ def _read(folder: Path) -> tuple[tuple[CatalogueEntry, ...], tuple[str, ...]]:
 
 
 class _ReadOnlyError(OutputError):
-    """Raised if a catalogue cannot be written, although its files may be readable."""
+    """Raised if a catalogue cannot be written; the recordings may still be readable."""
 
 
 class Catalogue:
@@ -166,7 +170,7 @@ class Catalogue:
 
 
 def header_of(path: Path) -> dict[str, Any]:
-    """Return the header that a recording took over from its journal.
+    """Return the journal header that is stored in a recording.
 
     Raises `DataError` if the file is not a recording.
     """

@@ -1,9 +1,9 @@
 """A check of a rig at rest before a run: wiring, emitters, saturation, noise, ambient light and trimmers.
 
-Every emitter is switched on in turn and every input is read. An input that responds to no emitter, or to another one
-than the rig file states, is wired wrongly; one at a limit of its range is saturated. The drop that light causes at a
-receiver shows how to turn its trimmer, because in a bent sensor one receiver gets up to twice the light that it gets at
-rest.
+Every emitter is switched on in turn and every input is read. An input that responds to no emitter, or to a different
+emitter from the one in the rig file, is wired wrongly; an input at a limit of its range is saturated. The voltage drop
+that light causes at a receiver shows how to adjust the receiver's trimmer: in a bent sensor one receiver gets up to
+twice the light that it gets at rest.
 
 `check` returns a `RigCheck`; `jog` returns a `Jogged`.
 """
@@ -33,19 +33,17 @@ from solen.results import HIDDEN, Result, in_unit, reported
 from solen.spec.strict import Options
 
 ANSWERS_SD, ANSWERS = 6.0, 0.0004
-"""Smallest response of an input that counts as a response to an emitter, in standard errors of the mean and as a
-fraction of the range.
-"""
+"""Minimum response of an input to an emitter, in standard errors of the mean and as a fraction of the range."""
 SHORTED = 0.005
-"""Fraction of the range below which a level indicates a short circuit."""
+"""A level below this fraction of the range indicates a short circuit."""
 BOTTOM = 0.05
-"""A receiver is saturated if its level is below this fraction of its level with the emitters off."""
+"""A receiver is saturated if its level is below this fraction of the level with the emitters off."""
 GROWS = 1.5
-"""Smallest factor by which a receiver's light increases in a bent sensor: 1.5 to 2.1 in the shipped designs."""
+"""Minimum factor by which a receiver's light increases in a bent sensor; the shipped designs have 1.5 to 2.1."""
 WANTED, LEAST, MOST = 0.4, 0.12, (1.0 - BOTTOM) / GROWS
-"""Desired, least and greatest drop that light should cause at rest, as fractions of the level with the emitters off.
+"""Desired, minimum and maximum drop that light should cause at rest, as fractions of the level with the emitters off.
 
-Below the least, little of the range is used; above the greatest, the receiver saturates in any motion.
+Below the minimum, little of the range is used; above the maximum, the receiver saturates in any motion.
 """
 ROOM = 0.1
 """Fraction of a signal by which ambient light may vary."""
@@ -68,17 +66,18 @@ class InputCheck(Result):
     Attributes
     ----------
     input
-        Its number in the rig.
+        Input number in the rig.
     off_V, on_V
-        Level with its emitter off, and on.
+        Level with the receiver's emitter off, and on.
     signal_V
-        Drop caused by its emitter.
+        Drop caused by the emitter.
     noise_V
         Standard deviation of a reading, as in `solen bench analyse`.
     room_V
-        Standard deviation of its level with all emitters off, caused by varying ambient light and by noise.
+        Standard deviation of the level with all emitters off, caused by varying ambient light and by noise.
     load_factor
-        Recommended factor for the load set by its trimmer; null if the load is right, or if there is no signal.
+        Recommended factor for the load resistance that the trimmer sets; null if the load is right, or if there is no
+        signal.
     """
 
     input: int
@@ -96,11 +95,11 @@ class CellCheck(Result):
     Attributes
     ----------
     input
-        Its number in the rig.
+        Input number in the rig.
     level_V, noise_V
-        Its mean level, and the standard deviation of a reading.
+        Mean level, and the standard deviation of a reading.
     noise_N
-        The standard deviation as a force.
+        Standard deviation of a reading, converted to a force.
     """
 
     input: int
@@ -117,9 +116,9 @@ class RigCheck(Result):
     rig
         Name of the rig.
     unit
-        Unit of its receivers; keys have it in place of V.
+        Unit of the receiver readings; it replaces V in the keys.
     periods
-        Number of periods that were recorded.
+        Number of recorded periods.
     sensors
         Right and left receiver of each sensor.
     answers_V
@@ -127,7 +126,7 @@ class RigCheck(Result):
     simulated
         Whether the rig is simulated.
     load_cell
-        Its load cell; null if it has none.
+        The rig's load cell; null if it has none.
     faults
         Problems, one line each.
     """
@@ -147,7 +146,7 @@ class RigCheck(Result):
         return self.faults
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result as plain data; keys that end in V have the unit of the receivers in its place."""
+        """Return the result as plain data; in keys that end in V, the unit of the receiver readings replaces V."""
         return in_unit(super().to_dict(), self.unit)
 
 
@@ -185,7 +184,7 @@ def check(rig_file: Path, options: CheckOptions = CheckOptions()) -> RigCheck:
 
 
 def judged(rig: Rig, levels: InputReadings) -> RigCheck:
-    """Return the problems of a rig that its levels at rest show."""
+    """Return the problems that the rig's levels at rest reveal."""
     signal = levels.signal
     mean, error = signal.mean(axis=0), signal.std(axis=0) / math.sqrt(max(len(signal), 1))
     answers = np.abs(mean) > np.maximum(ANSWERS_SD * error, ANSWERS * (levels.high_V - levels.low_V))
@@ -205,7 +204,7 @@ def judged(rig: Rig, levels: InputReadings) -> RigCheck:
 
 
 def _cell(stated: LoadCell, levels: InputReadings) -> CellCheck:
-    """Check the load cell; its level is the mean over emitters on and off."""
+    """Check the load cell; its level is the mean of the readings with the emitters on and off."""
     place = (stated.input or 1) - 1
     level = levels.off[:, 0, place] - 0.5 * levels.signal[:, 0, place]
     noise_V = _noise(levels.time_s, level)
@@ -241,9 +240,9 @@ def _brightest(sensor: SensorOf, number: int, mean: FloatArray) -> int:
 
 
 def _load_factor(sensor: SensorOf, off_V: float, signal_V: float) -> float | None:
-    """Return the factor that brings a receiver to the desired drop.
+    """Return the load factor that brings a receiver to the desired drop.
 
-    Without a lens the light of a receiver hardly changes as the sensor moves.
+    Without a lens, a receiver's light hardly changes as the sensor moves.
     """
     if signal_V <= ANSWERS * off_V or LEAST <= signal_V / off_V <= (MOST if sensor.lens else 1.0 - BOTTOM):
         return None
@@ -264,7 +263,7 @@ def _faults(
     mean: FloatArray,
     answers: FloatArray,
 ) -> Iterator[Caution]:
-    """Return the problems of a sensor; the name of the receiver precedes the colon."""
+    """Return the problems of a sensor; each starts with the receiver's name and a colon."""
     short_V, circuit = SHORTED * (levels.high_V - levels.low_V), rig.unit == "V"
     for side, own in inputs.items():
         what = f"{sensor.name} {side} (input {own.input})"
@@ -286,7 +285,7 @@ def _faults(
 
 
 def _settings(own: InputCheck, levels: InputReadings, emitter: int, rig: Rig) -> Iterator[Caution]:
-    """Return possible improvements for a working receiver."""
+    """Return possible improvements to the settings of a working receiver."""
     clipped = float(levels.clipped[:, emitter, own.input - 1].mean())
     if clipped > 0.0:
         upper = levels.high_V - own.off_V < own.on_V - levels.low_V
@@ -320,7 +319,7 @@ class JogOptions(Options):
     velocity: Annotated[float, Field(gt=0, allow_inf_nan=False)] = 1.0
     """Velocity in deg/s or mm/s."""
     motion: str | None = None
-    """Motion whose stage is to move, required if the rig has several stages."""
+    """Motion whose stage is to be moved; required if the rig has several stages."""
 
 
 class Jogged(Result):
@@ -344,12 +343,14 @@ class Jogged(Result):
 
 
 def jog(rig_file: Path, options: JogOptions = JogOptions(), *, confirm: Confirm | None = None) -> Jogged:
-    """Move the stage of a rig, or, without ``to`` and ``by``, query its position; an interrupted move is stopped.
+    """Move the stage of a rig; query its position if neither ``to`` nor ``by`` is given.
+
+    An interrupted move is stopped.
 
     Raises
     ------
     BenchError, SpecError
-        If options, rig file or stage are faulty, or the target is outside the rig's travel.
+        If the options, the rig file or the stage are faulty, or if the target is outside the rig's travel.
     """
     if options.to is not None and options.by is not None:
         raise SpecError("--to", value=options.to, limit="cannot be combined with --by", remedy="use one of the two")

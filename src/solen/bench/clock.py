@@ -1,10 +1,10 @@
 """The time of a run: real time, or a simulated time that passes only while something waits.
 
-No part of the bench asks the system for the time or sleeps by itself; each uses a given clock. With a `SimulatedClock`
-a protocol of a minute runs as fast as its numbers can be computed, and always with the same result.
+No part of the bench asks the system for the time or sleeps directly; each part uses the clock that is passed to it.
+With a `SimulatedClock` a one-minute protocol runs as fast as its values can be computed, and always with the same
+result.
 
-A clock that advances in steps hides up to one step: `Clock.resolution_s` states the step, and every recording stores
-it.
+A clock that advances in steps hides up to one step: `Clock.resolution_s` is the step, and every recording stores it.
 
 Public names: `Clock`, `WallClock` and `SimulatedClock`.
 """
@@ -27,7 +27,7 @@ class Clock(Protocol):
 
     @property
     def resolution_s(self) -> float:
-        """Step of the clock in s: an event that is stamped t took place between t and t plus this step."""
+        """Step of the clock in s: an event stamped t took place between t and t plus this step."""
 
 
 class WallClock:
@@ -76,7 +76,7 @@ class SimulatedClock:
 
 
 def step_of(source: Callable[[], float], steps: int = 5) -> float:
-    """Return the step of a clock in s: the least difference between successive readings, from a few changes."""
+    """Return the step of a clock in s: the smallest difference between successive readings, from a few changes."""
     least, before = float("inf"), source()
     while steps:
         now = source()

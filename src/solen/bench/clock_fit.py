@@ -19,7 +19,7 @@ import numpy as np
 from solen.arrays import FloatArray
 
 LEAST_SPAN_S = 5.0
-"""Span in s below which delays hide the rate, and the two clocks are assumed to run at the same rate."""
+"""Below this span in s, delays hide the rate, and the two clocks are assumed to run at the same rate."""
 MOST_PPM = 1000.0
 """Largest relative error of a quartz in ppm."""
 USUAL_PPM = 50.0
@@ -76,9 +76,9 @@ def fit_clock(board_s: FloatArray, came_s: FloatArray, exchanges: FloatArray | N
 
 
 def _between(line: ClockLine, exchanges: FloatArray) -> ClockLine:
-    """Return the line midway between the bounds that the exchanges set; received messages also bound it from above.
+    """Return the line midway between the bounds from the exchanges; received messages are a further upper bound.
 
-    An answer without a time bounds the least delay of the messages by the shortest of all round trips.
+    If no answer contains a time, the shortest round trip bounds the minimum message delay.
     """
     asked_s, answered_s, board_s = exchanges.T
     low = line.begin_s - float((answered_s - asked_s).min())
@@ -91,9 +91,9 @@ def _between(line: ClockLine, exchanges: FloatArray) -> ClockLine:
 
 
 def _credible(rate: float, delay: FloatArray, edge_s: float) -> float:
-    """Return the rate from an edge of given length, weighted against the accuracy of a quartz.
+    """Return the rate from a hull edge of the specified length, weighted against the accuracy of a quartz.
 
-    The weight is how far delays can turn the edge.
+    The weight depends on how far delays can tilt the edge.
     """
     u_ppm = 1e6 * float(np.median(delay) - delay.min()) / (np.sqrt(len(delay)) * edge_s)
     off = float(np.clip(rate - 1.0, -1e-6 * MOST_PPM, 1e-6 * MOST_PPM))

@@ -1,9 +1,9 @@
 """Setup, samples and losses of a data acquisition, independent of the instrument.
 
-The instrument samples the receivers many times in each phase of the emitters, without regard to the phases. One
-converter is switched from input to input, and a sample of the second input is therefore a little later than that of the
-first. The source that switches the emitters is stated separately: something external, or the instrument's own counters,
-which follow the clock of the samples. `solen.bench.phases` determines afterwards when an emitter was on.
+The instrument samples the receivers many times in each emitter phase, without regard to the phases. A single converter
+is switched from input to input, so the second input is sampled slightly later than the first. The source that switches
+the emitters is specified separately: an external source, or the instrument's own counters, which follow the sampling
+clock. `solen.bench.phases` determines afterwards when an emitter was on.
 
 Public names: `Setup`, `Model`, `Samples`, `DaqLosses` and `MODELS`.
 """
@@ -22,9 +22,9 @@ Terminal = Literal["rse", "nrse", "differential"]
 
 OUTSIDE = 'switch them externally (switching = "external"), with a sync input if there are several'
 LEAST_IN_PHASE = 2
-"""Smallest number of settled samples in a phase of the emitters."""
+"""Minimum number of settled samples in an emitter phase."""
 ENDS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
-"""Smallest and greatest count."""
+"""Minimum and maximum count."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class Model:
             self._check_lines(setup)
 
     def highest_hz(self, channels: int) -> float:
-        """Return the highest sampling rate of each input for a number of inputs."""
+        """Return the highest sampling rate per input for the specified number of inputs."""
         if channels == 1:
             return self.alone_hz
         return self.rate_hz if self.simultaneous else self.rate_hz / channels
@@ -125,7 +125,7 @@ class Model:
                 raise BenchError(f"daq.{key}", value=line, limit="is the line on which a counter switches an emitter")
 
     def _check_lines(self, setup: "Setup") -> None:
-        """Check that the lines that switch emitters can follow the clock of the samples."""
+        """Check that the lines that switch emitters can follow the sampling clock."""
         if setup.rate_hz > self.timed_hz:
             follow = (
                 f"follow a clock of at most {self.timed_hz:g} Hz" if self.timed_hz else "are set by the program only"
@@ -162,7 +162,7 @@ MODELS = {
         tuple(f"port1/line{number}" for number in range(8)),
     )
 }
-"""Instruments that can be simulated, and whose rigs are checked when they are read."""
+"""Instruments that can be simulated, and against which rig files are checked when they are read."""
 
 
 @dataclass(frozen=True)
@@ -233,7 +233,7 @@ class Setup:
 
     @property
     def static_lines(self) -> dict[str, str]:
-        """Lines that are set by the program, by their keys."""
+        """Lines that the program sets, by their keys."""
         stated = {"enable": self.enable, "alive": self.alive}
         return {key: line for key, line in stated.items() if line is not None}
 
@@ -248,7 +248,10 @@ class Setup:
         return max(1, round(self.rate_hz / self.switch_hz))
 
     def _check_slots(self) -> None:
-        """Check the lines that follow the samples: one for each emitter, and whole samples in each half of a slot."""
+        """Check the lines that follow the sampling clock.
+
+        There must be one line per emitter, and a whole number of samples in each half of a slot.
+        """
         if (self.switching == "lines") != bool(self.lines):
             limit = 'are required with switching = "lines", and not allowed otherwise'
             raise BenchError("daq.lines", value=", ".join(self.lines), limit=limit)
@@ -315,7 +318,7 @@ class DaqLosses:
 def volts_of(counts: NDArray[np.int16], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
     """Convert counts to volts (N, channels) with each channel's polynomial, lowest power first.
 
-    The polynomials are (channels, order + 1).
+    The polynomials have the shape (channels, order + 1).
     """
     volts = np.broadcast_to(coefficients[:, -1], counts.shape).astype(float)
     for power in range(coefficients.shape[1] - 2, -1, -1):
@@ -324,7 +327,7 @@ def volts_of(counts: NDArray[np.int16], coefficients: NDArray[np.float64]) -> ND
 
 
 def ends_of(coefficients: NDArray[np.float64], limits_V: ArrayLike | None = None) -> NDArray[np.float64]:
-    """Return the lowest and highest volts (2, channels) of its counts, or of its range if that is narrower."""
+    """Return the lowest and highest voltage (2, channels): limits of the counts, or of the range if it is narrower."""
     counts = np.repeat(ENDS, len(coefficients), axis=1)
     low, high = volts_of(counts, coefficients)
     stated = np.stack([low, high], axis=1) if limits_V is None else np.asarray(limits_V)
