@@ -190,9 +190,9 @@ class DaqOf(BenchTable):
 
     driver: Text = Field(
         "simulated",
-        description="simulated, nidaqmx for an instrument of National Instruments, or that of another package.",
+        description="simulated, nidaqmx (an instrument of National Instruments), or one from another package.",
     )
-    device: Text | None = Field(None, description="Name of a real one in NI-DAQmx: Dev1.")
+    device: Text | None = Field(None, description="Name of a real device in NI-DAQmx, such as Dev1.")
     model: Text | None = Field(
         None, description=f"Required model; default: the model that it reports. Simulated: {', '.join(MODELS)}."
     )

@@ -193,7 +193,7 @@ def _one(source: Source, near: _Line, cells: Sequence[str], count: int, mark: st
     held = {cell for cell in cells[:count] if cell}
     if len(held) > 1:
         limit = f"is in a packet whose channels have different times: {', '.join(sorted(held)[:4])}"
-        raise source.refused(f"line {near.number}", limit, "write channels of one clock to a file")
+        raise source.refused(f"line {near.number}", limit, "write only channels with a common clock to one file")
     try:
         return parse(held.pop(), mark) if held else 0.0
     except ValueError as bad:

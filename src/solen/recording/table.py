@@ -84,9 +84,9 @@ def _begins_another(grid: Grid, place: Layout, row: int) -> bool:
 
 
 def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]:
-    """Return the columns of the table, of numbers or words according to their cells.
+    """Return the columns of the table, with numbers or words according to their cells.
 
-    ``machine`` if a program wrote them.
+    ``machine`` states that a program wrote the table.
     """
     held = [n for n, name in enumerate(place.names) if name or n == 0]
     cells = {column: grid.cells(column, place.body) for column in held}
@@ -222,7 +222,7 @@ def _parameter(cells: list[str]) -> tuple[str, str]:
 
 
 def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel]:
-    """Return the channels with their axes: the wavelength to the left, or else the time; labels have none."""
+    """Return the channels with their axes: the wavelength column to their left, or else the time; labels have no axis."""
     channels = _with_wavelengths(channels)
     waves = [channel for channel in channels if channel.quantity == "wavelength"]
     if waves:
