@@ -222,7 +222,7 @@ def _parameter(cells: list[str]) -> tuple[str, str]:
 
 
 def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel]:
-    """Return the channels with their axes: the wavelength column to their left, or else the time; labels have no axis."""
+    """Return the channels with their axes: the wavelength to their left, or else the time; labels have none."""
     channels = _with_wavelengths(channels)
     waves = [channel for channel in channels if channel.quantity == "wavelength"]
     if waves:
