@@ -11,6 +11,7 @@ cached form of a caller lists the functions that must be loaded before it.
 
 import hashlib
 import importlib
+import pickle
 import re
 from collections.abc import Callable
 from functools import cache, cached_property, partial
@@ -19,7 +20,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 from llvmlite import binding
-from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import CPUDispatcher
 
@@ -150,6 +151,7 @@ class _Form(CompileResultCacheImpl):
     def rebuild(self, target_context: Any, kept: Any) -> Any:
         symbols, calls, rest = kept
         for symbol, (module, name, arguments) in calls.items():
+            STANDING[symbol] = module, name, arguments  # for callers of this function, which keep the symbol
             dispatcher = getattr(importlib.import_module(module), name)
             dispatcher.compile(arguments)  # or loaded from the cache
             its = dispatcher.overloads[arguments]
@@ -195,6 +197,36 @@ class _FromPythonCache(_Cache):
     _impl_class = _FromPythonForm
 
 
+class _Files(IndexDataCacheFile):
+    """One cache file for each set of argument types, replaced atomically.
+
+    numba numbers its files and writes an index before the file that it names, so that a process that compiles at the
+    same time can load machine code for other argument types or from earlier sources.
+    """
+
+    def save(self, key: Any, data: Any) -> None:
+        base: Any = self
+        with base._open_for_write(self._path(key)) as file:
+            file.write(pickle.dumps(base._version) + base._dump((key, data)))
+
+    def load(self, key: Any) -> Any:
+        try:
+            with Path(self._path(key)).open("rb") as file:
+                if pickle.load(file) != self._version:  # noqa: S301  our own cache
+                    return None  # a form of another version may name classes that no longer exist
+                stored, data = pickle.load(file)  # noqa: S301
+        except (OSError, EOFError, pickle.UnpicklingError):
+            return None
+        return data if stored == key else None
+
+    def flush(self) -> None:
+        """Nothing: a file of other sources is replaced when its function is compiled again."""
+
+    def _path(self, key: Any) -> str:
+        types = hashlib.sha256(repr(key[0]).encode()).hexdigest()[:16]
+        return str(Path(self._cache_path) / f"{Path(self._index_name).stem}.{types}.nbc")
+
+
 def cached(decorator: Callable[..., Any], function: Callable[..., Any], kind: type[FunctionCache] | None = None) -> Any:
     """Apply a numba decorator to a function with a disk cache: numba's own, or one of a specific ``kind``."""
     try:
@@ -206,10 +238,8 @@ def cached(decorator: Callable[..., Any], function: Callable[..., Any], kind: ty
     cache = getattr(dispatcher, "_cache", None)  # None if numba is set to compile nothing
     index = getattr(cache, "_cache_file", None)  # numba offers no public way to name further files
     if index is not None:
-        index._source_stamp = stamp(Path(function.__code__.co_filename).resolve())
-        index._version = (
-            f"{numba.__version__} {index._source_stamp}"  # an older cache may name classes that no longer exist
-        )
+        index.__class__ = _Files
+        index._version = f"{numba.__version__} {stamp(Path(function.__code__.co_filename).resolve())}"
     return dispatcher
 
 
