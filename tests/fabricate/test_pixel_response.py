@@ -201,7 +201,7 @@ BAD = {
     "a light below 0": ("0 0 0 0 0\n" * 3 + "0 0 9 -5 0\n" + "0 0 0 0 0\n" * 3, "dark image"),
     "a background": ("3 3 3 3 3\n" * 3 + "3 3 9 3 3\n" + "3 3 3 3 3\n" * 3, "subtract the background"),
     "a background at one side": ("3 0 0 0 0\n" * 3 + "3 0 90 0 0\n" + "3 0 0 0 0\n" * 3, "subtract the background"),
-    "two marks": ("0;0;0,5;0.5;0\n" * 6, "has another decimal mark"),
+    "two marks": ("0;0;0,5;0.5;0\n" * 6, "decimal mark"),
     "two separators": (
         "0 0 1 0 0\n" * 5 + "0;0;1;0;0\n",
         "line 6, column 1 = '0;0;1;0;0'; must contain rows of numbers",

@@ -124,7 +124,7 @@ def test_a_receiver_that_pulls_down_is_understood(tmp_path: Path) -> None:
         ("length_mm,power_mW\n10,1\n20,0\n30,0.5\n", "must be above 0"),
         ("length_mm,note\n10,a\n20,b\n", "has no column power or signal or voltage"),
         ("size,power_mW\n10,1\n20,0.5\n", "has no column length"),
-        ("length,power_mW\n10,1\n20,0.5\n", "state its unit in the header"),
+        ("length,power_mW\n10,1\n20,0.5\n", "its unit in the header"),
         ("length_mm,power_mW\n10,\n20,\n30,\n", "no row with a length and a power"),
     ],
 )
@@ -228,7 +228,7 @@ def test_an_irradiance_of_each_disc_makes_its_dose(tmp_path: Path) -> None:
     ("text", "how", "told"),
     [
         ("exposure_s,thickness_um\n1,20\n2,30\n3,40\n", {}, "add --irradiance-mW-per-cm2"),
-        ("exposure,thickness_um\n1,20\n2,30\n3,40\n", {}, "state its unit in the header"),
+        ("exposure,thickness_um\n1,20\n2,30\n3,40\n", {}, "its unit in the header"),
         ("energy_mJ_per_cm2,size\n1,20\n2,30\n", {}, "has no column thickness"),
         ("height_mm,thickness_um\n1,20\n2,30\n", {}, "has no column dose"),
         ("dose_mJ_per_cm2,thickness_um\n1,20\n2,30\n", {}, "at least 3 discs"),

@@ -189,8 +189,8 @@ FOUND = {
         "".join([*TEST[:14], TEST[13].replace("0.230331", ""), *TEST[14:]]).encode("cp1252"),
         "line 15",
     ),
-    "the names of traces twice": ("".join([TWO[0], *TWO]).encode(), "more than names above"),
-    "the names of traces lost": ("".join(TWO[1:]).encode(), "without their names above"),
+    "the names of traces twice": ("".join([TWO[0], *TWO]).encode(), "more than their names"),
+    "the names of traces lost": ("".join(TWO[1:]).encode(), "lacks their names"),
     "the modes of traces lost": ("".join([TWO[0], *TWO[2:]]).encode(), "line 1"),
     "the header of one trace made part of the other's": (
         "".join(["a,ength (nm),%T,Wavelength (nm),%R,\r\n", *TWO[2:]]).encode(),
@@ -206,11 +206,11 @@ FOUND = {
     ),
     "a byte of a decimal comma": (
         FILES["testxpert, decimal comma"].replace(b"0,34", b"0.34", 1),
-        "another decimal mark",
+        "a different decimal mark",
     ),
     "a letter of UTF-8 broken": (
         FILES["testxpert, decimal comma"].replace("ü".encode(), b"\xc3", 1),
-        "is not a character",
+        "not valid in UTF-8",
     ),
     "the file ends in its first row": ("".join([*TWO[:2], "900,91,900"]).encode(), "line 3"),
     "a mark of decimals in a factor that is none": (

@@ -86,7 +86,7 @@ def test_numbers_are_those_of_a_plain_reading(tmp_path: Path, form: str, step: f
 def test_pairs_that_go_back_are_refused(tmp_path: Path) -> None:
     text = jcamp("pairs")
     for place in ("402.000", "430.000"):
-        with pytest.raises(DataError, match="goes back"):
+        with pytest.raises(DataError, match="reverses at"):
             read(saved(tmp_path, text.replace("432.000,", f"{place},", 1)))
 
 

@@ -81,11 +81,11 @@ def test_numbers_are_those_of_a_plain_reading(
 @pytest.mark.parametrize(
     ("before", "after", "words"),
     [
-        ("Samples\t12\t12", "Samples\t13\t13", "12 rows, but 13 samples"),
+        ("Samples\t12\t12", "Samples\t13\t13", "12 rows, but the header specifies 13"),
         ("0.004000\t", "0.014000\t", "line 27; has a different time"),
         ("1.540000", "1.54x", "line 27, column 2 = '1.54x'"),
-        ("Channels\t2", "Channels\t3", "names 2 channels, but 3 channels"),
-        ("Voltage_1\tComment", "", "names 1 channel, but 2 channels"),
+        ("Channels\t2", "Channels\t3", "names 2 channels, but the header specifies 3"),
+        ("Voltage_1\tComment", "", "names 1 channel, but the header specifies 2"),
         ("X0\t0.000000\t0.000000", "X0\t0.000000\t0.500000", "have different times"),
     ],
 )
@@ -118,7 +118,7 @@ def test_a_file_that_was_appended_to_counts_from_its_stamps(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("times", [("10:00:00", "10:00:00.002"), ("10:00:00", "09:00:00"), ("10:00:00", "then")])
 def test_packets_that_overlap_in_time_are_refused(tmp_path: Path, times: tuple[str, ...]) -> None:
-    with pytest.raises(DataError, match="restart their times"):
+    with pytest.raises(DataError, match="restart the time"):
         read(saved(tmp_path, appended(lvm(8), times)))
 
 

@@ -128,7 +128,7 @@ def test_a_table_without_units_takes_them_from_the_baseline_beside_it(tmp_path: 
 
 def test_columns_named_by_the_caller(tmp_path: Path) -> None:
     path = saved(tmp_path, "    0.0255    1.0200\r\n    0.1344    1.1250")
-    with pytest.raises(DataError, match="line 1; there is no header"):
+    with pytest.raises(DataError, match=r"line 1; .*no header"):
         read(path)
     recording = read(path, columns=("stress_MPa", "stretch"))
     assert recording.need("stress").to("MPa").tolist() == [0.0255, 0.1344]
@@ -218,7 +218,7 @@ def test_damage_is_refused_with_its_place(tmp_path: Path, old: str, new: str, pl
 
 
 def test_numbers_with_words_in_them_are_refused_not_taken_for_text(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="line 2; is not a row of numbers below the header"):
+    with pytest.raises(DataError, match="line 2; is not a row of numbers"):
         read(saved(tmp_path, "sample,thickness_um\nA,25 um\nB,50 um\n"))
 
 
@@ -308,7 +308,7 @@ def test_what_is_no_wavelength_is_refused(tmp_path: Path, wave: str) -> None:
 
 
 def test_a_column_without_a_name_is_refused_if_it_holds_anything(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="line 1; is unnamed, above column 2"):
+    with pytest.raises(DataError, match=r"line 1; .*above column 2"):
         read(saved(tmp_path, "film,,dye\n1,2,3\n"))
     assert read(saved(tmp_path, "film,,dye\n1,,3\n")).names == ("film", "dye")
     assert read(saved(tmp_path, ",T,R\n5,0.9,0.1\n6,0.9,0.1\n")).names == ("column 1", "T", "R")
@@ -345,7 +345,7 @@ def test_an_instrument_s_export_in_a_workbook_is_the_same(tmp_path: Path, text: 
 
 
 def test_a_comma_that_may_stand_before_thousands_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="line 3, column 2 = '1,250'; may be a thousand"):
+    with pytest.raises(DataError, match="line 3, column 2 = '1,250'; may be"):
         read(saved(tmp_path, "time_s\tforce_N\n1\t980\n2\t1,250\n"))
     with pytest.raises(DataError, match=r"line 3, column 2 = '1,250\.5'; has a thousands separator"):
         read(saved(tmp_path, "time_s\tforce_N\n1\t980.5\n2\t1,250.5\n"))
@@ -379,7 +379,7 @@ def test_what_names_the_rows_runs_along_nothing(tmp_path: Path) -> None:
 
 def test_a_second_table_is_named_as_one(tmp_path: Path) -> None:
     text = "sample,Fmax (N)\n1,12.5\n\nTime,Extension,Load\n(s),(mm),(N)\n0.0,0.0,0.1\n0.1,0.2,0.4\n"
-    with pytest.raises(DataError, match="line 4; begins another table; keep one table in a file"):
+    with pytest.raises(DataError, match="line 4; begins another table"):
         read(saved(tmp_path, text))
 
 

@@ -1,8 +1,8 @@
-"""Recordings: files exported by instruments, read into one type with units and provenance.
+"""Recordings: files exported by instruments, read into one common type with units and provenance.
 
-`read` reads a file; `solen.recording.model` defines the type; `spectra` returns its traces with their wavelengths, and
-`stated` returns a parameter of a test machine's export as a number. `FORMATS` lists the supported formats; other
-packages can add their own.
+`read` reads a file; `solen.recording.model` defines the type. `spectra` returns the recording's traces with their
+wavelengths, and `stated` returns a parameter of a test machine's export as a number. `FORMATS` lists the supported
+formats; other packages can add their own.
 """
 
 from solen.recording.model import Channel, Measured, Provenance, Recording

@@ -1,8 +1,8 @@
 """Recordings from named arrays, as needed for MATLAB, LabVIEW, HDF5 and netCDF files.
 
-These files contain arrays, some of which have a common axis. The length that most arrays have is that of the recording;
-an array with as many rows gives a channel for each of its columns; single numbers and texts are parameters. An array of
-another length is omitted and named, because its relation to the others is unknown.
+These files contain arrays, some of which share an axis. The most common array length is taken as the length of the
+recording; an array with that many rows gives a channel for each column; single numbers and texts are parameters. An
+array of another length is omitted and listed in a note, because its relation to the others is unknown.
 
 Public names: `Array` and `recorded`.
 """
@@ -22,14 +22,14 @@ from solen.recording.table import along_axes, stated_provenance, unique
 from solen.recording.words import heading
 
 MOST_COLUMNS = 1000
-"""Largest number of columns of one array that become channels."""
+"""Largest number of columns of an array that become channels."""
 _LEAST = 2
 _SINCE = re.compile(r"\s*(\w+) since .*")
 
 
 @dataclass(frozen=True)
 class Array:
-    """Values of one variable, (n,) or (n, m), with their unit, and names of the columns if the file has any."""
+    """Values of a variable, (n,) or (n, m), with their unit and any column names from the file."""
 
     name: str
     values: Any
@@ -40,16 +40,16 @@ class Array:
 def recorded(
     source: Source, kind: str, arrays: Iterable[Array], metadata: Mapping[str, str], names: Sequence[str] | None = None
 ) -> Recording:
-    """Make a recording of arrays with a common axis.
+    """Make a recording from arrays that share an axis.
 
     Parameters
     ----------
     source, kind
-        The file, and its format.
+        The file and its format.
     arrays, metadata
-        Its content.
+        The arrays and parameters in the file.
     names
-        Names of columns for a matrix without names.
+        Column names for a matrix without names.
 
     Raises
     ------
@@ -80,17 +80,20 @@ def recorded(
 
 
 def _named(source: Source, arrays: Sequence[Array], names: Sequence[str]) -> list[Array]:
-    """Return the only matrix with as many columns as names; raise `DataError` if there is none or more than one."""
+    """Return the only matrix with as many columns as there are names.
+
+    Raises `DataError` if no matrix or more than one has that many columns.
+    """
     fitting = [array for array in arrays if np.ndim(array.values) == 2 and min(np.shape(array.values)) == len(names)]
     if len(fitting) != 1:
         shapes = ", ".join(f"{array.name} {' by '.join(map(str, np.shape(array.values)))}" for array in arrays)
         limit = f"has {len(fitting) or 'no'} matrices of {len(names)} columns; it contains {shapes}"
-        raise source.refused("", limit, "name each of a matrix's columns, in their order")
+        raise source.refused("", limit, "give a name for each column of the matrix, in order")
     return [replace(fitting[0], columns=tuple(names))]
 
 
 def _plainly(arrays: Iterable[Array]) -> list[Array]:
-    """Rename arrays to the last part of their path, ``run.time_s`` to ``time_s``, if the last parts are unique."""
+    """Shorten array paths to their last part, ``run.time_s`` to ``time_s``, if the last parts are unique."""
     held = list(arrays)
     last = [one.name.rpartition(".")[2] for one in held]
     return (
@@ -99,7 +102,7 @@ def _plainly(arrays: Iterable[Array]) -> list[Array]:
 
 
 def _columns(array: Array) -> list[tuple[str, str, FloatArray]]:
-    """Return an array's columns of numbers: name, unit and values."""
+    """Return the numeric columns of an array: names, units and values."""
     values = np.asarray(array.values)
     if values.dtype.kind not in "biuf" or values.size == 0:
         return []

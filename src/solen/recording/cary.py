@@ -1,11 +1,11 @@
-"""Exports of Agilent's Cary spectrophotometers (WinUV), as written by the program or saved again from Excel.
+"""Exports from Agilent's Cary spectrophotometers (WinUV), as written by the program or saved again from Excel.
 
-An export has two lines of header, the names of the traces in every second cell and below each its ``Wavelength
-(nm),%T``; then rows in which each trace has a wavelength and a value until it ends; then an empty line and the
-program's log of each trace. Traces have their own wavelengths, and may share a name; none is dropped or merged. A scan
-has uniform wavelength steps; one with a jump, a repetition or a gap therefore was damaged, whatever its values.
+An export begins with two header lines: the trace names in every second cell and, below each name, ``Wavelength
+(nm),%T``. In the rows that follow, each trace has a wavelength and a value until it ends; then come an empty line and
+the program's log of each trace. Traces have separate wavelengths and may share a name; none is dropped or merged.
+Because a scan has uniform wavelength steps, a scan with a jump, a repetition or a gap is rejected as damaged.
 
-`is_cary` recognises the header, `read` reads a `Grid`.
+`is_cary` recognises the header; `read` reads a `Grid`.
 """
 
 from collections import Counter
@@ -26,15 +26,15 @@ MODES = {
     "%a": ("absorptance", "%"),
     "abs": ("absorbance", "1"),
 }
-"""Quantity and unit for the words that the program writes above the values; unknown for other words."""
+"""Quantity and unit for the words that the program writes above the values; other words have no known quantity."""
 _SATURATED_ABS = 10.0
 _LIMITS = {"%": 1e4, "1": 12.0}
-"""Limits that no spectrophotometer's numbers exceed, unless a decimal point was lost."""
+"""Limits that no spectrophotometer reading exceeds unless a decimal point was lost."""
 
 
 @dataclass(frozen=True)
 class _Trace:
-    """Columns of a trace, and the rows in which it has numbers."""
+    """Columns of a trace and the rows in which they contain numbers."""
 
     name: str
     mode: str
@@ -43,9 +43,9 @@ class _Trace:
 
 
 def is_cary(grid: Grid) -> int | None:
-    """Return the row of the names if a grid begins like a Cary export, else None.
+    """Return the row with the trace names if a grid begins like a Cary export, else None.
 
-    Raises `DataError` if the header is for several traces but is not preceded by their names.
+    Raises `DataError` if the header describes several traces but no names precede it.
     """
     filled = [row for row in range(min(len(grid.rows), 8)) if not grid.is_blank(row)]
     for place, row in enumerate(filled):
@@ -55,17 +55,21 @@ def is_cary(grid: Grid) -> int | None:
         if traces > 1:
             if place == 1:
                 return filled[0]
-            limit = "is a header of traces, " + (
-                "without their names above" if place == 0 else "with more than names above"
+            limit = "is a header for several traces, " + (
+                "but the line above lacks their names"
+                if place == 0
+                else "but the line above contains more than their names"
             )
-            raise grid.refused(row, None, limit, "restore the first line, the name of each above its Wavelength (nm)")
+            raise grid.refused(
+                row, None, limit, "restore the first line, with each trace name above its Wavelength (nm)"
+            )
     return None
 
 
 def read(grid: Grid, start: int) -> Recording:
     """Read an export; raise `DataError` with the line and column of damaged content.
 
-    ``start`` is the row of the names, as returned by `is_cary`.
+    ``start`` is the row with the trace names, as returned by `is_cary`.
     """
     heads = _heads(grid, start)
     body, after = _parted(grid, start + 2, len(heads))
@@ -81,9 +85,9 @@ def read(grid: Grid, start: int) -> Recording:
 
 
 def _pairs(cells: list[str]) -> int:
-    """Return the number of traces below a row of ``Wavelength (nm)`` and modes.
+    """Return the number of traces in a row of ``Wavelength (nm)`` and modes.
 
-    0 if the row is mostly something else.
+    The number is 0 if most of the row is something else.
     """
     pairs = list(zip(cells[::2], cells[1::2], strict=False))
     known = sum(_is_wave(wave) and mode.casefold() in MODES for wave, mode in pairs)
@@ -100,7 +104,7 @@ def _is_mode(cell: str) -> bool:
 
 
 def _heads(grid: Grid, start: int) -> list[tuple[str, str]]:
-    """Return name and mode of each trace."""
+    """Return the name and mode of each trace."""
     names, modes = grid.rows[start], grid.rows[start + 1]
     count = grid.width(start + 1)
     if count % 2:
@@ -119,7 +123,7 @@ def _heads(grid: Grid, start: int) -> list[tuple[str, str]]:
 
 
 def _parted(grid: Grid, first: int, traces: int) -> tuple[list[int], list[int]]:
-    """Return the rows of numbers, and the rows of the log after them."""
+    """Return the rows with numbers and the rows of the log after them."""
     end = next((row for row in range(first, len(grid.rows)) if grid.is_blank(row)), len(grid.rows))
     body, after = list(range(first, end)), list(range(end, len(grid.rows)))
     if not body:
@@ -137,10 +141,10 @@ def _parted(grid: Grid, first: int, traces: int) -> tuple[list[int], list[int]]:
 
 
 def _check_lengths(grid: Grid, body: list[int], columns: int) -> None:
-    """Raise `DataError` at a row that has a different number of cells from its neighbours.
+    """Raise `DataError` at a row whose number of cells differs from that of the neighbouring rows.
 
-    All rows have the same number of cells, most often one more than there are columns, which is empty. Excel omits the
-    separators at the end of rows once the last traces have ended; later rows are then shorter.
+    All rows have the same number of cells: usually one more than there are columns, and that last cell is empty. Excel
+    omits the separators at the end of rows once the last traces have ended; later rows are then shorter.
     """
     whole = Counter(len(grid.rows[row]) for row in body).most_common(1)[0][0]
     whole = max(whole, columns)
@@ -159,7 +163,7 @@ def _check_lengths(grid: Grid, body: list[int], columns: int) -> None:
 
 
 def _traces(grid: Grid, heads: list[tuple[str, str]], body: list[int]) -> list[_Trace]:
-    """Return the traces with the rows in which they have numbers."""
+    """Return the traces with the rows in which they contain numbers."""
     names = unique([name for name, _ in heads])
     widths = {row: grid.width(row) for row in body}
     traces = []
@@ -172,19 +176,19 @@ def _traces(grid: Grid, heads: list[tuple[str, str]], body: list[int]) -> list[_
             raise grid.refused(hole, column, limit, "restore the wavelength; only a value may be empty")
         for row in held:
             if is_missing(grid.rows[row][column]):
-                raise grid.refused(row, column, "the wavelength of a value is missing")
+                raise grid.refused(row, column, "this value has no wavelength")
         traces.append(_Trace(name, mode, column, held))
     return traces
 
 
 def _numbers(grid: Grid, trace: _Trace, odd: int, mark: str) -> FloatArray:
-    """Return the wavelengths of a trace, or its values with ``odd`` 1."""
+    """Return the wavelengths of a trace, or, with ``odd`` 1, its values."""
     column = trace.column + odd
     return grid.column(column, trace.rows, grid.cells(column, trace.rows), mark, machine=True)
 
 
 def _check(grid: Grid, trace: _Trace, waves: FloatArray, values: FloatArray) -> None:
-    """Raise `DataError` if an instrument cannot have recorded the numbers of a trace."""
+    """Raise `DataError` if an instrument cannot have recorded the numbers in a trace."""
     scan.check_wavelengths(grid, trace.column, trace.rows, waves)
     unit = MODES.get(trace.mode.casefold(), ("", ""))[1]
     limit = _LIMITS.get(unit)
@@ -198,7 +202,7 @@ def _check(grid: Grid, trace: _Trace, waves: FloatArray, values: FloatArray) -> 
 def _recording(
     grid: Grid, traces: list[_Trace], pairs: list[tuple[FloatArray, FloatArray]], logs: carylog.Logs, ending: str
 ) -> Recording:
-    """Make a recording of traces, each with its channel of wavelengths; equal channels of wavelengths are merged."""
+    """Make a recording from traces, each with a wavelength channel; identical wavelength channels are merged."""
     axes: dict[bytes, Channel] = {}
     taken = {trace.name for trace in traces}
     channels: list[Channel] = []
@@ -221,18 +225,18 @@ def _axis_name(number: int, taken: set[str]) -> str:
 
 
 def _notes(trace: _Trace, waves: FloatArray, values: FloatArray, quantity: str, log: dict[str, str]) -> list[str]:
-    """Return notes on a trace."""
+    """Return the notes on a trace."""
     notes = []
     if not quantity:
         notes.append(f"the quantity and unit of the mode {trace.mode} are unknown")
     if not waves.size:
-        return ["it contains no points", *notes]
+        return ["the trace contains no points", *notes]
     missing = int(np.sum(np.isnan(values)))
     if missing:
         notes.append(f"{missing} of {values.size} values are empty")
     if quantity == "absorbance" and (full := int(np.sum(values >= _SATURATED_ABS))):
         notes.append(
-            f"{full} values are at the limit of the instrument, Abs = {_SATURATED_ABS:g}: no light was left to measure"
+            f"{full} values are at the instrument's limit, Abs = {_SATURATED_ABS:g}: no light was left to measure"
         )
     if quantity in {"transmittance", "reflectance"} and (low := int(np.sum(values < 0.0))):
         notes.append(f"{low} values are negative, down to {np.nanmin(values):.3g} %: noise or stray light about zero")

@@ -1,10 +1,10 @@
-"""The log that Cary's program writes after the numbers: a block for each trace, in their order.
+"""The log that Cary's program writes after the numbers, with a block for each trace in the order of the traces.
 
-A block begins with the trace's name, on a separate line and repeated on the next; then lines such as ``Instrument Cary
-5000``, ``Collection Time: 2/6/2015 1:45:42 PM`` and ``<SBW (nm)> , 2.00``. Settings shared by all blocks apply to the
-file, the others to each trace. A log that cannot be interpreted is no reason to reject valid numbers.
+A block begins with the trace name, on a separate line and repeated on the next; then come lines such as ``Instrument
+Cary 5000``, ``Collection Time: 2/6/2015 1:45:42 PM`` and ``<SBW (nm)> , 2.00``. Settings shared by all blocks apply to
+the file, the others to single traces. Valid numbers are accepted even if the log cannot be interpreted.
 
-`read` returns `Logs`; `ends` compares a trace with the range stated in its log.
+`read` returns `Logs`; `ends` compares a trace with the range given in its log.
 """
 
 import re
@@ -25,7 +25,7 @@ _COLLECTED = "Collection Time"
 
 @dataclass(frozen=True)
 class Logs:
-    """Content of the log: settings of the file and of each trace, and the settings for every provenance."""
+    """Content of the log: settings of the file and of each trace, and settings for every provenance record."""
 
     shared: dict[str, str]
     of_traces: list[dict[str, str]]
@@ -34,7 +34,7 @@ class Logs:
 
 
 def read(rows: Sequence[Sequence[str]], names: Sequence[str], separator: str) -> Logs:
-    """Read the log in the rows after the numbers, for traces with the given names."""
+    """Read the log in the rows after the numbers for the named traces."""
     lines = [separator.join(row).strip().rstrip(separator).strip() for row in rows]
     blocks = _blocks(lines, names)
     settings = [_settings(block) for block in blocks]
@@ -52,7 +52,7 @@ def read(rows: Sequence[Sequence[str]], names: Sequence[str], separator: str) ->
 
 
 def ends(log: dict[str, str], waves: FloatArray) -> list[str]:
-    """Return remarks on traces that do not extend from the start to the stop in their log."""
+    """Return remarks on traces that do not cover the range from start to stop given in their log."""
     try:
         start, stop, step = (float(log[f"{key} (nm)"]) for key in ("Start", "Stop", "UV-Vis Data Interval"))
     except (KeyError, ValueError):
@@ -67,7 +67,7 @@ def ends(log: dict[str, str], waves: FloatArray) -> list[str]:
 
 
 def _blocks(lines: list[str], names: Sequence[str]) -> list[list[str]]:
-    """Return the lines of each trace; an empty list for one that has no block."""
+    """Return the lines for each trace; an empty list if a trace has no block."""
     rows: list[list[str]] = [[] for _ in names]
     trace = 0
     current: list[str] | None = None
@@ -83,7 +83,7 @@ def _blocks(lines: list[str], names: Sequence[str]) -> list[list[str]]:
 
 
 def _settings(block: list[str]) -> dict[str, str]:
-    """Return the settings of a block by their names, including changes of the method."""
+    """Return the settings of a block by name, including method changes."""
     settings: dict[str, str] = {}
     for line in block:
         for form in (_ANGLED, _COLON, _WIDE):

@@ -1,9 +1,9 @@
-"""Column roles: the time, angle, force or depth, and the receivers, among the columns of a recording.
+"""Column roles: find the time, angle, force, depth and receiver columns of a recording.
 
-An option that names a column has priority.
+A column named by an option takes precedence.
 
-A header names a quantity, states a matching unit, or follows the conventions of recorders (``ai0``, ``PD2``). These are
-tried in that order; if several columns remain, the user is asked to name one.
+Otherwise a header that names a quantity, gives a matching unit or follows the conventions of recorders (``ai0``,
+``PD2``) decides. These are tried in that order; if several columns remain, the user is asked to name one.
 
 Public names: `column_of`, `receiver_columns`, `named_column`, `side_of`, `left_right` and `by_sensor`.
 """
@@ -24,7 +24,7 @@ _TIMES = frozenset(
     | {"microseconds"}
 )
 NAMED_UNITS = {"ms": "ms", "millis": "ms", "milliseconds": "ms", "us": "us", "micros": "us", "microseconds": "us"}
-"""Names of times that state their unit."""
+"""Time names that include their unit."""
 _ANGLES = frozenset(
     {"theta", "position", "pos", "rotation", "stage", "stage position", "encoder", "stage angle", "phi", "deg"}
 )
@@ -41,29 +41,29 @@ _UNITS = {
     "force": frozenset({"N", "mN", "kN", "gf", "kgf", "lbf"}),
     "depth": frozenset[str](),  # a unit of length is ambiguous
 }
-"""Units that identify a quantity whatever the column is called."""
+"""Units that identify a quantity regardless of the column's name."""
 _NUMBERED = re.compile(
     r"(?:.*[\s/._-])?(?:v|u|a|ai|ch|chan|channel|kanal|pd|pt|rx|receiver|sensor|voltage|volt|spannung|photodiode|"
     r"phototransistor|detector|signal|amplitude)[\s_-]*\d+",
     re.IGNORECASE,
 )
-"""Names that recorders and people give to voltages: ai0, CH1, Voltage_0, PD2."""
+"""Names that recorders and users give to voltages: ai0, CH1, Voltage_0, PD2."""
 _NAMES = {"time": _TIMES, "angle": _ANGLES, "force": _FORCES, "depth": _DEPTHS}
 _QUANTITIES = {"depth": {"displacement", "crosshead"}}
-"""Quantities of headers that count as another quantity here, in addition to its own name."""
+"""Header quantities that are accepted for another quantity, in addition to that quantity's own name."""
 ENDS_IN_V = re.compile(r"(?:_|\b)V$")
-"""A name that ends in the unit of volts."""
+"""A name that ends in the unit V."""
 _COMPANION = re.compile(r"^(?:u|ambient|clipped)_|_(?:ambient|clipped)$")
-"""Columns that accompany a receiver's: its uncertainty, the ambient light subtracted from it, whether it is clipped."""
+"""Companion columns of a receiver: uncertainty, subtracted ambient light, and clipping flag."""
 _TOKEN = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
 _SHORT = re.compile(r"(?:v|u|pd|pt|rx)(l|r|left|right)", re.IGNORECASE)
-"""A receiver and its side in one word: VL, PDR, Vleft."""
+"""A receiver and side in one word: VL, PDR, Vleft."""
 _SIDES = {"l": "left", "left": "left", "links": "left", "r": "right", "right": "right", "rechts": "right"}
 _DOTTED = re.compile(r"(.+)[.:/]([^.:/]+)")
 
 
 def column_of(recording: Recording, quantity: str) -> Channel | None:
-    """Return the column of the ``time``, ``angle``, ``force`` or ``depth`` by its name or unit; None without one.
+    """Return the ``time``, ``angle``, ``force`` or ``depth`` column, found by name or unit; None if there is none.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def _is_another(column: Channel, quantity: str) -> bool:
 
 
 def force_in_volts(recording: Recording) -> Channel | None:
-    """Return a column in volts whose name marks it as a load cell's: ``Load cell (mV)``, ``force_V``."""
+    """Return a column in volts whose name identifies a load cell: ``Load cell (mV)``, ``force_V``."""
     return next((channel for channel in recording.channels if _volts_of_force(channel)), None)
 
 
@@ -110,28 +110,32 @@ def _volts_of_force(column: Channel) -> bool:
 
 
 def named_column(recording: Recording, name: str, option: str) -> Channel:
-    """Return the column with a name, with or without its unit.
+    """Return the column with a name, with or without a unit.
 
-    Raises `DataError` that lists the columns if there is none.
+    Raises `DataError` with a list of the columns if no column has that name.
     """
     last = name.rpartition(".")[2]
     channel = recording.find(name, heading(name).name, last, heading(last).name)
     if channel is not None:
         return channel
     text = recording.label(name, heading(name).name) is not None
-    limit = "the column contains words, not numbers" if text else "no such column"
+    limit = "the column contains words instead of numbers" if text else "no such column"
     what = f"{recording.provenance.name}: {option} {name}"
     raise DataError(what, limit=limit, remedy=existing(recording))
 
 
 def existing(recording: Recording) -> str:
-    """Return the columns of a recording, as errors list them."""
+    """Return the columns of a recording as they are listed in errors."""
     more = len(recording.names) - 12
     return f"its columns are {', '.join(recording.names[:12])}" + (f" and {more} more" if more > 0 else "")
 
 
 def receiver_columns(columns: Sequence[Channel]) -> list[Channel]:
-    """Return the receivers: columns in volts, else named by a side, else numbered, else sides in any unit."""
+    """Return the receiver columns.
+
+    They are the columns in volts; else those without a unit named by a side or ending in V; else numbered columns
+    without a unit; else columns in any unit named by a side.
+    """
     columns = [column for column in columns if not is_companion(column.name)]
     in_volts = [
         column
@@ -144,29 +148,29 @@ def receiver_columns(columns: Sequence[Channel]) -> list[Channel]:
 
 
 def _sided(columns: Sequence[Channel]) -> list[Channel]:
-    """Return the columns named by a side, in the unit of the first of them."""
+    """Return the columns named by a side that have the same unit as the first such column."""
     sided = [column for column in columns if side_of(column.name)]
     return [one for one in sided if one.unit == sided[0].unit]
 
 
 def unit_of(column: Channel) -> str:
-    """Return the unit of a column as stated, or V by the end of its name: ``left_V``; empty if neither states one."""
+    """Return the unit given for a column, or V if its name ends in V (``left_V``); empty if there is neither."""
     return column.unit or ("V" if ENDS_IN_V.search(column.name) else "")
 
 
 def is_companion(name: str) -> bool:
-    """Whether a column accompanies that of a receiver: its uncertainty, its ambient light, or its marks of clipping."""
+    """Whether a column accompanies a receiver column: its uncertainty, ambient light or clipping flag."""
     return bool(_COMPANION.search(name))
 
 
 def companion(recording: Recording, channel: Channel, what: str) -> Channel | None:
-    """Return the column that accompanies a receiver's, ``ambient`` or ``clipped``: ``left_ambient``."""
+    """Return the column, ``ambient`` or ``clipped``, that accompanies a receiver column: ``left_ambient``."""
     name = ENDS_IN_V.sub("", channel.name)
     return recording.find(f"{what}_{name}", f"{name}_{what}")
 
 
 def side_of(name: str) -> str:
-    """Return ``left`` or ``right`` by the words of a receiver's name (``ReceiverR``, ``V_L``, ``VL``); else empty."""
+    """Return ``left`` or ``right`` from a receiver name (``ReceiverR``, ``V_L``, ``VL``); otherwise empty."""
     words = [_SHORT.sub(r"\1", word) if _SHORT.fullmatch(word) else word for word in _TOKEN.findall(name)]
     sides = {_SIDES[word.lower()] for word in words if word.lower() in _SIDES}
     return sides.pop() if len(sides) == 1 else ""
@@ -181,9 +185,9 @@ def left_right(receivers: Sequence[str]) -> tuple[int, int] | None:
 
 
 def by_sensor(names: Sequence[str], label: str, *, alone: bool) -> dict[str, dict[str, int]]:
-    """Return the receivers of each sensor with their positions, by names such as ``S1.left``, or ``S1_L`` and ``S2_L``.
+    """Return each sensor's receivers with positions, from names such as ``S1.left``, or ``S1_L`` and ``S2_L``.
 
-    ``label`` is that of the file; it precedes the sensor's name unless the file is ``alone``.
+    ``label`` is the file's label; it precedes the sensor's name unless the file is ``alone``.
     """
     matches = [_DOTTED.fullmatch(name) for name in names]
     split = [(match[1], match[2]) if match else ("", name) for match, name in zip(matches, names, strict=True)]
@@ -197,7 +201,7 @@ def by_sensor(names: Sequence[str], label: str, *, alone: bool) -> dict[str, dic
 
 
 def _by_side(names: Sequence[str]) -> list[tuple[str, str]]:
-    """Return sensor and side of names if every sensor has both sides; else each name as a receiver of one sensor."""
+    """Return sensors and sides if every sensor has both sides; otherwise each name as a receiver of one sensor."""
     split = [(_without_side(name), side_of(name)) for name in names]
     counts = Counter(split)
     sensors = {sensor for sensor, _ in split}

@@ -1,4 +1,4 @@
-"""Dates in the spellings of instruments, as ISO 8601 if it is clear which number is the month.
+"""Dates in the spellings used by instruments, converted to ISO 8601 if it is clear which number is the month.
 
 Public names: `iso`, `among` and `seconds`.
 """
@@ -23,9 +23,9 @@ _KEYS = re.compile(r"\b(date|datum|prüfdatum|test date|collection time|date/tim
 
 
 def iso(text: str, *, others: Iterable[str] = ()) -> str:
-    """Return a date, and its time if present, in ISO 8601; empty if the text is no date or day and month are ambiguous.
+    """Return a date, with any time, in ISO 8601; empty if the text is no date or if day and month are ambiguous.
 
-    ``others`` are dates of the same file, which may show the order of day and month.
+    ``others`` are dates from the same file, which may show the order of day and month.
     """
     text = text.strip()
     if match := _YEAR_FIRST.fullmatch(text):
@@ -44,7 +44,7 @@ def iso(text: str, *, others: Iterable[str] = ()) -> str:
 
 
 def among(metadata: Mapping[str, str]) -> str:
-    """Return the date in the parameters of a file, in ISO 8601 if unambiguous, else as the file writes it."""
+    """Return the date among a file's parameters, in ISO 8601 if unambiguous, otherwise as written in the file."""
     stated = next((value for key, value in metadata.items() if _KEYS.search(key)), "")
     return iso(stated) or stated
 
@@ -54,7 +54,7 @@ def seconds(cells: Sequence[str]) -> FloatArray | None:
 
     The result is None if a cell is not a time.
 
-    A decrease of more than half a day between times without a date means midnight. An empty cell is NaN.
+    If times without a date decrease by more than half a day, midnight has passed. An empty cell becomes NaN.
     """
     parts = [_STAMP.fullmatch(cell) if cell else None for cell in cells]
     if not any(parts) or any(cell and part is None for cell, part in zip(cells, parts, strict=True)):
@@ -73,7 +73,7 @@ def seconds(cells: Sequence[str]) -> FloatArray | None:
 
 
 def _day(text: str, others: Iterable[str]) -> int | None:
-    """Return the ordinal of a day; None if the text is no date or its month is ambiguous."""
+    """Return the ordinal of a day; None if the text is no date or the month is ambiguous."""
     stated = iso(text, others=others) if text else ""
     return date.fromisoformat(stated[:10]).toordinal() if stated else None
 
@@ -85,7 +85,7 @@ def _clock_s(part: re.Match[str]) -> float:
 
 
 def _month_first(texts: Iterable[str]) -> bool | None:
-    """Whether dates with slashes begin with the month, as a number above 12 or a 12-hour clock shows."""
+    """Whether the month comes first in dates with slashes, as shown by a number above 12 or a 12-hour clock."""
     found = [match for text in texts if (match := _SLASHED.fullmatch(text.strip()))]
     if any(int(match[2]) > 12 for match in found):
         return True

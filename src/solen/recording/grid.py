@@ -1,10 +1,10 @@
-"""A file as rows of cells with their addresses, from text or from a sheet of a workbook.
+"""A file as rows of cells with their addresses, from text or from a worksheet.
 
-Readers see cells, and name a faulty one by its line and column, or by its cell in the sheet. The separator of a text is
-the one with which most cells are numbers. It is chosen once, for the whole file; a line with another separator
-therefore shows as damaged.
+Readers work on cells and report a faulty cell by line and column, or by its worksheet address. The separator of a text
+file is the one for which most cells are numbers. It is chosen once for the entire file, so that a line with another
+separator is recognised as damaged.
 
-`of_text` makes a `Grid`; `Grid.refused` returns an error with its place; `Grid.column` returns numbers.
+`of_text` makes a `Grid`; `Grid.refused` returns an error with its location; `Grid.column` returns numbers.
 """
 
 import csv
@@ -35,19 +35,19 @@ class Grid:
     source
         The file.
     rows
-        Cells of each row, without surrounding spaces; rows differ in length.
+        Cells of each row, without surrounding spaces; row lengths differ.
     lines
-        Number of each row in the file, from 1.
+        Line number of each row in the file, from 1.
     separator
-        Separator of a text's cells; empty in a workbook.
+        Cell separator of a text file; empty for a workbook.
     sheet
-        Name of the sheet, in a workbook.
+        Worksheet name, for a workbook.
     ends
-        Whether the last line ends with a line break, as every program writes it unless the file was cut off.
+        Whether the last line ends with a line break, as it does unless the file was cut off.
     remarks
-        Texts of the lines that begin with ``#``, and their numbers.
+        Texts of the lines that begin with ``#``, and their line numbers.
     left
-        Number of columns of the file to the left of the first one here.
+        Number of columns of the file to the left of the grid's first column.
     """
 
     source: Source
@@ -60,7 +60,7 @@ class Grid:
     left: int = 0
 
     def place(self, row: int, column: int | None = None) -> str:
-        """Return the address of a cell: row and column, or sheet and cell."""
+        """Return the address of a cell: row and column, or worksheet and cell."""
         line = self.lines[row]
         column = None if column is None else column + self.left
         if self.sheet:
@@ -70,16 +70,16 @@ class Grid:
     def refused(
         self, row: int, column: int | None, limit: str, remedy: str = "correct it, or export the file again"
     ) -> DataError:
-        """Return the error for a row, or for one of its cells with its content."""
+        """Return the error for a row, or for one of its cells with the cell's content."""
         cells = self.rows[row]
         value = cells[column] if column is not None and column < len(cells) else ""
         shown = value if len(value) <= _SHOWN else f"{value[:_SHOWN]}…"
         return self.source.refused(self.place(row, column), limit, remedy, shown or None)
 
     def ending(self, body: list[int]) -> str:
-        """Return a note on the last row of numbers if the file ends there without a line break; else empty.
+        """Return a note on the last row of numbers if the file ends there without a line break; otherwise empty.
 
-        Raises `DataError` if that row has lost cells, or its last number has fewer characters than any above it.
+        Raises `DataError` if that row has lost cells, or if its last number is shorter than every number above it.
         """
         last = body[-1]
         if self.ends or self.lines[last] != self.lines[-1]:
@@ -99,18 +99,18 @@ class Grid:
         return not any(self.rows[row])
 
     def width(self, row: int) -> int:
-        """Return the number of cells of a row up to the last that is not empty."""
+        """Return the number of cells in a row up to the last cell that is not empty."""
         cells = self.rows[row]
         return next((n for n in range(len(cells), 0, -1) if cells[n - 1]), 0)
 
     def cells(self, column: int, rows: Sequence[int]) -> list[str]:
-        """Return the cells of a column in given rows; empty text if a row is too short."""
+        """Return the cells of a column in the given rows; empty text if a row is too short."""
         return [cells[column] if column < len(cells) else "" for cells in map(self.rows.__getitem__, rows)]
 
     def mark(self, rows: Sequence[int], held: Mapping[int, Sequence[str]]) -> str:
         """Return the decimal mark, ``.`` or ``,``; raise `DataError` if the numbers use both.
 
-        ``held`` has the cells of each column in these rows.
+        ``held`` contains the cells of each column in these rows.
         """
         texts = ["\n".join(cells) for cells in held.values()]
         if not any("," in text for text in texts):
@@ -128,25 +128,25 @@ class Grid:
                         found.setdefault(mark, (row, column))
         if counts["."] and counts[","]:
             rare = min(counts, key=counts.__getitem__)
-            limit = "has another decimal mark than other numbers"
-            raise self.refused(*found[rare], limit, "write all decimals after a point, or all after a comma")
+            limit = "has a different decimal mark from other numbers"
+            raise self.refused(*found[rare], limit, "use either a decimal point or a decimal comma throughout")
         return "," if counts[","] else "."
 
     def _refuse_thousands(self, rows: Sequence[int], held: Mapping[int, Sequence[str]]) -> None:
-        """Raise `DataError` if commas may separate thousands: 1,250 next to 980, and never 0,5 or 12,75."""
+        """Raise `DataError` if commas may separate thousands: 1,250 next to 980, without any 0,5 or 12,75."""
         with_comma = [cell for cells in held.values() for cell in cells if "," in cell]
         if not all(map(_THOUSANDS.fullmatch, with_comma)):
             return
         for column, cells in held.items():
             marked = [place for place, cell in enumerate(cells) if "," in cell]
             if marked and any(cell and "," not in cell for cell in cells):
-                limit = "may be a thousand or more, or a number with three decimals"
-                raise self.refused(rows[marked[0]], column, limit, "omit the comma, or write decimals after a point")
+                limit = "may be a number in the thousands or one with three decimals"
+                raise self.refused(rows[marked[0]], column, limit, "omit the thousands comma, or use a decimal point")
 
     def column(
         self, column: int, rows: Sequence[int], cells: Sequence[str], mark: str, *, machine: bool = False
     ) -> FloatArray:
-        """Return the numbers of a column in given rows, NaN for empty cells; raise `DataError` at any other cell."""
+        """Return the numbers of a column in rows, NaN for empty cells; raise `DataError` at any other cell."""
         values = np.empty(len(rows))
         if all_numbers(cells, machine=machine) and _ascii_with(mark, cells):
             values[:] = [
@@ -169,7 +169,7 @@ def _ascii_with(mark: str, cells: Sequence[str]) -> bool:
 
 
 def of_text(source: Source) -> Grid:
-    """Return the rows of a text file; lines that begin with ``#`` are remarks."""
+    """Return the rows of a text file; lines that begin with ``#`` become remarks."""
     lines = source.lines()
     ends = not lines[-1]
     if ends:
@@ -207,10 +207,10 @@ def splitter(separator: str) -> Callable[[str], list[str]]:
 
 
 def _separator(lines: list[str]) -> str:
-    """Return the separator that yields the most numbers and, among equals, the fewest other cells; else the most cells.
+    """Return the separator that gives the most numbers, then the fewest other cells; without numbers, the most cells.
 
-    Two columns with decimal commas, ``0,5;1,25``, also yield two numbers with commas as separators, with ``5;1``
-    between them.
+    Two columns with decimal commas, ``0,5;1,25``, also give two numbers if split at the commas, with ``5;1`` between
+    them.
     """
     held = [line for line in lines if line.strip()]
     sample = held[:: max(1, len(held) // _SAMPLE)]
@@ -224,7 +224,7 @@ def _separator(lines: list[str]) -> str:
 
 
 def _numbers_by(separator: str) -> Callable[[str], tuple[int, int]]:
-    """Return the numbers of numeric and of other cells in a line split with a separator.
+    """Return the counts of numeric and other cells in a line split at a separator.
 
     Both are 0 if the line is not split or contains no number.
     """
@@ -242,7 +242,7 @@ def _numbers_by(separator: str) -> Callable[[str], tuple[int, int]]:
 
 
 def _letters(column: int) -> str:
-    """Return the letters of a sheet's column."""
+    """Return the letters of a worksheet column."""
     name = ""
     column += 1
     while column:

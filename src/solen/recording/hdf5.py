@@ -1,10 +1,10 @@
-"""HDF5 files: netCDF-4, MATLAB 7.3 and those of scripts, with h5py (extra ``netcdf``); netCDF-3 with scipy.
+"""HDF5 files (netCDF-4, MATLAB 7.3 and files from scripts) read with h5py (extra ``netcdf``); netCDF-3 with scipy.
 
-Datasets are arrays by their path. netCDF states the unit of each (``units``) and the meaning of the columns of a table
-(the coordinate of its second dimension); attributes are parameters.
+Datasets become arrays named by their path. netCDF gives the unit of each dataset (``units``) and the meaning of a
+table's columns (the coordinate of its second dimension); attributes become parameters.
 
-A file with a time in each of several groups contains several recordings; a bench writes one for each sensor. A large
-file is never loaded into memory completely.
+A file with a time in each of several groups contains several recordings; a bench writes one for each sensor. Large
+files are never loaded into memory completely.
 
 Public names: `groups`, `read`, `is_netcdf3` and `read_netcdf3`.
 """
@@ -41,7 +41,7 @@ class Stored(Source):
 
     @property
     def sha256(self) -> str:
-        """Return the checksum of the bytes, read piece by piece."""
+        """Return the checksum of the file, read block by block."""
         return self._hashed
 
 
@@ -57,12 +57,12 @@ def stored(path: Path) -> Stored | None:
 
 
 def is_netcdf3(source: Source) -> bool:
-    """Whether a file has the classic netCDF format."""
+    """Whether a file is in classic netCDF format."""
     return source.data.startswith(_CLASSIC)
 
 
 def groups(source: Source) -> tuple[str, ...]:
-    """Return the names of the groups that each contain a time; none in MATLAB files, whose groups are structures."""
+    """Return the names of the groups with a time; none for MATLAB files, in which groups are structures."""
     if source.data.startswith(b"MATLAB"):
         return ()
     with _opened(source) as file:
@@ -79,7 +79,7 @@ def _is_time(name: str) -> bool:
 def read(source: Source, group: str = "") -> Recording:
     """Read an HDF5 file or one of its groups.
 
-    Raises `DataError` if h5py is not installed, or the file is damaged or contains no arrays of numbers.
+    Raises `DataError` if h5py is not installed, or if the file is damaged or contains no numeric arrays.
     """
     arrays: list[Array] = []
     metadata: dict[str, str] = {}
@@ -107,9 +107,10 @@ def _opened(source: Source) -> Any:
 
 
 def _check_length(source: Source, length: int) -> None:
-    """Raise `DataError` if a file, without its seal, is longer than it states: added bytes make all numbers wrong.
+    """Raise `DataError` if the file is longer than its header specifies, since added bytes make all numbers wrong.
 
-    A shorter one is rejected by the library. Offsets by the HDF5 File Format Specification, versions 0 to 3.
+    The seal is not counted, and the library rejects a file that is too short. Offsets from the HDF5 File Format
+    Specification, versions 0 to 3.
     """
     start = next(start for start in _STARTS if source.data[start : start + len(_MAGIC)] == _MAGIC)
     version = source.data[start + len(_MAGIC)]
@@ -120,7 +121,9 @@ def _check_length(source: Source, length: int) -> None:
         for n in range(3)
     )
     if length > end and length != base + end:
-        limit = f"is {length - end} bytes longer than it states: bytes were added, or it was never closed"
+        limit = (
+            f"is {length - end} bytes longer than its header specifies: bytes were added, or the file was never closed"
+        )
         raise source.refused("", limit, "export it again, or repair it with h5clear --increment=0")
 
 
@@ -129,7 +132,7 @@ def _damaged(source: Source, bad: Exception) -> DataError:
 
 
 def _visit(name: str, one: Any, arrays: list[Array], metadata: dict[str, str]) -> None:
-    """Collect a dataset; MATLAB stores texts as numbers, and internal tables in groups that begin with ``#``."""
+    """Collect a dataset; MATLAB stores texts as numbers, and internal tables in groups whose names begin with ``#``."""
     if not hasattr(one, "shape") or name.startswith("#"):
         return
     attributes = _attributes(one.attrs)
@@ -143,7 +146,7 @@ def _visit(name: str, one: Any, arrays: list[Array], metadata: dict[str, str]) -
 
 
 def _names(one: Any) -> tuple[str, ...]:
-    """Return the names of a table's columns, if its second dimension has a coordinate of texts."""
+    """Return the column names of a table if its second dimension has a text coordinate."""
     if len(one.shape) != 2:
         return ()
     for scale in one.dims[1].values():
@@ -167,7 +170,7 @@ def _text(value: Any) -> str:
 
 
 def read_netcdf3(source: Source) -> Recording:
-    """Read a classic netCDF file; raise `DataError` if it is damaged or contains no arrays of numbers."""
+    """Read a classic netCDF file; raise `DataError` if it is damaged or contains no numeric arrays."""
     from scipy.io import netcdf_file
 
     try:

@@ -1,9 +1,9 @@
-"""JCAMP-DX: spectra as records of text, either point by point or compressed along a uniform axis.
+"""JCAMP-DX: spectra as text records, either point by point or compressed along a uniform axis.
 
-A file consists of records ``##LABEL=value``, one of which contains the numbers. ``(XY..XY)`` are pairs; ``(X++(Y..Y))``
-are values on a uniform axis, each line preceded by its abscissa, plain or compressed: digits joined by pseudo-digits
-(squeezed), differences, repeats. Redundant statements (number of points, abscissas of lines, first value, last value
-before each line of differences) are checked against the numbers, to detect damage.
+A file consists of records ``##LABEL=value``, one of which contains the numbers. ``(XY..XY)`` denotes pairs;
+``(X++(Y..Y))`` denotes values on a uniform axis, in lines that begin with the abscissa. The values are plain or
+compressed: digits joined by pseudo-digits (squeezed), differences, repeats. Redundant entries (number of points, line
+abscissas, first value, last value before each line of differences) are checked against the numbers to detect damage.
 
 Public names: `is_jcamp` and `read`. Format: McDonald and Wilks, "JCAMP-DX: A Standard Form for Exchange of Infrared
 Spectra in Computer Readable Form", Appl. Spectrosc. 42 (1988) 151, version 4.24.
@@ -21,7 +21,7 @@ from solen.recording.source import Source
 from solen.recording.spectrum_statements import spectrum
 
 Lines = list[tuple[int, str]]
-"""Lines of a record with their numbers in the file."""
+"""Lines of a record with their line numbers in the file."""
 
 _RECORD = re.compile(r"##([^=]*)=(.*)")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
@@ -37,12 +37,12 @@ _FORMS = {"(XY..XY)": "pairs", "(X++(Y..Y))": "even"}
 
 
 def is_jcamp(source: Source) -> bool:
-    """Whether a file begins as a JCAMP-DX file does."""
+    """Whether a file begins like a JCAMP-DX file."""
     return re.match(rb"(?:\xef\xbb\xbf)?\s*##\s*TITLE\s*=", source.data[:200], re.IGNORECASE) is not None
 
 
 def read(source: Source) -> Recording:
-    """Read a JCAMP-DX file of one spectrum; raise `DataError` with the line of damaged or unsupported content."""
+    """Read a JCAMP-DX file with one spectrum; raise `DataError` with the line of damaged or unsupported content."""
     records = dict(_records(source))
     _check_kind(source, records)
     label = next((one for one in ("XYDATA", "XYPOINTS") if one in records), None)
@@ -50,7 +50,7 @@ def read(source: Source) -> Recording:
         raise source.refused("", "has no XYDATA and no XYPOINTS", "export the spectrum as JCAMP-DX 4.24")
     form = re.sub(r"\s", "", records[label][0][1]).upper()
     if form not in _FORMS:
-        limit = f"has numbers in the form {form or 'that is not named'}; (XY..XY) and (X++(Y..Y)) are supported"
+        limit = f"has numbers in the form {form or '(unnamed)'}; (XY..XY) and (X++(Y..Y)) are supported"
         raise source.refused(f"line {records[label][0][0]}", limit, "export the spectrum in one of these forms")
     body = records[label][1:]
     points = _pairs(source, body) if _FORMS[form] == "pairs" else _even(source, body, records)
@@ -66,7 +66,7 @@ def read(source: Source) -> Recording:
 
 
 def _records(source: Source) -> Iterator[tuple[str, Lines]]:
-    """Return the records by their normalised labels, with the lines of each.
+    """Return the lines of each record by normalised label.
 
     Comments and lines after END are omitted.
     """
@@ -84,14 +84,14 @@ def _records(source: Source) -> Iterator[tuple[str, Lines]]:
         label, held = re.sub(r"[\s\-/_]", "", record[1]).upper(), [(number, record[2].strip())]
         if label == "END":
             return
-    raise source.refused("", "has no END: it was cut off", "export it again")
+    raise source.refused("", "has no END: the file was cut off", "export it again")
 
 
 def _check_kind(source: Source, records: dict[str, Lines]) -> None:
-    """Raise `DataError` for files of several spectra, which are not supported."""
+    """Raise `DataError` for files with several spectra, which are not supported."""
     kind = records.get("DATATYPE", [(0, "")])[0][1].upper()
     if kind == "LINK" or "BLOCKS" in records or "NTUPLES" in records or "PAGE" in records:
-        limit = "is a JCAMP-DX file of several blocks or of NTUPLES, which is not supported"
+        limit = "is a JCAMP-DX file with several blocks or NTUPLES, which is not supported"
         raise source.refused("", limit, "export each spectrum to a separate file")
 
 
@@ -101,7 +101,7 @@ def _stated(source: Source, records: dict[str, Lines], label: str, default: floa
         return default
     number, text = records[label][0]
     if not _NUMBER.fullmatch(text):
-        raise source.refused(f"line {number}", f"states no number as {label}", "export the file again", text)
+        raise source.refused(f"line {number}", f"contains no number for {label}", "export the file again", text)
     return float(text)
 
 
@@ -113,12 +113,12 @@ def _pairs(source: Source, body: Lines) -> tuple[FloatArray, FloatArray]:
         cells = [cell for cell in re.split(r"[\s,;]+", text) if cell]
         wrong = next((cell for cell in cells if not _NUMBER.fullmatch(cell)), None)
         if wrong is not None or len(cells) % 2:
-            limit = "is not a number" if wrong is not None else "contains half of a pair"
+            limit = "is not a number" if wrong is not None else "contains an incomplete pair"
             raise source.refused(f"line {number}", limit, "export the file again", wrong)
         for place, value in zip(cells[::2], cells[1::2], strict=True):
             if len(x) > 1 and not (float(place) - x[-1]) * (x[1] - x[0]) > 0.0:
                 limit = (
-                    f"goes back to {place}: the abscissas of a spectrum must increase, or decrease, from line to line"
+                    f"reverses at {place}: the abscissas of a spectrum must increase, or decrease, from line to line"
                 )
                 raise source.refused(f"line {number}", limit, "export the file again: lines are damaged")
             x.append(float(place))
@@ -127,13 +127,13 @@ def _pairs(source: Source, body: Lines) -> tuple[FloatArray, FloatArray]:
 
 
 def _even(source: Source, body: Lines, records: dict[str, Lines]) -> tuple[FloatArray, FloatArray]:
-    """Return points on a uniform axis, from FIRSTX to LASTX in NPOINTS steps.
+    """Return points on a uniform axis, from FIRSTX to LASTX in NPOINTS points.
 
-    Each line begins at its stated abscissa.
+    Each line must begin with the abscissa of its first value.
     """
     first, last, count = (_stated(source, records, name) for name in ("FIRSTX", "LASTX", "NPOINTS"))
     if not (math.isfinite(first + last + count) and count >= 2):
-        raise source.refused("", "does not state FIRSTX, LASTX and NPOINTS", "export it again")
+        raise source.refused("", "lacks FIRSTX, LASTX or NPOINTS", "export it again")
     step, factor = (last - first) / (count - 1), _stated(source, records, "XFACTOR", 1.0)
     values: list[float] = []
     differences = False
@@ -152,7 +152,7 @@ def _even(source: Source, body: Lines, records: dict[str, Lines]) -> tuple[Float
             raise source.refused(f"line {number}", limit, "export the file again: lines are missing or damaged")
         if differences:
             if own[0] != values[-1]:
-                limit = f"begins with {own[0]:g}, but the line before ended with {values[-1]:g}"
+                limit = f"begins with {own[0]:g}, but the previous line ended with {values[-1]:g}"
                 raise source.refused(f"line {number}", limit, "export the file again")
             own = own[1:]
         values += own
@@ -162,13 +162,13 @@ def _even(source: Source, body: Lines, records: dict[str, Lines]) -> tuple[Float
 
 
 def _last_digit(text: str) -> float:
-    """Return the rounding tolerance of a written number: slightly more than one unit of its last digit."""
+    """Return the rounding tolerance of a written number: slightly more than one unit in the last digit."""
     mantissa, _, power = text.casefold().partition("e")
     return 1.01 * float(10.0 ** (int(power or 0) - len(mantissa.partition(".")[2])))
 
 
 def _tokens(source: Source, number: int, text: str) -> list[str]:
-    """Return the plain and compressed numbers of a line, which must contain nothing else."""
+    """Return the plain and compressed numbers on a line, which must contain nothing else."""
     if _TOKEN.sub("", text).strip(" \t,;"):
         limit = "contains something other than plain or compressed numbers"
         raise source.refused(f"line {number}", limit, "export the file again", text[:40])
@@ -176,7 +176,7 @@ def _tokens(source: Source, number: int, text: str) -> list[str]:
 
 
 def _unpacked(source: Source, number: int, tokens: Sequence[str]) -> tuple[list[float], bool]:
-    """Return the values of a line's tokens, and whether the last of them was a difference."""
+    """Return the values of the tokens on a line, and whether the last token was a difference."""
     values: list[float] = []
     step, difference = 0.0, False
     for token in tokens:

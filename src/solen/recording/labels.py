@@ -1,4 +1,4 @@
-"""Labels in the names of files: ``S1_lens_2.csv`` states sensor, lens and number of the recording.
+"""Labels in file names: ``S1_lens_2.csv`` gives the sensor, the lens and the recording number.
 
 Public names: `labels` and `has_lens`.
 """
@@ -28,7 +28,7 @@ _WITHOUT = {
 
 
 def labels(path: Path, pattern: str) -> dict[str, str]:
-    """Return the labels in a file's name, by a pattern.
+    """Return the labels in a file name that matches a pattern.
 
     Parameters
     ----------
@@ -36,12 +36,12 @@ def labels(path: Path, pattern: str) -> dict[str, str]:
         The file.
     pattern
         The name with a field in braces for each varying part: ``sensor``, ``lens``, ``run`` or any other; ``*`` matches
-        anything. With or without an extension; a pattern with ``/`` includes the last folders.
+        anything. The extension is optional; a pattern with ``/`` includes the last folders.
 
     Raises
     ------
     SpecError
-        If the pattern has no field, or the same field twice.
+        If the pattern has no field or contains a field twice.
     DataError
         If the name does not match.
     """
@@ -69,9 +69,9 @@ def _expression(pattern: str) -> tuple[re.Pattern[str], list[str]]:
 
 
 def has_lens(word: str) -> bool:
-    """Whether a word states a lens or none; raise `DataError` for any other word."""
+    """Whether a label means that there is a lens; raise `DataError` for a word that means neither."""
     plain = re.sub(r"[\W_]+", "", word).casefold()
     if plain in _WITH or plain in _WITHOUT:
         return plain in _WITH
     remedy = "use lens or nolens, or omit {lens} from --pattern and name the sensors without a lens with --control"
-    raise DataError("lens", value=word, limit="states neither a lens nor its absence", remedy=remedy)
+    raise DataError("lens", value=word, limit="indicates neither a lens nor its absence", remedy=remedy)

@@ -1,8 +1,8 @@
-"""Large plain tables, such as an hour of samples: read in a second or two, in little more memory than the numbers need.
+"""Large plain tables, such as an hour of samples, are read in a second or two, with little extra memory.
 
-The beginning is read like any table, and defines the columns. If all of them are numbers, and the remainder of the file
-contains only digits, signs, the decimal mark and the separator, numpy's own reader reads it. Anything else (a remark,
-an empty cell, a word, a row of another length) is left to the reader that reports the error and its place.
+The beginning is read like any table and defines the columns. If all columns are numbers, and the remainder of the file
+contains only digits, signs, the decimal mark and the separator, numpy reads the file. Anything else (a remark, an empty
+cell, a word, a row of another length) is left to the row-by-row reader, which reports the error and its location.
 
 `read_large` returns a recording, or None if a file is not a large plain table.
 """
@@ -22,13 +22,13 @@ from solen.recording.model import Recording
 from solen.recording.source import Source
 
 LEAST_BYTES = 2_000_000
-"""Size in bytes below which files are read row by row."""
+"""Files below this size in bytes are read row by row."""
 _HEAD = 200  # lines from which a table is recognised
 _DIGITS = b"0123456789+-.eE\r\n"
 
 
 def read_large(source: Source, columns: Sequence[str] | None = None) -> Recording | None:
-    """Read a large table of numbers; None for other files and for tables that must be read row by row."""
+    """Read a large numeric table; return None for other files and for tables that must be read row by row."""
     if len(source.data) < LEAST_BYTES or source.is_archive or b"\0" in source.data[:4096]:
         return None
     known = _head(source, columns)
@@ -50,7 +50,7 @@ def read_large(source: Source, columns: Sequence[str] | None = None) -> Recordin
 
 
 def _head(source: Source, columns: Sequence[str] | None) -> tuple[Grid, Layout] | None:
-    """Read the beginning of a file as a table; None if it is not a plain table."""
+    """Read the beginning of a file as a table; return None if it is not a plain table."""
     end = _offset(source.data, _HEAD)
     if end <= 0:
         return None
@@ -67,7 +67,7 @@ def _head(source: Source, columns: Sequence[str] | None) -> tuple[Grid, Layout] 
 
 
 def _offset(data: bytes, lines: int) -> int:
-    """Return the offset of the line after the first ``lines`` lines; −1 if the file has fewer."""
+    """Return the offset of the line after the first ``lines`` lines; −1 if the file has fewer lines."""
     place = 0
     for _ in range(lines):
         place = data.find(b"\n", place) + 1
@@ -77,7 +77,7 @@ def _offset(data: bytes, lines: int) -> int:
 
 
 def _numbers(body: bytes, separator: str, mark: str, count: int) -> FloatArray | None:
-    """Return the numbers of a table's rows, (count, n); None if it contains anything but numbers."""
+    """Return the numbers in a table's rows, (count, n); None if the rows contain anything else."""
     allowed = _DIGITS.replace(b".", mark.encode()) + separator.encode()
     if mark == separator or body.translate(None, allowed):
         return None

@@ -1,8 +1,9 @@
 """Layout of a table in a file: preceding lines, header, units, rows.
 
-A header is a row of words above rows of numbers with the same number of cells. It may be preceded by titles and blocks
-of parameters, never by numbers alone. All rows below it must belong to the table, to the end of the file: any other row
-is damaged; it raises an error when rows are read and is never skipped. Text after an empty line at the end is a remark.
+A header is a row of words above rows of numbers with the same number of cells. It may be preceded by titles and
+parameter blocks, but not by rows of numbers only. All rows from the header to the end of the file must belong to the
+table: any other row is damaged, and raises an error when the rows are read instead of being skipped. Text after an
+empty line at the end is a remark.
 
 `find` returns the `Layout` of a `Grid`.
 """
@@ -17,14 +18,14 @@ from solen.recording.numbers import is_missing, is_number
 from solen.recording.words import AXES, heading, is_mode, stated_unit
 
 _TELLING = 100
-"""Number of rows below a header by which it is recognised."""
+"""Number of rows below a header that are used to recognise it."""
 _SEARCHED = 1000
-"""Number of rows from the beginning among which the header must be."""
+"""The header must be among this number of rows at the beginning."""
 _HEADER = "add a first line that names the columns, such as wavelength_nm,T,R or time_s,angle_deg,left_V"
 _SPECTRUM = (8, 150.0, 50_000.0)
-"""Smallest number of rows of a spectrum without a header, and limits of its wavelengths in nm."""
+"""Minimum number of rows of a spectrum without a header, and limits for its wavelengths in nm."""
 MOST_COLUMNS = 10_000
-"""Largest number of columns of a table."""
+"""Largest number of columns in a table."""
 
 
 @dataclass(frozen=True)
@@ -34,11 +35,11 @@ class Layout:
     Attributes
     ----------
     header
-        Row of the header, or the first row of the table if its columns were named otherwise.
+        Header row, or the first row of the table if the caller names the columns.
     names
-        Text of each column's header.
+        Header text of each column.
     units
-        Unit of each column from the row of units; empty if there is no such row.
+        Unit of each column from the unit row; empty if there is no such row.
     before
         Non-empty rows above the header.
     body
@@ -59,9 +60,9 @@ class Layout:
 
 
 def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
-    """Find the table in a grid; raise `DataError` if there is none, or if its columns have no names.
+    """Find the table in a grid; raise `DataError` if there is no table or if the columns have no names.
 
-    ``columns`` names the columns of a table that has no header.
+    ``columns`` contains the column names of a table without a header.
     """
     filled = [row for row in range(len(grid.rows)) if not grid.is_blank(row)]
     header = _header(grid, filled)
@@ -78,7 +79,7 @@ def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
     units = _units_below(grid, filled, place)
     stated = [stated_unit(name) and not is_mode(name) for name in names]
     if len(names) > 1 and 2 * sum(stated) > len(names) and not (names[0] in AXES and names[1:] == ["A"]):
-        raise grid.refused(header, None, "contains units; the names of the columns above it are missing or damaged")
+        raise grid.refused(header, None, "contains units; the column names above are missing or damaged")
     for row in before:
         if is_number(grid.rows[row][0]) and _numbers(grid, row) > 1:
             limit = f"contains numbers above the header, which is in {grid.place(header)}"
@@ -91,7 +92,7 @@ def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
 
 
 def _header(grid: Grid, filled: list[int]) -> int | None:
-    """Return the row of the header: the first possible one, unless it heads a list of parameters above the table."""
+    """Return the header row: the first possible one, unless it heads a parameter list above the table."""
     searched = range(min(len(filled), _SEARCHED))
     first = next((place for place in searched if _can_head(grid, filled, place)), None)
     while first is not None and (second := _after_parameters(grid, filled, first)) is not None:
@@ -100,7 +101,7 @@ def _header(grid: Grid, filled: list[int]) -> int | None:
 
 
 def _after_parameters(grid: Grid, filled: list[int], first: int) -> int | None:
-    """Return the row of the next header, if the rows before it are a list of parameters and an empty line."""
+    """Return the next header row if the rows before it are a parameter list and an empty line."""
     for place in range(first + 1, len(filled)):
         if is_number(grid.rows[filled[place]][0]):
             return None
@@ -110,7 +111,7 @@ def _after_parameters(grid: Grid, filled: list[int], first: int) -> int | None:
 
 
 def _can_head(grid: Grid, filled: list[int], place: int) -> bool:
-    """Whether a row contains words and the row below it numbers in as many cells."""
+    """Whether a row contains words and the row below has the same number of cells with numbers."""
     row = filled[place]
     if is_number(grid.rows[row][0]):
         return False
@@ -130,19 +131,19 @@ def _can_head(grid: Grid, filled: list[int], place: int) -> bool:
 
 
 def _has_width(grid: Grid, row: int, width: int) -> bool:
-    """Whether a row has a number and exactly as many cells as columns."""
+    """Whether a row has a number and exactly as many cells as there are columns."""
     return grid.width(row) <= width <= len(grid.rows[row]) and _numbers(grid, row) > 0
 
 
 def _block(filled: list[int], place: int) -> list[int]:
-    """Return the rows from a given one to the next empty one, up to the number needed to recognise them."""
+    """Return the rows from the given row to the next empty one, at most as many as are used to recognise a header."""
     last = min(place + _TELLING, len(filled))
     end = next((n for n in range(place + 1, last) if filled[n] != filled[n - 1] + 1), last)
     return filled[place:end]
 
 
 def _units_below(grid: Grid, filled: list[int], place: int) -> list[str]:
-    """Return the units in the next row; empty if it is not a row of units."""
+    """Return the units in the next row; empty if it is not a unit row."""
     if place + 1 >= len(filled):
         return []
     row = filled[place + 1]
@@ -156,7 +157,7 @@ def _numbers(grid: Grid, row: int) -> int:
 
 
 def _parted(grid: Grid, below: list[int]) -> tuple[list[int], list[int]]:
-    """Return the rows of the table, and rows of text after an empty line at the end."""
+    """Return the table rows, and the text rows after an empty line at the end."""
     end = len(below)
     while end and _numbers(grid, below[end - 1]) == 0 and grid.width(below[end - 1]) == 1 and len(below) > 1:
         end -= 1
@@ -166,7 +167,7 @@ def _parted(grid: Grid, below: list[int]) -> tuple[list[int], list[int]]:
 
 
 def _remarked(grid: Grid, filled: list[int]) -> Layout:
-    """Return the layout of a table whose header is the last remark above it, as numpy writes it."""
+    """Return the layout of a table whose header is the last remark above it, as written by numpy."""
     if not filled:
         raise grid.source.refused("", "contains no table", "export it again")
     first = filled[0]
@@ -177,7 +178,7 @@ def _remarked(grid: Grid, filled: list[int]) -> Layout:
             return Layout(first, ["wavelength", "spectrum"], ["", ""], [], *_parted(grid, filled))
         if not _numbers(grid, first):
             raise _headless(grid, filled)
-        limit = "there is no header above the numbers that names the columns"
+        limit = "the numbers have no header with column names"
         remedy = f"{_HEADER}, or name them with --columns (columns= of read)"
         raise grid.refused(first, None, limit, remedy)
     return Layout(first, names, [""] * len(names), [], *_parted(grid, filled))
@@ -198,25 +199,25 @@ def _headless(grid: Grid, filled: list[int]) -> DataError:
     heads = [heading(cell) for cell in grid.rows[filled[0]] if cell]
     if len(filled) > 1 and any(head.unit or head.quantity for head in heads):
         above, numbers = grid.place(filled[0]), _numbers(grid, filled[1])
-        limit = f"is not a row of numbers below the header in {above}"
+        limit = f"is not a row of numbers, which must follow the header in {above}"
         remedy = "write plain numbers there, and their unit in the header"
         if numbers == grid.width(filled[1]) > len(heads):
             limit = f"has {numbers} numbers, but the header in {above} has {len(heads)} names"
-            remedy = "name each column there, or all with --columns (columns= of read)"
+            remedy = "name each column in the header, or all with --columns (columns= of read)"
         return grid.refused(filled[1], None, limit, remedy)
-    limit = "is neither the header of a table nor a row of it"
+    limit = "is neither a table header nor a table row"
     return grid.refused(filled[0], None, limit, f"{_HEADER} above the numbers")
 
 
 def _named(grid: Grid, filled: list[int], columns: Sequence[str], header: int | None) -> Layout:
-    """Return the layout of a table without a fitting header, whose columns the caller names."""
+    """Return the layout of a table without a matching header, whose columns the caller names."""
     if header is not None:
         raise grid.refused(header, None, "is a header; the columns are named twice", "omit the columns")
     first = next((n for n, row in enumerate(filled) if _numbers(grid, row) == grid.width(row) == len(columns)), None)
     if filled and _numbers(grid, filled[0]):
         first = 0
     if first is None or any(_numbers(grid, row) > 1 for row in filled[:first]):
-        limit = f"has no table of {len(columns)} columns of numbers"
+        limit = f"has no table with {len(columns)} columns of numbers"
         raise grid.source.refused("", limit, "name every column of a table without a header, or with a broken one")
     body, after = _parted(grid, filled[first:])
     return Layout(filled[first], list(columns), [""] * len(columns), filled[:first], body, after)

@@ -1,10 +1,10 @@
-"""LabVIEW's measurement files (.lvm): packets of channels as text, each with its own header.
+"""LabVIEW measurement files (.lvm): text files with channels in packets, each with a header.
 
-A file is a header and any number of packets with headers. A packet states its channels, the number of samples of each,
-their units in words, and the start and step of its times; the rows below have one column of times, one for each
-channel, or none, and a comment at the end. Statements are checked against the content: a missing row means a truncated
-file. Packets of the same channels follow each other in time; if their X restarts, as in files that were appended to, it
-is counted from the date and time stated in each packet.
+A file has a header and any number of packets with headers. The packet header gives the channels, the number of samples
+per channel, the units in words, and the start and step of the time. The rows below have one time column, one for each
+channel, or none, and an optional comment at the end. The headers are checked against the rows: a missing row means a
+truncated file. Packets with the same channels follow each other in time; if their X restarts, as in files that were
+appended to, it is counted from the date and time in each packet header.
 
 Public names: `is_lvm` and `read`. Format: "Specification for the LabVIEW Measurement File (.lvm)", National
 Instruments.
@@ -27,17 +27,17 @@ from solen.recording.words import heading
 FIRST, END, COMMENT = "LabVIEW Measurement", "***End_of_Header***", "Comment"
 _SEPARATORS = {"tab": "\t", "comma": ","}
 _NEAR = 1e-3
-"""Tolerance of a stated time against the header, as a fraction of a step."""
+"""Tolerance for a reported time relative to the header, as a fraction of a step."""
 
 
 def is_lvm(source: Source) -> bool:
-    """Whether a file begins like an .lvm file, or contains the end of its header."""
+    """Whether a file begins like an .lvm file or contains the end of an .lvm header."""
     return source.data.removeprefix(b"\xef\xbb\xbf").startswith(FIRST.encode()) or END.encode() in source.data
 
 
 @dataclass(frozen=True)
 class _Line:
-    """A line's number in the file and its cells."""
+    """A line's number in the file and the cells of that line."""
 
     number: int
     cells: list[str]
@@ -49,7 +49,7 @@ class _Line:
 
 @dataclass(frozen=True)
 class _Packet:
-    """Channels of a packet: names and units, times (n,) and values (n, c)."""
+    """Channels in a packet: names and units, times (n,) and values (n, c)."""
 
     names: tuple[str, ...]
     units: tuple[str, ...]
@@ -62,7 +62,7 @@ def read(source: Source) -> Recording:
     """Read an .lvm file; raise `DataError` with the line of damaged or unsupported content."""
     texts = source.lines()
     if not texts[0].startswith(FIRST):
-        raise source.refused("line 1", f"is not {FIRST}, as the file's own headers require", "export it again")
+        raise source.refused("line 1", f"is not {FIRST}, as required by the headers of the file", "export it again")
     stated = _stated(source, texts)
     mark = stated.get("Decimal_Separator", ".")
     separator = _SEPARATORS.get(stated.get("Separator", "Tab").casefold(), "\t")
@@ -73,7 +73,7 @@ def read(source: Source) -> Recording:
         raise source.refused("", "contains no packet of numbers", "export it again")
     for number, packet in enumerate(packets[1:], 2):
         if (packet.names, packet.units) != (packets[0].names, packets[0].units):
-            limit = f"has other channels than the first: {', '.join(packet.names)}"
+            limit = f"has different channels from the first packet: {', '.join(packet.names)}"
             raise source.refused(f"packet {number}", limit, "write each set of channels to a separate file")
     time = np.concatenate(
         [packet.time + shift_s for packet, shift_s in zip(packets, _shifts(source, packets), strict=True)]
@@ -87,19 +87,19 @@ def read(source: Source) -> Recording:
 
 
 def _shifts(source: Source, packets: Sequence[_Packet]) -> FloatArray:
-    """Return the time to add to each packet: 0 if packets follow one another, else from their stamps."""
+    """Return the time to add to each packet: 0 for consecutive packets, otherwise the offset of the time stamp."""
     none = np.zeros(len(packets))
     if _follow(packets, none):
         return none
     stamps = dates.seconds([packet.stamp for packet in packets])
     if stamps is not None and np.isfinite(stamps).all() and _follow(packets, stamps - stamps[0]):
         return np.asarray(stamps - stamps[0])
-    limit = "restart their times, and their Date and Time do not state how they follow one another"
+    limit = "restart the time, and Date and Time do not show how the packets follow one another"
     raise source.refused("packets", limit, "split the file before each packet")
 
 
 def _follow(packets: Sequence[_Packet], shifts_s: FloatArray) -> bool:
-    """Whether each packet begins after the one before has ended."""
+    """Whether each packet begins after the end of the previous one."""
     ends = [
         (packet.time[0] + shift, packet.time[-1] + shift)
         for packet, shift in zip(packets, shifts_s, strict=True)
@@ -109,7 +109,7 @@ def _follow(packets: Sequence[_Packet], shifts_s: FloatArray) -> bool:
 
 
 def _stated(source: Source, texts: Sequence[str]) -> dict[str, str]:
-    """Return the entries of the file's header, by key."""
+    """Return the entries in the file's header, by key."""
     found: dict[str, str] = {}
     for number, text in enumerate(texts, 1):
         if text.startswith(END):
@@ -117,7 +117,7 @@ def _stated(source: Source, texts: Sequence[str]) -> dict[str, str]:
         key, value = (text.replace(",", "\t", 1) if "\t" not in text else text).partition("\t")[::2]
         if number > 1 and key.strip():
             found[key.strip()] = value.strip()
-    raise source.refused("", f"has no {END}: its header was cut off", "export it again")
+    raise source.refused("", f"has no {END}: the header was cut off", "export it again")
 
 
 def _packets(source: Source, lines: Sequence[_Line], stated: dict[str, str], mark: str) -> Iterator[_Packet]:
@@ -156,10 +156,13 @@ def _packet(
     names = names[:-1] if names[-1:] == [COMMENT] else names
     if len(names) != width:
         held = (len(names) - width) // (2 if x_columns == "Multi" else 1) + count
-        limit = f"names {held} channel{'s' * (held != 1)}, but {count} channels are stated"
+        limit = f"names {held} channel{'s' * (held != 1)}, but the header specifies {count}"
         raise source.refused(f"line {heads.number}", limit, "export the file again")
     if len(rows) != samples or {*header["Samples"][:count]} != {header["Samples"][0]}:
-        limit = f"has {len(rows)} rows, but {samples} samples of each channel are stated: it was cut off or damaged"
+        limit = (
+            f"has {len(rows)} rows, but the header specifies {samples} samples per channel: "
+            "the packet was cut off or damaged"
+        )
         raise source.refused(f"packet at line {heads.number}", limit, "export the file again")
     cells = [_numbers(source, row, width, x_columns, mark) for row in rows]
     table: FloatArray = np.array(cells, dtype=np.float64).reshape(len(rows), width)
@@ -183,13 +186,13 @@ def _packet(
 
 def _count(source: Source, near: _Line, cells: Sequence[str]) -> int:
     if not cells or not cells[0].isdecimal():
-        limit = "is in a packet that does not state its channels and samples"
+        limit = "is in a packet without the numbers of channels and samples"
         raise source.refused(f"line {near.number}", limit, "export the file again")
     return int(cells[0])
 
 
 def _one(source: Source, near: _Line, cells: Sequence[str], count: int, mark: str) -> float:
-    """Return a number in a header that must be equal for all channels; 0 if the header does not state it."""
+    """Return a number from a header that must be equal for all channels; 0 if the header does not contain it."""
     held = {cell for cell in cells[:count] if cell}
     if len(held) > 1:
         limit = f"is in a packet whose channels have different times: {', '.join(sorted(held)[:4])}"
@@ -201,10 +204,10 @@ def _one(source: Source, near: _Line, cells: Sequence[str], count: int, mark: st
 
 
 def _numbers(source: Source, row: _Line, width: int, x_columns: str, mark: str) -> list[float]:
-    """Return the numbers of a row; a comment may follow them."""
+    """Return the numbers in a row, which may end with a comment."""
     cells = row.cells
     if len(cells) < width or len(cells) > width + 1:
-        limit = f"has {len(cells)} cells; {width} numbers are expected, which a comment may follow"
+        limit = f"has {len(cells)} cells; expected are {width} numbers and an optional comment"
         raise source.refused(f"line {row.number}", limit, "export the file again")
     found = []
     for place, cell in enumerate(cells[:width]):
@@ -226,5 +229,5 @@ def _check_times(source: Source, rows: Sequence[_Line], off: FloatArray, step: f
     """Raise `DataError` at the first row whose time contradicts the header."""
     wrong = np.flatnonzero(off > _NEAR * step + 1e-6)
     if wrong.size:
-        limit = "has a different time from the packet's header or its other columns"
+        limit = "has a different time from the packet's header or the other columns"
         raise source.refused(f"line {rows[int(wrong[0])].number}", limit, "export the file again")

@@ -1,6 +1,6 @@
-"""MATLAB's .mat files up to version 7: variables, and the fields of structures as ``structure.field``.
+"""MATLAB .mat files up to version 7: variables, and structure fields as ``structure.field``.
 
-Public names: `is_matlab` and `read`. Version 7.3 is HDF5, and `solen.recording.hdf5` reads it.
+Public names: `is_matlab` and `read`. Version 7.3 is HDF5 and is read by `solen.recording.hdf5`.
 """
 
 import io
@@ -19,16 +19,16 @@ _DEEPEST = 8
 
 
 def is_matlab(source: Source) -> bool:
-    """Whether a file begins like a .mat file of version 5 to 7, or is named .mat and begins like version 4."""
+    """Whether a file begins like a .mat file of version 5 to 7, or has the extension .mat and begins like version 4."""
     kind = int.from_bytes(source.data[:_OLD], "little")
     named = source.path.suffix.lower() == ".mat" and kind < 5000 and len(source.data) > 20
     return source.data.startswith(_MAGIC) or named
 
 
 def read(source: Source, columns: Sequence[str] | None = None) -> Recording:
-    """Read a .mat file; raise `DataError` if it is damaged or contains no arrays of numbers.
+    """Read a .mat file; raise `DataError` if it is damaged or contains no numeric arrays.
 
-    ``columns`` names the columns of a matrix.
+    ``columns`` contains the column names of a matrix.
     """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
@@ -52,14 +52,14 @@ def read(source: Source, columns: Sequence[str] | None = None) -> Recording:
 
 
 def _header(source: Source) -> dict[str, str]:
-    """Return the header that names the program; version 4 has none."""
+    """Return the header that identifies the program; version 4 files have none."""
     if not source.data.startswith(_MAGIC):
         return {}
     return {"header": " ".join(source.data[:116].decode("latin-1").split())}
 
 
 def _leaves(name: str, value: Any, depth: int) -> Iterator[tuple[str, Any]]:
-    """Return texts and arrays of a variable; those of a structure by field."""
+    """Return the texts and arrays in a variable; those in a structure are named by field."""
     if isinstance(value, dict) and depth < _DEEPEST:
         for key, one in value.items():
             yield from _leaves(f"{name}.{key}" if name else str(key), one, depth + 1)

@@ -1,8 +1,8 @@
-"""A recording of an instrument, a person or a simulation: channels of numbers with units, and their provenance.
+"""A recording made by an instrument, a person or a simulation: numeric channels with units and provenance.
 
-A spectrum, a compression test, a working curve and a bench's voltages have the same form, columns of numbers along an
-axis. Numbers stay as the file states them, in its unit and with its gaps; code that uses a channel requests it in the
-unit that it needs. The origin of the numbers is always kept: name, checksum, format, instrument and date of the file.
+A spectrum, a compression test, a working curve and bench voltages all have the same form: columns of numbers along an
+axis. Numbers are kept as written in the file, in the file's unit and with gaps; code that uses a channel requests the
+values in the unit it needs. The origin of the numbers is always kept: file name, checksum, format, instrument and date.
 
 Public names: `Recording` and `Channel`.
 """
@@ -23,24 +23,24 @@ FROM_WAVENUMBERS = note("computed from the wavenumbers")
 
 
 class Channel(Result):
-    """Values of one quantity along one axis.
+    """Values of a quantity along an axis.
 
     Attributes
     ----------
     name
-        Unique within its recording: a name that a file has twice gets a number, ``sample (2)``.
+        Unique within the recording: a name that occurs twice in a file gets a number, ``sample (2)``.
     quantity
-        The quantity in the field's terms: ``transmittance``, ``force``; empty if the file does not state it.
+        The standard name of the quantity: ``transmittance``, ``force``; empty if the file does not give it.
     unit
-        As the file spells it; ``1`` for a pure number, empty if none is stated.
+        As spelled in the file; ``1`` for a pure number, empty if no unit is given.
     values
         Shape (n,); NaN if the file contains no number.
     axis
-        Name of the channel of its axis; empty for an axis itself and for columns without one.
+        Name of the axis channel; empty for an axis itself and for columns without one.
     note
         Warnings, for example of an interrupted scan or a saturated detector.
     metadata
-        Statements of the file about this channel alone, in its own words: bandwidth, time of the scan.
+        Entries in the file that concern only this channel, as written there: bandwidth, scan time.
     """
 
     name: str
@@ -52,11 +52,11 @@ class Channel(Result):
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     def to(self, unit: str) -> FloatArray:
-        """Return the values in another unit; raise `DataError` if the channel's unit cannot be converted to it."""
+        """Return the values in another unit; raise `DataError` if they cannot be converted to it."""
         scale = factor(self.unit, unit)
         if scale is None:
             limit = f"cannot be converted to {unit}"
-            remedy = f"state its unit in the header, as in {self.name}_{unit} or {self.name} ({unit})"
+            remedy = f"give its unit in the header, as in {self.name}_{unit} or {self.name} ({unit})"
             raise DataError(f"unit of {self.name}", value=self.unit or "none", limit=limit, remedy=remedy)
         return self.values * scale
 
@@ -66,7 +66,7 @@ class Channel(Result):
         return of(self.name, Caution(self.note))
 
     def noted(self, *notes: str) -> "Channel":
-        """Return a copy with further notes, without empty ones."""
+        """Return a copy with further notes; empty notes are omitted."""
         every = sorted(filter(None, (self.note, *notes)), key=lambda one: rank_of(one) == NOTE)
         return replace(self, note="; ".join(every))
 
@@ -78,13 +78,13 @@ class Provenance:
     Attributes
     ----------
     file, sha256
-        Name of the file without its folder, and checksum of its bytes.
+        File name without the folder, and checksum of the file.
     format
-        Format as which it was read: ``agilent-cary-csv``, ``testxpert``, ``table``.
+        Format that was used to read the file: ``agilent-cary-csv``, ``testxpert``, ``table``.
     instrument, date
-        As the file states them; empty if it does not. A date is in ISO 8601 if the file's is unambiguous.
+        As written in the file; empty if absent. The date is in ISO 8601 if it is unambiguous in the file.
     metadata
-        All other statements of the file, in its own words.
+        All other entries in the file, as written there.
     simulated
         Whether the numbers were computed rather than measured.
     """
@@ -99,19 +99,19 @@ class Provenance:
 
     @property
     def name(self) -> str:
-        """Name of the file in messages; ``recording`` if there is none."""
+        """File name for messages; ``recording`` if there is none."""
         return self.file or "recording"
 
 
 class Measured(Result, kw_only=True):
-    """Base of results of files.
+    """Base class for results from files.
 
     Attributes
     ----------
     sources
         The files.
     warnings
-        Warnings, in sentences.
+        Warnings as sentences.
     """
 
     sources: tuple[Provenance, ...] = ()
@@ -119,22 +119,22 @@ class Measured(Result, kw_only=True):
 
     @reported
     def simulated(self) -> bool:
-        """Whether any of the files was computed rather than measured."""
+        """Whether the numbers in any of the files were computed rather than measured."""
         return any(source.simulated for source in self.sources)
 
 
 class Recording(Result):
-    """Channels recorded together, in the order of the file, and their provenance.
+    """Channels recorded together, in file order, with their provenance.
 
     Attributes
     ----------
     channels
         The columns of numbers.
     provenance
-        Their origin.
+        The origin of the numbers.
     texts
-        Columns of words, and columns of numbers that label rows (replicate, orientation), by name: a text for each row,
-        empty if missing.
+        Text columns, and number columns that label rows (replicate, orientation), by name: a text for each row, empty
+        if missing.
     """
 
     channels: tuple[Channel, ...]
@@ -147,7 +147,7 @@ class Recording(Result):
         return tuple(channel.name for channel in self.channels)
 
     def channel(self, name: str) -> Channel:
-        """Return the channel with a name; raise `DataError` with the nearest name if there is none."""
+        """Return the channel with a name; raise `DataError` with the nearest name if no channel has that name."""
         for channel in self.channels:
             if channel.name == name:
                 return channel
@@ -174,9 +174,9 @@ class Recording(Result):
         return channel
 
     def label(self, *names: str) -> tuple[str, ...] | None:
-        """Return the first column of words with one of the given names, compared as in `find`.
+        """Return the first text column with one of the given names, compared as in `find`.
 
-        The result is None if there is none.
+        The result is None if there is no such column.
         """
         for name in names:
             for column, texts in self.texts.items():

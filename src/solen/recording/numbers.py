@@ -1,9 +1,9 @@
-"""Numbers as files write them: which texts are numbers, and which decimal mark they use.
+"""Numbers as written in files: which texts are numbers, and which decimal mark they use.
 
-A text is a number only if all of it is. Texts that a lenient reader would accept (``1_000``, ``nan``, ``0x1F``, Arabic
-digits) or repair (``12.5x``, ``1.234,5``) are typical of damage. An instrument always writes numbers in the same form;
-numbers written by instruments therefore must follow a stricter form: no leading zeros, no plus, digits on both sides of
-the mark, one digit before the mark if a power of ten follows.
+A text is a number only if every character belongs to it. Texts that a lenient reader would accept (``1_000``, ``nan``,
+``0x1F``, Arabic digits) or repair (``12.5x``, ``1.234,5``) are typical of damage. Because an instrument always writes
+numbers in the same form, its numbers must follow a stricter form: no leading zeros, no plus sign, digits on both sides
+of the decimal mark, and one digit before the mark if a power of ten follows.
 
 Public names: `is_number`, `is_missing`, `all_numbers`, `parse` and `digits`.
 """
@@ -23,7 +23,7 @@ _MINUS = str.maketrans({"−": "-", "–": "-"})
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell is a number, with a point or a comma before its decimals."""
+    """Whether a cell is a number with a decimal point or a decimal comma."""
     return _NUMBER.fullmatch(cell) is not None
 
 
@@ -33,19 +33,19 @@ def is_missing(cell: str) -> bool:
 
 
 def all_numbers(cells: Sequence[str], *, machine: bool = False) -> bool:
-    """Whether all cells are numbers; with ``machine``, only in the form that instruments write."""
+    """Whether all cells are numbers; with ``machine``, only in the form used by instruments."""
     return bool(cells) and (_MACHINES if machine else _NUMBERS).fullmatch("\n".join(cells)) is not None
 
 
 def parse(cell: str, mark: str, *, machine: bool = False) -> float:
-    """Return the number in a cell, NaN for a missing one; raise `ValueError` with the reason otherwise.
+    """Return the number in a cell, NaN if it is missing; raise `ValueError` with the reason otherwise.
 
     Parameters
     ----------
     mark
         Decimal mark, ``.`` or ``,``.
     machine
-        Whether an instrument wrote it, in the form that instruments write.
+        Whether an instrument wrote the number, so that it must have the form used by instruments.
     """
     if is_missing(cell):
         return math.nan
@@ -65,7 +65,7 @@ def parse(cell: str, mark: str, *, machine: bool = False) -> float:
 
 
 def digits(cell: str) -> tuple[int, int]:
-    """Return the numbers of significant digits and of decimals in a written number."""
+    """Return the counts of significant digits and of decimals in a written number."""
     size = cell.lstrip("+-−–")
     match = _MANTISSA.fullmatch(size)
     if not match:
@@ -79,7 +79,7 @@ def digits(cell: str) -> tuple[int, int]:
 
 def _complaint(cell: str, mark: str) -> str:
     if _NUMBER.fullmatch(cell):
-        return "is not written as instruments write a number"
+        return "is not in the form in which instruments write numbers"
     other = "," if mark == "." else "."
     if re.fullmatch(rf"[+-]?[0-9]{{1,3}}(?:[{other} '][0-9]{{3}})+(?:[{mark}][0-9]*)?", cell):
         return "has a thousands separator, which is not supported"

@@ -1,7 +1,7 @@
-"""Transmittance, reflectance and absorbance of a recording, chosen by quantity or name, on common wavelengths.
+"""Transmittance, reflectance and absorbance from a recording, chosen by quantity or name, on common wavelengths.
 
-A single trace of a kind is used without being named; of several traces of a kind the user must name those to use, and
-then only these are used. The order of the traces has no meaning.
+The only trace of a kind is used without being named; if there are several, the user must name those to use, and only
+these are used. The order of the traces has no meaning.
 
 Public names: `optical_spectra`, `OpticalSpectra` and `kind_of`.
 """
@@ -35,13 +35,14 @@ class OpticalSpectra:
     wavelength_nm
         Shape (n,), ascending.
     rows
-        The chosen traces of each of ``T``, ``R`` and ``A`` that is present, shape (repeats, n); NaN without a number.
+        The chosen traces for each of ``T``, ``R`` and ``A`` that is present, shape (repeats, n); NaN for missing
+        numbers.
     names
         Names of these traces.
     unused
         Names of the spectra that were not chosen.
     warnings
-        Warnings, in sentences.
+        Warnings as sentences.
     """
 
     wavelength_nm: FloatArray
@@ -51,12 +52,12 @@ class OpticalSpectra:
     warnings: tuple[Caution, ...]
 
     def mean(self, kind: str) -> FloatArray:
-        """Return the mean of the repeats of a kind, shape (n,)."""
+        """Return the mean of the repeats for a kind of spectrum, shape (n,)."""
         return np.asarray(self.rows[kind].mean(axis=0))
 
 
 def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -> OpticalSpectra:
-    """Return the spectra of a recording: those named for ``T``, ``R`` and ``A``, or by default the only one of each.
+    """Return the spectra named for ``T``, ``R`` and ``A``, or by default the only one of each kind.
 
     Raises
     ------
@@ -73,7 +74,9 @@ def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -
     for kind, group in traces.items():
         moved = [name for name, (own, _) in zip(names[kind], group, strict=True) if not _same(nm, own)]
         if moved:
-            what = "different wavelengths from the first trace: interpolated linearly, masked outside its own range"
+            what = (
+                "different wavelengths from the first trace: interpolated linearly, masked outside the measured range"
+            )
             warnings.append(look_at(f"{', '.join(moved)} has {what}"))
     rows = {kind: np.array([_on(nm, *trace) for trace in group]) for kind, group in traces.items()}
     used = {channel.name for channel in taken}
@@ -82,7 +85,7 @@ def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -
 
 
 def kind_of(channel: Channel) -> str | None:
-    """Return the kind of a channel by its quantity, else by its unit: ``T``, ``R``, ``A`` (of either kind), or None."""
+    """Return ``T``, ``R`` or ``A`` (absorbance or absorptance) from a quantity, or else from a unit; or None."""
     if channel.quantity:
         return _QUANTITIES.get(channel.quantity)
     by_name = "A" if channel.name.casefold() == "a" else None
@@ -90,7 +93,7 @@ def kind_of(channel: Channel) -> str | None:
 
 
 def listed(names: Sequence[str]) -> str:
-    """Return the names in one line, shortened to the first few."""
+    """Return the names on one line, shortened to the first few."""
     more = len(names) - _MOST_LISTED
     return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more, which solen resin spectra lists" if more > 0 else "")
 
@@ -104,7 +107,7 @@ def _named(
         for name in names:
             other = kind_of(recording.channel(name)) or kind
             if name not in by_name or other != kind:
-                limit = f"is a trace of {other}" if other != kind else "has no wavelengths"
+                limit = f"is a {other} trace" if other != kind else "has no wavelengths"
                 remedy = f"name it with {OPTIONS[other]}" if other != kind else "name another"
                 raise DataError(f"{OPTIONS[kind]} {name}", limit=limit, remedy=remedy)
             groups.setdefault(kind, []).append(by_name[name])
@@ -124,8 +127,8 @@ def _only(recording: Recording, available: Sequence[Spectrum]) -> dict[str, list
     for kind, group in groups.items():
         if len(group) > 1:
             names = listed([spectrum.channel.name for spectrum in group])
-            remedy = f"choose with {OPTIONS[kind]} NAME, or several times for repeats of one"
-            raise DataError(file, limit=f"contains {len(group)} traces of {kind}: {names}", remedy=remedy)
+            remedy = f"choose with {OPTIONS[kind]} NAME, used several times for repeats of the same spectrum"
+            raise DataError(file, limit=f"contains {len(group)} {kind} traces: {names}", remedy=remedy)
     if not groups:
         limit = f"contains no transmittance; its columns are {listed(recording.names)}"
         remedy = "name the columns wavelength_nm, T and R, or choose with --transmittance NAME"
@@ -134,7 +137,7 @@ def _only(recording: Recording, available: Sequence[Spectrum]) -> dict[str, list
 
 
 def _trace(kind: str, spectrum: Spectrum) -> tuple[FloatArray, FloatArray]:
-    """Return wavelengths, ascending, and values of a trace as pure numbers."""
+    """Return the wavelengths of a trace, ascending, and its values as pure numbers."""
     nm, values, what = spectrum.wavelength_nm, _numbers(kind, spectrum), f"trace {spectrum.channel.name}"
     seen = np.isfinite(nm)
     order = np.argsort(nm[seen], kind="stable")
@@ -142,7 +145,7 @@ def _trace(kind: str, spectrum: Spectrum) -> tuple[FloatArray, FloatArray]:
     if not np.isfinite(values).any():
         raise DataError(what, limit="holds no number")
     if not (nm > 0.0).all():
-        raise DataError(what, value=f"{nm[0]:g} nm", limit="wavelengths must be above 0")
+        raise DataError(what, value=f"{nm[0]:g} nm", limit="wavelengths must be greater than 0")
     twice = np.flatnonzero(np.diff(nm) == 0.0)
     if twice.size:
         remedy = "keep one row per wavelength; repeats belong in columns"
@@ -158,7 +161,7 @@ def _numbers(kind: str, spectrum: Spectrum) -> FloatArray:
     middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
     if kind != "A" and middle > _MOST_FRACTION:
         limit, remedy = "a fraction is between 0 and 1", f"write the unit in the header: {channel.name} (%)"
-        raise DataError(f"trace {channel.name}", value=f"{middle:g} at the median", limit=limit, remedy=remedy)
+        raise DataError(f"trace {channel.name}", value=f"its median is {middle:g}", limit=limit, remedy=remedy)
     return values
 
 

@@ -1,4 +1,4 @@
-"""Read a file that an instrument or a person wrote: its format is detected from the content, never from the name.
+"""Read a file written by an instrument or a person; the format is detected from the content, never from the name.
 
 Public names: `read` and `read_parts`.
 """
@@ -34,16 +34,16 @@ _HEAD = 200  # rows that contain a program's header
 
 @dataclass(frozen=True)
 class Format:
-    """Functions that recognise and read files of a format by content; each returns None for other files.
+    """Functions that recognise and read files in a format by content; each returns None for other files.
 
     Attributes
     ----------
     from_bytes
         Reads the bytes of the file; tried before any table format.
     from_arrays
-        Reads a file of arrays, whose columns the user may name.
+        Reads a file of arrays; the user may name the columns.
     from_cells
-        Reads the cells of a text or a workbook's sheet.
+        Reads the cells of a text file or worksheet.
     """
 
     from_bytes: Callable[[Source], Recording | None] = lambda _: None
@@ -79,7 +79,7 @@ FORMATS = registry.Registry(
     },
     Format,
 )
-"""Formats by name; those of other packages are tried first, and a file of unknown format is read as a table."""
+"""Formats by name; formats from other packages are tried first, and a file in an unknown format is read as a table."""
 
 
 def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] | None = None) -> Recording:
@@ -88,22 +88,22 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
     Parameters
     ----------
     path
-        A Cary or testXpert export, a table as CSV, TSV or with semicolons or spaces, an Excel workbook of one, or
-        arrays: MATLAB, TDMS, HDF5 and netCDF.
+        A Cary or testXpert export, a table (CSV, TSV, or separated by semicolons or spaces), an Excel workbook with a
+        table, or arrays: MATLAB, TDMS, HDF5 and netCDF.
     sheet
-        Name of the workbook's sheet; without it, the only one that contains numbers.
+        Worksheet name; default: the only worksheet that contains numbers.
     columns
-        Names of the columns, with units, of a table without a header: ``("stress_MPa", "stretch")``.
+        Column names, with units, for a table without a header: ``("stress_MPa", "stretch")``.
 
     Returns
     -------
     Recording
-        Numbers as the file states them. An empty cell is NaN.
+        Numbers as written in the file. An empty cell is NaN.
 
     Raises
     ------
     DataError
-        With the line and the column of any error in the table.
+        With the line and column of any error in the table.
     """
     large = hdf5.stored(Path(path))
     if large is not None:
@@ -113,13 +113,13 @@ def read(path: Path | str, *, sheet: str | None = None, columns: Sequence[str] |
     if len(parts) > 1:
         limit = f"contains {len(parts)} specimens: {', '.join([name for name, _ in parts][:6])}"
         raise DataError(
-            str(path), limit=limit, remedy="export each separately; solen resin stiffness reads all of them"
+            str(path), limit=limit, remedy="export each specimen separately; solen resin stiffness reads all of them"
         )
     return parts[0][1]
 
 
 def _parts(source: Source, sheet: str | None, columns: Sequence[str] | None) -> list[tuple[str, Recording]]:
-    """Return the recordings of a file, by the names of specimens if it contains several."""
+    """Return the recordings in a file, named by specimen if there are several."""
     formats = (*FORMATS.added().values(), *FORMATS.own.values())
     named = next(filter(None, (one.from_arrays(source, columns) for one in formats)), None)
     if named is not None:
@@ -136,7 +136,7 @@ def _parts(source: Source, sheet: str | None, columns: Sequence[str] | None) -> 
         grid = workbook.grid(source, sheet)
     else:
         if sheet is not None:
-            raise source.refused("", "is not a workbook and has no sheets", "omit the sheet", sheet)
+            raise source.refused("", "is not a workbook and has no worksheets", "omit the sheet", sheet)
         grid = of_text(source)
     several = specimens.specimens(grid) if columns is None else []
     if several:
@@ -151,17 +151,18 @@ def _of_table(grid: Grid, place: layout.Layout) -> Recording:
 
 
 def _check_arrays(source: Source, sheet: str | None, columns: Sequence[str] | None) -> None:
-    """Raise `DataError` if a file of arrays is to be read as a table."""
+    """Raise `DataError` if table options are given for a file of arrays."""
     if sheet is not None or columns is not None:
-        raise source.refused("", "names its own columns and has no sheets", "omit sheet and columns")
+        raise source.refused("", "has named columns and no worksheets", "omit sheet and columns")
 
 
 def read_parts(
     path: Path | str, *, sheet: str | None = None, columns: Sequence[str] | None = None
 ) -> Iterator[tuple[str, Recording]]:
-    """Return the recordings of a file with their names, one after the other.
+    """Return the recordings in a file with their names.
 
-    An HDF5 file has one for each group with a time, an export of a test machine one for each specimen.
+    An HDF5 file contains a recording for each group with a time, and an export from a test machine one for each
+    specimen.
 
     The name is empty if the file is a single recording.
     """

@@ -1,7 +1,7 @@
-"""Damage visible in the numbers of a scan: jumps of the wavelength, isolated values, surplus digits.
+"""Damage visible in the numbers of a scan: wavelength jumps, isolated values, surplus digits.
 
-A monochromator moves in one direction, in equal steps. A step that differs from equal steps before and after it is
-damage; so are wavelengths that differ in one row from those of all other traces.
+A monochromator moves in one direction in equal steps. A step that differs from equal steps before and after it is
+damaged; so is a row in which the wavelength differs from that of all other traces.
 
 Public names: `check_wavelengths`, `check_alike`, `check_wild`, `check_digits`, `disorder` and `alone_note`.
 """
@@ -16,7 +16,7 @@ from solen.recording.grid import Grid
 from solen.recording.numbers import digits
 
 RANGE_NM = (100.0, 100_000.0)
-"""Limits of wavelengths in nm: no monochromator or interferometer of a laboratory goes beyond them."""
+"""Wavelength limits in nm: no laboratory monochromator or interferometer works outside them."""
 _EVEN = 0.05  # relative tolerance of uniform steps: drives are not exact, and printed numbers are rounded
 _JUMP = 0.15  # relative deviation from the uniform steps next to it at which a step is wrong
 _WILD = 100.0  # ratio of a value to its neighbours that marks damage
@@ -39,20 +39,23 @@ def check_wavelengths(grid: Grid, column: int, rows: Sequence[int], waves: Float
     if wrong.size:
         before = waves[int(wrong[0])]
         sense = "increasing" if forward else "decreasing"
-        limit = f"follows {before:g} in a scan with {sense} wavelengths: one repeats or jumps"
+        limit = f"follows {before:g} in a scan with {sense} wavelengths: a wavelength repeats or jumps"
         raise grid.refused(rows[int(wrong[0]) + 1], column, limit)
     odd = uneven(np.abs(steps))
     if odd is not None:
         usual = abs(float(np.median(steps[max(odd - 3, 0) : odd + 4])))
-        limit = f"is {abs(steps[odd]):g} nm from the one before, but steps are {usual:g}: a digit or a line is damaged"
-        remedy = "restore it; a value may be empty, but its line may not be omitted"
+        limit = (
+            f"is {abs(steps[odd]):g} nm from the previous wavelength, but steps are {usual:g}: "
+            "a digit or a line is damaged"
+        )
+        remedy = "restore the line; a value may be empty, but its line may not be omitted"
         raise grid.refused(rows[odd + 1], column, limit, remedy)
 
 
 def disorder(waves: FloatArray) -> str:
     """Return a note on wavelengths that are monotonic except in a few places.
 
-    Empty if all are, or if this is no scan.
+    The note is empty if all are monotonic or if the column is no scan.
     """
     steps = np.diff(waves)
     ways = [np.flatnonzero(~(steps > 0.0)), np.flatnonzero(~(steps < 0.0))]
@@ -64,10 +67,10 @@ def disorder(waves: FloatArray) -> str:
 
 
 def uneven(steps: FloatArray) -> int | None:
-    """Return the first uneven step between even ones, or None; the first and the last step may be shorter.
+    """Return the first non-uniform step among uniform ones, or None; the first and the last step may be shorter.
 
-    A step is compared with the two before it and the two after. A single wrong point makes two wrong steps, which
-    therefore may follow one another. At the ends a step is compared with three on one side.
+    A step is compared with the two steps before it and the two after. A single wrong point causes two wrong steps,
+    which may therefore be adjacent. At the ends a step is compared with three steps on one side.
     """
     count = steps.size
     if count < 4:
@@ -84,9 +87,9 @@ def uneven(steps: FloatArray) -> int | None:
 
 
 def check_alike(grid: Grid, traces: Sequence[tuple[int, Sequence[int], FloatArray]]) -> None:
-    """Raise `DataError` at a wavelength that differs from most traces while all others agree.
+    """Raise `DataError` at a wavelength that differs from that of most traces while all other rows agree.
 
-    Each trace is its column of wavelengths, its rows and the wavelengths.
+    Each trace is given by its wavelength column, its rows and its wavelengths.
     """
     held = [trace for trace in traces if trace[2].size > 2]
     if len(held) < 3:
@@ -106,9 +109,9 @@ def check_alike(grid: Grid, traces: Sequence[tuple[int, Sequence[int], FloatArra
 
 
 def check_wild(grid: Grid, column: int, rows: Sequence[int], values: FloatArray) -> None:
-    """Raise `DataError` at a value a hundred times its neighbours, which agree: its decimal mark was lost.
+    """Raise `DataError` at a value a hundred times its neighbours if these agree: its decimal mark was lost.
 
-    A detector's spike is smaller, and noise about zero has neighbours of its own size within ten rows.
+    A detector spike is smaller, and noise about zero has neighbours of similar magnitude within ten rows.
     """
     if values.size < 3:
         return
@@ -125,10 +128,10 @@ def check_wild(grid: Grid, column: int, rows: Sequence[int], values: FloatArray)
 
 
 def check_digits(grid: Grid, columns: Sequence[tuple[int, Sequence[int]]]) -> None:
-    """Raise `DataError` at a number with more digits than its program prints: merged numbers, or a surplus digit.
+    """Raise `DataError` at a number with more digits than the program prints: merged numbers or a surplus digit.
 
-    A program prints a constant number either of significant digits or of decimals; most numbers show which. Each column
-    is its place and its rows.
+    A program prints numbers with a constant number of either significant digits or decimals; most numbers show which.
+    Each column is given by its position and rows.
     """
     counted = [[(row, *digits(grid.rows[row][column])) for row in rows] for column, rows in columns]
     every = Counter(whole for column in counted for _, whole, _ in column)
@@ -142,12 +145,12 @@ def check_digits(grid: Grid, columns: Sequence[tuple[int, Sequence[int]]]) -> No
 
 
 def _usual_most(counts: Counter[int]) -> int:
-    """Return the largest count that more than a few numbers have."""
+    """Return the largest count that occurs in more than a few numbers."""
     return max((count for count, times in counts.items() if times >= _SOME), default=max(counts, default=0))
 
 
 def alone(values: FloatArray) -> IndexArray:
-    """Return the indices of values far from both neighbours, which agree; at the ends, far from the two nearest.
+    """Return the indices of values far from both neighbours if these agree; at the ends, from the two nearest.
 
     Far means more than fifty times the median distance of a value from the mean of its neighbours, and more than a
     twentieth of the larger neighbour.
@@ -174,7 +177,7 @@ def alone_note(values: FloatArray, where: Sequence[str]) -> str:
 
 
 def _windowed(steps: FloatArray, width: int) -> IndexArray:
-    """Return the positions at which ``width`` steps are uneven between two even ones before and two after."""
+    """Return the positions at which ``width`` steps are non-uniform between two uniform ones before and two after."""
     window = np.lib.stride_tricks.sliding_window_view(steps, width + 4)
     about = window[:, [0, 1, -2, -1]]
     even = np.ptp(about, axis=1) <= 2.0 * _EVEN * np.abs(about.mean(axis=1))

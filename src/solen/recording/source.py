@@ -1,7 +1,7 @@
-"""A file's bytes, checksum and text, with which every reader begins.
+"""A file's bytes, checksum and text, which every reader uses first.
 
-Only valid text is accepted as text. Bytes that no instrument's program writes, a text that is UTF-8 in one place and
-not in another, or a control character show that the file is of another kind or damaged; each is rejected with its line.
+Only valid text is accepted as text. Bytes that no instrument program writes, text that is UTF-8 in some places only,
+and control characters show that the file is damaged or of another kind; such a file is rejected with the line.
 
 Public names: `load` and `Source`.
 """
@@ -15,17 +15,20 @@ from solen.errors import DataError
 from solen.files import read_bytes
 
 LARGEST_MB = 100
-"""Largest size of a file in MB: no supported instrument exports a larger one, and reading it would exhaust a laptop's
+"""Largest file size in MB: no supported instrument exports a larger file, and reading one would exhaust a laptop's
 memory.
 """
 
 _ZIP, _OLE = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 _OTHERS = {
-    b"SOLENJ": ("the journal of a run", "close it with solen bench recover, and use its recording"),
+    b"SOLENJ": (
+        "the journal of a run",
+        "close it with solen bench recover, and use the recording written by that command",
+    ),
     b"%PDF": ("a PDF", "export a table from the program that wrote it"),
     b"\x1f\x8b": ("a gzip archive", "unpack it"),
-    b"\x89PNG": ("a picture", "use the table from which it was drawn"),
-    b"\xff\xd8\xff": ("a picture", "use the table from which it was drawn"),
+    b"\x89PNG": ("a picture", "use the table from which the figure was drawn"),
+    b"\xff\xd8\xff": ("a picture", "use the table from which the figure was drawn"),
 }
 _NAMED = {
     ".nc": "a netCDF",
@@ -42,14 +45,14 @@ _CONTROL = re.compile("[\x00-\x08\x0b\x0e-\x1f\x7f\x80-\x9f\u2028\u2029\ufffe\uf
 
 @dataclass(frozen=True)
 class Source:
-    """A file's bytes and its name.
+    """A file's bytes and name.
 
     Attributes
     ----------
     path
         Path as given by the user.
     data
-        Its bytes.
+        Bytes of the file.
     """
 
     path: Path
@@ -62,22 +65,22 @@ class Source:
 
     @property
     def sha256(self) -> str:
-        """Checksum of the bytes, in hexadecimal digits."""
+        """Checksum of the bytes, in hexadecimal."""
         return hashlib.sha256(self.data).hexdigest()
 
     @property
     def is_archive(self) -> bool:
-        """Whether it is a zip archive, as an Excel workbook is."""
+        """Whether the file is a zip archive, as an Excel workbook is."""
         return self.data.startswith(_ZIP)
 
     @property
     def is_old_workbook(self) -> bool:
-        """Whether it is a compound file, as an .xls is."""
+        """Whether the file is a compound file, as an .xls is."""
         return self.data.startswith(_OLE)
 
     @property
     def padding(self) -> int:
-        """Number of NUL bytes after the last line of a text, left by a logger that reserves space before writing."""
+        """Number of NUL bytes after the last line of text, left by a logger that reserves space."""
         kept = self.data.rstrip(b"\0")
         reserved = kept.endswith((b"\n", b"\r")) and b"\0" not in kept
         return len(self.data) - len(kept) if reserved else 0
@@ -98,14 +101,14 @@ class Source:
         return lines
 
     def _not_text(self, line: int, limit: str, remedy: str) -> DataError:
-        """Return the error for bytes that are neither text nor of the format that the name indicates."""
+        """Return the error for bytes that are neither text nor in the format suggested by the file name."""
         kind = _NAMED.get(self.path.suffix.lower())
         if kind is not None:
             return self.refused("", f"is neither {kind} file nor text", "export or copy it again")
         return self.refused(f"line {line}", limit, remedy)
 
     def text(self) -> str:
-        """Return the text of the file, in the encoding that its bytes show: UTF-8, UTF-16 or Windows-1252."""
+        """Return the text of the file, decoded as its bytes indicate: UTF-8, UTF-16 or Windows-1252."""
         data = self.data
         for start, (what, remedy) in _OTHERS.items():
             if data.startswith(start):
@@ -114,7 +117,7 @@ class Source:
             return self._decoded()
         except UnicodeDecodeError as bad:
             line = data.count(b"\n", 0, bad.start) + 1
-            limit = "contains a byte that is not a character of UTF-8, UTF-16 or Windows-1252 text"
+            limit = "contains a byte that is not valid in UTF-8, UTF-16 or Windows-1252 text"
             raise self._not_text(line, limit, "save the file as UTF-8 text, or export it again") from None
 
     def _decoded(self) -> str:
@@ -135,11 +138,11 @@ class Source:
 
 
 def load(path: Path) -> Source:
-    """Read the bytes of a file; raise `DataError` if it cannot be read, is empty or larger than `LARGEST_MB`."""
-    data = read_bytes(path, DataError, most_mb=LARGEST_MB, smaller="export fewer channels or a shorter time")
+    """Read the bytes of a file; raise `DataError` if it is unreadable, empty or larger than `LARGEST_MB`."""
+    data = read_bytes(path, DataError, most_mb=LARGEST_MB, smaller="export fewer channels or a shorter period")
     return Source(path, data)
 
 
 def _has_utf8(data: bytes) -> bool:
-    """Whether bytes contain a letter that is encoded in several bytes of UTF-8."""
+    """Whether the bytes contain a letter that is encoded as several bytes in UTF-8."""
     return re.search(rb"[\xc2-\xdf][\x80-\xbf]|[\xe0-\xef][\x80-\xbf]{2}|[\xf0-\xf4][\x80-\xbf]{3}", data) is not None

@@ -1,12 +1,12 @@
-"""Galactic's SPC, the binary format of GRAMS that many spectrometers write: one or several spectra in a file.
+"""Galactic's SPC, the binary format of GRAMS that many spectrometers write, with one or several spectra in a file.
 
-A fixed header, the abscissas unless they are uniform, then each spectrum with its own header, which states the storage
-of its values and its position in a series. A value is a floating-point number, or an integer times a power of two
-stated in the header. Counts (points, spectra, offsets) must account for the whole file, and thus reveal truncation or
-damage.
+A fixed header is followed by the abscissas, unless they are uniform, and then by the spectra. Each spectrum has a
+header that defines how the values are stored and the position in a series. A value is a floating-point number, or an
+integer times a power of two given in the header. The counts (points, spectra, offsets) must account for the entire
+file, and thus reveal truncation or damage.
 
 Public names: `is_spc` and `read`. Format: "A Brief Guide to SPC File Format and Using GSPCIO", Galactic Industries
-(1998), and its header file SPC.H. The older layout (version 4Dh) raises an error that names it.
+(1998), and its header file SPC.H. For the older layout (version 4Dh), an error that names the layout is raised.
 """
 
 import struct
@@ -33,7 +33,7 @@ _MOST_PERCENT = 2.0  # a larger fraction of light is in percent: programs also w
 
 @dataclass(frozen=True)
 class _Head:
-    """Header of a file: flags, exponent, points, first and last abscissa, spectra, units of axis and values, words."""
+    """File header: flags, exponent, points, first and last abscissa, spectra, axis and value units, text."""
 
     order: str
     flags: int
@@ -49,7 +49,7 @@ class _Head:
 
     @property
     def short(self) -> bool:
-        """Whether values have 16 bits."""
+        """Whether values are stored in 16 bits."""
         return bool(self.flags & _SHORT)
 
 
@@ -62,14 +62,14 @@ def is_spc(source: Source) -> bool:
 
 
 def read(source: Source) -> Recording:
-    """Read all spectra of a file on one axis; raise `DataError` if it is incomplete or of an unsupported kind."""
+    """Read all spectra onto one axis; raise `DataError` if the file is incomplete or not supported."""
     if source.data[1] == _OLD:
         limit = "is an SPC file of the old layout (4Dh), which is not supported"
         raise source.refused("", limit, "save it again in its program, or as CSV or JCAMP-DX")
     head = _head(source.data)
     if head.x not in _X:
-        limit = f"has an axis of SPC's kind {head.x}; only wavelengths and wavenumbers (1 to 3) are supported"
-        raise source.refused("", limit, "export the spectrum along one of these")
+        limit = f"has SPC axis type {head.x}; only wavelengths and wavenumbers (1 to 3) are supported"
+        raise source.refused("", limit, "export the spectrum along wavelengths or wavenumbers")
     if head.flags & _OWN_X:
         raise source.refused(
             "", "contains spectra with different abscissas, which are not supported", "export each separately"
@@ -98,12 +98,12 @@ def _places(source: Source, head: _Head) -> tuple[FloatArray, int]:
         return np.linspace(head.first, head.last, head.points), _HEADER
     x = _array(source, head, f"{head.order}f4", _HEADER)
     if not (np.all(np.diff(x) > 0.0) or np.all(np.diff(x) < 0.0)):
-        raise source.refused("", "has abscissas that go back along its axis", "export it again")
+        raise source.refused("", "has abscissas that are not monotonic", "export it again")
     return x, _HEADER + 4 * head.points
 
 
 def _values(source: Source, head: _Head, start: int) -> Iterator[tuple[float, FloatArray]]:
-    """Return position in the series and values of each spectrum; they must end at the log or at the end of the file."""
+    """Return each spectrum's position in the series and values, which end at the log or the end of the file."""
     size = 2 if head.short else 4
     end = start + head.spectra * (_SUB + size * head.points)
     gap = (head.log or len(source.data)) - end
@@ -118,7 +118,7 @@ def _values(source: Source, head: _Head, start: int) -> Iterator[tuple[float, Fl
         exponent = exponent if head.flags & _MULTI and head.exponent != _FLOAT else head.exponent
         kind = "f4" if exponent == _FLOAT else f"i{size}"
         if kind == "f4" and head.short:
-            raise source.refused("", "states both integer and floating-point values", "export it again")
+            raise source.refused("", "specifies both integer and floating-point values", "export it again")
         scale = 1.0 if kind == "f4" else 2.0 ** (exponent - 8 * size)
         yield place, scale * _array(source, head, head.order + kind, start + _SUB)
         start += _SUB + size * head.points
@@ -135,5 +135,5 @@ def _array(source: Source, head: _Head, kind: str, start: int) -> FloatArray:
 
 
 def _percent(unit: str, values: FloatArray) -> str:
-    """Return the unit of values; a transmittance or reflectance above 1 is in percent, whatever the header states."""
+    """Return the unit of the values: percent for transmittance or reflectance above 1, whatever the header says."""
     return f"%{unit}" if unit in _FRACTIONS and np.median(values) > _MOST_PERCENT else unit

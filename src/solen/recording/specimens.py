@@ -1,16 +1,16 @@
-"""Exports of test machines that contain several tables: results first, then the numbers of each specimen.
+"""Exports from test machines that contain several tables: results first, then the numbers for each specimen.
 
 A row that names a force, a travel, a time or a strain, with units below it, is the header of a specimen's numbers,
-which continue to the next row of another kind. Specimens side by side are columns that repeat. Rows that begin with a
-specimen's name, below a header that begins empty or with ``Name``, are lists of properties of the specimens: width,
-modulus. Each specimen becomes a separate table, with its line of each list as parameters, and is checked like every
-table. No row of numbers may remain.
+which continue to the next row of another kind. The columns of specimens side by side repeat. Below a header whose first
+cell is empty or contains ``Name``, rows that begin with a specimen's name list properties: width, modulus. Each
+specimen becomes a separate table, with its row from each list as parameters, and is checked like every table. Every row
+of numbers must belong to a table.
 
-`specimens` returns the content of such an export, as `Table`.
+`specimens` returns the content of such an export as `Table` objects.
 
 Layouts: Bluehill's raw data below its results tables; MTS Series 793, whose first line names it and whose acquisitions
-follow one another; Shimadzu's Trapezium with names above each specimen's columns, as snpl's load_TrapeziumCSV reads
-them; testXpert's columns side by side.
+follow one another; Shimadzu's Trapezium with names above each specimen's columns, as read by snpl's load_TrapeziumCSV;
+testXpert's columns side by side.
 """
 
 import re
@@ -33,13 +33,13 @@ _SUMMARIES = {"mean", "average", "median", "maximum", "minimum", "max", "min", "
     *("sd", "std", "s.d", "std dev", "std. dev", "standard deviation", "coefficient of variation", "cv", "c.v"),
     *("std deviation", "std.dev", "standardabweichung", "mean + sd", "mean - sd", "mean + 1 sd", "mean - 1 sd"),
 }
-"""Lines of a list that do not belong to a specimen."""
+"""Rows of a list that do not belong to a specimen."""
 _LEAST_ROWS = 2
 
 
 @dataclass(frozen=True)
 class Table:
-    """A specimen's table as a separate grid, with its name, which is empty for a single specimen."""
+    """A specimen's table as a separate grid, with the specimen's name, which is empty for a single specimen."""
 
     name: str
     grid: Grid
@@ -48,7 +48,7 @@ class Table:
 
 @dataclass(frozen=True)
 class _Block:
-    """Rows of a table in the file: title, names, units, and its numbers in some columns."""
+    """Rows of a table in the file: title, names, units, and the numbers in some columns."""
 
     title: str
     header: int
@@ -57,12 +57,12 @@ class _Block:
 
     @property
     def head(self) -> range:
-        """Rows of the title, if there is one, of the names and of the units."""
+        """Rows of the optional title, the names and the units."""
         return range(self.header - bool(self.title), self.header + 2)
 
 
 def specimens(grid: Grid) -> list[Table]:
-    """Return the tables of specimens, none for other files.
+    """Return the tables of the specimens; none for other files.
 
     Raises `DataError` at a row of numbers that belongs to no specimen.
     """
@@ -110,7 +110,7 @@ def _stacked(grid: Grid) -> Iterator[_Block]:
 
 
 def _heads(grid: Grid, row: int) -> bool:
-    """Whether a row names columns of a test, for at least two of its quantities, with their units below."""
+    """Whether a row names test columns for at least two quantities, with their units below."""
     names, units = grid.rows[row], grid.rows[row + 1]
     if len(names) < 2 or is_number(names[0]) or len(units) < grid.width(row):
         return False
@@ -125,7 +125,7 @@ def _is_row(grid: Grid, row: int) -> bool:
 
 
 def _side_by_side(grid: Grid, block: _Block) -> Iterator[_Block]:
-    """Return specimens in repeated columns side by side, each with its own rows; the block itself if none repeat."""
+    """Return specimens in repeated columns side by side, each with its rows; the block itself if no columns repeat."""
     names = [plain(name) for name in grid.rows[block.header][: len(block.columns)]]
     filled = [n for n, name in enumerate(names) if name]
     starts = [n for n in filled if names[n] == names[filled[0]]]
@@ -140,7 +140,7 @@ def _side_by_side(grid: Grid, block: _Block) -> Iterator[_Block]:
 
 
 def _joined(grid: Grid, blocks: Sequence[_Block]) -> _Block:
-    """Return one test of consecutive acquisitions; raise `DataError` if their columns differ."""
+    """Return consecutive acquisitions joined to a single test; raise `DataError` if their columns differ."""
     first = blocks[0]
     for block in blocks[1:]:
         if grid.rows[block.header : block.header + 2] != grid.rows[first.header : first.header + 2]:
@@ -151,7 +151,7 @@ def _joined(grid: Grid, blocks: Sequence[_Block]) -> _Block:
 
 
 def _lists(grid: Grid, others: Sequence[int]) -> list[list[int]]:
-    """Return the lists of results: rows of a header, of units if there are any, and one for each specimen."""
+    """Return the result lists, each with a header row, an optional unit row and a row for each specimen."""
     lists: list[list[int]] = []
     for row, below in pairwise(others):
         cells, units = grid.rows[row], grid.rows[below]
@@ -171,7 +171,7 @@ def _states_units(cells: Sequence[str]) -> bool:
 
 
 def _of_each(grid: Grid, rows: Sequence[int], names: Sequence[str], *, by_name: bool) -> dict[int, int]:
-    """Return the row of a list for each specimen: by name, by the number in its name, or by position.
+    """Return the list row for each specimen: matched by name, by the number in the name, or by position.
 
     Positions are used only if the counts agree.
 
@@ -205,7 +205,7 @@ def _number(name: str) -> str:
 
 
 def _lines(grid: Grid, lists: Sequence[tuple[int, int, dict[int, int]]], number: int) -> Iterator[list[str]]:
-    """Return the parameters of a specimen in lists, each a row of names, one of units, and that of each specimen."""
+    """Return a specimen's parameters from lists as rows of names, units and values."""
     for header, below, rows in lists:
         names, units, line = (
             [cell.strip("()[]") for cell in grid.rows[row]] if row is not None else []
@@ -217,7 +217,7 @@ def _lines(grid: Grid, lists: Sequence[tuple[int, int, dict[int, int]]], number:
 
 
 def _names(blocks: Sequence[_Block]) -> list[str]:
-    """Return the name of each specimen: its title, or its number; empty for a single one."""
+    """Return the name of each specimen: its title or number; empty for a single specimen."""
     titles = [block.title for block in blocks]
     if len(blocks) == 1:
         return titles

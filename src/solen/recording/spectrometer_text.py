@@ -1,9 +1,9 @@
-"""Text files of spectrometer programs: a header, a line that marks the start of the numbers, then one point per line.
+"""Text files from spectrometer programs: a header, a line that marks the start of the numbers, then one point per line.
 
-Each program writes a characteristic line above its numbers (``>>>>>Begin Spectral Data<<<<<``, ``XYDATA``, ``#DATA``,
-``[Data]``), and some write one below them. The header states the number of points, and often the first, the last and
-the extreme values, which are compared with the rows. The header may also state the meaning of the values; if it does
-not, a note reports this.
+Each program writes a characteristic line above the numbers (``>>>>>Begin Spectral Data<<<<<``, ``XYDATA``, ``#DATA``,
+``[Data]``), and some also write a line below. The header contains the number of points, and often the first, last and
+extreme values, which are compared with the rows. The header may also define the meaning of the values; if it does not,
+a note reports this.
 
 Public names: `read` and `PROGRAMS`.
 """
@@ -34,17 +34,18 @@ class Program:
     Attributes
     ----------
     mark
-        Bytes that only its files contain, or begin with.
+        Bytes that only files from this program contain or begin with.
     header
-        Reads the lines above the numbers into a header, with the file's own keys.
+        Reads the lines above the numbers into a header, with the keys used in the file.
     begin, end
-        Lines above and below the numbers; without one below, the numbers extend to the end of the file.
+        Lines above and below the numbers; without a line below, the numbers extend to the end of the file.
     ended
         Whether the line below the numbers is required.
     named
-        Whether the line above the numbers contains the units of columns, and the line before it their names.
+        Whether the line above the numbers contains the column units, and the line before it the column names.
     labels
-        The file's own keys, mapped to labels of JCAMP-DX (`solen.recording.spectrum_statements`) and others used here.
+        The keys used in the file, mapped to the JCAMP-DX labels (`solen.recording.spectrum_statements`) and others used
+        here.
     """
 
     mark: re.Pattern[bytes]
@@ -76,7 +77,7 @@ _PERKIN_NEUTRAL = {"y factor": "1", "y offset": "0"}
 
 
 def _perkin(lines: Sequence[str]) -> Header:
-    """Return the entries of PerkinElmer's files: by line number at the beginning, and below ``#GR``."""
+    """Return the entries in PerkinElmer files: by line number at the beginning, by order below ``#GR``."""
     graph = [line.strip() for line in lines]
     after = graph[graph.index("#GR") + 1 :] if "#GR" in graph else []
     stated = {name: graph[place] for place, name in _PERKIN.items() if place < len(graph)}
@@ -125,7 +126,7 @@ PROGRAMS = {
 
 
 def read(source: Source) -> Recording | None:
-    """Read a spectrum; return None for files of other programs; raise `DataError` with the line of any damage."""
+    """Read a spectrum; return None for files from other programs; raise `DataError` with the line of any damage."""
     for name, program in PROGRAMS.items():
         if program.mark.search(source.data):
             return _read(source, name, program)
@@ -136,7 +137,7 @@ def _read(source: Source, name: str, program: Program) -> Recording:
     lines = source.lines()
     begin = next((n for n, line in enumerate(lines) if program.begin.fullmatch(line.strip())), None)
     if begin is None:
-        raise source.refused("", "has no complete line that begins its numbers", "export it again")
+        raise source.refused("", "has no complete line that marks the start of the numbers", "export it again")
     metadata = program.header(lines[: begin - program.named])
     stated = metadata | {program.labels[key]: value for key, value in metadata.items() if key in program.labels}
     for key, neutral in _PERKIN_NEUTRAL.items() if name == "perkin-elmer" else ():
@@ -144,13 +145,13 @@ def _read(source: Source, name: str, program: Program) -> Recording:
         if not is_number(text) or parse(text, "," if "," in text else ".") != float(neutral):
             raise source.refused(key, f"is not {neutral}: scaled values are not supported", "export it unscaled", text)
     if stated.get("XAxis mode", "Wavelengths") != "Wavelengths":
-        limit = f"has an axis of {stated['XAxis mode']}, which is not supported"
+        limit = f"has the axis {stated['XAxis mode']}, which is not supported"
         raise source.refused("", limit, "save it along wavelengths")
     body = _body(source, program, lines, begin + 1)
     rows = _rows(source, body)
     points = stated.get("NPOINTS", "2 or more")
     if len(rows) < 2 or (points != str(len(rows)) and "NPOINTS" in stated):
-        limit = f"has {len(rows)} rows, but {points} are stated: it was cut off or damaged"
+        limit = f"has {len(rows)} rows, but the header specifies {points}: the file was cut off or damaged"
         raise source.refused("", limit, "export it again")
     x, *columns = np.array(rows, dtype=np.float64).T
     _check_places(source, list(body), x, stated)
@@ -173,27 +174,29 @@ def _read(source: Source, name: str, program: Program) -> Recording:
 
 
 def _ending(lines: Sequence[str], body: Mapping[int, str]) -> str:
-    """Return a note on the last number, which may be truncated if the file ends in it."""
+    """Return a note on the last number, which may be truncated if the file ends there."""
     return cut_note(_CELLS.split(lines[-1].strip())[-1]) if lines[-1].strip() and len(lines) in body else ""
 
 
 def _body(source: Source, program: Program, lines: Sequence[str], first: int) -> dict[int, str]:
-    """Return the lines of numbers by line number; raise `DataError` if numbers follow after their end."""
+    """Return the lines with numbers by line number; raise `DataError` if numbers follow the end mark."""
     held = list(enumerate(lines[first:], first + 1))
     end = next((n for n, (_, line) in enumerate(held) if program.end and program.end.fullmatch(line.strip())), None)
     if end is None and program.ended:
-        raise source.refused("", "has no line that ends its numbers: it was cut off", "export it again")
+        raise source.refused(
+            "", "has no line that marks the end of the numbers: the file was cut off", "export it again"
+        )
     for place, line in held[end:] if end is not None else ():
         cells = _CELLS.split(line.strip())
         if len(cells) > 1 and all(map(is_number, cells)):
             raise source.refused(
-                f"line {place}", "contains numbers below their end", "export it again", line.strip()[:40]
+                f"line {place}", "contains numbers below the end mark", "export it again", line.strip()[:40]
             )
     return {number: line.strip() for number, line in held[:end] if line.strip()}
 
 
 def _rows(source: Source, body: Mapping[int, str]) -> list[list[float]]:
-    """Return abscissa and values of each line.
+    """Return the abscissa and values on each line.
 
     Raises `DataError` at a line with a different number of values from the first.
     """
@@ -215,7 +218,7 @@ def _rows(source: Source, body: Mapping[int, str]) -> list[list[float]]:
 
 
 def _check_places(source: Source, lines: Sequence[int], x: FloatArray, stated: Mapping[str, str]) -> None:
-    """Raise `DataError` at the first abscissa that is out of order or deviates from the stated uniform steps."""
+    """Raise `DataError` at the first abscissa that is out of order or deviates from the uniform steps in the header."""
     steps = np.diff(x) * (1.0 if np.sum(np.diff(x) > 0.0) * 2 > x.size - 1 else -1.0)
     back = np.flatnonzero(~(steps > 0.0))
     if back.size:
@@ -229,5 +232,5 @@ def _check_places(source: Source, lines: Sequence[int], x: FloatArray, stated: M
     even = first + np.sign(x[-1] - x[0]) * step * np.arange(x.size)
     off = np.flatnonzero(np.abs(x - even) > _EVEN * step)
     if off.size:
-        limit = f"appears where {even[off[0]]:g} is expected from the first abscissa and the step that the file states"
+        limit = f"appears where {even[off[0]]:g} is expected from the first abscissa and the step given in the file"
         raise source.refused(f"line {lines[off[0]]}", limit, "export it again: lines are damaged", f"{x[off[0]]:g}")

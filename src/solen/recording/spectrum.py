@@ -1,4 +1,4 @@
-"""Spectra of a recording: each trace with its wavelengths in nm.
+"""Spectra in a recording: each trace with its wavelengths in nm.
 
 Public names: `spectra`, `Spectrum` and `listing`.
 """
@@ -20,12 +20,12 @@ _MOST_NAMES = 4  # most traces that a warning names
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """One trace of a recording.
+    """A trace from a recording.
 
     Attributes
     ----------
     wavelength_nm
-        Shape (n,), in the order of the file, which may be downwards.
+        Shape (n,), in file order, which may be descending.
     channel
         The trace: name, quantity, unit, values of shape (n,) and note.
     """
@@ -34,16 +34,16 @@ class Spectrum:
     channel: Channel
 
     def ratio(self) -> FloatArray:
-        """Return values as pure numbers, 0.91 for 91 %.
+        """Return the values as pure numbers, 0.91 for 91 %.
 
-        Raises `DataError` for another unit, or for values that need a unit.
+        Raises `DataError` for another unit, or if a missing unit is needed.
         """
         channel = self.channel
         if channel.unit:
             return channel.to("1")
         top = float(np.nanmax(np.abs(channel.values), initial=0.0))
         if channel.quantity in {"transmittance", "reflectance", "absorptance"} and top > _MOST_RATIO:
-            remedy = f"write {channel.name} (%) in the header if it is in percent"
+            remedy = f"write {channel.name} (%) in the header if the values are in percent"
             raise DataError(channel.name, value=top, limit="has no unit and is not a fraction", remedy=remedy)
         return channel.values
 
@@ -55,13 +55,13 @@ class Trace:
     Attributes
     ----------
     file, name
-        Name of its file, and of the trace.
+        Names of the file and of the trace.
     quantity, unit
-        Quantity and unit; null if the file does not state them.
+        Quantity and unit; null if the file does not give them.
     points, empty
-        Number of points, and of those without a value.
+        Number of points, and number of points without a value.
     range_nm, range_values
-        Least and greatest wavelength and value; null if there is no number.
+        Minimum and maximum wavelength and value; null if there are no numbers.
     note
         Warnings.
     """
@@ -78,16 +78,16 @@ class Trace:
 
 
 class Listing(Measured, kw_only=True):
-    """The spectra in some files.
+    """The spectra in one or more files.
 
     Attributes
     ----------
     file, format
-        Names of the files, and the formats as which they were read.
+        Names of the files, and the formats that were used to read them.
     repeats
-        Whether traces whose names differ only in their last number are repeats of one.
+        Whether traces whose names differ only in the last number are repeats of the same spectrum.
     traces
-        The spectra, in the order of the files.
+        The spectra, in file order.
     """
 
     file: str
@@ -104,13 +104,13 @@ def spectra(recording: Recording) -> tuple[Spectrum, ...]:
         Spectrum(axes[channel.axis].to("nm"), channel) for channel in recording.channels if channel.axis in axes
     )
     if not found:
-        remedy = "name the column of wavelengths wavelength_nm" if not axes else "add a column of values"
+        remedy = "name the wavelength column wavelength_nm" if not axes else "add a column of values"
         raise DataError(recording.provenance.name, limit="holds no spectrum", remedy=remedy)
     return found
 
 
 def listing(recordings: Sequence[Recording], names: Sequence[str] = (), *, repeats: bool = False) -> Listing:
-    """Return the spectra of recordings, by name or all; raise `DataError` if none has a given name."""
+    """Return the named spectra in recordings, or all of them; raise `DataError` if a name is not found."""
     for name in names:
         there = [recording for recording in recordings if name in recording.names] or recordings
         if all(there[0].channel(name).name != spectrum.channel.name for spectrum in spectra(there[0])):
@@ -134,7 +134,7 @@ def listing(recordings: Sequence[Recording], names: Sequence[str] = (), *, repea
 
 
 def _remarks(recording: Recording, chosen: Sequence[Spectrum]) -> list[Caution]:
-    """Return the notes of the used channels, equal ones merged."""
+    """Return the notes on the used channels; identical notes are merged."""
     used = {one.channel.axis for one in chosen} | {one.channel.name for one in chosen}
     remarks: dict[str, list[str]] = {}
     for channel in recording.channels:

@@ -1,7 +1,7 @@
-"""The statements of a spectrum's file compared with its numbers, and the recording made from both.
+"""Check the entries in a spectrum file against its numbers, and make the recording from both.
 
-Many programs state the meaning of axis and values, the number of points, the first and the last point, and the
-extremes. JCAMP-DX has labels for them (``NPOINTS``, ``FIRSTX``, ``MAXY``); equivalent statements of other programs are
+Many programs record the meaning of the axis and the values, the number of points, the first and last point and the
+extremes. JCAMP-DX has labels for them (``NPOINTS``, ``FIRSTX``, ``MAXY``); equivalent entries from other programs are
 mapped to these labels.
 
 Public names: `check`, `number` and `spectrum`.
@@ -36,23 +36,23 @@ _Y = {
 }
 CHECKED = ("NPOINTS", "FIRSTX", "LASTX", "FIRSTY", "MAXY", "MINY")
 _NEAR_Y = 1e-3
-"""Largest difference between a stated first value and the first value, as a fraction of the largest value."""
-_UNSTATED = "the file does not state whether its values are counts, transmittance or absorbance"
+"""Largest difference between the first value and its entry in the file, as a fraction of the largest value."""
+_UNSTATED = "the file does not say whether its values are counts, transmittance or absorbance"
 
 
 def number(source: Source, stated: Mapping[str, str], label: str) -> float:
-    """Return the number that a file states under a label; NaN without one."""
+    """Return the number given in a file under a label; NaN if the label is absent."""
     text = stated.get(label, "")
     if text and not is_number(text):
-        raise source.refused("", f"states no number as {label}", "export the file again", text[:40])
+        raise source.refused("", f"contains no number for {label}", "export the file again", text[:40])
     return parse(text, "," if "," in text else ".")
 
 
 def check(source: Source, stated: Mapping[str, float], x: FloatArray, y: FloatArray) -> None:
-    """Raise `DataError` if the numbers contradict the file's statements; missing labels are not checked."""
+    """Raise `DataError` if the numbers contradict the entries in the file; missing labels are not checked."""
     count = stated.get("NPOINTS", math.nan)
     if x.size < 2 or (math.isfinite(count) and count != x.size):
-        limit = f"has {x.size} points, but {count:g} are stated: it was cut off or damaged"
+        limit = f"has {x.size} points, but the file specifies {count:g}: it was cut off or damaged"
         raise source.refused("", limit, "export it again")
     near_y = _NEAR_Y * float(np.nanmax(np.abs(y), initial=0.0))
     near_x = 0.5 * abs(float(x[-1] - x[0])) / (x.size - 1)
@@ -60,7 +60,7 @@ def check(source: Source, stated: Mapping[str, float], x: FloatArray, y: FloatAr
     for label, value, near in (*held, ("MAXY", np.nanmax(y), near_y), ("MINY", np.nanmin(y), near_y)):
         wanted = stated.get(label, math.nan)
         if math.isfinite(wanted) and not abs(wanted - value) <= near:
-            raise source.refused("", f"states {wanted:g} as {label}, but has {value:g}", "export it again")
+            raise source.refused("", f"gives {wanted:g} as {label}, but the numbers give {value:g}", "export it again")
 
 
 def spectrum(
@@ -78,10 +78,10 @@ def spectrum(
     kind
         Name of the format.
     metadata, stated
-        Statements of the file in its own words, and by the labels ``XUNITS`` (nm without one), ``instrument`` and those
-        that are `CHECKED` against the first trace.
+        Entries of the file as written there, and under the labels ``XUNITS`` (default: nm), ``instrument`` and those in
+        `CHECKED`, which are compared with the first trace.
     x, traces
-        Abscissas, and name, unit and values of each trace; their shape is (n,).
+        Abscissas, and the name, unit and values of each trace, all of shape (n,).
     """
     check(source, {label: number(source, stated, label) for label in CHECKED}, x, traces[0][2])
     unit = stated.get("XUNITS", "NANOMETERS")
@@ -98,10 +98,10 @@ def spectrum(
 
 
 def _axes(unit: str, x: FloatArray) -> list[Channel]:
-    """Return the axis, and for wavenumbers also the wavelengths."""
+    """Return the axis, together with the wavelengths if the axis is in wavenumbers."""
     name, known = _X[_plain(unit)]
     note = (
-        "wavelengths in vacuum; they are 0.03 % longer than those in air because of its index"
+        "wavelengths in vacuum; they are 0.03 % longer than in air because of its refractive index"
         if "VAC" in unit.upper()
         else ""
     )

@@ -1,8 +1,8 @@
 """The stimulus of a recorded sensor: an angle, a force or a depth.
 
 Analysis, calibration and decoding are the same for all three. Arrays and fields are named after the angle
-(``angle_deg``), as those of receivers are named after volts, and contain the stimulus in its own unit; sentences, axes
-and the keys of JSON and files name that unit: ``sensitivity_V_per_N``, ``interval95_force_N``.
+(``angle_deg``), as receiver fields are named after volts, but contain the stimulus in its actual unit. Sentences, axes
+and the keys of JSON and files use that unit: ``sensitivity_V_per_N``, ``interval95_force_N``.
 
 Public names: `Stimulus`, `ANGLE`, `FORCE`, `DEPTH` and `STIMULI`.
 """
@@ -26,11 +26,11 @@ class Stimulus:
     Attributes
     ----------
     name, plural
-        Its name in sentences.
+        Name of the quantity in sentences.
     unit
-        Unit of its values, and in keys.
+        Unit of the values, also used in keys.
     sign
-        Symbol of the unit after a number.
+        Unit symbol after a number.
     """
 
     name: Name
@@ -40,26 +40,26 @@ class Stimulus:
 
     @property
     def label(self) -> str:
-        """Label of its axis."""
+        """Axis label."""
         return f"{self.name} ({self.sign.strip()})"
 
     @property
     def known_label(self) -> str:
-        """Label of the axis of the reference: a force is known only from a load cell's reading."""
+        """Label of the reference axis; a force is known only from the load cell reading."""
         return f"force, {self.known} (N)" if self.name == "force" else f"true {self.label}"
 
     @property
     def known(self) -> str:
-        """Reference with which it is compared."""
-        return "the load cell's reading" if self.name == "force" else "true"
+        """Reference with which the stimulus is compared."""
+        return "the load cell reading" if self.name == "force" else "true"
 
     @property
     def column(self) -> str:
-        """Option that names its column; --force replaces files."""
+        """Option that names the column; --force replaces files."""
         return "load" if self.name == "force" else self.name
 
     def near_zero(self, reach: float) -> float:
-        """Return the range about 0 for the sensitivity near zero, for a motion that reaches so far."""
+        """Return the range about 0 for the sensitivity near zero, limited by the given motion."""
         return NEAR_ZERO_DEG if self.unit == "deg" else float(f"{_NEAR_ZERO * reach:.2g}")
 
     def keyed(self, data: dict[str, Any]) -> dict[str, Any]:

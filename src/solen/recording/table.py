@@ -1,8 +1,8 @@
 """Plain tables: a header with units and rows of numbers and words, from a spreadsheet, a script or an editor.
 
-The header names the columns (`solen.recording.words`), `solen.recording.layout` finds the table in the file; here its
-columns become channels. A column of numbers with one non-numeric cell is damaged, and does not become a column of text.
-A wavelength column is the axis of the others, and so is a time column.
+The header names the columns (`solen.recording.words`), and `solen.recording.layout` finds the table in the file; this
+module converts the columns to channels. A number column with one non-numeric cell is treated as damaged, not as a text
+column. A wavelength column is the axis of the others, and so is a time column.
 
 Public names: `read`, `columns` and `recorded`.
 """
@@ -28,19 +28,19 @@ from solen.recording.words import Heading, heading, is_label, plain
 from solen.units import factor
 
 _STAMPS = ("timestamp", "time stamp", "datetime", "date time", "date/time", "zeitstempel", "clock", "uhrzeit")
-"""Names of columns that may hold clock times."""
+"""Names of columns that may contain clock times."""
 _TAKEN_NM = (150.0, 50_000.0)
-"""Range of wavelengths that are assumed to be in nm without a unit: as µm they would be far infrared, as Å X-rays."""
+"""Range in which wavelengths without a unit are assumed to be in nm: in µm they would be far infrared, in Å X-rays."""
 
 SIMULATED = re.compile(
     r"((this|the) (table|file|data|recording)s? (is|are|was|were) )?(simulat(ed|ion)|synthetic)\b", re.IGNORECASE
 )
-"""Beginning of a remark that states that the numbers were computed."""
+"""Beginning of a remark saying that the numbers were computed."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column before it becomes a channel: its place, header and heading, and its numbers, words or both."""
+    """A column before it becomes a channel: its position, header and heading, and its numbers, words or both."""
 
     place: int
     text: str
@@ -50,7 +50,7 @@ class Column:
 
 
 def read(grid: Grid, place: Layout) -> Recording:
-    """Read a plain table; raise `DataError` with the line and column of damage."""
+    """Read a plain table; raise `DataError` with the line and column of any damage."""
     check_rows(grid, place)
     found = columns(grid, place)
     for column in found:
@@ -63,13 +63,13 @@ def check_rows(grid: Grid, place: Layout) -> None:
     expected = len(place.names)
     unnamed = next((n for n, name in enumerate(place.names) if n and not name), None)  # only an index may be unnamed
     if unnamed is not None and any(any(grid.rows[row][unnamed : unnamed + 1]) for row in place.body):
-        limit = f"is unnamed, above column {unnamed + 1}"
-        raise grid.refused(place.header, None, limit, "name every column that has values")
+        limit = f"has no header above column {unnamed + 1}"
+        raise grid.refused(place.header, None, limit, "name every column that contains values")
     if not place.body:
-        raise grid.source.refused("", "has a header and no rows", "export it again")
+        raise grid.source.refused("", "has a header but no rows", "export it again")
     for row in place.body:
         if len(grid.rows[row]) != len(grid.rows[place.body[0]]) and _begins_another(grid, place, row):
-            raise grid.refused(row, None, "begins another table", "keep one table in a file, or one in a sheet")
+            raise grid.refused(row, None, "begins another table", "keep only one table in each file or worksheet")
         if grid.width(row) > expected:
             raise grid.refused(row, expected, f"is beyond the {expected} columns of the header")
         if len(grid.rows[row]) < expected:
@@ -84,9 +84,9 @@ def _begins_another(grid: Grid, place: Layout, row: int) -> bool:
 
 
 def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]:
-    """Return the columns of the table, with numbers or words according to their cells.
+    """Return the table columns, with numbers or words according to their cells.
 
-    ``machine`` states that a program wrote the table.
+    ``machine`` tells whether a program wrote the table.
     """
     held = [n for n, name in enumerate(place.names) if name or n == 0]
     cells = {column: grid.cells(column, place.body) for column in held}
@@ -113,19 +113,19 @@ def columns(grid: Grid, place: Layout, *, machine: bool = False) -> list[Column]
 
 
 def _is_time(head: Heading) -> bool:
-    """Whether a column of words may hold clock times."""
+    """Whether a text column may contain clock times."""
     return head.quantity == "time" or (not head.unit and plain(head.name) in _STAMPS)
 
 
 def _headings(place: Layout, held: Sequence[int]) -> list[Heading]:
-    """Return the meaning of the headers in context: T is a transmittance next to wavelengths."""
+    """Return the meaning of the headers in context: T is a transmittance if there are wavelengths."""
     texts = [(place.names[column] or f"column {column + 1}", place.units[column]) for column in held]
     optical = any(heading(name, unit).quantity in {"wavelength", "wavenumber"} for name, unit in texts)
     return [heading(name, unit, optical=optical) for name, unit in texts]
 
 
 def _check_range(grid: Grid, place: Layout, column: Column) -> None:
-    """Raise `DataError` at an impossible wavelength, as after a shift of the names of columns."""
+    """Raise `DataError` at an impossible wavelength, as after a displacement of the column names."""
     if column.head.quantity != "wavelength" or column.values is None or not column.head.unit:
         return
     nm = column.values * (factor(column.head.unit, "nm") or math.nan)
@@ -136,7 +136,7 @@ def _check_range(grid: Grid, place: Layout, column: Column) -> None:
 
 
 def _kind(cells: list[str], name: str) -> str:
-    """Return ``number``, ``word``, or ``number and word`` for numbers that name the rows."""
+    """Return ``number``, ``word``, or ``number and word`` for numbers that label the rows."""
     if all_numbers(cells):
         return "number and word" if is_label(name) else "number"
     numbers = [cell for cell in cells if is_number(cell)]
@@ -147,7 +147,7 @@ def _kind(cells: list[str], name: str) -> str:
 
 
 def recorded(grid: Grid, place: Layout, result: list[Column], kind: str) -> Recording:
-    """Make a recording of the columns, with the file's statements about them."""
+    """Make a recording from the columns and the entries about them in the file."""
     names = unique([column.head.name for column in result])
     channels = [
         Channel(name, column.head.quantity, column.head.unit, column.values, note=_ending(grid, place, column))
@@ -171,14 +171,14 @@ def recorded(grid: Grid, place: Layout, result: list[Column], kind: str) -> Reco
 
 
 def stated_provenance(source: Source, kind: str, stated: Mapping[str, str], instrument: str) -> Provenance:
-    """Return the provenance of a file of some format, from its statements on date and origin."""
+    """Return the provenance of a file, with the date and origin given in the file."""
     return Provenance(
         source.name, source.sha256, kind, instrument, dates.among(stated), stated, simulated=is_simulated(stated)
     )
 
 
 def is_simulated(metadata: Mapping[str, str]) -> bool:
-    """Whether parameters or remarks state that the numbers were computed: ``simulated: yes``, ``# simulated from``."""
+    """Whether parameters or remarks say that the numbers were computed: ``simulated: yes``, ``# simulated from``."""
     stated = [value for key, value in metadata.items() if plain(key) in {"simulated", "simulation", "synthetic"}]
     if stated:
         return plain(stated[0]) not in {"no", "false", "0", "nein", "none"}
@@ -186,7 +186,7 @@ def is_simulated(metadata: Mapping[str, str]) -> bool:
 
 
 def unique(names: Sequence[str]) -> list[str]:
-    """Return names made unique by a number after each repetition: ``sample``, ``sample (2)``."""
+    """Return names made unique by numbering the repetitions: ``sample``, ``sample (2)``."""
     seen: Counter[str] = Counter()
     taken = set(names)
     found = []
@@ -201,7 +201,7 @@ def unique(names: Sequence[str]) -> list[str]:
 
 
 def parameters(grid: Grid, place: Layout) -> dict[str, str]:
-    """Return the lines above and below the table: names with values, and remarks."""
+    """Return the lines above and below the table: named values and remarks."""
     pairs = [_parameter([cell for cell in grid.rows[row] if cell]) for row in place.before]
     found = dict(zip(unique([key for key, _ in pairs]), (value for _, value in pairs), strict=True))
     remarks = [text for _, text in grid.remarks if text] + [" ".join(grid.rows[row]).strip() for row in place.after]
@@ -214,7 +214,7 @@ def parameters(grid: Grid, place: Layout) -> dict[str, str]:
 
 
 def _parameter(cells: list[str]) -> tuple[str, str]:
-    """Return name and value of a line above the table; a line without a name is a title."""
+    """Return the name and value on a line above the table; a line without a name is a title."""
     key, separator, value = cells[0].partition(":")
     if len(cells) > 1:
         return cells[0].rstrip(": "), " ".join(cells[1:])
@@ -222,7 +222,7 @@ def _parameter(cells: list[str]) -> tuple[str, str]:
 
 
 def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel]:
-    """Return the channels with their axes: the wavelength to their left, or else the time; labels have none."""
+    """Return the channels with their axes: the wavelength to their left, or else the time; none for labels."""
     channels = _with_wavelengths(channels)
     waves = [channel for channel in channels if channel.quantity == "wavelength"]
     if waves:
@@ -235,7 +235,7 @@ def along_axes(channels: list[Channel], labels: Collection[str]) -> list[Channel
 
 
 def _with_wavelengths(channels: list[Channel]) -> list[Channel]:
-    """Add wavelengths computed from wavenumbers, if no wavelengths are stated."""
+    """Add wavelengths computed from wavenumbers if the file has none."""
     numbers = [channel for channel in channels if channel.quantity == "wavenumber" and channel.unit]
     if len(numbers) != 1 or any(channel.quantity == "wavelength" for channel in channels):
         return channels
@@ -263,16 +263,16 @@ def _along_waves(channels: list[Channel], labels: Collection[str]) -> list[Chann
 
 
 def _in_nm(channel: Channel) -> Channel:
-    """Set the unit of wavelengths to nm if no unit is stated and no other is possible."""
+    """Set the wavelength unit to nm if the file gives none and no other is possible."""
     values = channel.values[np.isfinite(channel.values)]
     if channel.unit or not values.size or values.min() < _TAKEN_NM[0] or values.max() > _TAKEN_NM[1]:
         return channel
-    note = f"no unit is stated; {values.min():g} to {values.max():g} are assumed to be in nm"
+    note = f"no unit is given; {values.min():g} to {values.max():g} are assumed to be in nm"
     return replace(channel, unit="nm", note=note)
 
 
 def _with_percent(channels: list[Channel]) -> list[Channel]:
-    """Set the unit of spectra to %T if only a baseline next to them shows it, as in manually edited tables."""
+    """Set the unit of spectra to %T if only an adjacent baseline indicates it, as in manually edited tables."""
     optical = any(channel.quantity == "wavelength" for channel in channels)
     baselines = [
         channel for channel in channels if channel.unit == "%" and channel.name.casefold().startswith("baseline")
@@ -283,7 +283,7 @@ def _with_percent(channels: list[Channel]) -> list[Channel]:
     if len(known) > 1:
         return channels
     quantity, unit = known.pop()
-    note = f"no unit is stated; assumed to be that of {baselines[0].name}"
+    note = f"no unit is given; assumed to be that of {baselines[0].name}"
     return [
         replace(channel, quantity=quantity, unit=unit, note=note)
         if not channel.unit and not channel.quantity
@@ -293,7 +293,7 @@ def _with_percent(channels: list[Channel]) -> list[Channel]:
 
 
 def _ending(grid: Grid, place: Layout, column: Column) -> str:
-    """Return a note on the last number, which may be truncated if the file's last line has no line break."""
+    """Return a note on the last number, which may be truncated if the last line of the file has no line break."""
     cells = [grid.rows[row][column.place] for row in place.body]
     if grid.source.padding and column.place == len(place.names) - 1:
         return f"{grid.source.padding} NUL bytes follow the last row: the recorder may have stopped without warning"

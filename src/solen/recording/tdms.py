@@ -1,4 +1,4 @@
-"""LabVIEW's TDMS files, read with npTDMS (extra ``tdms``): channels with their units, and the time of waveforms.
+"""LabVIEW's TDMS files, read with npTDMS (extra ``tdms``): channels with units, and the time of waveforms.
 
 Public names: `is_tdms` and `read`.
 """
@@ -37,7 +37,7 @@ def read(source: Source) -> Recording:
         file = TdmsFile.read(io.BytesIO(source.data))
         metadata = {str(key): str(value) for key, value in file.properties.items()}
         if file.file_status.incomplete_final_segment:
-            raise ValueError("its last part was cut off")
+            raise ValueError("the last part was cut off")
         _check_segments(source.data)
         groups = file.groups()
         for group in groups:
@@ -51,9 +51,9 @@ def read(source: Source) -> Recording:
 
 
 def _check_segments(data: bytes) -> None:
-    """Raise `ValueError` if segments do not follow one another to the end of the file: bytes were added or lost.
+    """Raise `ValueError` if bytes were added or lost, so that the segments are not contiguous to the end of the file.
 
-    Each begins with a lead-in of 28 bytes, which states at byte 12 the number of bytes that follow it.
+    Each segment begins with a lead-in of 28 bytes; the number of bytes that follow the lead-in is at byte 12.
     """
     place = 0
     while place < len(data):
@@ -61,11 +61,11 @@ def _check_segments(data: bytes) -> None:
             raise ValueError("a segment does not begin at the end of the previous one")
         place += _LEAD_IN + int.from_bytes(data[place + 12 : place + 20], "little")
     if place != len(data):
-        raise ValueError("its last segment does not end at the end of the file")
+        raise ValueError("the last segment does not end at the end of the file")
 
 
 def _arrays(prefix: str, channel: Any) -> list[Array]:
-    """Return a channel, preceded by its time if it is a waveform; time stamps become seconds from the first."""
+    """Return a channel, preceded by its time if it is a waveform; time stamps become seconds from the first stamp."""
     values = np.asarray(channel[:])
     unit = next((str(channel.properties[key]) for key in _UNITS if channel.properties.get(key)), "")
     if values.dtype.kind == "M":
@@ -77,7 +77,7 @@ def _arrays(prefix: str, channel: Any) -> list[Array]:
 
 
 def _once(arrays: list[Array]) -> list[Array]:
-    """Remove repeated times, because each waveform has its own."""
+    """Remove repeated times, which occur because each waveform has a separate time."""
     once: list[Array] = []
     for array in arrays:
         same = any(array.name == other.name and np.array_equal(array.values, other.values) for other in once)

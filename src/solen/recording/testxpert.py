@@ -1,16 +1,16 @@
-"""Exports of test machines: settings and results, then the channels of the test; testXpert's in German or English.
+"""Exports from test machines: settings and results, then the test channels; testXpert in German or English.
 
-An export has a block of parameters, each with its value and unit, a row of names, a row of units, and rows of numbers.
-It is read as a table; but because a machine wrote it, irregularities that are allowed in a handwritten table are damage
-here: a number in another form, an empty line or a remark inside, a decreasing time, a repeated line, a last line
-without an end. Results computed by the machine (modulus, greatest force) stay in the recording's metadata, in the
-machine's words.
+An export has a block of parameters with values and units, a row of names, a row of units, and rows of numbers. It is
+read as a table; but because a machine wrote it, irregularities that are allowed in a handwritten table are damage here:
+a number in another form, an empty line or a remark among the numbers, a decreasing time, a repeated line, a last line
+without a line break. Results computed by the machine (modulus, maximum force) stay in the metadata of the recording, as
+written by the machine.
 
-`program` recognises the header, `read` reads a `Grid`; `stated` returns a parameter as a number.
+`program` recognises the header; `read` reads a `Grid`; `stated` returns a parameter as a number.
 
-Other programs write a single test in the same form, and are recognised by their own words: MTS TestSuite by the lines
+Other programs write a single test in the same form and are recognised by their own words: MTS TestSuite by the lines
 ``File Path:``, ``Test:``, ``Test Run:`` and ``Date:`` above the names, which published readers of its CSV skip; Lloyd's
-NEXYGEN by its names of extensions. NEXYGEN's layout is not published: it is read by its header alone.
+NEXYGEN by its names for extensions. NEXYGEN's layout is not published, so the header alone is used.
 """
 
 import re
@@ -33,10 +33,10 @@ WORDS = {
     *("standard force", "standard travel", "test time", "crosshead absolute", "absolute crosshead travel"),
     *("crosshead travel", "grip to grip separation", "nominelle dehnung"),
 }
-"""Names of channels that only this program uses."""
+"""Channel names that only the program in question uses."""
 _TEST_RUN, _NEXYGEN = "test run:", ("machine extension", "extension from preload")
 _LIMITS = {"time": 1e8, "force": 1e8, "strain": 1e5, "displacement": 1e5, "crosshead": 1e5}
-"""Limits in any unit that no test machine's numbers exceed, unless a decimal point was lost."""
+"""Limits that no test machine reading exceeds in any unit unless a decimal point was lost."""
 _RARE = 0.002  # fraction of rows below which a feature is not typical of the program
 _STATED = re.compile(r"(\S+)(?:\s+(\S.*))?")
 
@@ -44,14 +44,14 @@ _STATED = re.compile(r"(\S+)(?:\s+(\S.*))?")
 def mentioned(cell: str) -> bool:
     """Whether a cell may come from such a program.
 
-    Most tables have none, and their layout is then searched only once.
+    Most tables have no such cell, and their layout is then searched for only once.
     """
     text = plain(cell)
     return text in WORDS or text.startswith((_TEST_RUN, *_NEXYGEN))
 
 
 def program(grid: Grid, place: Layout) -> str:
-    """Return the program that wrote a table, recognised by column names and units or the lines above.
+    """Return the program that wrote a table, recognised by column names and units or by the lines above.
 
     Empty if unknown.
     """
@@ -74,7 +74,7 @@ def read(grid: Grid, place: Layout, kind: str = "testxpert") -> Recording:
     columns = table.columns(grid, place, machine=True)
     for column in columns:
         if column.values is None:
-            raise grid.refused(place.body[0], column.place, "is not a number", "export only the channels of the test")
+            raise grid.refused(place.body[0], column.place, "is not a number", "export only the test channels")
         _check(grid, place, column, column.values)
     clock = next((column for column in columns if factor(column.head.unit, "s") is not None), None)
     if clock is not None and clock.values is not None:
@@ -88,9 +88,9 @@ def read(grid: Grid, place: Layout, kind: str = "testxpert") -> Recording:
 
 
 def stated(recording: Recording, *names: str) -> tuple[float, str] | None:
-    """Return number and unit of the first parameter with one of the given names; None if it is absent or has no value.
+    """Return number and unit of the first parameter with one of the names; None if absent or without value.
 
-    The names are the file's own, ``E-Modul`` or ``Probendicke a0``; case and spaces do not matter.
+    The names are those used in the file, ``E-Modul`` or ``Probendicke a0``; case and spaces do not matter.
     """
     for name in names:
         for key, value in recording.provenance.metadata.items():
@@ -119,11 +119,11 @@ def _check_whole(grid: Grid, place: Layout) -> None:
 
 
 def _check(grid: Grid, place: Layout, column: table.Column, values: FloatArray) -> None:
-    """Raise `DataError` if a machine cannot have recorded the numbers of a channel."""
+    """Raise `DataError` if a machine cannot have recorded the numbers in a channel."""
     quantity = column.head.quantity
     beyond = np.flatnonzero(np.abs(values) > _LIMITS.get(quantity, np.inf))
     if beyond.size:
-        limit = f"no {quantity} is beyond {_LIMITS[quantity]:g}"
+        limit = f"no {quantity} exceeds {_LIMITS[quantity]:g}"
         raise grid.refused(place.body[int(beyond[0])], column.place, limit)
     hole = np.isnan(values[1:-1]) & np.isfinite(values[:-2]) & np.isfinite(values[2:])
     if 0 < hole.sum() <= _RARE * values.size + 1:
@@ -132,7 +132,7 @@ def _check(grid: Grid, place: Layout, column: table.Column, values: FloatArray) 
 
 
 def _check_time(grid: Grid, place: Layout, column: table.Column, values: FloatArray) -> None:
-    """Raise `DataError` if time decreases, or stays constant at a single point."""
+    """Raise `DataError` if the time decreases or stays constant at a single point."""
     steps = np.diff(values)
     wrong = ~(steps >= 0.0)
     still = steps == 0.0
@@ -145,9 +145,9 @@ def _check_time(grid: Grid, place: Layout, column: table.Column, values: FloatAr
 
 
 def _check_repeats(grid: Grid, place: Layout) -> None:
-    """Raise `DataError` at a repeated row: the printed time of a test always advances."""
+    """Raise `DataError` at a repeated row, since the printed time of a test always advances."""
     if len(place.names) < 3:
         return
     for before, row in zip(place.body, place.body[1:], strict=False):
         if grid.rows[row] == grid.rows[before]:
-            raise grid.refused(row, None, "repeats the previous line", "remove one of them")
+            raise grid.refused(row, None, "repeats the previous line", "remove one of the two lines")

@@ -1,9 +1,9 @@
-"""Column headers: name, unit and quantity, in the spellings of instruments (English and German) and of people.
+"""Column headers: name, unit and quantity, in the spellings of instruments (English and German) and people.
 
-``thickness_um``, ``Thickness (µm)``, ``Dicke [µm]`` and ``thickness / µm`` mean the same. A bracket or an ending is
-interpreted as a unit only if it is one and fits the word before it: the ``(R)`` of ``Reflectance (R)`` is a symbol, the
-``_s`` of ``R_s`` a polarisation, and neither is a unit. The unit determines the meaning of an ambiguous word: ``T
-(°C)`` is a temperature, ``T (%)`` a transmittance.
+``thickness_um``, ``Thickness (µm)``, ``Dicke [µm]`` and ``thickness / µm`` mean the same. Text in brackets or at the
+end is interpreted as a unit only if it is a unit that fits the word before it: the ``(R)`` of ``Reflectance (R)`` is a
+symbol and the ``_s`` of ``R_s`` a polarisation; neither is a unit. The unit determines the meaning of an ambiguous
+word: ``T (°C)`` is a temperature, ``T (%)`` a transmittance.
 
 Public names: `heading`, `quantity_of` and `is_label`.
 """
@@ -47,7 +47,7 @@ _EXAMPLES = {
     "speed": "mm/s",
     "wavenumber": "1/cm",
 }
-"""The quantities that a header can mean, each with a unit of its kind."""
+"""The quantities that a header can denote, each with an example of its unit."""
 
 _WORDS = {
     "wavelength": "wavelength, wavelengths, wave, wellenlänge, wellenlaenge, wave length, lambda, λ, wl",
@@ -114,7 +114,7 @@ _IN_WORDS = (
     | dict.fromkeys(("radian", "radians"), "rad")
     | {"nm.": "nm"}
 )
-"""Units as LabVIEW writes them, in words."""
+"""Units written in words by LabVIEW."""
 _LONGEST = 120  # most letters of a header; longer text is prose
 _NO_UNIT = {"a.u.", "a. u.", "arb. units", "arb.", "arb. u.", "au"}
 _PURE = {"-", "–", "1", "–-", "frac", "fraction", "ratio"}
@@ -130,13 +130,13 @@ _PERCENT_OF = re.compile(r"%\s*(\w{2,})")
 _DOSED = re.compile(r"(.*?)[\s_]+(\d+(?:[.,]\d+)?)[\s_]*(ms|s|sec|sek|min)\b((?:\s.*)?)")  # T_2s (%), T 2000 ms
 _OPTICAL = {"transmittance", "reflectance", "absorbance", "absorptance"}
 AXES = {"nm": "wavelength", "cm-1": "wavenumber", "1/cm": "wavenumber", "cm^-1": "wavenumber"}
-"""Headers that consist only of the unit of a spectrum's axis."""
+"""Headers that consist only of the unit of a spectral axis."""
 _PERCENTS = {"T": "transmittance", "R": "reflectance", "A": "absorptance"}
 
 
 @dataclass(frozen=True)
 class Heading:
-    """Content of a header; unit and quantity are empty if it states none."""
+    """Content of a header; unit and quantity are empty if the header gives none."""
 
     name: str
     unit: str
@@ -144,16 +144,16 @@ class Heading:
 
 
 def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
-    """Return the name, unit and quantity that a header's text states.
+    """Return the name, unit and quantity in a header text.
 
     Parameters
     ----------
     text
-        The header's cell.
+        The header cell.
     unit
-        Its cell in the row of units below, if there is one.
+        The cell in the unit row below, if there is one.
     optical
-        Whether the axis is a wavelength, for which T, R and A have their meaning in optics.
+        Whether the axis is a wavelength, for which T, R and A have their optical meaning.
     """
     text = " ".join(text.split())
     if len(text) > _LONGEST:
@@ -177,7 +177,7 @@ def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
 
 
 def quantity_of(name: str, unit: str = "", *, optical: bool = False) -> str:
-    """Return the quantity that a name denotes; empty if it denotes none or its unit is of another kind."""
+    """Return the quantity that a name denotes; empty if it denotes none or if its unit is of another kind."""
     meant = [quantity for quantity in _meanings(name) if not unit or _fits(quantity, unit)]
     if optical and not meant:
         meant = [meaning for meaning in _meanings(re.split(r"[\s_-]", name)[-1]) if not unit or _fits(meaning, unit)]
@@ -188,17 +188,17 @@ def quantity_of(name: str, unit: str = "", *, optical: bool = False) -> str:
 
 
 def is_label(text: str) -> bool:
-    """Whether a column names its rows: replicate, sample, orientation."""
+    """Whether a column labels its rows: replicate, sample, orientation."""
     return plain(text) in _label_words() or plain(heading(text).name) in _label_words()
 
 
 def plain(name: str) -> str:
-    """Return a name without differences of spelling: case, underscores and spaces."""
+    """Return a name without spelling differences: case, underscores and spaces."""
     return " ".join(name.replace("_", " ").casefold().split())
 
 
 def stated_unit(text: str) -> bool:
-    """Whether a text is a unit used for measurements; pint alone would accept ``R`` and ``a.u.`` as units."""
+    """Whether a text is a unit used in measurements; pint alone would accept ``R`` and ``a.u.`` as units."""
     text = text.strip()
     if len(text) > _LONGEST:
         return False
@@ -210,13 +210,13 @@ def stated_unit(text: str) -> bool:
 
 
 def is_mode(text: str) -> bool:
-    """Whether a text is a spectrophotometer's mode such as ``%T``, both a unit and a name."""
+    """Whether a text is a spectrophotometer mode such as ``%T``, which is both a unit and a name."""
     match = _PERCENT.fullmatch(text.strip())
     return match is not None and not match[4]
 
 
 def _split(text: str, optical: bool) -> Heading | None:
-    """Return the heading of a text that contains a unit, or None."""
+    """Return the heading for a text that contains a unit; otherwise None."""
     bracket = _BRACKET.fullmatch(text)
     if bracket:
         name, inner = bracket[1], bracket[2] if bracket[2] is not None else bracket[3]
@@ -234,7 +234,7 @@ def _split(text: str, optical: bool) -> Heading | None:
 
 
 def _suffixed(text: str, optical: bool) -> Heading | None:
-    """Return the heading of a name that ends in its unit, as in ``dose_mJ_per_cm2``."""
+    """Return the heading for a name that ends in a unit, such as ``dose_mJ_per_cm2``."""
     parts = text.split("_")
     for start in range(1, len(parts)):
         name, unit = "_".join(parts[:start]), _unit_of_parts(parts[start:])
@@ -244,7 +244,7 @@ def _suffixed(text: str, optical: bool) -> Heading | None:
 
 
 def _unit_of_parts(parts: list[str]) -> str:
-    """Return the unit spelled by the parts of a name: ``mJ per cm2``, ``per mm``, or the common ``mJ cm2``."""
+    """Return the unit spelled by parts of a name: ``mJ per cm2``, ``per mm``, or the common ``mJ cm2``."""
     words = ["/" if part == "per" else part for part in parts]
     if words[0] == "/":
         words.insert(0, "1")
@@ -254,9 +254,9 @@ def _unit_of_parts(parts: list[str]) -> str:
 
 
 def _is_unit_of(name: str, unit: str, *, bracketed: bool = False) -> bool:
-    """Whether a text is a unit and, if the quantity is known, one of its kind.
+    """Whether a text is a unit and, if the quantity is known, a suitable unit for it.
 
-    A bracket after a single letter is always its unit: the ``b`` of ``b (V)`` is not a width.
+    Brackets after a single letter always contain its unit: the ``b`` of ``b (V)`` is not a width.
     """
     unit = unit.strip()
     if not stated_unit(unit):

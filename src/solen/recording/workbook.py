@@ -1,8 +1,8 @@
-"""Excel workbooks (.xlsx, and .xls with the extra ``xls``): the cells of one sheet, as a text file's rows.
+"""Excel workbooks (.xlsx, and .xls with the extra ``xls``): the cells of a worksheet, as rows of text like a CSV.
 
-A workbook is the same table as its CSV. Numbers keep all their digits. The value of a formula is the result stored with
-it; a file with a formula without a stored result is rejected, because its cell is not empty. An archive that would
-unpack to more than the size of a table is not unpacked.
+A workbook gives the same table as its CSV. Numbers keep all digits. The value of a formula is the stored result; a file
+with a formula without a stored result is rejected, because that cell is not empty. An archive that would unpack to more
+than the size of a table is not unpacked.
 
 Public name: `grid`.
 """
@@ -22,15 +22,16 @@ from solen.recording.numbers import is_number
 from solen.recording.source import Source
 
 LARGEST_MB = 500
-"""Largest size in MB of all parts of a workbook, unpacked."""
+"""Largest total size of an unpacked workbook in MB."""
 MOST_CELLS = 2_000_000
-"""Largest number of cells of a sheet."""
+"""Largest number of cells in a worksheet."""
 
 
 def grid(source: Source, sheet: str | None = None) -> Grid:
-    """Return the rows of a sheet; raise `DataError` if the file is not a workbook or the sheet must be named.
+    """Return the rows of a worksheet.
 
-    ``sheet`` is its name; default: the only sheet with numbers.
+    Raises `DataError` if the file is not a workbook or the worksheet must be named. ``sheet`` is its name; default: the
+    only worksheet with numbers.
     """
     if source.is_archive:
         _check_archive(source)
@@ -63,9 +64,9 @@ def _check_archive(source: Source) -> None:
 
 
 def _sheets(source: Source, wanted: str | None, *, stored: bool) -> dict[str, list[list[str]]]:
-    """Return the cells of every worksheet by its name, or of the requested one only.
+    """Return the cells of the requested worksheet, or of every worksheet, by worksheet name.
 
-    With ``stored`` the value of a formula is the result that was stored with it, else its text.
+    With ``stored`` the value of a formula is its stored result, otherwise its text.
     """
     import openpyxl
 
@@ -89,7 +90,7 @@ def _check_name(source: Source, wanted: str | None, names: Sequence[str]) -> Non
 
 
 def _old_sheets(source: Source, wanted: str | None) -> dict[str, list[list[str]]]:
-    """Return the cells of an .xls, whose formulas have their results stored."""
+    """Return the cells of an .xls file, in which formula results are stored."""
     need("xlrd", what=str(source.path), doing="reading .xls", otherwise="save it as .xlsx or CSV", error=DataError)
     import xlrd
 
@@ -105,7 +106,7 @@ def _old_sheets(source: Source, wanted: str | None) -> dict[str, list[list[str]]
 
 
 def _old_row(book: Any, cells: Sequence[Any]) -> list[str]:
-    """Return the cells of an .xls in the form in which `_text` returns them for an .xlsx."""
+    """Return the cells of an .xls file in the form in which `_text` returns those of an .xlsx file."""
     import xlrd
 
     of: dict[int, Callable[[Any], Any]] = {
@@ -122,7 +123,7 @@ def _old_row(book: Any, cells: Sequence[Any]) -> list[str]:
 
 
 def _texts(source: Source, sheet: Any) -> list[list[str]]:
-    """Return the cells of a sheet as a CSV would contain them."""
+    """Return the cells of a worksheet as a CSV would contain them."""
     sheet.reset_dimensions()  # the stated dimensions may be wrong
     rows: list[list[str]] = []
     left = MOST_CELLS
@@ -136,7 +137,7 @@ def _texts(source: Source, sheet: Any) -> list[list[str]]:
 
 
 def _errors() -> tuple[type[Exception], ...]:
-    """Exceptions that zipfile, openpyxl and their dependencies raise at a damaged workbook."""
+    """Return the exceptions that zipfile, openpyxl and their dependencies raise for a damaged workbook."""
     import zlib
     from xml.etree.ElementTree import ParseError
 
@@ -149,7 +150,7 @@ def _errors() -> tuple[type[Exception], ...]:
 
 
 def _only(source: Source, sheets: dict[str, list[list[str]]]) -> str:
-    """Return the name of the only sheet that contains numbers."""
+    """Return the name of the only worksheet that contains numbers."""
     held = [name for name, rows in sheets.items() if any(is_number(cell) for row in rows for cell in row)]
     if len(held) != 1:
         limit = f"has {len(held)} sheets with numbers" if held else "has no sheet with numbers"
@@ -158,7 +159,7 @@ def _only(source: Source, sheets: dict[str, list[list[str]]]) -> str:
 
 
 def _grid_of(source: Source, name: str, texts: list[list[str]]) -> Grid:
-    """Return the grid of a sheet; all rows are padded to the longest, without empty columns at the end."""
+    """Return the grid of a worksheet; all rows are padded to the longest, without empty columns at the end."""
     while texts and not any(texts[-1]):
         texts.pop()
     width = max((n + 1 for row in texts for n, cell in enumerate(row) if cell), default=0)
