@@ -216,7 +216,7 @@ def test_every_number_of_the_lens_is_a_key(lens: dict[str, object], own: dict[st
 def test_a_number_of_layers_has_no_derivative_and_says_so() -> None:
     with pytest.raises(SpecError, match=r"lens\.layer_mm.*number of layers is an integer"):
         sensor(LAYERED | {"lens.layer_mm": 0.5}).sensitivity(["lens.layer_mm"], -1.0)
-    with pytest.raises(SpecError, match=r"lens\.y_focus_mm.*states no value"):
+    with pytest.raises(SpecError, match=r"lens\.y_focus_mm.*specifies no value"):
         sensor({"lens.shape": "line-focus"}).sensitivity(["lens.y_focus_mm"], -1.0)
 
 

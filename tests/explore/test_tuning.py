@@ -89,11 +89,11 @@ def test_a_print_of_another_drawing_is_refused_by_name(lab: Lab, tuned: list[Tun
     """By its looks, or by the drawing that the user names."""
     again = Lab(lab.folder, lab.printer, taken=20)
     first = again.picture(DESIGNED)
-    with pytest.raises(DataError, match=r"looks like a print of correction 0 .*one of correction 1"):
+    with pytest.raises(DataError, match=r"looks like a print of correction 0 .*print of correction 1"):
         lab.tuned(first, tuned[0].log)
     design = tmp_path / "wanted.toml"
     design.write_text(template("solen-860"))
-    with pytest.raises(DataError, match=r"is correction 0 .*one of correction 1"):
+    with pytest.raises(DataError, match=r"is correction 0 .*print of correction 1"):
         lab.tuned(first, tuned[0].log, drawn=design)
     copy = lab.tuned(first, tuned[0].log, another_copy=True)
     assert [step.drawing for step in copy.history] == [0, 0]

@@ -179,7 +179,7 @@ def test_an_outlines_receivers_have_seats_too(tmp_path: Path) -> None:
     ("receiver", "seats", "told"),
     [
         ("wall", {"pockets": True}, "no face of the body is a receiver"),
-        ("receiver", {"slots": ["emitter"]}, "is only cut into a Y"),
+        ("receiver", {"slots": ["emitter"]}, "can be cut only into a Y"),
     ],
 )
 def test_an_outline_without_a_place_for_them_is_refused(

@@ -181,7 +181,7 @@ def test_a_hundred_bends_are_closed_and_simple(
 
 
 def test_a_bend_that_folds_the_inner_wall_is_refused() -> None:
-    with pytest.raises(DesignError, match="folds the inner wall over"):
+    with pytest.raises(DesignError, match="makes the inner wall fold over"):
         built(80.0, body={"stem_length_mm": 2.0, "arm_angle_deg": 8.0, "stem_curve_per_mm": 0.0})
 
 

@@ -64,7 +64,7 @@ def test_without_uncertainty_the_scatter_of_the_points_is_taken_and_said() -> No
     profile = profile_of(x, LENS.z_mm(x) + noise * np.hypot(1.0, slope))
     # a median of 2000 numbers that share neighbours is good to 4 %; the lens itself adds less
     assert profile.u_mm[0] == pytest.approx(0.0005, rel=0.12)
-    assert "states no uncertainty" in profile.warnings[0]
+    assert "specifies no uncertainty" in profile.warnings[0]
     assert scatter_mm(x, LENS.z_mm(x)) < 1e-6
 
 

@@ -191,8 +191,8 @@ def test_keys_that_make_no_free_form_are_refused(table: dict[str, object], words
     ("knots", "words"),
     [
         ([-950.0, -600.0], "the face reaches z = -0.95 mm at x = 0 mm"),
-        ([0.0, 0.0, -300.0, 0.0, 0.0], "deg of incidence at x = "),
-        ([0.0, 0.0, 0.0, 0.0, 0.0, -100.0], "deg of incidence at x = 2 mm'; must be below 90 deg"),
+        ([0.0, 0.0, -300.0, 0.0, 0.0], "deg at x = "),
+        ([0.0, 0.0, 0.0, 0.0, 0.0, -100.0], "deg at x = 2 mm'; must be below 90 deg"),
     ],
 )
 def test_a_face_that_light_cannot_use_is_refused(knots: list[float], words: str) -> None:

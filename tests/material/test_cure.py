@@ -138,7 +138,7 @@ def test_a_slope_that_may_be_nothing_leaves_no_interval_of_dose() -> None:
     found = working_curve([10.0, 10.0, 12.0, 12.0], [50.0, 60.0, 55.0, 66.0])
     assert found.interval95_Ec_mJ_per_cm2 is None
     assert found.interval95_Dp_um[0] < 0.0
-    assert any("no interval" in told for told in cautions(found))
+    assert any("too uncertain" in told for told in cautions(found))
 
 
 def test_the_band_of_discs_holds_one_more_disc() -> None:
@@ -181,11 +181,11 @@ def test_what_did_not_set_and_what_was_not_measured_is_left_out_and_said() -> No
     thick = np.concatenate([line(DOSES), [0.0, 0.0, math.nan]])
     found = working_curve(dose, thick)
     assert [(one.disc.row, one.reason) for one in found.left_out] == [
-        (25, "nothing set"),
-        (26, "nothing set"),
+        (25, "no disc set"),
+        (26, "no disc set"),
         (27, "no thickness"),
     ]
-    assert any("nothing set at 30 mJ/cm², but the line predicts 159 µm" in told for told in cautions(found))
+    assert any("no disc set at 30 mJ/cm², but the line predicts 159 µm" in told for told in cautions(found))
 
 
 def test_doses_that_are_off_together_count_once() -> None:
@@ -223,7 +223,7 @@ def test_the_test_of_fit_alarms_at_its_rate() -> None:
         ([10.0, 20.0, 30.0], [1.0, -2.0, 3.0], r"thickness = '-2 \(row 2\)'; must be 0 to 1e"),
         ([10.0, 10.0, 10.0], [1.0, 2.0, 3.0], "3 discs at 1 doses"),
         ([10.0, 20.0, 30.0], [0.0, 20.0, 30.0], r"2 discs at 2 doses \(1 omitted\)"),
-        ([10.0, 20.0, 30.0, 40.0], [40.0, 30.0, 20.0, 10.0], "thickness must grow with dose"),
+        ([10.0, 20.0, 30.0, 40.0], [40.0, 30.0, 20.0, 10.0], "thickness must increase with the dose"),
     ],
 )
 def test_what_gives_no_curve_is_refused(dose: list[float], thick: list[float], told: str) -> None:

@@ -142,7 +142,7 @@ def test_two_wavelengths_harden_with_depth() -> None:
 
 
 def test_a_lamp_where_nothing_is_known_or_absorbed_is_refused() -> None:
-    with pytest.raises(DataError, match="known only from 380 to 390 nm"):
+    with pytest.raises(DataError, match="available only from 380 to 390 nm"):
         attenuation(93.0, [380.0, 390.0], [0.8, 0.6], led(385.0, 20.0))
     with pytest.raises(DataError, match="above 0 wherever the lamp emits"):
         attenuation(93.0, [380.0, 400.0], [0.8, -0.1], lines([399.0], [1.0]))

@@ -218,7 +218,7 @@ def test_what_cannot_be_fitted_is_refused_in_one_line() -> None:
     )
     assert told("cauchy", [500, 600, 500], [1.5, 1.49, 1.5], terms=3) == line
     assert "has 0 different wavelengths" in told("cauchy", NM, np.full(101, np.nan))
-    assert "requires indices above 1, but one is 0.9" in told("sellmeier", NM, np.where(NM < 401, 0.9, n))
+    assert "requires indices above 1, but one index is 0.9" in told("sellmeier", NM, np.where(NM < 401, 0.9, n))
     assert "index at " in told("cauchy", NM, n - 0.6, 1e-4)
     assert "two terms" in told("sellmeier", NM, n + 1e-3 * np.sin(NM), 1e-3, terms=2)
     assert "too short a range" in told("cauchy", 500 + 1e-3 * np.arange(50), 1.5 + 1e-9 * np.arange(50), 1e-3, terms=3)

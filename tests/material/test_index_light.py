@@ -86,7 +86,7 @@ def test_a_measured_spectrum_is_weighted_by_its_steps() -> None:
 
 @pytest.mark.parametrize(("nm", "power"), [([], []), ([800.0], [0.0]), ([800.0, 810.0], [1.0, -1.0]), ([0.0], [1.0])])
 def test_light_that_is_none_is_refused(nm: list[float], power: list[float]) -> None:
-    with pytest.raises(DataError, match="spectrum of the light; needs wavelengths above 0"):
+    with pytest.raises(DataError, match="spectrum of the light; requires wavelengths above 0"):
         lines(nm, power)
 
 
@@ -98,7 +98,7 @@ def test_fringes_wider_than_the_bandwidth_are_warned_of() -> None:
     )
     assert "wider than the bandwidth of 8 nm" in line
     (coarse,) = fringe_warnings(NM[::4], N[::4], 25.0, 2.0)[1:]
-    assert coarse.startswith("do not use: its wavelengths are 8 nm apart, too far to show the fringes")
+    assert coarse.startswith("do not use: the wavelengths are 8 nm apart, which does not resolve the fringes")
     (unknown,) = fringe_warnings(NM, N, 25.0, None)
     assert "the instrument's bandwidth is not specified" in unknown
     assert len(fringe_warnings(NM[:1], N[:1], 25.0, 2.0)) == 2

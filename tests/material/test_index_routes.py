@@ -48,7 +48,7 @@ def test_without_a_stated_uncertainty_none_is_claimed() -> None:
     found = measured(NM, reading(t), reading(r, 0.001), H)
     assert np.isnan(found.n.u).all()
     assert np.isnan(found.k.u).all()
-    assert "state it with --u-T, or provide repeats" in only(found, "no uncertainty of T is known")
+    assert "specify it with --u-T, or provide repeats" in only(found, "no uncertainty of T is known")
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -185,7 +185,7 @@ def test_masks_tell_their_reason() -> None:
 
 def test_a_negative_discriminant_is_masked() -> None:
     found = measured([5000.0], reading([0.02]), reading([0.02]), Length(1.0))
-    assert found.reason == ("n, k: no index fits: the square in n is negative",)
+    assert found.reason == ("n, k: no index fits: the expression under the square root in n is negative",)
 
 
 def test_a_spectrum_that_makes_light_everywhere_is_masked_everywhere() -> None:
@@ -330,9 +330,12 @@ def test_nothing_uncertain_has_no_uncertainty() -> None:
         (lambda: Length(25.0, 30.0), "uncertainty of the thickness = '30 µm'; must be at least 0 and below"),
         (
             lambda: reading([0.9], 1.5, name="T"),
-            "stated uncertainty of T = '1.5'; must be a fraction of at least 0 and below 1",
+            "specified uncertainty of T = '1.5'; must be a fraction of at least 0 and below 1",
         ),
-        (lambda: reading([0.9], -0.1, name="R"), "stated uncertainty of R = '0.1'; must be a fraction of at least 0"),
+        (
+            lambda: reading([0.9], -0.1, name="R"),
+            "specified uncertainty of R = '0.1'; must be a fraction of at least 0",
+        ),
     ],
 )
 def test_bad_numbers_are_refused(make: object, line: str) -> None:

@@ -166,7 +166,7 @@ def test_orientations_that_differ_are_distinguished() -> None:
         assert line.pieces == 15
     assert found.p_orientation is not None
     assert found.p_orientation < 1e-4
-    assert any("use the value of your orientation" in told for told in found.warnings)
+    assert any("use the value for your orientation" in told for told in found.warnings)
 
 
 def test_orientations_that_do_not_differ_are_found_to_at_the_rate_of_the_test() -> None:
@@ -215,9 +215,9 @@ def test_a_background_that_was_not_taken_off_bends_the_line() -> None:
 @pytest.mark.parametrize(
     ("lengths", "guides", "ways", "told"),
     [
-        ([20.0, 20.0, 20.0], ["a", "b", "c"], None, "20 mm'; one length determines no slope"),
+        ([20.0, 20.0, 20.0], ["a", "b", "c"], None, "20 mm'; single length determines no slope"),
         ([10.0, 20.0], ["a", "b"], None, "pieces = 2; 2 parameters are fitted"),
-        ([10.0, 20.0, 10.0, 20.0], ["a", "b", "a", "b"], None, "readings of one guide count once"),
+        ([10.0, 20.0, 10.0, 20.0], ["a", "b", "a", "b"], None, "readings of a guide count once"),
         ([10.0, 20.0, 30.0], None, ["x", "y", "z"], "one in each orientation"),
         ([10.0, -20.0, 30.0], None, None, r"length = '-20 \(reading 2\)'; must be from 0.001 to 1e.06 mm"),
     ],

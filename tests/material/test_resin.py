@@ -63,7 +63,10 @@ def test_a_file_holds_an_index_of_each_kind(index: str, kind: type, at_500_nm: f
         (f'{HEAD}sources = "x"\n{N}', "sources = 'x'; must be a list of tables; write [[sources]]"),
         (f'{HEAD}sourec = "x"\n{N}', "sourec; unknown key; did you mean source?"),
         (f'{HEAD}{N}mode = "as_published"', "index.mode = 'as_published'; must be one of measured, absorptance,"),
-        (f'{HEAD}{N}mode = "as-published"', 'index.warnings; missing: mode = "as-published" needs one; add e.g.'),
+        (
+            f'{HEAD}{N}mode = "as-published"',
+            'index.warnings; is missing: mode = "as-published" requires at least one warning; add, for example,',
+        ),
         (f"{HEAD}{N}[cure]\nDp_um = -80", "cure.Dp_um = -80; must be greater than 0; and 1 more problem"),
         (f"{HEAD}{N}[cure]\nDp_um = 80\nEc_mJ_per_cm2 = 0", "cure.Ec_mJ_per_cm2 = 0; must be greater than 0"),
         (

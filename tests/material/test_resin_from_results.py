@@ -111,7 +111,7 @@ def test_an_index_at_fewer_than_two_wavelengths_is_none() -> None:
             "index.covariance = '1 rows of 1'; must be 3 by 3",
         ),
         ({"mode": "guessed"}, "index.mode = 'guessed'; must be one of measured"),
-        ({"mode": "as-published"}, 'index.warnings; missing: mode = "as-published" needs one'),
+        ({"mode": "as-published"}, 'index.warnings; mode = "as-published" requires at least one'),
         ({"n": [0.5, 0.5, 0.5]}, "index.n = 0.5; must be at least 1"),
     ],
 )
@@ -145,7 +145,7 @@ def test_a_loss_is_kept_with_its_interval_in_its_unit() -> None:
 
 def test_the_wavelength_of_a_loss_is_stated_or_missed() -> None:
     without = CutbackResult(**CUTBACK | {"wavelength_nm": None})
-    assert without.as_table().warnings == ("the wavelength of the measurement is not stated",)
+    assert without.as_table().warnings == ("the wavelength of the measurement is not specified",)
     stated = without.as_table(Selection(loss_wavelength_nm=940.0))
     assert (stated.wavelength_nm, stated.warnings) == (940.0, ())
 
@@ -171,7 +171,7 @@ def test_a_loss_of_one_orientation_can_be_taken() -> None:
     assert upright.absorption_per_mm == pytest.approx(0.0461, abs=1e-4)
     assert (upright.orientation, upright.interval95_per_mm) == ("upright", None)
     assert [one.orientation for one in upright.by_orientation] == ["flat", "upright"]
-    with pytest.raises(DataError, match="orientations are flat, upright"):
+    with pytest.raises(DataError, match="contains flat, upright"):
         found.as_table(Selection(orientation="edge"))
 
 

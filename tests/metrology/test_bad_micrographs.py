@@ -60,7 +60,7 @@ REFUSED: dict[str, tuple[Shot, dict[str, Any], str]] = {
     "a scale ten times too large": (SHOT, {"um_per_px": 80.0}, "pixels wide; at least"),
     "a scale ten times too small": (SHOT, {"um_per_px": 0.8}, "magnify less"),
     "a scale twice too large": (SHOT, {"um_per_px": 16.0}, "check --um-per-px"),
-    "no scale": (SHOT, {"um_per_px": None}, "size of a pixel.*--um-per-px"),
+    "no scale": (SHOT, {"um_per_px": None}, "pixel size.*--um-per-px"),
 }
 
 
@@ -104,7 +104,7 @@ def test_a_photograph_needs_its_scale_and_is_measured_with_a_caution(form: str, 
     picture = tmp_path / name
     picture.write_bytes(written(SHOT.taken(4)))
     design = design_file(tmp_path)
-    with pytest.raises(SolenError, match="does not state the size of a pixel"):
+    with pytest.raises(SolenError, match="does not specify the pixel size"):
         inspect(picture, design=design)
     found = inspect(picture, design=design, options=InspectOptions(um_per_px=8.0)).to_dict()
     off = found["deviation"]

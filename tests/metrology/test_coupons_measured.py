@@ -161,7 +161,7 @@ def test_dust_and_a_shrunk_print() -> None:
         image = dirt(image, rng)
     found = measure_coupon(pictured(image, UM), coupon)
     assert found.pitch_ratio == pytest.approx(0.97, abs=5e-4)
-    assert any("-3.0 % off" in line for line in found.warnings)
+    assert any("by -3.0 %" in line for line in found.warnings)
     near = [one for one in found.measured if one.measured_mm and abs(one.measured_mm - true[one.name]) < 0.004]
     assert len(near) >= 14, "of eighteen; some have dirt on their edge"
 
@@ -258,8 +258,8 @@ def test_what_lies_outside_is_said() -> None:
     found = measure_coupon(pictured(image[:, : image.shape[1] // 2], UM), coupon)
     told = by_name(found)
     assert told["d-1"].resolved is True
-    assert told["mark-3"].reason == told["d-0.06"].reason == "not in the picture"
-    assert any("are not in the picture" in line for line in found.warnings)
+    assert told["mark-3"].reason == told["d-0.06"].reason == "not in the image"
+    assert any("are not in the image" in line for line in found.warnings)
     smallest = limit(found, "positive_diameter")
     assert smallest.bound, "the smaller ones are not seen, so it may be smaller"
 
@@ -270,7 +270,7 @@ def test_pillars_too_small_for_the_pixels_are_not_reported() -> None:
     found = measure_coupon(pictured(image, 40.0), coupon)
     told = by_name(found)
     assert told["d-0.06"].resolved is None
-    assert told["d-0.06"].reason == "too small for this picture"
+    assert told["d-0.06"].reason == "too small for this image"
     assert any("d-0.06" in line and "too small" in line for line in found.warnings)
 
 
@@ -305,7 +305,7 @@ def test_what_is_no_such_coupon_is_refused(kind: str) -> None:
 
 @pytest.mark.parametrize("name", ["cubes", "guides", "cure-discs", "film-layer"])
 def test_what_no_picture_shows_is_refused(name: str) -> None:
-    with pytest.raises(DataError, match="has no features that a picture shows"):
+    with pytest.raises(DataError, match="has no features that an image shows"):
         measure_coupon(pictured(np.zeros((99, 99)), UM), layout(name))
 
 

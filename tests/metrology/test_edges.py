@@ -71,7 +71,7 @@ def test_dust_and_saturation_are_set_aside_and_counted() -> None:
 def test_a_contour_that_leaves_the_picture_is_measured_as_far_as_it_goes() -> None:
     contour = circle(RADIUS)
     edge = fit_edge(blurred_disc(2.0)[:, :260], contour, normals_of(contour, closed=True), closed=True)
-    assert edge.rejected["outside the picture"] > 50
+    assert edge.rejected["outside the image"] > 50
     assert np.abs(off(edge.points_px[edge.kept])).max() < 0.02
 
 

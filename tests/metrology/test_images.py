@@ -91,7 +91,7 @@ def test_given_scale_counts_and_a_different_tag_is_reported(tmp_path: Path) -> N
     assert near.um_per_px == 2.01
     assert not near.warnings
     assert far.um_per_px == 2.1
-    assert any("ImageJ states 2 (+5.0 %)" in warning for warning in far.warnings)
+    assert any("ImageJ specifies 2 (+5.0 %)" in warning for warning in far.warnings)
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, float("nan"), float("inf"), 1e9])

@@ -94,7 +94,7 @@ def test_a_wrong_scale_is_recognised_by_the_width(folder: Path, capsys: pytest.C
     assert found["scale"]["um_per_px"] == 5.3
     assert found["width_mm"] == pytest.approx(4.24, abs=0.03)
     said = " ".join(found["warnings"])
-    assert "--um-per-px 5.3 is used although OME-XML PhysicalSizeX states 5 (+6.0 %)" in said
+    assert "--um-per-px 5.3 is used although OME-XML PhysicalSizeX specifies 5 (+6.0 %)" in said
     assert "the scale or the size of the print" in said
 
 

@@ -1,4 +1,4 @@
-"""z maps: what levels become, where the size of a pixel comes from, and what is refused in one line."""
+"""z maps: what levels become, where the pixel size comes from, and what is refused in one line."""
 
 import io
 from pathlib import Path
@@ -56,7 +56,7 @@ def tiff(values: Any, **options: Any) -> bytes:
 
 
 REFUSED: dict[str, tuple[str, bytes, str]] = {
-    "no scale": ("a.tif", tiff(RAMP.astype(np.float32)), "size of a pixel"),
+    "no scale": ("a.tif", tiff(RAMP.astype(np.float32)), "pixel size"),
     "a picture": ("a.tif", tiff(RAMP.astype(np.uint8)), "has 8 bits"),
     "a stack": ("a.tif", tiff(np.stack([RAMP, RAMP]).astype(np.float32), photometric="minisblack"), "2 planes"),
     "colours": ("a.tif", tiff(np.zeros((40, 50, 3), np.uint16), photometric="rgb"), "not a grid of heights"),
@@ -68,7 +68,11 @@ REFUSED: dict[str, tuple[str, bytes, str]] = {
     "empty": ("a.csv", b"", "is empty"),
     "a header": ("a.csv", b"x,y\n" * 40, "at least 32"),
     "words": ("a.csv", "\n".join([",".join(["one"] * 40)] * 40).encode(), "not a height"),
-    "ragged": ("a.csv", (text(RAMP, ",") + "\n1,2").encode(), "row 41 contains 2 numbers, the first row 50"),
+    "ragged": (
+        "a.csv",
+        (text(RAMP, ",") + "\n1,2").encode(),
+        "row 41 contains 2 numbers, whereas the first row contains 50",
+    ),
     "no UTF-8": ("a.csv", b"\xff\xfe1,2", "not UTF-8"),
 }
 

@@ -81,7 +81,7 @@ def test_an_angle_that_begins_anew_after_a_turn_is_counted_on(tmp_path: Path) ->
     rows = np.column_stack([ROWS[:, 0], ROWS[:, 1] % 360.0, ROWS[:, 2:]])
     found = taken(tmp_path, "time_s,angle_deg,left_V,right_V", rows)
     assert found.angle_deg == pytest.approx(ROWS[:, 1], abs=1e-4)
-    assert any("jumps by a full turn" in warning for warning in found.warnings)
+    assert any("jumps by a full rotation" in warning for warning in found.warnings)
 
 
 def test_an_angle_about_the_half_turn_is_counted_on(tmp_path: Path) -> None:

@@ -120,12 +120,12 @@ def test_a_receiver_that_pulls_down_is_understood(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("length_mm,power_mW\n20,1\n20,1.1\n20,0.9\n", "one length determines no slope"),
+        ("length_mm,power_mW\n20,1\n20,1.1\n20,0.9\n", "single length determines no slope"),
         ("length_mm,power_mW\n10,1\n20,0\n30,0.5\n", "must be above 0"),
         ("length_mm,note\n10,a\n20,b\n", "has no column power or signal or voltage"),
         ("size,power_mW\n10,1\n20,0.5\n", "has no column length"),
         ("length,power_mW\n10,1\n20,0.5\n", "its unit in the header"),
-        ("length_mm,power_mW\n10,\n20,\n30,\n", "no row with a length and a power"),
+        ("length_mm,power_mW\n10,\n20,\n30,\n", "no row with both a length and a power"),
     ],
 )
 def test_cutback_refuses_what_gives_no_loss(tmp_path: Path, text: str, told: str) -> None:
@@ -396,7 +396,7 @@ def test_exposures_give_the_index_where_reflectance_was_measured(tmp_path: Path)
 @pytest.mark.parametrize(
     ("name", "text", "told"),
     [
-        ("a.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "must specify its exposure"),
+        ("a.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "must specify the exposure"),
         ("2 s.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "a trend needs at least two"),
         ("a.csv", "wavelength_nm,x 2 s (%T),x 4 s (%T)\n600,90,80\n601,91,82\n", "not all samples were measured at"),
     ],

@@ -89,13 +89,13 @@ def test_a_z_map_of_the_reference(told: Run) -> None:
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
-        (["a.png", "--coupon", "group-a"], "does not state the size of a pixel"),
+        (["a.png", "--coupon", "group-a"], "does not specify the pixel size"),
         (["a.png", "--um-per-px", "14"], "--coupon; is missing"),
         (["a.png", "--coupon", "group-x", "--um-per-px", "14"], "must be one of group-a"),
         (["a.png", "--coupon", "group-a", "--um-per-px", "0"], "--um-per-px = '0'; must be at least 0.0001"),
         (["a.png", "--coupon", "group-a", "--um-per-px", "14"], "shows no group-a"),
         (["a.png", "--coupon", "group-c", "--um-per-px", "14"], "--z-um"),
-        (["a.png", "--coupon", "cubes", "--um-per-px", "14"], "has no features that a picture shows"),
+        (["a.png", "--coupon", "cubes", "--um-per-px", "14"], "has no features that an image shows"),
         (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--z-um", "1"], "is not a z map"),
         (["none.png", "--coupon", "group-a", "--um-per-px", "14"], "no such file"),
         (["z.csv", "--coupon", "z-reference", "--um-per-px", "14"], "--z-um; is missing"),

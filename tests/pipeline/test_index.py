@@ -124,7 +124,7 @@ def test_an_absorbance_alone_is_a_transmittance(tmp_path: Path) -> None:
     np.testing.assert_allclose(found["T"], T, rtol=1e-12)
     alone = index(table(tmp_path, {"wavelength_nm": NM, "T": T}, "t.csv"), options(u_T="0.001"))
     np.testing.assert_allclose(found["u_n"], np.log(10.0) * T * np.array(alone["u_n"]), rtol=1e-9)
-    with pytest.raises(DataError, match="no index follows from an absorptance alone"):
+    with pytest.raises(DataError, match="an absorptance alone determines no index"):
         index(file, options(absorbance_kind="absorptance"))
 
 

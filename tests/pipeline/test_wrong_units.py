@@ -52,7 +52,7 @@ def test_lengths_in_mm_under_a_header_in_um_are_guessed_first(tmp_path: Path) ->
 
 def test_voltages_that_fall_with_light_are_refused_until_the_dark_one_is_stated(tmp_path: Path) -> None:
     file = guides(tmp_path / "a.csv", "length_mm,voltage_V", lambda power: 5.0 - 4.0 * power)
-    with pytest.raises(DataError, match=r"light lowers them.*--dark X, 4.\d+ V or above"):
+    with pytest.raises(DataError, match=r"light lowers the voltage.*--dark X, 4.\d+ V or above"):
         guide_loss(read(file))
     assert guide_loss(read(file), CutbackOptions(dark=5.0)).loss_dB_per_cm == pytest.approx(1.3, abs=0.05)
 
@@ -61,8 +61,8 @@ def test_voltages_that_fall_with_light_are_refused_until_the_dark_one_is_stated(
     ("header", "names", "scale", "told"),
     [
         ("wavelength_nm,T,R", "TR", 1.0, ""),
-        ("wavelength_nm,T,R", "RT", 1.0, "look exchanged: as named they give .*, exchanged 1.49"),
-        ("wavelength_nm,T (%),R (%)", "RT", 100.0, "look exchanged"),
+        ("wavelength_nm,T,R", "RT", 1.0, "appear to be swapped: as named they give .*, swapped 1.49"),
+        ("wavelength_nm,T (%),R (%)", "RT", 100.0, "appear to be swapped"),
         ("wavelength_nm,T (%),R (%)", "TR", 1.0, "fractions under a header in %: .* as fractions 1.49"),
         ("wavelength_nm,T (%)", "T", 1.0, "fractions under a header in %: .* as fractions 1.49"),
         ("wavelength_nm,T (%)", "T", 100.0, ""),

@@ -64,7 +64,7 @@ def test_a_sound_scene_says_what_it_holds() -> None:
         ({"regions": (AIR, Region("glass", 1.5, math.nan))}, "region glass absorption_per_mm = 'nan'"),
         ({"interfaces": (Interface("i", FACE.curve, "air", "air", "receiver"),)}, "interface i"),
         ({"interfaces": (Interface("i", FACE.curve, "air", "air", "mirror", "eye"),)}, "interface i = 'eye'"),
-        ({"sources": ()}, "scene sources = 0; a scene needs at least one source"),
+        ({"sources": ()}, "scene sources = 0; a scene requires at least one source"),
         ({"sources": (Rays((), ()),)}, "source rays = 0; must be a whole number of at least 1"),
         ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 0),)}, "source rays = 0; must be a whole number of at least 1"),
         ({"sources": (Fan((0.0, 0.0), 0.0, 10.0, 3, power=0.0),)}, "source power = 0.0; must be from 1e-12 to 1e+12"),
@@ -276,7 +276,7 @@ def test_all_sources_have_a_spectrum_or_none_has(sources: tuple[Source, ...]) ->
 
 def test_an_index_that_depends_on_the_wavelength_needs_one() -> None:
     line = refused(regions=(AIR, Region("glass", RESIN)))
-    assert "region glass = 'depends on the wavelength'; every source needs a spectrum" in line
+    assert "region glass = 'depends on the wavelength'; every source requires a spectrum" in line
     assert "specify a spectrum for the sources, or a constant index for the region" in line
     assert scene(regions=(AIR, Region("glass", RESIN)), sources=(RED,)).regions[1].index == RESIN
 
@@ -284,8 +284,11 @@ def test_an_index_that_depends_on_the_wavelength_needs_one() -> None:
 @pytest.mark.parametrize(
     ("index", "words"),
     [
-        (Cauchy(A=1.5, valid_nm=(700.0, 900.0)), "index at 620 nm; known only from 700 to 900 nm"),
-        (Tabulated(wavelength_nm=(500.0, 859.9), n=(1.6, 1.5)), "index at 860 nm; known only from 500 to 859.9 nm"),
+        (Cauchy(A=1.5, valid_nm=(700.0, 900.0)), "index at 620 nm; it is known only from 700 to 900 nm"),
+        (
+            Tabulated(wavelength_nm=(500.0, 859.9), n=(1.6, 1.5)),
+            "index at 860 nm; it is known only from 500 to 859.9 nm",
+        ),
         (Cauchy(A=0.5), "index at 620 nm = 0.5; must be finite and at least 1"),
         (Sellmeier(B=(1.0,), C_um2=(0.62**2,)), "index at 620 nm = nan; must be finite and at least 1"),
     ],

@@ -351,7 +351,7 @@ def test_spectra_of_a_file_are_checked_by_the_scene() -> None:
     assert "source spectrum = 'missing in 8 of 9'" in refused(json.dumps(wrong))
     wrong = json.loads(scenes.dumps(COLOURFUL))
     wrong["sources"][0]["spectrum"] = [[1000.5, 1.0]]
-    assert "index at 1000.5 nm; known only from 400 to 1000 nm" in refused(json.dumps(wrong))
+    assert "index at 1000.5 nm; it is known only from 400 to 1000 nm" in refused(json.dumps(wrong))
     for source in wrong["sources"]:
         del source["spectrum"]
     assert "region resin-0 = 'depends on the wavelength'" in refused(json.dumps(wrong))

@@ -379,10 +379,9 @@ def _warnings(
 ) -> tuple[Caution, ...]:
     known = "" if math.isnan(u_lag) else f" ± {u_lag:.2g}"
     found = (
-        f"the log's clock is {lag:.6g}{known} s ahead, as determined from the voltages: at a single speed, "
-        "hysteresis and "
-        f"lag cannot be distinguished (1 ms corresponds to {speed}), so the stated hysteresis is only the part that "
-        "no lag explains"
+        f"the log's clock is {lag:.6g}{known} s ahead, as determined from the voltages: at a single "
+        f"speed, hysteresis and lag cannot be distinguished (1 ms corresponds to {speed}), so the "
+        "reported hysteresis is only the part that no lag explains"
     )
     warnings = [look_at(found)]
     if rivals:

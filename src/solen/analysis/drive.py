@@ -163,7 +163,7 @@ def _check_options(stimulus: Stimulus, options: "SignalOptions") -> None:
     for name in foreign:
         if name in options.model_fields_set and getattr(options, name) not in {None, False}:
             option = f"--{name.replace('_', '-')}"
-            remedy = "leave it out" if stimulus is ANGLE or name != "zero_deg" else "--tare-s sets the zero"
+            remedy = "omit it" if stimulus is ANGLE or name != "zero_deg" else "--tare-s sets the zero"
             value = getattr(options, name)
             raise SpecError(
                 option, value=value, limit=f"does not apply to a response against the {stimulus.name}", remedy=remedy
@@ -189,9 +189,7 @@ def _by_cell(
         remedy = "specify zero_V in [load_cell], or use --tare-s with the seconds without load at the beginning"
         raise DataError(what, limit="has no known voltage without load", remedy=remedy)
     if cell.zero_V is not None and options.tare_s is not None:
-        raise SpecError(
-            "--tare-s", value=options.tare_s, limit="cannot be combined with zero_V", remedy="leave one out"
-        )
+        raise SpecError("--tare-s", value=options.tare_s, limit="cannot be combined with zero_V", remedy="omit one")
     volts = scale * channel.values[base.order]
     zero_V = cell.zero_V if cell.zero_V is not None else scale * _tare(channel, options, base)
     return cell.force_N(volts, zero_V)
@@ -258,5 +256,5 @@ def _unwound(channel: Channel, scale: float, warnings: list[Caution]) -> FloatAr
         return angle
     unwound = np.unwrap(angle[held], period=_TURN_DEG)
     angle[held] = unwound - _TURN_DEG * np.round(np.median(unwound) / _TURN_DEG)
-    warnings.append(of(channel.name, note("jumps by a full turn; the angle is continued across the jump")))
+    warnings.append(of(channel.name, note("jumps by a full rotation; the angle is continued across the jump")))
     return angle

@@ -32,9 +32,7 @@ class LoadCell(Strict):
     input: Annotated[int, Field(strict=True, ge=1, le=64)] | None = Field(
         None, description="In a rig: the input to which it is connected."
     )
-    N_per_V: Number | None = Field(
-        None, description="Sensitivity in newtons per volt; negative if pressing lowers the voltage."
-    )
+    N_per_V: Number | None = Field(None, description="Sensitivity in N/V; negative if pressing lowers the voltage.")
     mV_per_V: Positive | None = Field(
         None, description="Alternatively: output at capacity_N, in millivolts per volt of excitation."
     )

@@ -102,7 +102,7 @@ def _complete(samples: Waveforms, file: str) -> Waveforms:
     finite = np.isfinite(samples.volts)
     for name, held in zip(samples.receivers, finite.T, strict=True):
         if not held.any():
-            raise DataError(f"{file}: {name}", limit="holds no number", remedy="leave it out")
+            raise DataError(f"{file}: {name}", limit="contains no number", remedy="omit it")
     kept = np.asarray(finite.all(axis=1))
     if samples.angle_deg is not None:
         kept &= np.isfinite(samples.angle_deg)

@@ -95,7 +95,7 @@ class SignalOptions(Options):
             if count > 1:
                 raise refused("channel", "is named twice", value=name, remedy="use a different name for each receiver")
         if self.rate_hz is not None and self.time is not None:
-            raise refused("rate_hz", "cannot be combined with --time", value=self.rate_hz, remedy="leave one out")
+            raise refused("rate_hz", "cannot be combined with --time", value=self.rate_hz, remedy="omit one")
         if self.emitters > 1 and not self.on_off_hz:
             limit = "requires the rate at which each emitter switches"
             raise refused("emitters", limit, value=self.emitters, remedy="give --on-off-hz")

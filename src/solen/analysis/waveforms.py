@@ -53,7 +53,7 @@ def waveforms(recording: Recording, options: SignalOptions, *, angle: AngleSourc
     if whole.ambient_subtracted and options.rails is not None:
         limit = f"do not apply to {file}, from which ambient light was subtracted: its clipped readings are marked"
         rails = " ".join(f"{rail:g}" for rail in options.rails)
-        raise SpecError("--rails", value=rails, limit=limit, remedy="leave it out")
+        raise SpecError("--rails", value=rails, limit=limit, remedy="omit it")
     parts = _by_emitter(whole, options)
     return {emitter: _smoothed(part, options, file) for emitter, part in parts.items()}
 

@@ -61,9 +61,9 @@ def simple_pieces(control: Control, what: str = "bezier") -> list[Piece]:
             x, z = piece.control[0]
             raise DesignError(
                 what,
-                value=f"stops or turns on the spot near x = {x:.6g}, z = {z:.6g} mm",
-                limit="must keep moving and turn smoothly",
-                remedy="move its handles away from its ends and from one another, or split it into two pieces",
+                value=f"stops or reverses near x = {x:.6g}, z = {z:.6g} mm",
+                limit="must not stop and must change direction smoothly",
+                remedy="move its handles away from its ends and from each other, or split it into two segments",
             )
         else:
             waiting += reversed(halves(piece))

@@ -54,7 +54,7 @@ def fitted(
             points = np.vstack([controls[0, :1], controls[:, 1:].reshape(-1, 2)])
             return Spline(tuple((float(x), float(z)) for x, z in points))
         if len(ends) > MOST_POINTS:
-            raise DesignError("tolerance_mm", value=tolerance_mm, limit=f"would need more than {MOST_POINTS} pieces")
+            raise DesignError("tolerance_mm", value=tolerance_mm, limit=f"would need more than {MOST_POINTS} segments")
         ends = np.sort(np.concatenate([ends, (0.5 * (ends[:-1] + ends[1:]))[rough]]))
 
 

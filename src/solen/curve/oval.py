@@ -40,7 +40,7 @@ class CartesianOval(Curve):
         check_numbers("oval", self.n1, self.n2, self.object_mm, self.image_mm, self.from_deg, self.to_deg)
         if not (self.n2 > self.n1 > 0.0 and self.object_mm > 0.0 and self.image_mm > 0.0):
             found = f"n1 {self.n1}, n2 {self.n2}, object_mm {self.object_mm}, image_mm {self.image_mm}"
-            raise DesignError("oval", value=found, limit="needs n2 above n1 and both distances above 0")
+            raise DesignError("oval", value=found, limit="requires n2 above n1 and both distances above 0")
         if self.from_deg == self.to_deg or np.isnan(self.points(np.array([0.0, 1.0]))).any():
             found = f"from {self.from_deg} to {self.to_deg} deg"
             raise DesignError(

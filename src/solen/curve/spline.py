@@ -71,8 +71,8 @@ class Spline(CubicChain):
             raise DesignError(
                 "spline control_points",
                 value=count,
-                limit="must be 3 N + 1 points: a start, then two handles and an end for each of N pieces",
-                remedy="use Spline.through for a spline through given points",
+                limit="must be 3 N + 1 points: a start, then two handles and an end for each of N segments",
+                remedy="use Spline.through for a spline through specified points",
             )
         _ = self.pieces  # refuses what cannot be split
 
@@ -95,7 +95,7 @@ class Spline(CubicChain):
                 "spline points",
                 value=f"{tuple(map(float, here[i]))} twice in a row",
                 limit="neighbours must differ",
-                remedy="leave one of them out; a closed outline does not repeat its first point",
+                remedy="omit one of them; a closed outline does not repeat its first point",
             )
         tangent = _tangents(chord, length, closed)
         arriving = np.roll(tangent, -1, axis=0) if closed else tangent[1:]

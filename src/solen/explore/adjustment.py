@@ -35,8 +35,8 @@ class Adjustment:
     def parse(cls, text: str, sensor: Sensor) -> Self:
         """Parse an adjustment, ``emitter.offset_mm=0.05``; raise `SpecError` if malformed or for a network."""
         if sensor.is_network:
-            limit = "moves a number until two receivers read alike, and a network has other readings"
-            raise SpecError(OPTION, value=text, limit=limit, remedy="leave it out")
+            limit = "adjusts a parameter until two receivers give equal readings, which does not apply to a network"
+            raise SpecError(OPTION, value=text, limit=limit, remedy="omit it")
         return cls(*deviation_of(text, sensor, OPTION))
 
     @property
@@ -70,12 +70,14 @@ class Adjustment:
             If the design has no null, or the contrast there is not a monotonic function of the number.
         """
         if np.isnan(null_deg):
-            raise SpecError(OPTION, value=self.key, limit="the design has no null to adjust prints to")
+            raise SpecError(OPTION, value=self.key, limit="the design has no null to which prints could be adjusted")
         by_step = np.array([_contrast(angle_deg, point, null_deg) for point in alone])
         rises = np.diff(by_step) * np.sign(by_step[-1] - by_step[0])
         if not (rises > 0.0).all():
-            limit = f"the contrast at the design's null is not a monotonic function of it over ± {self.limit:g}"
-            raise SpecError(OPTION, value=self.key, limit=limit, remedy="name another number or a smaller limit")
+            limit = (
+                f"the contrast at the design's null is not a monotonic function of this parameter over ± {self.limit:g}"
+            )
+            raise SpecError(OPTION, value=self.key, limit=limit, remedy="name another parameter or a smaller limit")
         order = np.argsort(by_step)
         moved = [-self._equal(_contrast(angle_deg, point, null_deg), by_step, order) for point in prints]
         return [{**one, self.key: one.get(self.key, 0.0) + step} for one, step in zip(off, moved, strict=True)]

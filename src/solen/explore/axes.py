@@ -49,7 +49,7 @@ def axis(text: str, design: Design, option: str = "--over", forms: str = FORMS) 
     if any(part == "" for part in listed):
         raise SpecError(f"{option} {key}", value=values, limit="contains an empty value", remedy=forms)
     if len(set(map(str, listed))) < len(listed):
-        raise SpecError(f"{option} {key}", value=values, limit="contains a value twice", remedy="leave one out")
+        raise SpecError(f"{option} {key}", value=values, limit="contains a value twice", remedy="omit one")
     return Axis(key, listed)
 
 
@@ -59,7 +59,7 @@ def check_not_set(option: str, texts: Sequence[str], assignments: Sequence[str] 
     for text in texts:
         for key in re.split(r"[-+*\s]+", text.partition("=")[0]):
             if key in fixed:
-                limit = f"--set {key} sets the same key to one value"
+                limit = f"--set {key} sets the same key to a single value"
                 raise SpecError(
                     f"{option} {key}", limit=limit, remedy="omit one of them, or write the value in the design"
                 )
@@ -70,12 +70,12 @@ def _spaced(what: str, key: str, text: str, forms: str) -> Axis:
     try:
         low, high, *number = (float(part) for part in text.split(":"))
     except ValueError:
-        raise SpecError(what, value=text, limit="is not made of numbers", remedy=forms) from None
+        raise SpecError(what, value=text, limit="does not consist of numbers", remedy=forms) from None
     if len(number) > 1 or not (math.isfinite(low) and math.isfinite(high)):
         raise SpecError(what, value=text, limit="is not a range", remedy=forms)
     if low == high:
         raise SpecError(
-            what, value=text, limit="is an empty range", remedy="state two different ends, or a single value"
+            what, value=text, limit="is an empty range", remedy="specify two different limits, or a single value"
         )
     if not number:
         return Axis(key, (low, high), "range")
@@ -94,11 +94,11 @@ def check_axes(axes: Sequence[Axis], samples: int | None, part: str | None = Non
         If a key is stated twice, a range is not sampled, or there are too many points.
     """
     if not axes:
-        raise SpecError("--over", limit="a sweep needs at least one axis", remedy=FORMS)
+        raise SpecError("--over", limit="a sweep requires at least one axis", remedy=FORMS)
     keys = [one.key for one in axes]
     twice = next((key for key in keys if keys.count(key) > 1), None)
     if twice:
-        raise SpecError(f"--over {twice}", limit="is stated twice", remedy="put all values of the key in one --over")
+        raise SpecError(f"--over {twice}", limit="is specified twice", remedy="put all values of the key in one --over")
     for one in axes:
         ends = ":".join(f"{value:g}" for value in (one.values[0], one.values[-1])) if one.kind != "list" else ""
         if one.kind == "range" and samples is None:
@@ -117,7 +117,7 @@ def _part(text: str, number: int) -> range:
     """Return the numbers of the points in one of several parts of equal size."""
     place, slash, parts = text.partition("/")
     if not (slash and place.isdecimal() and parts.isdecimal() and 1 <= int(place) <= int(parts) <= number):
-        limit = f"is not a part of {number:,} points"
+        limit = f"is not a valid part of {number:,} points"
         raise SpecError("--part", value=text, limit=limit, remedy="write NUMBER/PARTS, as in 3/10")
     return range((int(place) - 1) * number // int(parts), int(place) * number // int(parts))
 

@@ -51,7 +51,7 @@ def variations_of(
     keys = [one.key for one in found]
     twice = next((key for key in keys if keys.count(key) > 1), None)
     if twice:
-        raise SpecError(f"--vary {twice}", limit="is stated twice", remedy="leave one out")
+        raise SpecError(f"--vary {twice}", limit="is specified twice", remedy="omit one")
     if len(stated) < len(texts) or not texts:
         of_the_print = {*GROWN, *SHRUNK} - {"emitter.distance_mm"} if printed else set()
         known = {key for one in stated for key in one.weights} | of_the_print

@@ -103,8 +103,8 @@ def misleading(plane: Response, space: Response) -> str:
     if found is None or found.contrast - found.u_contrast <= MOVED:
         return ""
     words = (
-        f"The plane misleads here: its contrast differs by up to {found.contrast:.2f} ± {found.u_contrast:.1g} "
-        f"from that in space, at {found.angle_deg:+.3g}°. Take numbers from the curve in space."
+        f"The plane is misleading here: its contrast differs by up to {found.contrast:.2f} ± {found.u_contrast:.1g} "
+        f"from that in space, at {found.angle_deg:+.3g}°. Use the values from the curve in space."
     )
     return words.replace("-", "−")
 

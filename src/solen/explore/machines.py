@@ -120,7 +120,7 @@ def _chunk(digest: str, variants: Sequence[tuple[str, Variant]], accuracy: Accur
     """Trace a chunk on a worker, which must have the same version of solen."""
     if digest != engine():
         raise DataError(
-            "worker", limit="has another version of solen", remedy="install the same version on all workers"
+            "worker", limit="runs a different version of solen", remedy="install the same version on all workers"
         )
     return responses_of(variants, accuracy)
 
@@ -155,7 +155,7 @@ class Cluster:
         try:
             found: dict[str, Point] = future.result()
         except Exception as bad:  # any error of a worker or the network
-            limit = f"gave up a chunk of designs: {type(bad).__name__}: {bad}"
+            limit = f"failed on a chunk of designs: {type(bad).__name__}: {bad}"
             raise DataError(
                 "--cluster", limit=limit, remedy="read the workers' logs and run the command again"
             ) from None
@@ -171,9 +171,9 @@ class Slurm(Strict):
     jobs: int = Field(1, ge=1, le=10_000, description="Number of jobs.")
     queue: Text | None = Field(None, description="Partition.")
     account: Text | None = Field(None, description="Account to be charged.")
-    cores: int = Field(2, ge=1, description="Number of cores of a job.")
+    cores: int = Field(2, ge=1, description="Number of cores per job.")
     processes: int | None = Field(
-        None, ge=1, description="Number of workers of a job; default: one worker with all cores."
+        None, ge=1, description="Number of workers per job; default: one worker with all cores."
     )
     memory: Text = Field("4GB", description="Memory of a job.")
     walltime: Text = Field("01:00:00", description="Longest run time of a job.")
@@ -249,6 +249,6 @@ def cluster_at(where: str) -> Cluster:
         client = connect(where, timeout=WAIT_S)
     except (OSError, ValueError, TimeoutError) as bad:
         limit = f"no cluster answers at this address: {str(bad) or type(bad).__name__}"
-        remedy = "start `dask scheduler` and give its address"
+        remedy = "start `dask scheduler` and specify its address"
         raise SpecError("--cluster", value=where, limit=limit, remedy=remedy) from None
     return Cluster(client)

@@ -58,13 +58,13 @@ class Expression:
         worst = tuple(merit for merit in merits if f"{_WORST} {merit}" in stated)
         if worst and not cls.has_cases:
             raise cls.refusal(
-                text, "worst(...) needs deviations stated with --robust, and there are none", "leave it out"
+                text, "worst(...) requires deviations specified with --robust, but there are none", "omit it"
             )
         if not merits:
             raise cls.refusal(text, "names no merit", f"the merits are {', '.join(known)}")
         if _BASE in stated and len(merits) > 1:
             raise cls.refusal(
-                text, "base stands for a single merit, and several are named", f"write {_BASE}_{merits[0]}"
+                text, "base stands for a single merit, but several are named", f"write {_BASE}_{merits[0]}"
             )
         return cls(text, merits, worst, known)
 

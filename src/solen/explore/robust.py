@@ -23,8 +23,8 @@ def cases_of(sensor: Sensor, texts: Sequence[str], *, mirrors: bool) -> Iterator
     """
     deviations = dict(deviation_of(text, sensor, "--robust") for text in texts)
     if len(deviations) < len(texts) or len(deviations) > MOST_NUMBERS:
-        limit = f"accepts each number once, and at most {MOST_NUMBERS} numbers"
-        raise SpecError("--robust", value=f"{len(texts)} numbers", limit=limit, remedy="leave one out")
+        limit = f"accepts each parameter once, and at most {MOST_NUMBERS} parameters"
+        raise SpecError("--robust", value=f"{len(texts)} numbers", limit=limit, remedy="omit one")
     mirrors = mirrors and sensor.is_symmetric
     yield {}
     for signs in product((1.0, -1.0), repeat=len(deviations)):

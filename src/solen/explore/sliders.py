@@ -143,7 +143,7 @@ def _axes(design: Design, options: SlidersOptions) -> list[Axis]:
     axes = [axis(text, design) for text in options.over] or _usual(design)
     check_axes(axes, None)
     if len(axes) > MOST_AXES:
-        raise SpecError("--over", value=len(axes), limit=f"at most {MOST_AXES} sliders", remedy="leave some out")
+        raise SpecError("--over", value=len(axes), limit=f"at most {MOST_AXES} sliders", remedy="omit some")
     points = math.prod(len(one.values) for one in axes)
     if points > MOST_POINTS:
         limit = f"a page has at most {MOST_POINTS} points"
@@ -152,8 +152,8 @@ def _axes(design: Design, options: SlidersOptions) -> list[Axis]:
         if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in one.values):
             raise SpecError(
                 f"--over {one.key}",
-                limit="a slider needs a key with numbers as values",
-                remedy="name a number of the design",
+                limit="a slider requires a key with numerical values",
+                remedy="name a design parameter",
             )
     return axes
 

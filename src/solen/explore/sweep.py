@@ -157,7 +157,7 @@ def _check_axes(axes: Sequence[Axis]) -> None:
     """Check that all points of a sweep have the same angles."""
     bad = next((one.key for one in axes if one.key.startswith(OF_THE_MOTION)), None)
     if bad is not None:
-        limit = "all points of a sweep need the same angles"
+        limit = "all points of a sweep require the same angles"
         raise SpecError(f"--over {bad}", limit=limit, remedy="use --set for it")
 
 

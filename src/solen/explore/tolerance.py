@@ -197,7 +197,7 @@ def tolerance(
 
 def _varied(sensor: Sensor, options: ToleranceOptions) -> list[Variation]:
     if options.compensated and options.process is None:
-        limit = "needs the process of --process, and none is stated"
+        limit = "requires a process specified with --process, but there is none"
         raise SpecError("--compensated", limit=limit, remedy="add --process FILE, or omit --compensated")
     return variations_of(sensor, options.vary, options.process, compensated=options.compensated)
 
@@ -239,7 +239,7 @@ def print_design(subject: Subject, options: ToleranceOptions) -> Design | None:
     if place is None:
         return None
     if place > options.prints:
-        raise SpecError("--print-number", value=place, limit=f"the prints have the numbers 1 to {options.prints}")
+        raise SpecError("--print-number", value=place, limit=f"prints are numbered from 1 to {options.prints}")
     design = design_of(subject)
     sensor = Sensor.of(design)
     variations = _varied(sensor, options)
@@ -251,14 +251,17 @@ def print_design(subject: Subject, options: ToleranceOptions) -> Design | None:
             variation.moved is not None and "emitter.distance_mm" in variation.weights for variation in variations
         )
         why = "growth of --process moves the lens towards the emitter" if grown else "emitter.distance_mm varies"
-        limit = f"{why}, and the lens of a design file is designed for the distance stated there"
-        remedy = "leave --process out" if grown else "keep it constant: name only the others with --vary"
+        limit = f"{why}, and the lens of a design file is designed for the distance specified in the file"
+        remedy = "omit --process" if grown else ("keep it constant: name only the other parameters with --vary")
         raise SpecError("--print-number", value=place, limit=limit, remedy=f"{remedy}; the table contains this print")
     if "material.index" in values and design.material.resin is not None:
         if sensor.is_loaded or sensor.light.spectrum:
-            limit = "material.index varies, and a design without its resin has neither its stiffness nor its dispersion"
+            limit = "material.index varies, and a design without its resin specifies neither stiffness nor dispersion"
             raise SpecError(
-                "--print-number", value=place, limit=limit, remedy="keep it constant: name only the others with --vary"
+                "--print-number",
+                value=place,
+                limit=limit,
+                remedy="keep it constant: name only the other parameters with --vary",
             )
         values = {"material.absorption_per_mm": sensor.material.absorption_per_mm} | values
     if sensor.has_lens and not sensor.is_measured and {"material.index", "emitter.wavelength_nm"} & values.keys():

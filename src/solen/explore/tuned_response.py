@@ -63,7 +63,7 @@ def _sampled(sensor: Sensor, angles: Sequence[float]) -> FloatArray:
 def _response(best: Response, away: Sequence[FloatArray]) -> TunedResponse:
     """Return a response whose uncertainty includes the standard deviation over other lenses."""
     if not np.isfinite([best.contrast, *away]).all():
-        raise DesignError("response", limit="no light arrives at some angle", remedy="narrow the motion")
+        raise DesignError("response", limit="at some angles no light arrives", remedy="narrow the motion")
     u_lens = np.sqrt(np.mean(np.square(away), axis=0)) if away else np.zeros_like(best.contrast)
     u = np.hypot(u_lens, best.u_contrast)
     low, here, high = (best.at(angle) for angle in (-NEAR_DEG, 0.0, NEAR_DEG))

@@ -101,14 +101,14 @@ def tune(
 def check_tunable(sensor: Sensor) -> None:
     """Raise `DesignError` if a design does not have a single outline visible in a picture of its print."""
     if isinstance(sensor.cut, LensInSpace):
-        limit = "a lens that varies with height cannot be tuned: a picture shows only one height of it"
+        limit = "a lens that varies with height cannot be tuned: an image shows only one height of it"
         remedy = (
             "correct it with solen print predict --compensate, and measure both faces with solen print inspect --bottom"
         )
         raise DesignError("lens.shape", value=sensor.design.lens.shape, limit=limit, remedy=remedy)
     if not isinstance(sensor.cut, DesignedLens):
         limit = "the designed lens must be a Cartesian oval or a spline"
-        raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="name the design as it is wanted")
+        raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="name the intended design")
 
 
 def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspection: LensInspection) -> TuningLog:
@@ -127,7 +127,7 @@ def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspectio
     source = inspection.sources[0]
     for one in log.prints:
         if one.picture.sha256 == source.sha256:
-            limit = f"is the picture of print {one.number} of the log"
+            limit = f"is the image of print {one.number} of the log"
             raise DataError(source.file, limit=limit, remedy="photograph the print of the last correction")
     return log
 
@@ -137,9 +137,7 @@ def _drawing(log: TuningLog, model: PrintModel, options: TuneOptions) -> int:
     last = log.last_drawing
     if options.another_copy:
         if not log.prints:
-            raise SpecError(
-                "--another-copy", limit="needs an earlier print, but the log has none", remedy="leave it out"
-            )
+            raise SpecError("--another-copy", limit="needs an earlier print, but the log has none", remedy="omit it")
         last = log.prints[-1].drawing
     if options.drawn is None:
         return last
@@ -149,7 +147,7 @@ def _drawing(log: TuningLog, model: PrintModel, options: TuneOptions) -> int:
         return last
     same = [number for number, known in hashes.items() if known == sha256]
     found = f"is {log.name(same[0])}" if same else "is not a drawing of this log"
-    limit = f"{found}; this print should be one of {log.name(last)}"
+    limit = f"{found}; this print should be a print of {log.name(last)}"
     raise DataError("--drawn", value=options.drawn.name, limit=limit, remedy="photograph a print of that drawing")
 
 
@@ -216,8 +214,10 @@ class _Tuning:
         logs = {number: self._learnt(number, somewhere, NO_DRAWING).log_evidence for number in every}
         best = max(logs, key=lambda number: logs[number])
         if logs[best] - logs[self.number] > UNLIKE:
-            limit = f"looks like a print of {self.log.name(best)}, but should be one of {self.log.name(self.number)}"
-            remedy = "photograph a print of the latter, or state with --drawn which drawing it was made from"
+            limit = (
+                f"looks like a print of {self.log.name(best)}, but should be a print of {self.log.name(self.number)}"
+            )
+            remedy = "photograph a print of the latter, or specify with --drawn the drawing from which it was made"
             raise DataError(self.inspection.sources[0].file, limit=limit, remedy=remedy)
 
     @cached_property

@@ -34,7 +34,7 @@ def _defocus(inspection: LensInspection, model: PrintModel) -> list[Caution]:
     return [
         look_at(
             f"the edge is blurred over {blur_um:.3g} µm, more than the {printed_um:.3g} µm of the "
-            "printer: the picture is out of focus or the wall is inclined. No drawing can correct "
+            "printer: the image is out of focus or the wall is inclined. No drawing can correct "
             "this, and two faces may be measured as one. Focus on the upper rim"
         )
     ]
@@ -45,8 +45,8 @@ def _side(inspection: LensInspection) -> list[Caution]:
         return []
     return [
         look_at(
-            "it is unknown which face the picture shows (--seen-from): only the symmetric part "
-            "is corrected, since the remainder would be doubled if the picture is mirrored"
+            "it is unknown which face the image shows (--seen-from): only the symmetric part is "
+            "corrected, since the remainder would be doubled if the image is mirrored"
         )
     ]
 
@@ -70,7 +70,7 @@ def _scale(inspection: LensInspection) -> list[Caution]:
         return []
     return [
         look_at(
-            "the uncertainty of the scale is not stated (--u-um-per-px): a wrong scale cannot "
+            "the uncertainty of the scale is not specified (--u-um-per-px): a wrong scale cannot "
             "be distinguished from shrinkage. Overgrowth and form are corrected, but size is not; "
             "the predicted residual includes an error of 3 % in the scale"
         )
@@ -88,7 +88,7 @@ def _face(model: PrintModel) -> list[Caution]:
         note(
             f"according to the model, walls are displaced by {ends[0]:+.2g} µm at the first layer "
             f"and {ends[1]:+.2g} µm at the last relative to half the thickness, where the emitter "
-            "is; the face in the picture is corrected"
+            "is; the face in the image is corrected"
         )
     ]
 
@@ -118,6 +118,6 @@ def _missed(log: TuningLog) -> list[Caution]:
         look_at(
             f"{last.rms_um:.3g} ± {last.u_rms_um:.2g} µm (rms) were measured, but {low:.2g} to "
             f"{high:.2g} µm were predicted: the printer, the resin, the cleaning or the scale of "
-            "the picture has changed, or --repeat-um is too small"
+            "the image has changed, or --repeat-um is too small"
         )
     ]

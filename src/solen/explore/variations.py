@@ -91,7 +91,7 @@ def variation(text: str, sensor: Sensor) -> Variation:
     if kind not in {"normal", "uniform"} or not (math.isfinite(first) and math.isfinite(second)):
         raise SpecError(what, value=stated, limit="is not a normal or uniform distribution", remedy=FORMS)
     if kind == "normal" and not second > 0.0:
-        raise SpecError(what, value=second, limit="a standard deviation must be greater than 0", remedy="leave it out")
+        raise SpecError(what, value=second, limit="a standard deviation must be greater than 0", remedy="omit it")
     if kind == "uniform" and not first < second:
         raise SpecError(what, value=stated, limit="is an empty range", remedy="write the lower end first")
     for each in together(key):
@@ -105,11 +105,11 @@ def check_key(sensor: Sensor, key: str, option: str, *, material: bool = False) 
     With ``material``, numbers of the material are accepted even if they follow from a resin.
     """
     if key.partition(".")[0] in UNSEEN or key.startswith("network.motion["):
-        limit = "is not a number that affects a response, or is the same for all designs"
-        raise SpecError(f"{option} {key}", limit=limit, remedy="leave it out")
+        limit = "is not a parameter that affects a response, or is the same for all designs"
+        raise SpecError(f"{option} {key}", limit=limit, remedy="omit it")
     number(sensor, key)
     if why := "" if material and key in OF_THE_MATERIAL else inert(sensor, key):
-        raise SpecError(f"{option} {key}", limit=why, remedy="leave it out")
+        raise SpecError(f"{option} {key}", limit=why, remedy="omit it")
 
 
 def deviation_of(text: str, sensor: Sensor, option: str) -> tuple[str, float]:
@@ -138,9 +138,9 @@ def together(text: str) -> dict[str, float]:
         weights[term[3]] = weights.get(term[3], 0.0) + (-weight if term[1] == "-" else weight)
         place = term.end()
     if place < len(text) or not weights:
-        remedy = "write KEY, or KEY+0.5*KEY for numbers that move together"
+        remedy = "write KEY, or KEY+0.5*KEY for parameters that vary together"
         raise SpecError(
-            "--vary", value=text, limit="is not a number of the design or a sum of its numbers", remedy=remedy
+            "--vary", value=text, limit="is not a design parameter or a sum of design parameters", remedy=remedy
         )
     return weights
 

@@ -171,7 +171,7 @@ def _through_lens(design: Design, body: Body, half_mm: float) -> tuple[tuple[Fac
     lens = [face for face in body.faces if face.part == "lens"]
     if design.body.lens_is_drawn or design.body.kind == "network" or not lens:
         raise DesignError(
-            "fabricate.slots", value="emitter", limit="is only cut into a Y-shaped body", remedy="omit it"
+            "fabricate.slots", value="emitter", limit="can be cut only into a Y-shaped body", remedy="omit it"
         )
     wide_mm = design.lens.half_width_mm
     if not half_mm < wide_mm:

@@ -38,7 +38,7 @@ def read_stl(path: Path) -> Mesh:
     if not len(corners):
         raise DataError(str(path), value="no triangle", limit="is empty", remedy=REMEDY)
     if not np.isfinite(corners).all():
-        raise DataError(str(path), value="a corner that is not finite", limit="is damaged", remedy=REMEDY)
+        raise DataError(str(path), value="a vertex that is not finite", limit="is damaged", remedy=REMEDY)
     vertices, triangles = _welded(corners.reshape(-1, 3))
     a, b, c = triangles.T
     whole = (a != b) & (b != c) & (c != a)

@@ -107,7 +107,7 @@ def read_threemf(path: Path) -> Mesh:
         raise DataError(str(path), value="no triangle", limit="is empty", remedy=REMEDY)
     vertices, triangles = np.vstack(pieces.vertices) * scale, np.vstack(pieces.triangles)
     if not np.isfinite(vertices).all() or triangles.min() < 0 or triangles.max() >= len(vertices):
-        raise DataError(str(path), value="a corner that does not exist", limit="is damaged", remedy=REMEDY)
+        raise DataError(str(path), value="a vertex that does not exist", limit="is damaged", remedy=REMEDY)
     return Mesh(vertices, triangles, 0.0)
 
 

@@ -144,7 +144,7 @@ class Bend:
             raise DesignError(
                 "motion",
                 value=f"a bend by {self.angle_deg:g} deg over {self.length_mm:g} mm",
-                limit="folds the inner wall over: its radius is smaller than half the stem width",
+                limit="makes the inner wall fold over: its radius is smaller than half the stem width",
                 remedy="bend by a smaller angle or over a longer segment",
             )
 

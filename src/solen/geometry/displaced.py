@@ -218,7 +218,7 @@ def _front(body: Body, walls: Mapping[str, DisplacedCurve]) -> Front | None:
         raise DesignError(
             "lens.shape",
             value=body.front.lens.shape,
-            limit=f"is deformed by {off_mm:.2g} mm, but a surface in space must be rigid to {FRONT_MM:g} mm",
+            limit=f"is deformed by {off_mm:.2g} mm, but a surface in space must be rigid to within {FRONT_MM:g} mm",
             remedy='clamp the lens, or set lens.shape = "cartesian-oval", whose walls stay vertical',
         )
     return replace(body.front, motion=motion)

@@ -195,7 +195,7 @@ def _check_whole(body: Body, words: set[str]) -> None:
             raise DesignError(
                 "motion.moves",
                 value=sorted(words),
-                limit=f"would tear {turns.name} from {stays.name}: they are parts of one outline",
+                limit=f"would tear {turns.name} from {stays.name}: both are parts of one outline",
                 remedy='rotate the emitter alone, or bend the body with motion.kind = "bend"',
             )
 

@@ -178,7 +178,7 @@ def _crotch(body: BodyTable, right: _Half) -> Point:
         raise DesignError(
             "body.stem_curve_per_mm",
             value=body.stem_curve_per_mm,
-            limit="must be above 0 if the arms continue the edge of the stem, or they never separate",
+            limit="must be above 0 if the arms continue the edge of the stem, otherwise they never separate",
             remedy="increase it or specify body.arm_angle_deg",
         )
     x, z = right.inner_end

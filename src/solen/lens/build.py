@@ -39,7 +39,7 @@ def lens_of(design: Design, index: float) -> Lens:
             "the material's index",
             value=index,
             limit="must be above 1, the index of air",
-            remedy="or no lens can focus",
+            remedy="otherwise the lens cannot focus",
         )
     if spec.in_space:
         return _in_space(design, spec.design_index or index)

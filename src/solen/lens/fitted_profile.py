@@ -241,17 +241,17 @@ class FittedProfile(Result, eq=True):
             return ""
         low, high = self.reach_mm
         return (
-            f"the profile covers x from {low:.3f} to {high:.3f} mm of a lens of ±{self.designed.half_width_mm:g} mm; "
-            "beyond it, the designed lens with the deviation of the last points is assumed. "
-            f"{self.unseen:.0%} of the accepted angles hit that part"
+            f"the profile covers x from {low:.3f} to {high:.3f} mm of a lens of ±{self.designed.half_width_mm:g} "
+            "mm; beyond it, the designed lens with the deviation of the last points is assumed. "
+            f"{self.unseen:.0%} of the accepted angles are incident on that part"
         )
 
     def _scatter_warning(self) -> str:
         stated_um = 1e3 * float(np.median(self.profile.u_mm))
         if self.scatter_um > ROUGH * max(stated_um, 1e3 * LEAST_U_MM):
             return (
-                f"neighbouring points scatter by {self.scatter_um:.2g} µm, more than their stated {stated_um:.2g} µm: "
-                "the scatter is used as their uncertainty"
+                f"neighbouring points scatter by {self.scatter_um:.2g} µm, more than their reported "
+                f"uncertainty of {stated_um:.2g} µm: the scatter is used as their uncertainty"
             )
         if self.smooth.residual > ROUGH:
             return (
@@ -288,7 +288,7 @@ class FittedProfile(Result, eq=True):
                 value=f"{x.size} points from {low:.4g} to {high:.4g} mm",
                 limit=f"a lens of {half_mm:g} mm half width needs at least {LEAST_POINTS} points, "
                 f"which cover {-need_mm:.4g} to {need_mm:.4g} mm",
-                remedy="measure the whole lens, or narrow lens.half_width_mm",
+                remedy="measure the entire lens, or narrow lens.half_width_mm",
             )
 
     def _check_place(self) -> None:

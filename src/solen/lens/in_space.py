@@ -133,8 +133,9 @@ class LensInSpace(OvalLens, eq=True):
             bad = np.isnan(z)
             raise DesignError(
                 f"lens.shape {self.shape_name}",
-                value=f"no face from |x| = {x[bad].min():.3f} and |y| = {y[bad].min():.3f} mm on",
-                limit=f"the emitter's light must hit it over ±{self.half_width_mm:g} by ±{self.half_height_mm:g} mm",
+                value=f"there is no face beyond |x| = {x[bad].min():.3f} and |y| = {y[bad].min():.3f} mm",
+                limit=f"the emitter's light must be incident on the face over ±{self.half_width_mm:g} "
+                f"by ±{self.half_height_mm:g} mm",
                 remedy=self.remedy,
             )
         if self.nearest_mm <= -NEAREST * self.distance_mm:

@@ -73,7 +73,7 @@ class LayeredLens(LensInSpace, eq=True):
             profiles = f"only {self.layers} profiles over the whole body"
         return (
             f"lens.layer_mm = {self.layer_mm:g} in a body of {self.thickness_mm:g} mm: {profiles}; "
-            "the layer height is stated in mm",
+            "specify the layer height in mm",
         )
 
     @cached_property

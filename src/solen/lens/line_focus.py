@@ -137,7 +137,11 @@ class LineFocusLens(LensInSpace, eq=True):
     @property
     def remedy(self) -> str:
         """See :attr:`solen.lens.in_space.LensInSpace.remedy`."""
-        return super().remedy if math.isinf(self.y_focus_mm) else f"state a larger lens.y_focus_mm, or {super().remedy}"
+        return (
+            super().remedy
+            if math.isinf(self.y_focus_mm)
+            else (f"specify a larger lens.y_focus_mm, or {super().remedy}")
+        )
 
     @property
     def face(self) -> Face:

@@ -216,8 +216,8 @@ class OvalLens(CurvedLens, eq=True):
             raise DesignError(
                 "lens.focus_mm",
                 value=self.focus_mm,
-                limit=f"is inside the lens, which at {self.half_width_mm:g} mm half width is at least "
-                f"{least_depth_mm:.2f} mm deep",
+                limit=f"is inside the lens, which is at least {least_depth_mm:.2f} mm deep at a "
+                f"half width of {self.half_width_mm:g} mm",
                 remedy=f"focus beyond {nearest_mm:.2f} mm or narrow the lens below {limit_mm:.3f} mm",
             )
         raise DesignError(

@@ -125,8 +125,8 @@ def profile_of(
     if u_mm is None:
         u_each = scatter_mm(x, z)
         warnings = (
-            f"the profile states no uncertainty; {1e3 * u_each:.2g} µm is assumed, the scatter of neighbouring "
-            "points: common errors of scale or position are not included",
+            f"the profile specifies no uncertainty; {1e3 * u_each:.2g} µm is assumed, the scatter "
+            "of neighbouring points: common errors of scale or position are not included",
         )
         u_mm = u_each
     u = np.full_like(x, u_mm) if np.ndim(u_mm) == 0 else _column("u_mm", u_mm)
@@ -229,7 +229,7 @@ def _column(key: str, values: ArrayLike) -> FloatArray:
     bad = np.flatnonzero(~np.isfinite(column))
     if bad.size:
         where = f"{key}[{int(bad[0])}]"
-        raise DataError(where, value=float(column[bad[0]]), limit="must be a finite number", remedy="leave it out")
+        raise DataError(where, value=float(column[bad[0]]), limit="must be a finite number", remedy="omit it")
     column.setflags(write=False)
     return column
 
@@ -279,4 +279,6 @@ def _check_size(x: FloatArray, z: FloatArray) -> None:
     far = max(math.fabs(float(column[i])) for column in (x, z) for i in (column.argmin(), column.argmax()))
     if far > WIDEST_MM:
         limit = f"no point may be farther than {WIDEST_MM:g} mm from the designed vertex"
-        raise DataError("z_mm", value=f"{far:.6g} mm", limit=limit, remedy="give it in mm, registered to the design")
+        raise DataError(
+            "z_mm", value=f"{far:.6g} mm", limit=limit, remedy="specify the profile in mm, registered to the design"
+        )

@@ -74,7 +74,7 @@ class SplineLens(DeviatingLens, eq=True):
         check_numbers("lens.knots_um", *self.knots_um)
         if not self.knots_um:
             raise DesignError(
-                "lens.knots_um", value="[]", limit="needs at least one knot", remedy="add one on the axis"
+                "lens.knots_um", value="[]", limit="requires at least one knot", remedy="add a knot on the axis"
             )
         self._check_place()
         self._check_incidence()
@@ -217,9 +217,9 @@ class SplineLens(DeviatingLens, eq=True):
         if self._cosines[worst] <= 0.0:
             raise DesignError(
                 "lens.knots_um",
-                value=f"{self.most_incidence_deg:.3g} deg of incidence at x = {self._places[worst]:.3g} mm",
+                value=f"an angle of incidence of {self.most_incidence_deg:.3g} deg at x = {self._places[worst]:.3g} mm",
                 limit="must be below 90 deg: rays from the emitter graze the face there, and it hides the face behind",
-                remedy="make the knots increase less towards the edge, or narrow lens.half_width_mm",
+                remedy="reduce the increase of the knots towards the edge, or narrow lens.half_width_mm",
             )
 
 

@@ -48,8 +48,9 @@ def loss_disagreement(rows: Sequence[Row], loss: Loss) -> list[Caution]:
             return []
         return [
             look_at(
-                f"{measured}, but the layer's k {layer:.2g} ± {u_layer:.1g}: they disagree, and the cut-back is "
-                "used; scattering in the layer, a baseline error and fringes all look like k"
+                f"{measured}, whereas the layer's k gives {layer:.2g} ± {u_layer:.1g} dB/cm: the "
+                "two disagree, and the cut-back is used; scattering in the layer, a baseline error "
+                "and fringes all resemble k"
             )
         ]
     bounds = [4.0 * math.pi * row[3] / row[0] * NM_PER_MM * _DB_PER_CM for row in near if row[3] is not None]
@@ -58,7 +59,7 @@ def loss_disagreement(rows: Sequence[Row], loss: Loss) -> list[Caution]:
     return [
         look_at(
             f"{measured}, which is above the upper bound from the layer's spectra, {min(bounds):.2g} "
-            "dB/cm: they disagree"
+            "dB/cm: the two disagree"
         )
     ]
 

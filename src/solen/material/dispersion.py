@@ -88,8 +88,10 @@ class Dispersion(Strict, ABC):
             limit = f"must be one of {', '.join(MODES)}"
             raise refused("mode", limit, value=self.mode, remedy=f"did you mean {near}?" if near else "")
         if self.mode == AS_PUBLISHED and not self.warnings:
-            remedy = 'add e.g. warnings = ["no reflectance went into this index"]'
-            raise refused("warnings", f'missing: mode = "{AS_PUBLISHED}" needs one', remedy=remedy)
+            remedy = 'add, for example, warnings = ["no reflectance went into this index"]'
+            raise refused(
+                "warnings", f'is missing: mode = "{AS_PUBLISHED}" requires at least one warning', remedy=remedy
+            )
         return self
 
     @model_validator(mode="after")
@@ -152,8 +154,10 @@ class Dispersion(Strict, ABC):
     def _refuse_outside(self, wavelength_nm: float) -> None:
         low, high = self.range_nm
         if not (low <= wavelength_nm <= high and 0 < wavelength_nm < math.inf):
-            limit = f"known only from {low:g} to {high:g} nm" if high < math.inf else "wavelengths must be above 0 nm"
-            remedy = "choose a wavelength inside this range, or data that extend to it"
+            limit = (
+                f"it is known only from {low:g} to {high:g} nm" if high < math.inf else "wavelengths must be above 0 nm"
+            )
+            remedy = "choose a wavelength inside this range, or use data that include it"
             raise DataError(f"index at {wavelength_nm:g} nm", limit=limit, remedy=remedy)
 
     def _data_range_nm(self) -> tuple[float, float]:

@@ -49,8 +49,8 @@ def without_u(wavelengths_nm: list[float], of: int) -> tuple[Caution, ...]:
         return ()
     return (
         look_at(
-            f"{len(wavelengths_nm)} of {of} indices state no uncertainty, the first at {wavelengths_nm[0]:g} nm: the "
-            "resin's index is stored without uncertainty"
+            f"{len(wavelengths_nm)} of {of} indices have no uncertainty, the first at {wavelengths_nm[0]:g} "
+            "nm: the resin's index is stored without uncertainty"
         ),
     )
 

@@ -194,8 +194,8 @@ def of_whole(components: Sequence[Component]) -> tuple[Component, ...]:
     total = math.fsum(part.percent for part in components)
     if abs(total - WHOLE) > OFF_WHOLE:
         ratio = ", ".join(f"{part.name}:{part.percent / total * WHOLE:.4g}" for part in components)
-        limit = f"the fractions must add up to {WHOLE:g} %, to within {OFF_WHOLE:g}"
-        raise SpecError("mixture", value=f"{total:g} %", limit=limit, remedy=f"parts in this ratio are {ratio}")
+        limit = f"the fractions must add up to {WHOLE:g} %, to within {OFF_WHOLE:g} %"
+        raise SpecError("mixture", value=f"{total:g} %", limit=limit, remedy=f"in this ratio, the parts are {ratio}")
     return tuple(replace(part, percent=part.percent / total * WHOLE) for part in components)
 
 

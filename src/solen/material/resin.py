@@ -56,7 +56,7 @@ class LossOf(Strict):
     error: ClassVar[type[SolenError]] = DataError
 
     orientation: Text = Field(description="the build orientation.")
-    absorption_per_mm: NotNegative = Field(description="absorption of power per mm, base e.")
+    absorption_per_mm: NotNegative = Field(description="power absorption coefficient per mm, base e.")
     u_absorption_per_mm: NotNegative | None = Field(None, description="Its standard uncertainty.")
     interval95_per_mm: Interval | None = Field(None, description="95 % interval of the absorption coefficient.")
 
@@ -67,7 +67,7 @@ class Loss(Strict):
     table: ClassVar[str] = "loss"
     error: ClassVar[type[SolenError]] = DataError
 
-    absorption_per_mm: NotNegative = Field(0.0, description="Absorption of power per mm, base e.")
+    absorption_per_mm: NotNegative = Field(0.0, description="Power absorption coefficient per mm, base e.")
     u_absorption_per_mm: NotNegative | None = Field(None, description="Its standard uncertainty.")
     interval95_per_mm: Interval | None = Field(None, description="95 % interval of the absorption coefficient.")
     wavelength_nm: Positive | None = Field(None, description="Wavelength of the measurement, in nm.")
@@ -106,9 +106,11 @@ class Stiffness(Strict):
     modulus_MPa: Positive = Field(description="modulus in MPa.")
     u_modulus_MPa: NotNegative | None = Field(None, description="Its standard uncertainty.")
     interval95_MPa: Interval | None = Field(None, description="95 % interval of the modulus.")
-    strain_range: Interval | None = Field(None, description="Lowest and highest strain of the modulus.")
+    strain_range: Interval | None = Field(
+        None, description="Lowest and highest strain over which the modulus was fitted."
+    )
     test: str = Field("", description="Mode of loading: compression, tension.")
-    model: str = Field("", description="Hyperelastic model of the whole curve.")
+    model: str = Field("", description="Hyperelastic model of the entire curve.")
     parameters: dict[str, Number] = Field(default_factory=dict, description="Parameters of the model, by name.")
     u_parameters: dict[str, NotNegative] = Field(default_factory=dict, description="Their standard uncertainties.")
     warnings: tuple[Text, ...] = Field((), description="Warnings about the stiffness, one sentence each.")
@@ -118,7 +120,7 @@ class Stiffness(Strict):
     def _without_time(cls, data: Any) -> Any:
         if isinstance(data, dict) and "prony" in data:
             limit = "relaxation of the modulus is not modelled: a soft body follows every load immediately"
-            raise refused("prony", limit, remedy="leave it out")
+            raise refused("prony", limit, remedy="omit it")
         return data
 
 
@@ -128,7 +130,7 @@ class Part(Strict):
     error: ClassVar[type[SolenError]] = DataError
 
     component: Text = Field(description="the component's name.")
-    wt_percent: Positive = Field(description="fraction of the whole mixture, in percent by weight.")
+    wt_percent: Positive = Field(description="fraction of the entire mixture, in percent by weight.")
 
 
 class Source(Strict):
@@ -139,10 +141,10 @@ class Source(Strict):
     of: Text = Field(description="Table determined from the file.")
     file: str = Field("", description="Name of the file.")
     sha256: str = Field("", description="Checksum of its bytes.")
-    format: str = Field("", description="Format as which it was read.")
-    instrument: str = Field("", description="Instrument as stated in the file.")
-    date: str = Field("", description="Date as stated in the file.")
-    simulated: bool = Field(False, description="Whether its numbers were computed rather than measured.")
+    format: str = Field("", description="Format in which the file was read.")
+    instrument: str = Field("", description="Instrument named in the file.")
+    date: str = Field("", description="Date given in the file.")
+    simulated: bool = Field(False, description="Whether the numbers were computed rather than measured.")
 
 
 class Resin(Strict):
@@ -167,7 +169,7 @@ class Resin(Strict):
             return value
         kinds = f"must be one of {', '.join(KINDS)}"
         if "kind" not in value:
-            raise refused("kind", f"missing: {kinds}", remedy='add e.g. kind = "cauchy"')
+            raise refused("kind", f"missing: {kinds}", remedy='add, for example, kind = "cauchy"')
         kind = KINDS.get(value["kind"]) if isinstance(value["kind"], str) else None
         if kind is None:
             near = nearest(str(value["kind"]), KINDS)
@@ -208,7 +210,7 @@ def _refuse_parts(parts: tuple[Part, ...]) -> None:
         raise refused("formulation", "each component may occur once", value=twice, remedy="add up its fractions")
     total = sum(part.wt_percent for part in parts)
     if abs(total - WHOLE) > OFF_WHOLE:
-        limit = f"must add up to {WHOLE:g} % by weight, to within {OFF_WHOLE:g}"
+        limit = f"must add up to {WHOLE:g} % by weight, to within {OFF_WHOLE:g} %"
         raise refused("formulation", limit, value=f"{total:g} %", remedy="see solen resin mix")
 
 

@@ -100,7 +100,9 @@ def lamp_fit(path: Path, curve: WorkingCurve) -> InLamp:
         liquid = result_of(text, "penetration")
     if not isinstance(liquid, PenetrationResult) or liquid.lamp_lines is None or liquid.Dp_um is None:
         remedy = "run solen resin penetration with --led-nm and --led-fwhm-nm, or --led"
-        raise DataError(str(path), limit="has no lamp, which the law with its spectrum requires", remedy=remedy)
+        raise DataError(
+            str(path), limit="specifies no lamp, but the law for a lamp's spectrum requires one", remedy=remedy
+        )
     stated_nm = curve.wavelength_nm if isinstance(curve, MeasuredCurve) else None
     if stated_nm is not None and liquid.lamp_nm is not None and abs(stated_nm - liquid.lamp_nm) > _ONE_LAMP_NM:
         limit = f"the lamp of {path.name} has a mean wavelength of {liquid.lamp_nm:.4g} nm"

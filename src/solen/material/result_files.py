@@ -176,8 +176,8 @@ class _Line(_Result):
         if interval is None or interval[1] < 0.0:
             limit, remedy = "a guide cannot amplify", "check the lengths and the readings"
             raise DataError("loss_dB_per_cm", value=self.loss_dB_per_cm, limit=limit, remedy=remedy)
-        measured = f"measured {self.loss_dB_per_cm:.2g} dB/cm, which is not a loss"
-        possible = f"{measured}: 0 is used, {interval[1]:.2g} per mm is possible"
+        measured = f"the measured value is {self.loss_dB_per_cm:.2g} dB/cm, which is not a loss"
+        possible = f"{measured}: 0 is used, but {interval[1]:.2g} per mm is possible"
         return found | {"absorption_per_mm": 0.0}, [look_at(possible)]
 
 
@@ -194,12 +194,12 @@ class CutbackResult(_Line):
         orientation, wavelength_nm = selection.orientation, selection.loss_wavelength_nm or self.wavelength_nm
         lines = {line.orientation: line for line in self.by_orientation}
         if orientation and orientation not in lines:
-            limit = f"not in the result, whose orientations are {', '.join(lines) or 'none'}"
+            limit = f"not in the result, which contains {', '.join(lines) or 'none'}"
             raise DataError("--orientation", value=orientation, limit=limit)
         numbers, warnings = (lines[orientation] if orientation else self).numbers()
         kept = tuple(text for text in self.remarks if not (orientation and unranked(text).startswith(BY_ORIENTATION)))
         if wavelength_nm is None:
-            warnings.append(look_at("the wavelength of the measurement is not stated"))
+            warnings.append(look_at("the wavelength of the measurement is not specified"))
         return Loss(
             **numbers,
             wavelength_nm=wavelength_nm,

@@ -67,7 +67,7 @@ def chosen_rows(recording: Recording, options: RowOptions) -> Recording:
         keep = np.array([_is(text, value) for text in _texts(recording, column)])
         if not keep.any():
             raise SpecError(
-                "--where", value=condition, limit=f"no row has it; {column} is {_values(recording, column)}"
+                "--where", value=condition, limit=f"no row has this value; {column} is {_values(recording, column)}"
             )
         recording = replace(
             recording,
@@ -192,8 +192,8 @@ def refuse_unused(
             f"{recording.provenance.file or 'table'}: column {left[0]}",
             value=_values(recording, left[0]),
             limit="differs from row to row and is not used: rows that differ must not be pooled",
-            remedy=f"select the rows with one value, --where {left[0]}={value}, or state that it has no effect, "
-            f"--ignore {left[0]}",
+            remedy=f"select the rows with one value with --where {left[0]}={value}, or declare "
+            f"that this column has no effect with --ignore {left[0]}",
         )
     remarks = [name for name in varying if plain(name) in _REMARKS]
     return [note(f"not used: column{'s' * (len(remarks) > 1)} {', '.join(remarks)}")] if remarks else []

@@ -140,8 +140,9 @@ def comparison_warnings(designs: Sequence[ComparedDesign], form_um: float) -> li
         none = "none of these designs" if len(designs) > 1 else f"no normal print of {first.name}"
         return [
             do_not_use(
-                f"{none}: the form error is {first.size.form_um:.3g} µm (rms) after size and overgrowth, and a print "
-                f"of the right design has about {form_um:g} µm (--form-um; probability {first.size.p_form:.2g})"
+                f"the outline matches {none}: after fitting size and overgrowth, the form error "
+                f"is {first.size.form_um:.3g} µm (rms), whereas a print of the correct design has "
+                f"about {form_um:g} µm (--form-um; probability {first.size.p_form:.2g})"
             )
         ]
     if len(designs) < 2 or first.probability >= SURE:
@@ -149,8 +150,9 @@ def comparison_warnings(designs: Sequence[ComparedDesign], form_um: float) -> li
     second = designs[1]
     return [
         look_at(
-            f"{first.name} and {second.name} cannot be distinguished: after size and overgrowth the outline deviates "
-            f"by {first.size.form_um:.3g} and {second.size.form_um:.3g} µm (rms) from them, and neighbouring points "
-            f"are correlated ({first.size.independent_values:.0f} independent values)"
+            f"{first.name} and {second.name} cannot be distinguished: after fitting size and overgrowth, "
+            f"the outline deviates from them by {first.size.form_um:.3g} and {second.size.form_um:.3g} "
+            f"µm (rms), and neighbouring points are correlated ({first.size.independent_values:.0f} "
+            "independent values)"
         )
     ]

@@ -296,7 +296,7 @@ class _View:
         weak = (rise * np.sign(usual) < LEAST_RISE * abs(usual)) | (np.abs(rise) < LEAST_SNR * noise) | (usual == 0.0)
         usual_blur = _median(blur, fit & ~weak)
         bad = {
-            "outside the picture": ~inside,
+            "outside the image": ~inside,
             "saturated": saturated,
             "low contrast": weak,
             "no fit": ~steps.settled | ~(u < MOST_U_PX),

@@ -96,7 +96,7 @@ def read_image(
     warnings += [*given.rescaled(*plane.grey.shape), *plane.warnings]
     if np.isfinite(ceiling):
         share = float(np.mean(plane.grey >= ceiling))
-        warnings.append(look_at(f"{100.0 * share:.2g} % of the picture is saturated: edges there are not measured"))
+        warnings.append(look_at(f"{100.0 * share:.2g} % of the image is saturated: edges there are not measured"))
     return Image(plane.grey, scale, plane.bits, ceiling, source, tuple(warnings))
 
 

@@ -256,7 +256,7 @@ class LensInspection(Result):
         x, z = fit.points_mm[order].T
         apart = np.concatenate([[True], np.diff(x) > LEAST_STEP_MM])
         if apart.mean() < 0.5:
-            limit = "the outline folds back on itself, so it has more than one z for an x"
+            limit = "the outline folds back on itself, so it has more than one z at the same x"
             raise DataError(self.image.provenance.file, limit=limit, remedy="leave out --out")
         return MeasuredProfile(
             x[apart],
@@ -401,8 +401,8 @@ def measure_faces(
         If both images are the same.
     """
     if top.provenance.sha256 and top.provenance.sha256 == bottom.provenance.sha256:
-        limit = f"is the same picture as {top.provenance.file}"
-        raise DataError(bottom.provenance.file, limit=limit, remedy="name the picture of the face on the plate")
+        limit = f"is the same image as {top.provenance.file}"
+        raise DataError(bottom.provenance.file, limit=limit, remedy="name the image of the face on the plate")
     return FacesInspection(
         measure_lens(bottom, design, edge=edge, against=against, priors=priors, seen_from="bottom"),
         measure_lens(top, design, edge=edge, against=against, priors=priors, seen_from="top"),
@@ -414,9 +414,10 @@ def _size_warnings(scale: Scale, chosen: NamedEdge) -> list[Caution]:
     if scale.u_um_per_px is None:
         warnings.append(
             look_at(
-                "no uncertainty of the scale is stated (--u-um-per-px): deviations exclude it, and 1 % of scale "
-                f"changes them by {chosen.registration.um_per_percent_of_scale:.2g} µm (rms); scale and "
-                f"shrinkage are separated as if it were {100.0 * U_SCALE:g} %"
+                "the scale uncertainty is not specified (--u-um-per-px): deviations exclude it, "
+                f"and an error of 1 % in the scale changes them by {chosen.registration.um_per_percent_of_scale:.2g} "
+                f"µm (rms); scale and shrinkage are separated as if it were known to {100.0 * U_SCALE:g} "
+                "%"
             )
         )
     off = size.size_factor - 1.0
@@ -424,8 +425,8 @@ def _size_warnings(scale: Scale, chosen: NamedEdge) -> list[Caution]:
         warnings.append(
             look_at(
                 f"apart from its overgrowth the outline is {100.0 * abs(off):.2f} % "
-                f"{'larger' if off > 0.0 else 'smaller'} than designed: the scale is wrong, the print has shrunk or "
-                "grown, or it was tilted; this picture does not show which"
+                f"{'larger' if off > 0.0 else 'smaller'} than designed: the scale is wrong, the print has shrunk or grown, or it was tilted; "
+                "this image does not show which"
             )
         )
     if abs(size.overgrowth_um) > SURE_SIZE * size.u_overgrowth_um:

@@ -135,7 +135,7 @@ def measured_scale(grey: FloatArray, source: Provenance, options: MicrometerOpti
         across = np.asarray((across - tilt * np.array([-across[1], across[0]])) / math.hypot(1.0, tilt))
     period_px, u_fit, quadratic, u_quadratic, left, uneven_px = _fit_spacing(number, line_at)
     if uneven_px > UNEVEN * period_px:
-        raise _no_lines(source.file, f"lines with a spacing irregular by {100.0 * uneven_px / period_px:.2g} %")
+        raise _no_lines(source.file, f"lines whose spacing varies by {100.0 * uneven_px / period_px:.2g} %")
     square = math.hypot(1.0, tilt)
     stretch = 2.0 * quadratic * float(np.ptp(number)) / period_px
     seen = abs(quadratic) > STRETCH_SIGMAS * u_quadratic
@@ -188,14 +188,16 @@ def _ruler(grey: FloatArray, across: FloatArray, file: str) -> _Ruler:
     )
     kept = np.isfinite(places).sum(axis=1) >= 2
     if kept.sum() < FEWEST_LINES:
-        raise _no_lines(file, f"{int(kept.sum())} lines that cross the picture")
+        raise _no_lines(file, f"{int(kept.sum())} lines that cross the image")
     return _Ruler(number[on][kept], places[kept], strip_at)
 
 
 def _no_lines(file: str, value: str) -> DataError:
-    limit = f"must show at least {FEWEST_LINES} evenly spaced parallel lines, {LEAST_PERIOD_PX:g} pixels apart or more"
+    limit = (
+        f"must show at least {FEWEST_LINES} uniformly spaced parallel lines, at least {LEAST_PERIOD_PX:g} pixels apart"
+    )
     return DataError(
-        file, value=value, limit=limit, remedy="take a sharp picture of the finest division that the objective resolves"
+        file, value=value, limit=limit, remedy="take a sharp image of the finest division that the objective resolves"
     )
 
 
@@ -264,7 +266,7 @@ def _centroid(line: FloatArray, peak: float, period: float, least: float) -> flo
         places = np.linspace(low, high, max(9, 2 * math.ceil(2.0 * reach) + 1))
         values = np.interp(places, np.arange(len(line)), line)
         over = np.maximum(values - np.linspace(values[0], values[-1], len(values)), 0.0)
-        if not over.sum() > 0.0:  # also NaN where the strip is outside the picture
+        if not over.sum() > 0.0:  # also NaN where the strip is outside the image
             return math.nan
         at = float(over @ places / over.sum())
         if abs(at - peak) > REACH * period:
@@ -339,8 +341,8 @@ def _warnings(options: MicrometerOptions, number: IntArray, stretch_percent: flo
     if stretch_percent is not None:
         warnings.append(
             look_at(
-                f"the scale changes by {stretch_percent:+.2g} % across the picture, because of distortion or a tilted "
-                "micrometer; measure parts at the picture's centre"
+                f"the scale changes by {stretch_percent:+.2g} % across the image, because of distortion "
+                "or a tilted micrometer; measure parts at the image's centre"
             )
         )
     missing = int(np.ptp(number)) + 1 - len(number)

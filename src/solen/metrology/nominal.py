@@ -94,7 +94,7 @@ class NominalFront:
         offset = points - points[0]
         sag = np.abs(chord[0] * offset[:, 1] - chord[1] * offset[:, 0]).max() / np.hypot(*chord)
         if sag < FLATTEST * np.hypot(*chord):
-            limit = "its front is nearly flat, so a picture of it cannot be registered to the design"
+            limit = "its front is nearly flat, so an image of it cannot be registered to the design"
             raise DataError(name, limit=limit, remedy="inspect a design with a lens")
         reach = WALL * float(np.hypot(*chord))
         return cls(name, points, _cut(left, reach), _cut(right, reach))
@@ -216,7 +216,7 @@ def nominal_front(design: Design, name: str = "", seen_from: SeenFrom | None = N
     if sensor.is_drawn:
         return _drawn_front(name, sensor.body().upright())
     if not sensor.has_lens:
-        raise DataError(name, limit="has no lens to compare a picture with", remedy="inspect a design with a lens")
+        raise DataError(name, limit="has no lens with which to compare an image", remedy="inspect a design with a lens")
     body = section(sensor.body(), _height_mm(sensor.lens, seen_from))
     walls = {face.name: face.curve for face in body.all_faces}
     front = walls.get("lens", sensor.lens.front)

@@ -53,8 +53,8 @@ SIDES = 0.8
 
 
 UNKNOWN_SIDE = look_at(
-    "the design is mirror-symmetric, so the picture does not reveal the visible face: left and right, and the "
-    "sign of asymmetries, may be exchanged (--seen-from top or bottom)"
+    "the design is mirror-symmetric, so the image does not show which face is visible: left and "
+    "right, and the sign of asymmetries, may be exchanged (--seen-from top or bottom)"
 )
 
 
@@ -188,14 +188,14 @@ def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[
     matches = [one for side in sides for one in match_template(image.grey, image.um_per_px, nominal, mirrored=side)]
     matches.sort(key=lambda one: -one.score)
     if not matches or matches[0].score < LEAST_SCORE:
-        raise no_lens(image, nominal, "nothing in it has the shape of the lens at this scale")
+        raise no_lens(image, nominal, "nothing in the image has the shape of the lens at this scale")
     best, far = matches[0], 0.5 * nominal.width_mm * 1e3 / image.um_per_px
     x, y = best.pose.origin_px
     rivals = sum(
         match.score > RIVAL * best.score and np.hypot(*np.subtract(match.pose.origin_px, (x, y))) > far
         for match in matches
     )
-    warning = f"{rivals + 1} places look like the lens: the one with its vertex at ({x:.0f}, {y:.0f}) px is used"
+    warning = f"{rivals + 1} regions look like the lens: the region with its vertex at ({x:.0f}, {y:.0f}) px is used"
     return best, [look_at(warning)] if rivals else []
 
 
@@ -271,15 +271,15 @@ def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[
     best, other = sorted((register(*edge.measured, side, nominal) for side in both), key=lambda fit: fit.rms_um)
     if best.pose.mirrored not in sides:
         seen = "bottom" if best.pose.mirrored else "top"
-        doubt = f"the front fits the design better as seen from the {seen} ({best.rms_um:.3g} µm rms, and "
-        stated = f"{other.rms_um:.3g} from the side of --seen-from): check which face the picture shows"
+        doubt = f"the front fits the design better as seen from the {seen} ({best.rms_um:.3g} µm rms, compared with "
+        stated = f"{other.rms_um:.3g} for the side specified with --seen-from): check which face the image shows"
         return other.pose, [do_not_use(f"{doubt}{stated}")]
     if len(sides) == 1 or best.rms_um <= SIDES * other.rms_um:
         return best.pose, []
     return best.pose, [
         look_at(
-            f"the front also fits the design's mirror image ({other.rms_um:.3g} and {best.rms_um:.3g} µm rms): "
-            "the picture may show it from either side (--seen-from)"
+            f"the front also fits the design's mirror image ({other.rms_um:.3g} and {best.rms_um:.3g} "
+            "µm rms): the image may show it from either side (--seen-from)"
         )
     ]
 
@@ -297,7 +297,9 @@ def _ordered(named: list[NamedEdge], choice: EdgeChoice) -> tuple[list[NamedEdge
     others = [one for one in named if one is not chosen]
     gaps = ", ".join(f"{np.median(np.abs(other.outside_um(chosen))):.0f} µm" for other in others)
     why = "the sharper" if chosen is sharp else f"the {chosen.name}"
-    warning = f"{len(named)} edges are visible ({', '.join(one.name for one in named)}; {gaps} apart): {why} is used"
+    warning = (
+        f"{len(named)} edges are visible ({', '.join(one.name for one in named)}; {gaps} apart): {why} edge is used"
+    )
     if chosen is not sharp and choice == "auto":
-        warning += " because none is sharper; the picture does not show which face it belongs to (--edge)"
+        warning += " because none is sharper; the image does not show to which face the edge belongs (--edge)"
     return [chosen, *others], [look_at(warning)]

@@ -50,8 +50,8 @@ def no_lens(image: Image, nominal: NominalFront, why: str) -> DataError:
     across = nominal.width_mm * 1e3 / image.um_per_px
     if across < RESOLVED_PX:
         limit += (
-            f", and at {image.um_per_px:.4g} µm per pixel it is {across:.0f} pixels wide, too few "
-            "to resolve two near edges"
+            f", and at {image.um_per_px:.4g} µm per pixel the lens is {across:.0f} pixels wide, "
+            "too few to resolve two closely spaced edges"
         )
         finest = image.um_per_px * across / RESOLVED_PX
         return DataError(
@@ -59,7 +59,7 @@ def no_lens(image: Image, nominal: NominalFront, why: str) -> DataError:
             limit=limit,
             remedy=f"increase the magnification to {finest:.2g} µm per pixel or less",
         )
-    remedy = "check --um-per-px, the design, and that the whole front is in the picture and in focus"
+    remedy = "check --um-per-px, the design, and that the entire front is in the image and in focus"
     return DataError(image.provenance.file, limit=limit, remedy=remedy)
 
 
@@ -71,7 +71,7 @@ def check_scale(image: Image, nominal: NominalFront) -> None:
     if across < COARSEST_PX:
         limit, change = f"{size}; at least {COARSEST_PX} are needed", "magnify more"
     elif across * LEAST_SEEN > np.hypot(*image.shape):
-        limit, change = f"{size}, and the picture is {image.shape[1]} x {image.shape[0]}", "magnify less"
+        limit, change = f"{size}, and the image is {image.shape[1]} x {image.shape[0]}", "magnify less"
     if limit:
         raise DataError(image.provenance.file, limit=limit, remedy=f"{_other_unit(image, nominal)}, or {change}")
 
@@ -97,9 +97,9 @@ def of_pixels(image: Image, nominal: NominalFront) -> list[Caution]:
     near_um = NEAR_PX * image.um_per_px
     return [
         look_at(
-            f"the lens is {across:.0f} pixels wide: edges of its two faces less than {near_um:.2g} µm apart are "
-            f"measured as one edge between them; magnify it to {RESOLVED_PX} pixels or more, or illuminate it from "
-            "above"
+            f"the lens is {across:.0f} pixels wide: edges of the two lens faces that are less than "
+            f"{near_um:.2g} µm apart are measured as a single edge between them; magnify it to "
+            f"{RESOLVED_PX} pixels or more, or illuminate it from above"
         )
     ]
 
@@ -108,7 +108,7 @@ def check_seen(image: Image, seen: float) -> None:
     """Raise `DataError` if too little of the front is in the image."""
     if seen < LEAST_SEEN:
         limit = f"shows {seen:.0%} of the front; at least {LEAST_SEEN:.0%} is needed for the registration"
-        raise DataError(image.provenance.file, limit=limit, remedy="take a picture of the whole lens")
+        raise DataError(image.provenance.file, limit=limit, remedy="take an image of the entire lens")
 
 
 def check_shape(image: Image, nominal: NominalFront, edge: Edge, fit: Registration, width: float | None) -> None:
@@ -153,9 +153,9 @@ def merged_edges(walls: Sequence[Edge | None], edge: Edge) -> list[Caution]:
         return []
     return [
         look_at(
-            f"the edge of the front is blurred over {edge.blur:.2g} px, {edge.blur / min(blurs):.2g} times as far as a "
-            f"wall's ({min(blurs):.2g} px): it is out of focus, or two edges closer than about two blurs were "
-            "measured as one edge between them"
+            f"the edge of the front is blurred over {edge.blur:.2g} px, {edge.blur / min(blurs):.2g} "
+            f"times the blur of a wall ({min(blurs):.2g} px): it is out of focus, or two edges "
+            "closer than about two blurs were measured as one edge between them"
         )
     ]
 
@@ -163,9 +163,7 @@ def merged_edges(walls: Sequence[Edge | None], edge: Edge) -> list[Caution]:
 def missing_ends(edge: Edge) -> list[Caution]:
     """Return warnings for ends of the front that are in the image but have no edge."""
     return [
-        look_at(
-            f"the last {share:.0%} of the front on the {side} is in the picture but has no edge that can be measured"
-        )
+        look_at(f"the last {share:.0%} of the front on the {side} is in the image but has no edge that can be measured")
         for share, side in zip(_missing(edge), SIDES, strict=True)
         if share > MOST_MISSING
     ]
@@ -189,7 +187,7 @@ def cropped(seen: float, ends: tuple[float, float]) -> list[Caution]:
         return []
     return [
         look_at(
-            f"the picture shows {seen:.0%} of the front, which is measured only from x = {ends[0]:.2f} "
+            f"the image shows {seen:.0%} of the front, which is measured only from x = {ends[0]:.2f} "
             f"to {ends[1]:.2f} mm"
         )
     ]

@@ -91,7 +91,7 @@ def readable(file: str) -> Iterator[None]:
     except Pillow.DecompressionBombError:
         raise DataError(file, limit="has far more than 100 megapixels", remedy="crop it to the part") from None
     except UnidentifiedImageError:
-        raise DataError(file, limit="is not a readable picture", remedy="save it as TIFF or PNG") from None
+        raise DataError(file, limit="is not a readable image", remedy="save it as TIFF or PNG") from None
     except Exception as bad:
         raise DataError(file, limit=f"is damaged: {bad}", remedy="export it again") from None
 
@@ -99,9 +99,7 @@ def readable(file: str) -> Iterator[None]:
 def brightness(values: FloatArray) -> tuple[FloatArray, tuple[Caution, ...]]:
     """Return the luminance of (rows, columns, 3), and a warning if the image is coloured."""
     spread = float(np.mean(values.max(axis=2) - values.min(axis=2)))
-    warning = look_at(
-        "the picture is coloured: its luminance is measured, and colour fringes of a lens can shift edges in it"
-    )
+    warning = look_at("the image is coloured: its luminance is evaluated, and colour fringes of a lens can shift edges")
     return values @ LUMINANCE, (warning,) if spread > COLOURED else ()
 
 
@@ -130,7 +128,9 @@ def read_raster(file: str, data: bytes) -> Plane:
         check_size(file, *opened.size)
         frames = getattr(opened, "n_frames", 1)
         if frames > 1 and opened.format != "MPO":  # the first frame of a phone's MPO is the picture
-            raise DataError(file, limit=f"holds {frames} frames", remedy="export the one to measure as TIFF or PNG")
+            raise DataError(
+                file, limit=f"holds {frames} frames", remedy="export the image to be measured as TIFF or PNG"
+            )
         kind, exif = opened.format or "picture", opened.getexif()
         tags = _tags(opened, kind)
         grey, bits, warned = _grey(file, opened)

@@ -124,7 +124,7 @@ def register(
     fit = _fit(pose.to_mm(points_px), nominal, np.ones(len(points_px), dtype=bool) if only is None else only)
     order = np.flatnonzero(fit.inside)
     if len(order) < FEWEST:
-        what, limit = "points of the picture near the designed lens", f"at least {FEWEST} are needed"
+        what, limit = "image points near the designed lens", f"at least {FEWEST} are needed"
         raise DataError(what, value=len(order), limit=limit, remedy="check the scale (--um-per-px) and the design")
     order = order[np.argsort(fit.arc[order], kind="stable")]
     deviation, weights, jacobian = fit.deviation[order], fit.weights[order], fit.jacobian[order]

@@ -46,7 +46,10 @@ CLICK_PX, LEAST_BAR_PX = 1.0, 10.0
 """Standard uncertainty of a clicked position, and the shortest scale bar."""
 SQUARE = 1e-3
 """Maximum relative difference between the sides of a square pixel."""
-REMEDY = "measure a stage micrometer at the same magnification (solen print scale) and pass its --scale or --um-per-px"
+REMEDY = (
+    "measure a stage micrometer at the same magnification (solen print scale) and "
+    "pass the result with --scale or --um-per-px"
+)
 UM = {"m": 1e6, "cm": 1e4, "mm": 1e3, "um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "pm": 1e-6, "inch": 25_400.0}
 UM |= {"in": 25_400.0, "micron": 1.0, "microns": 1.0, "micrometer": 1.0, "millimeter": 1e3, "Å": 1e-4}
 UM |= {"\\u00b5m": 1.0, "\\u00B5m": 1.0}
@@ -58,12 +61,12 @@ class ScaleFile(Strict):
     error: ClassVar[type[SolenError]] = DataError
 
     objective: str = Field("", description="Name of the objective and camera.")
-    um_per_px: Positive = Field(description="Side of a pixel in the object, µm.")
-    u_um_per_px: NotNegative = Field(description="Standard uncertainty of this side, µm.")
-    columns: Count = Field(description="Number of columns of the picture that it was measured in.")
+    um_per_px: Positive = Field(description="Pixel size in the object plane, µm.")
+    u_um_per_px: NotNegative = Field(description="Standard uncertainty of the pixel size, µm.")
+    columns: Count = Field(description="Number of columns of the image in which the pixel size was measured.")
     rows: Count = Field(description="its rows.")
-    source: str = Field("", description="Standard that it was measured with.")
-    simulated: bool = Field(False, description="Whether the picture was simulated.")
+    source: str = Field("", description="Reference standard used for the measurement.")
+    simulated: bool = Field(False, description="Whether the image was simulated.")
 
 
 def read_scale(path: Path) -> ScaleFile:
@@ -119,7 +122,7 @@ class ScaleOptions(Options):
             if data.get(key) is not None:
                 option = f"--{key.replace('_', '-')}"
                 limit = f"is already determined by --{name}"
-                raise SpecError(option, value=str(data[key]), limit=limit, remedy="leave one out")
+                raise SpecError(option, value=str(data[key]), limit=limit, remedy="omit one")
 
     @model_validator(mode="after")
     def _states_it_once(self) -> Self:
@@ -137,8 +140,9 @@ class ScaleOptions(Options):
             return []
         return [
             look_at(
-                f"the picture has {columns} x {rows} pixels, and the scale was measured in {taken.columns} x "
-                f"{taken.rows}: if it was binned or rescaled, a pixel is {taken.um_per_px / factor:.6g} µm"
+                f"the image has {columns} x {rows} pixels, and the scale was measured in an image "
+                f"of {taken.columns} x {taken.rows}: if it was binned or rescaled, a pixel is "
+                f"{taken.um_per_px / factor:.6g} µm"
             )
         ]
 
@@ -153,8 +157,8 @@ def _of_bar(bar: Any) -> dict[str, float]:
         return {}
     px = math.hypot(x1 - x0, z1 - z0)
     if px < LEAST_BAR_PX:
-        limit = f"has ends {px:.3g} pixels apart; at least {LEAST_BAR_PX:g} are needed to determine the size of a pixel"
-        raise SpecError("--bar", limit=limit, remedy="take a longer bar, or marks farther apart")
+        limit = f"has ends {px:.3g} pixels apart; at least {LEAST_BAR_PX:g} are needed to determine the pixel size"
+        raise SpecError("--bar", limit=limit, remedy="use a longer bar, or marks farther apart")
     return {"um_per_px": length_um / px, "u_um_per_px": length_um / px * math.sqrt(2.0) * CLICK_PX / px}
 
 
@@ -206,13 +210,14 @@ class Tag:
         """Reason why the tag is not a scale; empty if it is valid."""
         sizes = (self.x_um, self.y_um)
         if not all(math.isfinite(size) and size > 0.0 for size in sizes):
-            return f"{self.origin} is not the size of a pixel"
+            return f"{self.origin} is not a pixel size"
         if abs(self.x_um / self.y_um - 1.0) > SQUARE:
-            return f"{self.origin} states pixels of {self.x_um:.6g} by {self.y_um:.6g} µm, which are not square"
+            return f"{self.origin} specifies pixels of {self.x_um:.6g} by {self.y_um:.6g} µm, which are not square"
         if not self.calibrated and self.x_um > COARSEST_TAG_UM:
             return (
-                f"{self.origin} states {25_400.0 / self.x_um:.4g} dpi, or {self.x_um:.4g} µm per pixel: this is the "
-                "size for printing, which office programs write into every file, not the scale of the object"
+                f"{self.origin} specifies {25_400.0 / self.x_um:.4g} dpi, or {self.x_um:.4g} µm "
+                "per pixel: this is the print size, which office programs write into every file, "
+                "not the scale of the object"
             )
         return ""
 
@@ -238,7 +243,7 @@ def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[S
         scale = Scale(0.5 * (first.x_um + first.y_um), given.u_um_per_px, first.origin)
     else:
         reasons = [tag.why_rejected for tag in tags]
-        raise DataError(file, limit=reasons[0] if reasons else "does not state the size of a pixel", remedy=REMEDY)
+        raise DataError(file, limit=reasons[0] if reasons else "does not specify the pixel size", remedy=REMEDY)
     if scale.u_relative >= 0.5:
         limit = f"must be below half of {scale.um_per_px:g} µm per pixel"
         raise SpecError("--u-um-per-px", value=scale.u_um_per_px, limit=limit)
@@ -248,7 +253,7 @@ def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[S
 def _contradictions(um_per_px: float, usable: Sequence[Tag]) -> list[Caution]:
     return [
         look_at(
-            f"--um-per-px {um_per_px:g} is used although {tag.origin} states {tag.x_um:.6g} "
+            f"--um-per-px {um_per_px:g} is used although {tag.origin} specifies {tag.x_um:.6g} "
             f"({100.0 * (um_per_px / tag.x_um - 1.0):+.1f} %): one of them is wrong"
         )
         for tag in usable
@@ -261,8 +266,8 @@ def _ambiguities(usable: Sequence[Tag]) -> list[Caution]:
     first = usable[0]
     warnings = [
         look_at(
-            f"{other.origin} states {other.x_um:.6g} µm per pixel and {first.origin} {first.x_um:.6g}: "
-            "the latter is used"
+            f"{other.origin} specifies {other.x_um:.6g} µm per pixel, whereas {first.origin} specifies "
+            f"{first.x_um:.6g}: the latter is used"
         )
         for other in usable[1:]
         if abs(other.x_um / first.x_um - 1.0) > SAME

@@ -57,7 +57,7 @@ def read_tiff(file: str, data: bytes) -> Plane:
     """Read a plane of a TIFF; `DataError` if it is damaged or has several planes; `OutputError` without ``vision``."""
     with opened_tiff(file, data) as opened:
         if not opened.series:
-            raise DataError(file, limit="holds no picture", remedy="export it again")
+            raise DataError(file, limit="contains no image", remedy="export it again")
         page: Any = opened.pages.first
         if page.samplesperpixel > MOST_SAMPLES:
             raise DataError(file, limit=f"has {page.samplesperpixel} values per pixel", remedy="export one plane")
@@ -89,11 +89,11 @@ def _check_planes(file: str, opened: "tifffile.TiffFile", series: Any) -> None:
     for axis, size in zip(series.axes, series.shape, strict=True):
         if axis not in "YXS" and size > 1:
             what = AXES.get(axis, "{} planes along " + axis).format(size)
-            raise DataError(file, limit=f"holds {what}", remedy="export the one plane to measure")
+            raise DataError(file, limit=f"contains {what}", remedy="export the single plane to be measured")
     if len(opened.series) > 1:
         shapes = {one.shape for one in opened.series}
-        limit = f"contains {len(opened.series)} pictures of {len(shapes)} size{'s' * (len(shapes) > 1)}"
-        raise DataError(file, limit=limit, remedy="export the one to measure")
+        limit = f"contains {len(opened.series)} images of {len(shapes)} size{'s' * (len(shapes) > 1)}"
+        raise DataError(file, limit=limit, remedy="export the one to be measured")
 
 
 def _decoded(file: str, data: bytes, page: Any) -> NDArray[Any]:
@@ -126,7 +126,7 @@ def _grey(file: str, page: Any, values: NDArray[Any]) -> tuple[FloatArray, int |
     if values.ndim == 3 and values.shape[2] == 4:
         values = values[..., :3]
     if values.ndim not in (2, 3) or (values.ndim == 3 and values.shape[2] != 3):
-        raise DataError(file, value=values.shape, limit="is neither grey nor red, green and blue")
+        raise DataError(file, value=values.shape, limit="is neither a grey nor an RGB image")
     if values.dtype.kind == "f":
         levels, bits = float_levels(file, values), None
     elif values.dtype.kind in "ub":

@@ -137,7 +137,7 @@ def read_z_map(
         simulated = is_simulated(*(line for line in data[:HEAD].decode("utf-8", "replace").splitlines() if "#" in line))
     else:
         raise DataError(
-            file, limit="is not a z map, which is a TIFF or a table of numbers", remedy="export the heights"
+            file, limit="is not a z map, which must be a TIFF or a table of numbers", remedy="export the heights"
         )
     valid = np.isfinite(levels)
     if valid.mean() < LEAST_VALID:
@@ -162,7 +162,9 @@ def read_image_or_z_map(path: Path, options: ZMapOptions) -> Image | ZMap:
         raise SpecError("--u-z-um", value=options.u_z_um, limit="has no effect without --z-um", remedy="give both")
     if is_text(path):
         raise SpecError(
-            "--z-um", limit="is missing: a table of numbers is a z map", remedy="state the height of one unit in µm"
+            "--z-um",
+            limit="is missing, but required, because a table of numbers is a z map",
+            remedy="specify the height of one unit in µm",
         )
     return read_image(path, options=options)
 
@@ -173,7 +175,7 @@ def _of_tiff(file: str, data: bytes) -> tuple[FloatArray, tuple[Tag, ...], str, 
         page: Any = opened.pages.first
         if len(opened.pages) > 1:
             limit = f"holds {len(opened.pages)} planes"
-            raise DataError(file, limit=limit, remedy="export the map of heights alone, not the stack")
+            raise DataError(file, limit=limit, remedy="export only the height map, not the stack")
         levels = _levels(file, np.squeeze(np.asarray(page.asarray())))
         simulated = is_simulated(str(page.description), str(page.software or ""))
         return levels, stated(opened)[0], "z-map-tiff", simulated
@@ -185,7 +187,7 @@ def _levels(file: str, values: NDArray[Any]) -> FloatArray:
     if values.dtype.kind not in "uif":
         raise DataError(file, value=str(values.dtype), limit="has an unsupported pixel format")
     if values.dtype.itemsize == 1:
-        limit = "has 8 bits, at most 256 heights: it is a picture of a z map"
+        limit = "has 8 bits, at most 256 heights: it is an image of a z map"
         raise DataError(file, limit=limit, remedy="export the heights with 16 bits or as floating-point numbers")
     levels = values.astype(np.float64)
     levels[~np.isfinite(levels)] = np.nan
@@ -206,7 +208,7 @@ def _of_text(file: str, data: bytes) -> FloatArray:
     check_size(file, len(rows[0]), len(rows))
     for number, row in enumerate(rows, 1):
         if len(row) != len(rows[0]):
-            limit = f"row {number} contains {len(row)} numbers, the first row {len(rows[0])}"
+            limit = f"row {number} contains {len(row)} numbers, whereas the first row contains {len(rows[0])}"
             raise DataError(file, limit=limit, remedy="export one line for each row of pixels")
     try:
         return np.array([[_height(cell) for cell in row] for row in rows])

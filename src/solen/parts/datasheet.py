@@ -186,8 +186,8 @@ class ReceiverPart(Datasheet):
     saturation_v: Quantity | None = Field(None, description="Saturation voltage, in V.")
     knee_v: Quantity | None = Field(
         None,
-        description="Width of the knee above saturation in V, over which the shortfall of "
-        "current decreases by the factor e.",
+        description="Width of the knee above saturation in V, over which the shortfall of current "
+        "decreases by a factor of e.",
     )
     gain: Quantity | None = Field(None, description="Collector current per photocurrent: the transistor gain.")
     dark_na: Quantity | None = Field(None, description="Dark current at 25 °C, in nA.")

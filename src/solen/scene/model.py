@@ -59,7 +59,7 @@ class Region:
             raise DesignError(
                 f"region {self.name}",
                 value="depends on the wavelength",
-                limit="every source needs a spectrum",
+                limit="every source requires a spectrum",
                 remedy="specify a spectrum for the sources, or a constant index for the region",
             )
         return self.index.index(wavelength_nm)
@@ -155,7 +155,7 @@ class Scene:
             check_closed(self.interfaces)
             check_overlaps(self.interfaces)
         if not self.sources:
-            raise DesignError("scene sources", value=0, limit="a scene needs at least one source")
+            raise DesignError("scene sources", value=0, limit="a scene requires at least one source")
         for source in self.sources:
             source.check()
         self._check_wavelengths()
@@ -223,13 +223,13 @@ class Scene:
             (
                 behaviour == "splitter" and interface.surface is None,
                 None,
-                "a splitter needs a surface with a transmitted fraction",
+                "a splitter requires a surface with a transmitted fraction",
             ),
             (is_ideal and not one_medium, behaviour, "must have the same region on both sides"),
             (focuses and not straight, "focal_mm", "an ideal element must be a straight segment"),
             (focuses and behaviour not in ("lens", "mirror"), "focal_mm", f"does not apply to behaviour {behaviour}"),
             (absorbs and (surface.is_random or coated), behaviour, "must have no scatter, texture or coating"),
-            (coated and behaviour != "refracting", behaviour, "a coating needs a refracting interface"),
+            (coated and behaviour != "refracting", behaviour, "a coating requires a refracting interface"),
             (
                 ruled != (surface.grating is not None),
                 behaviour,
@@ -252,7 +252,7 @@ class Scene:
         if interface.height_mm is not None:
             check_numbers(f"{what} height_mm", *interface.height_mm)
             if not interface.height_mm[0] < interface.height_mm[1]:
-                raise DesignError(what, value=interface.height_mm, limit="height_mm must run from low to high")
+                raise DesignError(what, value=interface.height_mm, limit="height_mm must be in ascending order")
 
     @property
     def is_random(self) -> bool:
@@ -272,7 +272,10 @@ class Scene:
         what, wall = "scene front", {i.name: i for i in self.interfaces}.get(self.front.interface)
         if self.extrusion is None:
             raise DesignError(
-                what, value="in the plane", limit="a face in space needs an extruded scene", remedy="state an extrusion"
+                what,
+                value="in the plane",
+                limit="a face in space requires an extruded scene",
+                remedy="state an extrusion",
             )
         if wall is None or wall.behaviour != "refracting" or wall.surface is not None:
             limit = "must replace an interface that is refracting, smooth and bare"

@@ -146,7 +146,9 @@ class AngleTable:
         for angle_deg, reflected_s, reflected_p, transmitted_s, transmitted_p in self.rows:
             most = max(reflected_s + transmitted_s, reflected_p + transmitted_p)
             if most > 1.0 + SHARES:
-                limit = f"the sum of reflected and transmitted must be at most 1, also at {angle_deg:g} deg"
+                limit = (
+                    f"the sum of the reflected and transmitted fractions must be at most 1, also at {angle_deg:g} deg"
+                )
                 raise DesignError("surface table", value=most, limit=limit)
 
     @property
@@ -283,7 +285,7 @@ class Surface:
         if self.band_nm is not None:
             check_numbers("surface band_nm", *self.band_nm)
         if self.table_right is not None and self.table is None:
-            raise DesignError("surface table_right", limit="needs a table for the left side, too")
+            raise DesignError("surface table_right", limit="requires a table for the left side, too")
 
     def acts_at(self, wavelength_nm: float | None) -> bool:
         """Whether the behaviour of the interface applies at a wavelength."""

@@ -205,5 +205,5 @@ def _of_each(given: ArrayLike | None, own: Sequence[float]) -> FloatArray:
         return np.array(own, dtype=float)[:, None]
     values = np.atleast_1d(np.asarray(given, dtype=float))
     if values.ndim > 2 or (values.ndim == 2 and len(values) != len(own)) or not np.all(np.isfinite(values)):
-        raise DesignError("widths_mm, offsets_mm", limit=f"must be finite, (K,) or ({len(own)}, K)")
+        raise DesignError("widths_mm, offsets_mm", limit=f"must be finite and of shape (K,) or ({len(own)}, K)")
     return np.broadcast_to(values, (len(own), values.shape[-1]))

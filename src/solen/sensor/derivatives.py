@@ -67,11 +67,11 @@ def sensitivities(
     )
     for key in chosen:
         if why := inert(sensor, key):
-            raise SpecError(key, limit=why, remedy="leave it out")
+            raise SpecError(key, limit=why, remedy="omit it")
     values = {key: number(sensor, key) for key in chosen}
     scene = sensor.scene(angle_deg)
     if (why := why_not(scene)) and not sensor.is_sampled:
-        limit = "derivatives need point sources and no random scatter"
+        limit = "derivatives require point sources and no random scatter"
         raise DesignError("sensitivity", value=why, limit=limit, remedy="compare two designs with solen trace")
     in_space = scene.extrusion is not None
     tolerance = EXTENDED_TOLERANCE if is_extended(scene) else TOLERANCE
@@ -99,7 +99,12 @@ def _sensitivity(sensor: "Sensor", key: str, value: float, angle_deg: float, bas
         derivative = sensor.derivative(key, angle_deg)
     except SolenError as bad:
         return Sensitivity(
-            key, value, nothing, nothing, nothing, f"both sides of {value:g} are needed, and one is impossible: {bad}"
+            key,
+            value,
+            nothing,
+            nothing,
+            nothing,
+            f"values on both sides of {value:g} are required, and one is impossible: {bad}",
         )
     right, left = derivative.detectors["right"], derivative.detectors["left"]
     if not derivative.reached:

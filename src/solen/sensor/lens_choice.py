@@ -178,10 +178,10 @@ def _why_not(sensor: Sensor, null_deg: float | None) -> str:
     """Return the reason why no comparison is possible; empty if one is."""
     plane = sensor.design.trace.dimension != "extruded"
     cases = {
-        "light stays in the plane, where all of them are the Cartesian oval": plane,
+        "light stays in the plane, where all these lenses are the Cartesian oval": plane,
         "the design has no oval of its own": sensor.is_drawn or sensor.design.lens.shape not in SHAPES,
         "rays from a file cannot be traced through a lens for space": sensor.light.ray_file is not None,
-        "the emitter is a point: state the size of its chip": not sensor.light.width_mm > 0.0,
+        "the emitter is a point: specify the size of its chip": not sensor.light.width_mm > 0.0,
         "the response has no null": null_deg is None,
     }
     return next((why for why, applies in cases.items() if applies), "")
@@ -218,7 +218,7 @@ def _figures(sensor: Sensor, null_deg: float, ends_deg: Sequence[float], known: 
     off = min(each, key=lambda one: abs(float(one.contrast[0])) * one.received_share)
     angle, contrast, u = found.angle_deg - null_deg, found.contrast, found.u_contrast
     if not (np.isfinite(contrast).all() and np.isfinite(off.contrast).all()):
-        raise DesignError("contrast", value="none", limit="no light arrives at some angle")
+        raise DesignError("contrast", value="none", limit="at some angles no light arrives")
     if len(ends_deg) == 1:  # the other side is the mirror image
         angle, contrast = np.append(angle, [0.0, *-angle]), np.append(contrast, [0.0, *-contrast])
         u = np.append(u, [0.0, *u])

@@ -276,7 +276,7 @@ def rigid_design(design: Design) -> Design:
 def _rigid(sensor: Sensor, turns_deg: Sequence[float]) -> tuple[FloatArray | None, str | None]:
     """Return the contrast of the rigid sensor for rotations of its lens, or the reason why there is none."""
     if sensor.is_drawn:
-        return None, "the body is drawn: its lens is part of it and cannot turn separately"
+        return None, "the body is drawn: its lens is part of it and cannot rotate separately"
     rigid = replace(sensor, design=rigid_design(sensor.design))
     try:
         return rigid.power(turns_deg).contrast, None
@@ -338,16 +338,21 @@ def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
         )
     off_mm = max(state.displaced.off_mm for state in states)
     if off_mm > OFF_MM:
-        limit = "the largest distance of an optical wall from the finite elements between their nodes"
+        limit = "the largest distance between an optical wall and the finite elements, between their nodes,"
         found.append(look_at(f"{limit} is {off_mm:.1g} mm; set a smaller mechanics.mesh_mm"))
     notches = [one for state in states for one in state.displaced.closed if one.overlap_mm > SLIGHT_MM]
     return [*found, *([_of_notch(max(notches, key=lambda notch: notch.overlap_mm))] if notches else [])]
 
 
 def _of_notch(notch: ClosedNotch) -> Caution:
-    where = f"{' and '.join(notch.faces)} close their notch to {place_text(notch.at_mm)}, over {notch.length_mm:.2g} mm"
-    deep = f"would lie {1e3 * notch.overlap_mm:.2g} µm in each other"
-    return look_at(f"{where}, and {deep}: for light they are one piece, and their contact force is neglected")
+    where = (
+        f"{' and '.join(notch.faces)} close the notch between them as far as {place_text(notch.at_mm)}, "
+        f"over {notch.length_mm:.2g} mm"
+    )
+    deep = f"would overlap by {1e3 * notch.overlap_mm:.2g} µm"
+    return look_at(
+        f"{where}, and {deep}: light passes between them as in one body, and their contact force is neglected"
+    )
 
 
 def _of_planes(sensor: Sensor, planes: PlaneSpread | None) -> list[Caution]:
@@ -356,7 +361,7 @@ def _of_planes(sensor: Sensor, planes: PlaneSpread | None) -> list[Caution]:
     return [
         look_at(
             f"plane strain and plane stress differ by up to {planes.apart:.2f} in the contrast: "
-            f"a part of {sensor.design.body.thickness_mm:g} mm is between the two, and only a three-dimensional "
-            "model could give its response"
+            f"a part {sensor.design.body.thickness_mm:g} mm thick lies between the two, and only "
+            "a three-dimensional model could predict its response"
         )
     ]

@@ -26,7 +26,7 @@ MATCHED = (
     "a medium of the same index touches a wall: no derivative exists there, since light is reflected "
     "for either sign of the change"
 )
-LAYERS = "the number of layers is an integer, so their borders jump: compare two designs with --set"
+LAYERS = "the number of layers is an integer, so the layer boundaries jump: compare two designs with --set"
 OF_THE_MATERIAL = ("material.index", "material.absorption_per_mm")
 USUAL = {"material.index": 0.01, "material.absorption_per_mm": 0.005}
 """Tolerances for a resin without a specified uncertainty: a reflectance known to 0.001 gives the index to 0.008."""
@@ -52,7 +52,7 @@ def number(sensor: "Sensor", key: str) -> float:
         value = getattr(sensor.material, name)  # the design's stated absorption, otherwise the resin's
     if isinstance(value, bool | int) or not isinstance(value, float):
         raise SpecError(
-            key, value=value, limit="must be a real number stated in the design", remedy="set it in the design"
+            key, value=value, limit="must be a real number specified in the design", remedy="set it in the design"
         )
     return value
 
@@ -90,7 +90,7 @@ def inert(sensor: "Sensor", key: str) -> str:
         "lens.layer_mm": (True, LAYERS),
         "lens.y_focus_mm": (
             not isinstance(design.lens.y_focus_mm, float),
-            "the design states no value: set one"
+            "the design specifies no value: set one"
             if design.lens.shape == "line-focus"
             else "applies to line-focus only",
         ),
@@ -99,7 +99,7 @@ def inert(sensor: "Sensor", key: str) -> str:
             bool(design.emitter.spectrum) or (not resin and not sensor.scene().wavelengths_nm),
             "emitter.spectrum states the wavelengths"
             if design.emitter.spectrum
-            else "the index is stated, independent of the wavelength",
+            else "the index is specified, independent of the wavelength",
         ),
         "emitter.width_mm": (sensor.light.width_mm == 0.0, "the emitter is a point"),
         "emitter.height_mm": (flat or sensor.light.height_mm == 0.0, in_plane if flat else "the emitter is a line"),
@@ -131,7 +131,7 @@ def _without_effect_on(design: Design, key: str) -> str:
     if table == "lens" and not parts:
         return "the network has no lens"
     own = bool(parts) and all(getattr(part, name, None) is not None for part in parts)
-    return f"every {table} of the network states its own" if own else ""
+    return f"every {table} of the network specifies its own value" if own else ""
 
 
 def _is_matched(sensor: "Sensor") -> bool:

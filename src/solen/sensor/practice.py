@@ -132,14 +132,14 @@ class Practice(Result):
         most = max(found, key=lambda effect: effect.largest, default=None)
         for key, why in self.skipped.items():
             if key.startswith(HOLD) and "not installed" in why:
-                return (f"the holding of a soft body, which may matter most, was not compared: {why}",)
+                return (f"the supports of a soft body, which may matter most, were not compared: {why}",)
         if most is None or most.largest < MOVED:
             return ()
         place = int(np.nanargmax(np.abs(most.contrast)))
         return (
-            f"the body counts as rigid: for a soft one held by {HOLDS[str(most.value)]}, the contrast "
-            f"differs by {most.contrast[place]:+.2g} at {most.angle_deg[place]:+.3g}°; state its holds with "
-            'motion.kind = "loaded"',
+            f"the body is treated as rigid: for a soft body held by {HOLDS[str(most.value)]}, the contrast "
+            f"differs by {most.contrast[place]:+.2g} at {most.angle_deg[place]:+.3g}°; "
+            'specify its supports with motion.kind = "loaded"',
         )
 
     def _of_the_index(self) -> tuple[str, ...]:
@@ -149,8 +149,8 @@ class Practice(Result):
             return ()
         place = int(np.nanargmax(np.abs(index.contrast)))
         return (
-            f"the index is known only to ± {index.tolerance:.2g}: within that range the response changes by up to "
-            f"{index.largest:.2g} in contrast, at {index.angle_deg[place]:+.3g}°",
+            f"the index is known only to ± {index.tolerance:.2g}: within this range the contrast "
+            f"changes by up to {index.largest:.2g}, at {index.angle_deg[place]:+.3g}°",
         )
 
 

@@ -177,7 +177,7 @@ class Sensor:
             )
             raise DesignError("body.kind", value="network", limit=limit, remedy=remedy)
         if not self.is_loaded:
-            limit, remedy = "is no load", 'set motion.kind = "loaded", and state what holds and loads the body'
+            limit, remedy = "is no load", ('set motion.kind = "loaded", and specify the supports and loads of the body')
             raise DesignError("motion.kind", value=self.design.motion.kind, limit=limit, remedy=remedy)
         return LoadedBody.of(self.design, self.cut)
 

@@ -428,7 +428,7 @@ class Lights:
         truncated = max(1.0 - math.fsum(detected) - escaped - absorbed, 0.0)  # the gaps and the truncated light
         rays, legs, undefined, pieces = (int(count) for count in whole.counts)
         by_source = np.array([weight * part.share for part, weight in zip(integrals, weights, strict=True)])
-        why = f"{rays} rays reach {whole.u:.1e} instead of {tolerance:g}: {cause(whole)}"
+        why = f"{rays} rays reach an uncertainty of {whole.u:.1e} instead of {tolerance:g}: {cause(whole)}"
         return Trace(
             mode=self.mode,
             method="adaptive",

@@ -85,7 +85,7 @@ def convergence(
     check_mode(mode)
     check_count("most_rays", most_rays, LEAST_RAYS)
     if not scene.receivers:
-        raise DesignError("convergence", value="no receiver", limit="the scene needs a receiver")
+        raise DesignError("convergence", value="no receiver", limit="the scene requires a receiver")
     if any(isinstance(source, Rays) for source in scene.sources):
         raise DesignError(
             "convergence", value="a list of rays", limit="the ray count of each source must be adjustable"

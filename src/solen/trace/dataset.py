@@ -139,7 +139,7 @@ def _whole(trace: Trace) -> dict[str, _Variable]:
             (), trace.undefined, "rays that met an interface from a medium other than the one they were in"
         ),
         "truncated": _count((), trace.truncated, "branches cut off"),
-        "pieces": _count((), trace.pieces, "number of cone pieces in adaptive integration"),
+        "pieces": _count((), trace.pieces, "number of cone segments in adaptive integration"),
         "reached": ((), trace.reached, {"long_name": "whether adaptive integration reached its tolerance"}),
         "single_error": _real(
             (), single, SHARE, "largest power difference between single and double precision; NaN in double precision"

@@ -155,13 +155,13 @@ def _check_extruded(scene: Scene, precision: str, device: str, legs: bool) -> No
         ("legs", legs, legs),
     ):
         if asked:
-            raise DesignError(what, value=value, limit="is supported only for planar scenes", remedy="leave it out")
+            raise DesignError(what, value=value, limit="is supported only for planar scenes", remedy="omit it")
     for interface in scene.interfaces:
         surface = interface.surface or Surface()
         for key in ("focal_mm", "grating"):
             if getattr(surface, key) is not None:
                 limit = "ideal elements and gratings are supported only in the plane"
-                raise DesignError(f"interface {interface.name}", value=key, limit=limit, remedy="leave extrusion out")
+                raise DesignError(f"interface {interface.name}", value=key, limit=limit, remedy="omit extrusion")
 
 
 def _traced(job: Job, threads: int) -> Iterator[tuple[Chunk, tally.Sums]]:

@@ -61,7 +61,7 @@ class Entered(Source):
         """Return the light that a source sends through the face of a scene."""
         slab = scene.extrusion
         if slab is None:
-            raise AssertionError("a face in space needs a slab")
+            raise AssertionError("a face in space requires a slab")
         if source.emission() is None:
             limit = (
                 "must be an emitter with a pattern: other sources are not supported with a lens that is not cylindrical"

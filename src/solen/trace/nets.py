@@ -53,7 +53,10 @@ def by_nets(
         if found.u_power <= tolerance:
             return found
         if rays >= most_rays or (most_legs is not None and TIMES * found.hits > most_legs):
-            why = f"{found.rays} rays reach {found.u_power:.1e} instead of {tolerance:g}: choose a larger tolerance"
+            why = (
+                f"{found.rays} rays reach an uncertainty of {found.u_power:.1e} instead of {tolerance:g}: "
+                "choose a larger tolerance"
+            )
             return replace(found, reached=False, why=why)
         rays *= TIMES
 

@@ -129,7 +129,7 @@ def test_terms_are_ordered_by_their_power() -> None:
 def test_what_cannot_be_said_is_said() -> None:
     found = fit("ogden-3", [curve("neo-hookean", UNIAXIAL, 1, 2)])
     told = " | ".join(cautions(found))
-    assert "is valid over the stretches of the fit (uniaxial 1 to 2)" in told
+    assert "is valid over the fitted stretch range (uniaxial 1 to 2)" in told
     assert "planar and equibiaxial deformation was not measured" in told
     assert "the uncertainty exceeds the value" in told or "cannot be determined individually" in told
 

@@ -97,7 +97,9 @@ def test_default_ranges() -> None:
 
 
 def test_ranges_that_hold_nothing_are_refused() -> None:
-    with pytest.raises(DataError, match="contains 0 points of the loading, 3 are needed; the test reaches 1 %"):
+    with pytest.raises(
+        DataError, match="contains 0 points of the loading branch, but 3 are needed; the test reaches 1 %"
+    ):
         young(straight(), (0.02, 0.05))
     for bad in ((0.05, 0.02), (-0.1, 0.1), (math.nan, 0.1)):
         with pytest.raises(DataError, match="strain range in percent"):
@@ -154,7 +156,7 @@ def test_warnings_carry_numbers() -> None:
     pressed = as_test(-strain, -1.2 * strain, specimen_of(Dimensions(cube_mm=10)), "compression")
     told = " | ".join(evaluate(replace(pressed, area_used=True, from_displacement=True), StiffnessOptions()).warnings)
     assert "shape factor 0.25: if the platens hold the ends, the modulus appears up to 23 % too high" in told
-    assert "0.81 to 1 times it" in told
+    assert "0.81 to 1 times this" in told
     assert "0.05 mm on each side would make the area uncertain by 0.7 %" in told
     assert "1.2e+03 N/mm they make the modulus 1 % too low" in told
     assert "over 2 to 10 % strain an ideal rubber's slope is 14 % higher" in told

@@ -64,7 +64,7 @@ def test_signs_tell_compression_and_words_do() -> None:
 def test_signs_that_contradict_are_asked_about() -> None:
     made = recording(force=("N", force(STRAIN)), displacement=("mm", -10 * STRAIN))
     with pytest.raises(
-        DataError, match="may be tension or compression; state it: --mode tension or --mode compression"
+        DataError, match="may be tension or compression; specify it: --mode tension or --mode compression"
     ):
         of(made, Dimensions(area_mm2=100, length_mm=10))
 
@@ -116,7 +116,7 @@ def test_the_files_strain_is_used_unless_the_user_states_a_length() -> None:
     found = of(made, Dimensions(area_mm2=100))
     np.testing.assert_allclose(found.strain, STRAIN)
     assert not found.from_displacement
-    assert "strain is displacement over 80 mm, but the file states a length of 832 mm" in " ".join(found.warnings)
+    assert "strain is displacement over 80 mm, but the file specifies a length of 832 mm" in " ".join(found.warnings)
     stated = of(made, Dimensions(area_mm2=100, length_mm=40))
     np.testing.assert_allclose(stated.strain, 2 * STRAIN)
 
@@ -173,7 +173,7 @@ GAP = np.where(np.arange(81) == 40, np.nan, STRAIN)
         (
             {"stress": ("MPa", STRAIN), "strain": ("1", GAP)},
             Dimensions(),
-            "has no number in 1 of 81 rows, the first of them row 41",
+            "has no value in 1 of 81 rows, the first of which is row 41",
         ),
         (
             {"stress": ("MPa", STRAIN), "strain": ("1", 0 * STRAIN + 0.1)},

@@ -76,7 +76,7 @@ def test_a_number_in_a_text(text: str, heading: str, value: float | None) -> Non
         ({"length_mm": 0.0}, "length_mm = 0.0; must be greater than 0"),
         ({"cube_mm": -10.0}, "cube_mm = -10.0; must be greater than 0"),
         ({"area_mm2": math.nan}, "area_mm2 = nan; must be"),
-        ({"strip_width_mm": 5.0}, "needs both --strip-width-mm and --thickness-mm"),
+        ({"strip_width_mm": 5.0}, "requires both --strip-width-mm and --thickness-mm"),
         ({"area_mm2": 5.0, "diameter_mm": 2.0}, "more than one way"),
         ({"cube_mm": 10.0, "length_mm": 9.0}, "a cube's length is its side"),
         ({"cube_mm": 10.0, "u_geometry_mm": -1.0}, "u_geometry_mm = -1.0; must be at least 0"),

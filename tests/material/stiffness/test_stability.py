@@ -94,7 +94,7 @@ def test_instability_in_a_mode_that_was_not_measured_is_said() -> None:
     far = np.linspace(1, 5, 30)
     found = fit("mooney-rivlin", [Curve(UNIAXIAL, far, model("mooney-rivlin").stress(parameters, UNIAXIAL, far))])
     told = " ".join(cautions(found))
-    assert "unstable (Drucker) within the stretches of the other modes: equibiaxial stretch above" in told
+    assert "unstable (Drucker) within the stretch ranges of the other modes: equibiaxial stretch above" in told
     assert "planar and equibiaxial deformation was not measured" in told
 
 

@@ -118,7 +118,7 @@ def _chosen(study: Study, options: CalibrationOptions) -> tuple[list[SensorRespo
         limit = f"has no lens and hardly responds to the {study.stimulus.name}"
         raise DataError(f"sensor {bare}", limit=limit, remedy="use --with-controls to calibrate it anyway")
     if options.pool and len(kept) < 2:
-        raise SpecError("--pool", value=len(kept), limit="needs at least two sensors with a lens")
+        raise SpecError("--pool", value=len(kept), limit="requires at least two sensors with a lens")
     left_out = bare and not options.with_controls
     return kept, [note(f"not calibrated, because they have no lens: {bare}")] if left_out else []
 

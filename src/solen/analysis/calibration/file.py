@@ -57,7 +57,7 @@ class Cell(Strict):
     error: ClassVar[type[DataError]] = DataError
 
     name: Text = Field(description="Its name.")
-    sensitivity_deg_per_V: Number = Field(description="Sensitivity in newtons per volt.")
+    sensitivity_deg_per_V: Number = Field(description="Sensitivity in N/V.")
     u_sensitivity_deg_per_V: NotNegative | None = Field(
         None, description="Uncertainty of the sensitivity; null if unknown."
     )
@@ -78,8 +78,8 @@ class Cell(Strict):
         line = f" and {self.off_line_deg:.1g} N" if self.off_line_deg else ""
         return (
             f"all readings of the load cell have a common error of {100.0 * (self.u_scale or 0.0):.2g} "
-            f"%{line} (standard "
-            "uncertainty), which errors relative to its readings do not show but the bands of decoded forces include"
+            f"%{line} (standard uncertainty); errors relative to its readings do not show this "
+            "error, but the bands of decoded forces include it"
         )
 
 

@@ -107,7 +107,7 @@ def _check_drive(options: SignalOptions, stimulus: Stimulus) -> None:
         if name != stimulus.name and (column := getattr(options, other.column)) is not None:
             raise SpecError(f"--{other.column}", value=column, limit=limit, remedy=f"name it with --{stimulus.column}")
     if options.against not in {None, stimulus.name}:
-        raise SpecError("--against", value=options.against, limit=limit, remedy="leave it out")
+        raise SpecError("--against", value=options.against, limit=limit, remedy="omit it")
 
 
 def _has(recording: Recording, options: SignalOptions) -> bool:
@@ -146,11 +146,11 @@ def check_live(options: SignalOptions, *, subtracted: bool = False) -> None:
             "do not apply, because ambient light was already subtracted from these readings "
             "and clipped readings are marked"
         )
-        raise SpecError("--rails", limit=limit, remedy="leave it out")
+        raise SpecError("--rails", limit=limit, remedy="omit it")
     for name in FILE_OPTIONS:
         if name in options.model_fields_set:
             option = f"--{name.replace('_', '-')}"
-            raise SpecError(option, limit="applies to recorded files, not to live readings", remedy="leave it out")
+            raise SpecError(option, limit="applies to recorded files, not to live readings", remedy="omit it")
 
 
 def line_stream(text: Iterable[str], options: SignalOptions) -> Stream:

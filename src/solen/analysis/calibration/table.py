@@ -32,13 +32,13 @@ MOST_OFF = 0.5
 """Largest deviation from the full decoder that causes no warning, in standard uncertainties."""
 _PYTHON = '''"""{plural} of a calibrated sensor: {name}. Written by solen {version}.
 
-decode(left, right) gives the {what} in {unit}, its standard uncertainty, and whether the readings lie on no point of
-the curve, so that the {what} means nothing. Readings are as they were calibrated: {readings}.
+decode(left, right) returns the {what} in {unit}, its standard uncertainty, and whether the readings lie off the
+calibrated curve, so that the {what} is meaningless. Supply readings as they were calibrated: {readings}.
 """
 
 LIMIT = {limit:.6g}
-# of each piece: {what} at its start and its length in {unit}; left and right at its start and their change;
-# what makes the covariance of a reading one: a, b, c in (a dl, b dl + c dr)
+# For each segment: {what} at its start and its length in {unit}; left and right at its start and their change;
+# a, b and c, for which the covariance of (a dl, b dl + c dr) for a reading is the identity.
 PIECES = (
 {rows})
 

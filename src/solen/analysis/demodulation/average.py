@@ -42,14 +42,14 @@ def readings_per_mains(period_s: float, mains_hz: float) -> int:
     """Smallest number of readings that spans whole mains periods; `DataError` if no number up to 1000 does."""
     if not math.isfinite(period_s):
         raise DataError(
-            "mains", value=mains_hz, limit="requires at least two readings from an emitter", remedy="leave it out"
+            "mains", value=mains_hz, limit="requires at least two readings from an emitter", remedy="omit it"
         )
     for readings in range(1, MOST_READINGS + 1):
         periods = readings * period_s * mains_hz
         if periods >= 1.0 - NEAR and abs(periods - round(periods)) <= NEAR:
             return readings
     limit = f"no number of readings every {1e3 * period_s:.4g} ms spans whole mains periods"
-    raise DataError("mains", value=mains_hz, limit=limit, remedy="leave it out")
+    raise DataError("mains", value=mains_hz, limit=limit, remedy="omit it")
 
 
 def averaged(result: Demodulated, slots: Slots, readings: int) -> Averaged:

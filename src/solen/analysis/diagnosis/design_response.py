@@ -118,7 +118,7 @@ class Response:
         spreads = spreads or {}
         for key in spreads:
             if key != INDEX and (why := inert(sensor, key)):
-                raise SpecError(key, limit=why, remedy="leave it out")
+                raise SpecError(key, limit=why, remedy="omit it")
         parts = 3.0 + 2.0 * len(spreads)
         in_space = sensor.design.trace.dimension == "extruded"
         fine = angles_deg(low_deg, high_deg, STEP_IN_SPACE_DEG if in_space else STEP_DEG)

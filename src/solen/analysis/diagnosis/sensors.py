@@ -70,7 +70,7 @@ class DiagnosisOptions(Options):
         for text in self.spread:
             key, _, value = (part.strip() for part in text.partition("="))
             if key in FITTED:
-                raise refused("spread", "is fitted anyway", value=key, remedy="leave it out")
+                raise refused("spread", "is fitted anyway", value=key, remedy="omit it")
             try:
                 positive = 0.0 < float(value) < float("inf")
             except ValueError:

@@ -138,7 +138,7 @@ def network_readings(path: Path, sensor: str | None = None) -> NetworkReadings:
     header = header_of(parts[0][1].provenance)
     if not header.get("motions"):
         if sensor is not None:
-            raise SpecError("--sensor", value=sensor, limit=f"{path.name} names no sensors", remedy="leave it out")
+            raise SpecError("--sensor", value=sensor, limit=f"{path.name} names no sensors", remedy="omit it")
         return _of_table(parts[0][1])
     return _of_bench(dict(parts), header, chosen_network(header, sensor, path.name))
 

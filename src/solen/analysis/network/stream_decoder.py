@@ -280,7 +280,7 @@ def unused(options: Options, kept: Sequence[str] = ()) -> None:
         value = getattr(options, name)
         if name not in kept and value != info.get_default(call_default_factory=True):
             limit = "does not apply to a network, whose columns and motions are identified by their names"
-            raise SpecError(f"--{name.replace('_', '-')}", value=str(value), limit=limit, remedy="leave it out")
+            raise SpecError(f"--{name.replace('_', '-')}", value=str(value), limit=limit, remedy="omit it")
 
 
 def _rows(time_s: FloatArray, decoded: NetworkDecoded) -> Iterator[str]:

@@ -52,7 +52,7 @@ def _sensor(sensor: SensorResponse, *, simulated: bool) -> Iterator[str]:
     for name, receiver in sensor.receivers.items():
         yield from _receiver(name, receiver, sensor.timing.receivers[name], sensor.unit, sign)
     if sensor.cell is not None and (share := sensor.cell.u_slope) is not None:
-        yield (f"  load cell: its stated uncertainty, {100.0 * share:.2g} % of each sensitivity, is included")
+        yield (f"  load cell: its specified uncertainty, {100.0 * share:.2g} % of each sensitivity, is included")
     yield _timing(sensor.timing, sensor.stimulus)
     if sensor.ageing is not None:
         yield from _ageing(sensor.ageing, sensor.unit, sign)

@@ -20,8 +20,9 @@ def _(result: Demodulation) -> Iterator[str]:
     clock = result.clock
     if clock is not None:
         yield (
-            f"switching at {clock.rate_hz:.6g} Hz ± {short(clock.u_rate_hz)}, {result.off_stated_ppm:+.0f} ppm from "
-            f"stated; on for {100 * clock.on_share:.1f} %; edges wander by {clock.wander_us:.0f} µs"
+            f"switching at {clock.rate_hz:.6g} Hz ± {short(clock.u_rate_hz)}, {result.off_stated_ppm:+.0f} "
+            f"ppm from specified; on for {100 * clock.on_share:.1f} %; edges wander by {clock.wander_us:.0f} "
+            "µs"
         )
     yield (
         f"missing {sum(counts.missing.values())}, without off {counts.without_off}, one-sided {counts.one_sided}, "

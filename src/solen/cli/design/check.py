@@ -73,6 +73,7 @@ def _foci(foci: tuple[Focus, ...]) -> Iterator[str]:
     for focus in foci:
         if focus.by_uncertainty:
             yield (
-                f"  index {focus.material_index:.6g} (off by its uncertainty, {focus.step:+.2g}): near the axis "
-                f"{text(focus.paraxial_focus_mm)} mm, smallest spot {text(focus.best_focus_mm)} mm"
+                f"  index {focus.material_index:.6g} (shifted by its uncertainty, {focus.step:+.2g}): "
+                f"near the axis {text(focus.paraxial_focus_mm)} mm, smallest spot {text(focus.best_focus_mm)} "
+                "mm"
             )

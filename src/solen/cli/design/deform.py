@@ -19,8 +19,8 @@ def _(result: Deformation) -> Iterator[str]:
     newtons = max(math.hypot(*reaction.force_N) for reaction in result.reactions)
     moments = max(abs(reaction.moment_Nmm) for reaction in result.reactions)
     yield f"{result.name}, {result.drives} at {where(result)}"
-    yield f"  emitter and lens turn by {result.turn_deg:+.4g} deg, move by {x:+.4g}, {z:+.4g} mm (x, z)"
-    yield f"  largest strain {result.strain_largest:.3g}; walls assumed upright, to {result.bulge_mm:.2g} mm"
+    yield (f"  emitter and lens rotate by {result.turn_deg:+.4g} deg, move by {x:+.4g}, {z:+.4g} mm (x, z)")
+    yield (f"  largest strain {result.strain_largest:.3g}; walls assumed vertical to within {result.bulge_mm:.2g} mm")
     for reaction in result.reactions:
         fx, fz = (_rounded(force, newtons) for force in reaction.force_N)
         x, z = (_rounded(at) for at in reaction.about_mm)

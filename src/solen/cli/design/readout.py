@@ -20,7 +20,7 @@ def _(readings: DesignReadings) -> Iterator[str]:
     circuit, whole = readings.circuit, readings.range
     yield f"{readings.name} (simulated): {_receivers(circuit)}"
     yield f"  emitter {_emitter(circuit.drive)}"
-    yield f"  sensitivity at {readings.wavelength_nm:g} nm {circuit.transistor.response:.3g} of the stated one"
+    yield (f"  sensitivity at {readings.wavelength_nm:g} nm {circuit.transistor.response:.3g} of the specified value")
     yield from _table(readings)
     yield (
         f"  readings {whole.lowest_V:.3f} to {whole.highest_V:.3f} V, {100 * whole.used_of_supply:.0f} % of "
@@ -64,7 +64,7 @@ def _emitter(drive: Drive) -> str:
 
 
 def _load(advice: Advice) -> Iterator[str]:
-    yield f"load: adjust it until the brightest angle of the motion reads {advice.target_V:.2f} V"
+    yield f"load: adjust it until the brightest angle of the motion has {advice.target_V:.2f} V"
     yield from map(_setting, advice.settings)
     if advice.emitter_current_mA is not None and any(setting.turn is None for setting in advice.settings):
         yield f"  {advice.emitter_current_mA:.2g} mA in the emitter would bring all loads within the trimmer's range"

@@ -54,7 +54,7 @@ def studio(
         refused = {"--listen": listen != LOCAL, "--no-browser": no_browser, "--beside": beside is not None}
         if stated := [name for name, given in refused.items() if given]:
             limit = "does not apply with --export, which serves nothing"
-            raise SpecError(", ".join(stated), limit=limit, remedy="leave it out")
+            raise SpecError(", ".join(stated), limit=limit, remedy="omit it")
         return write_page(file, export, options, set_, progress)
     if options != SlidersOptions():
         raise SpecError(

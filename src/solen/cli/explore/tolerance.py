@@ -60,7 +60,7 @@ def _yield(one: Yield) -> str:
 def _sources(result: Tolerances) -> str:
     """Return a remark on the number of varied parameters whose deviation is assumed."""
     assumed = sum(row.source != STATED for row in result.varied)
-    return f" ({assumed} not stated: see the source of each)" if assumed else " (nothing else varies)"
+    return f" ({assumed} not specified: see the source of each)" if assumed else " (nothing else varies)"
 
 
 def _source(row: VariedNumber) -> str:
@@ -80,5 +80,5 @@ def _cost(row: VariedNumber) -> str:
     if row.factor_alone is None:
         alone = "reducing it alone does not give 95 %"
     else:
-        alone = f"95 % if scaled by {row.factor_alone:.2g}" if row.factor_alone < 1.0 else "95 % as it is"
-    return f"; yield {100 * row.share_if_exact:.0f} % if exact; {alone}"
+        alone = f"95 % if scaled by {row.factor_alone:.2g}" if row.factor_alone < 1.0 else "95 % without any change"
+    return f"; yield {100 * row.share_if_exact:.0f} % if its deviation is 0; {alone}"

@@ -15,7 +15,7 @@ def _(fit: PrinterCalibration) -> Iterator[str]:
     for scale in fit.scales:
         off, u = 100.0 * (scale.factor - 1.0), 100.0 * scale.u_factor
         before = f"{'stated' if scale.stated else 'assumed'}: ± {100.0 * scale.u_before:.2g} %"
-        yield f"  {scale.axis} scale of {scale.file} off by {off:+.2f} ± {u:.2g} % ({before})"
+        yield f"  {scale.axis} scale of {scale.file} deviates by {off:+.2f} ± {u:.2g} % ({before})"
     yield f"  effective Ec {fit.Ec_mJ_per_cm2:.3g} ± {fit.u_Ec_mJ_per_cm2:.2g} mJ/cm²"
     yield (
         f"{len(fit.features)} of {fit.given} features used, residual {fit.rms_um:.2g} µm rms; uncertainties widened "

@@ -47,7 +47,7 @@ def _size(size: PrintFit) -> Iterator[str]:
         f"{size.form_um:.2g} µm (rms)"
     )
     yield (
-        f"{100.0 * (size.size_factor - 1.0):+.2f} ± {100.0 * size.u_size_factor:.2g} % of size: shrinkage "
-        f"{size.shrinkage_percent:.2f} ± {size.u_shrinkage_percent:.2g} %, scale off by "
-        f"{100.0 * (size.scale_factor - 1.0):+.2f} ± {100.0 * size.u_scale_factor:.2g} %"
+        f"{100.0 * (size.size_factor - 1.0):+.2f} ± {100.0 * size.u_size_factor:.2g} % of size: "
+        f"shrinkage {size.shrinkage_percent:.2f} ± {size.u_shrinkage_percent:.2g} %, scale deviates "
+        f"by {100.0 * (size.scale_factor - 1.0):+.2f} ± {100.0 * size.u_scale_factor:.2g} %"
     )

@@ -33,8 +33,9 @@ def _(prediction: PrintedDesign) -> Iterator[str]:
     yield f"ripple of the layers along the {ripple.along}: {ripple.peak_to_valley_um:.2g} µm peak to valley{rms}"
     if (walls := prediction.walls) is not None:
         yield (
-            f"{walls.layers} layers; straight walls exceed their image by {walls.first_um:+.3g} µm at the first, "
-            f"{walls.middle_um:+.3g} in the middle, {walls.last_um:+.3g} at the last"
+            f"{walls.layers} layers; straight walls exceed their image by {walls.first_um:+.3g} "
+            f"µm at the first, {walls.middle_um:+.3g} at mid-height, {walls.last_um:+.3g} at the "
+            "last"
         )
     if prediction.response is not None:
         yield from _response(prediction.response)

@@ -19,7 +19,10 @@ def _(loss: GuideLoss) -> Iterator[str]:
     if loss.absorption_per_mm is None:
         yield "absorption per mm: undefined, as the loss is not positive"
     else:
-        yield f"absorption {loss.absorption_per_mm:.3g} ± {loss.u_absorption_per_mm:.2g} per mm of guide, base e"
+        yield (
+            f"absorption coefficient {loss.absorption_per_mm:.3g} ± {loss.u_absorption_per_mm:.2g} "
+            "per mm of guide, base e"
+        )
     if loss.interval95_coupling_loss_dB is not None:
         low, high = loss.interval95_coupling_loss_dB
         yield f"coupling and ends {loss.coupling_loss_dB:.3g} dB ({low:.3g} to {high:.3g})"

@@ -135,8 +135,11 @@ class Candidates:
         design = self.evaluator.task.at(nearest.point)
         evaluation = self.evaluator.of(design)
         missed = [] if evaluation is None else [text for text, met in evaluation.meets.items() if not met]
-        limit = f"no design tried meets every condition; the nearest misses {', '.join(missed) or 'a response'}"
-        raise SpecError("--subject-to", limit=limit, remedy="loosen the condition, or free more numbers")
+        limit = (
+            "none of the designs tried meets every condition; the closest design does not "
+            f"meet {', '.join(missed) or 'a response'}"
+        )
+        raise SpecError("--subject-to", limit=limit, remedy="relax the condition, or free more parameters")
 
 
 def least(

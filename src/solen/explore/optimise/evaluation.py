@@ -95,8 +95,8 @@ class Evaluator:
         evaluation = evaluator.needed(design, "design")
         for goal, value in zip(task.goals, evaluation.goals.tolist(), strict=True):
             if math.isnan(value):
-                limit = f"{goal.text} does not exist for the design, or not for all its deviations"
-                remedy = "start from a design for which it exists, or use smaller steps of the motion"
+                limit = f"{goal.text} is undefined for the design or for some of its deviations"
+                remedy = "start from a design for which it is defined, or use smaller steps of the motion"
                 raise SpecError(goal.option, limit=limit, remedy=remedy)
         return evaluator, evaluation
 

@@ -155,7 +155,7 @@ def front_of(candidates: Candidates, designs: int, known: int, *, interrupted: b
     if not all(kept):
         few = len(kept) - sum(kept)
         warnings.append(
-            f"traced with a smaller tolerance, {few} of {len(kept)} designs are worse than another in both goals"
+            f"traced with a smaller tolerance, {few} of {len(kept)} designs are worse than another design in both goals"
         )
     return Front(
         name=task.design.name,

@@ -173,7 +173,7 @@ def outside(task: Task) -> Iterator[str]:
         low, high = one.values
         if not low <= was[one.key] <= high:
             ends = f"{low:g} to {high:g}"
-            yield f"{one.key} of the design is {was[one.key]:g}, outside {ends}: the search cannot keep it"
+            yield f"{one.key} of the design is {was[one.key]:g}, outside {ends}: the search cannot retain this value"
 
 
 def at_ends(task: Task, found: Design) -> Iterator[str]:

@@ -33,13 +33,13 @@ def check_prints(subject: Subject, options: OptimiseOptions) -> bool:
     stated = next((name for name in OF_PRINTS if name in options.model_fields_set), None)
     if len(options.minimise) + len(options.maximise) > 1:
         if stated is not None:
-            limit = "applies to the prints of a single result, and a front has several"
+            limit = "applies to the prints of a single result, but a front has several results"
             remedy = "omit it, and run solen explore tolerance on a design of the front"
             raise SpecError(f"--{stated}", limit=limit, remedy=remedy)
         return False
     if not options.prints and (options.vary or options.require):
         raise SpecError(
-            "--prints", value=0, limit="contradicts --vary and --require, which describe prints", remedy="leave it out"
+            "--prints", value=0, limit="contradicts --vary and --require, which describe prints", remedy="omit it"
         )
     if 0 < options.prints < FEWEST:
         raise SpecError("--prints", value=options.prints, limit=f"must be 0 or at least {FEWEST}")

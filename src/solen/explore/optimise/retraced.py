@@ -56,12 +56,12 @@ class Retraced(NamedTuple):
             if abs(now.goal - was.goal) > SURE * was.u_goal:  # regardless of the finer trace's uncertainty
                 yield (
                     f"the goal was {was.goal:.4g} during the search and is {now.goal:.4g} with "
-                    "finer tracing: the search exploited errors of its tracing; lower --tolerance "
-                    f"or {step}"
+                    "finer tracing: the search exploited tracing errors; lower --tolerance or "
+                    f"{step}"
                 )
         for text, met in self.evaluation.meets.items():
             if not met:
-                yield f"traced with a smaller tolerance, the result misses {text}"
+                yield f"traced with a smaller tolerance, the result does not meet {text}"
 
 
 class Sampled(NamedTuple):
@@ -90,4 +90,4 @@ class Sampled(NamedTuple):
         """Return a warning if the difference exceeds its uncertainty."""
         if self.difference > SURE_OF_FIVE * self.u_difference:
             times = self.difference / self.u_difference
-            yield f"samples differ from the integrated contrast by {self.difference:.2g}, {times:.1f} times u"
+            yield f"the sampled contrast differs from the integrated contrast by {self.difference:.2g}, {times:.1f} times u"

@@ -134,25 +134,27 @@ class Task(NamedTuple):
 def _check_goals(goals: Sequence[Goal], options: OptimiseOptions) -> None:
     both = "--minimise, --maximise"
     if not 0 < len(goals) <= MOST_GOALS:
-        limit = "state one goal, or two for a front"
+        limit = "specify one goal, or two for a front"
         raise SpecError(
             both, value=f"{len(goals)} values", limit=limit, remedy="for example --minimise linearity_percent"
         )
     if len({goal.text for goal in goals}) < len(goals):
-        raise SpecError(both, value=goals[0].text, limit="is stated twice", remedy="leave one out")
+        raise SpecError(both, value=goals[0].text, limit="is specified twice", remedy="omit one")
     if len(goals) == 1 and "front" in options.model_fields_set:
-        limit = "a front needs two goals, and only one is stated"
-        raise SpecError("--front", value=options.front, limit=limit, remedy="state another goal, or omit --front")
+        limit = "a front requires two goals, but only one is specified"
+        raise SpecError("--front", value=options.front, limit=limit, remedy="specify another goal, or omit --front")
     least = FEWEST_TRIED * options.front
     if len(goals) > 1 and options.evaluations < least:
-        limit = f"a front of {options.front} designs needs at least {least}"
+        limit = f"a front of {options.front} designs requires at least {least}"
         raise SpecError("--evaluations", value=options.evaluations, limit=limit, remedy="raise it, or lower --front")
 
 
 def _check_worst(expressions: Sequence[Expression], options: OptimiseOptions) -> None:
     one = next((expression for expression in expressions if expression.worst), None)
     if one is not None and not options.robust:
-        raise one.refusal(one.text, "worst(...) needs deviations stated with --robust, and there are none", "state one")
+        raise one.refusal(
+            one.text, "worst(...) requires deviations specified with --robust, but there are none", "specify one"
+        )
 
 
 def _free(sensor: Sensor, texts: Sequence[str]) -> Iterator[Axis]:
@@ -169,7 +171,7 @@ def _free(sensor: Sensor, texts: Sequence[str]) -> Iterator[Axis]:
             raise SpecError(f"--free {one.key}", value=f"{low:g}:{high:g}", limit="descends", remedy=remedy)
         check_key(sensor, one.key, "--free")
         if one.key in known:
-            raise SpecError(f"--free {one.key}", limit="is stated twice", remedy="leave one out")
+            raise SpecError(f"--free {one.key}", limit="is specified twice", remedy="omit one")
         known.add(one.key)
         yield one
 
@@ -181,6 +183,6 @@ def _process(sensor: Sensor, options: OptimiseOptions) -> Process | None:
     elif not (options.process or options.printer or options.cure):
         return None
     elif not any(isinstance(lens, SplineLens) for lens in sensor.all_lenses):
-        limit = "limits the features of a free-form lens, and the design has none"
+        limit = "limits the features of a free-form lens, but the design has none"
         raise SpecError("--process, --printer, --cure", limit=limit, remedy="add --as-printed, or omit it")
     return with_resin(process_of(options)[0], sensor.design)

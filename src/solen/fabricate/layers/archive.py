@@ -31,7 +31,7 @@ RULE = (
     "a last layer that is less than half filled is omitted"
 )
 CORRECTED = RULE.replace("is the share", "transmits, according to the measured grey response, the fraction", 1)
-VIEW = "seen from above the plate, X to the right, Y upwards: the first row has the largest Y"
+VIEW = "seen from above the plate, with X to the right and Y upwards: the first row has the largest Y"
 
 Watch = Callable[[Layer], object]
 

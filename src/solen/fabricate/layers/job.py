@@ -295,7 +295,7 @@ class Job:
             return
         builds = f"{self.printer.name} builds {_times(build)} mm"
         if self.slicing.copies > 1 and rows * columns and self.height_mm <= build[2]:
-            limit = f"{builds}, which holds at most {rows * columns} copies {self.slicing.gap_mm:g} mm apart"
+            limit = f"{builds}, which has space for at most {rows * columns} copies {self.slicing.gap_mm:g} mm apart"
             raise DesignError(
                 "--copies", value=self.slicing.copies, limit=limit, remedy="print fewer copies, or reduce --gap-mm"
             )

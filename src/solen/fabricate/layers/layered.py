@@ -211,7 +211,7 @@ def _of_cure(settings: PrintSettings, resin: Resin | None, printer: Printer) -> 
     warnings = [] if resin is None else list(resin.cautions("cure"))
     if settings.cure_depth_um <= settings.layer_um:
         depth = f"{settings.cure_depth_um:.0f} µm, while a layer is {settings.layer_um:g} µm thick"
-        warnings.append(do_not_use(f"one exposure cures {depth}: the layers would not adhere to one another"))
+        warnings.append(do_not_use(f"one exposure cures {depth}: the layers would not adhere to each other"))
     light, cure = printer.wavelength_nm, None if resin is None else resin.cure
     if cure is None or light is None or cure.wavelength_nm is None:
         return warnings

@@ -264,7 +264,7 @@ def _check_halves(settings: Settings) -> None:
     if most - least > SYMMETRIC_UM:
         raise SpecError(
             "process.response",
-            value=f"walls at {least:+.3g} to {most:+.3g} µm, depending on the side they face",
+            value=f"wall displacements of {least:+.3g} to {most:+.3g} µm, depending on the side they face",
             limit=f"must move all sides equally, within {SYMMETRIC_UM:g} µm, for a lens that varies with height",
             remedy="specify a symmetric response, or its sigma_um",
         )

@@ -96,7 +96,8 @@ class Settings(Strict):
     )
     grey_power: Annotated[Number, Field(gt=0.05, le=10)] = Field(
         1.0,
-        description="Exponent on the light of a grey pixel; 1 if the measured response (or proportionality) is right.",
+        description="Exponent applied to the light of a grey pixel; 1 if the measured response "
+        "(or proportionality) is correct.",
     )
 
     @model_validator(mode="before")

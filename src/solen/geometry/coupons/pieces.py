@@ -23,8 +23,9 @@ def cure_discs(options: CouponOptions = CouponOptions()) -> Coupon:
         for i, (name, time) in enumerate(zip(names, times, strict=True))
     ]
     cautions = (
-        "a disc's thickness is its cure depth, not the height of the solid: project the circle, without the "
-        "build platform, onto a drop on the floor of the vat, for each time in turn",
+        "a disc's thickness is its cure depth, not the height of the solid: project the circle, "
+        "without the build platform, onto a drop on the floor of the vat, for each exposure time "
+        "in turn",
         "at low energies the discs are too thin and soft to be measured reliably: report this with the thickness",
     )
     printed = "progressively increasing exposure time"
@@ -133,7 +134,7 @@ def cubes(options: CouponOptions = CouponOptions()) -> Coupon:
         Reading(
             "mark",
             "none",
-            f"an upright edge is bevelled by {bevel:g} mm, which leaves a cross-section of {area:.6g} mm²",
+            f"a vertical edge is bevelled by {bevel:g} mm, which leaves a cross-section of {area:.6g} mm²",
         ),
     )
     return Coupon("cubes", "cubes for compression", pieces, readings=readings)
@@ -155,8 +156,8 @@ def guides(options: CouponOptions = CouponOptions()) -> Coupon:
         ),
     )
     cautions = (
-        "print the guides along the sensor's own direction, and another set across it, because "
-        "layers scatter differently",
-        "guides have no mark, which would scatter; label them when removing them from the plate",
+        "print the guides in the same direction as the sensor, and another set perpendicular to "
+        "it, because layers scatter differently",
+        "guides carry no mark, because a mark would scatter light; label them when removing them from the plate",
     )
     return Coupon("guides", "cut-back guides", tuple(pieces), readings=readings, cautions=cautions)

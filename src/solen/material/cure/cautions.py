@@ -43,7 +43,7 @@ def _of_shape(curve: WorkingCurve) -> list[Caution]:
     lack = curve.lack_of_fit
     doses = {disc.dose_mJ_per_cm2 for disc in curve.used}
     if len(doses) == 2:
-        return [look_at("two doses cannot show whether the points lie on a line; add a third")]
+        return [look_at("two doses cannot show whether the points lie on a line; add a third dose")]
     if lack is None:
         if len(curve.used) > len(doses):
             return []
@@ -57,8 +57,9 @@ def _of_shape(curve: WorkingCurve) -> list[Caution]:
         return []
     return [
         look_at(
-            f"the mean thicknesses deviate from the line by more than the scatter of their discs (F = {lack.F:.1f}, "
-            f"by chance {chance(lack.p)}): {_bend(curve)}; each dose counts as one point for the intervals"
+            "the mean thicknesses deviate from the line by more than the scatter of their discs "
+            f"(F = {lack.F:.1f}, expected by chance {chance(lack.p)}): {_bend(curve)}; each dose "
+            "counts as one point for the intervals"
         )
     ]
 
@@ -69,14 +70,17 @@ def _bend(curve: WorkingCurve) -> str:
     x = np.log([disc.dose_mJ_per_cm2 for disc in means])
     y = np.array([disc.thickness_um for disc in means])
     if len(x) < 4:
-        return "a single line does not fit them"
+        return "a single line does not fit the points"
     fit = fitted(np.column_stack([np.ones(len(x)), x, (x - x.mean()) ** 2]), y)
     low, high = fit.interval((0.0, 0.0, 1.0))
     if low > 0.0:
-        return "they curve upwards, as for light of several wavelengths or a resin that bleaches"
+        return "the points curve upwards, as expected if the light has several wavelengths or the resin bleaches"
     if high < 0.0:
-        return "they curve downwards, as when oxygen consumes the first part of a dose or thick discs stop growing"
-    return "they show no clear curvature: something changed from dose to dose"
+        return (
+            "the points curve downwards, as expected if oxygen consumes the first part of a "
+            "dose or thick discs stop growing"
+        )
+    return "the points show no clear curvature: the conditions changed from dose to dose"
 
 
 def _of_intervals(curve: WorkingCurve) -> list[Caution]:
@@ -84,13 +88,14 @@ def _of_intervals(curve: WorkingCurve) -> list[Caution]:
     if curve.fit.error_df < _FEW_DF:
         warnings.append(
             look_at(
-                f"the fit has {curve.fit.error_df} degrees of freedom: intervals are "
-                f"{t_quantile(0.95, curve.fit.error_df):.1f} standard uncertainties or more to each side"
+                f"the fit has {curve.fit.error_df} degrees of freedom, so each interval extends "
+                f"at least {t_quantile(0.95, curve.fit.error_df):.1f} standard uncertainties to "
+                "either side"
             )
         )
     if curve.interval95_Dp_um[0] <= 0.0 or curve.interval95_Ec_mJ_per_cm2 is None:
         warnings.append(
-            do_not_use("the slope is so uncertain that the critical dose has no interval: use more widely spaced doses")
+            do_not_use("the slope is too uncertain for an interval of the critical dose: use more widely spaced doses")
         )
     return warnings
 
@@ -101,18 +106,23 @@ def _of_threshold(curve: WorkingCurve) -> list[Caution]:
     if lowest > _FAR * curve.Ec_mJ_per_cm2:
         warnings.append(
             look_at(
-                f"the critical dose is an extrapolation: the lowest dose, {lowest:.3g} mJ/cm², is "
-                f"{lowest / curve.Ec_mJ_per_cm2:.1f} times as high; add discs at lower doses"
+                f"the critical dose is an extrapolation: the lowest dose, {lowest:.3g} mJ/cm², "
+                f"is {lowest / curve.Ec_mJ_per_cm2:.1f} times the critical dose; add discs at lower "
+                "doses"
             )
         )
     set_below = [disc for disc in curve.used if disc.dose_mJ_per_cm2 <= curve.Ec_mJ_per_cm2]
     if set_below:
         dose = min(disc.dose_mJ_per_cm2 for disc in set_below)
         warnings.append(
-            look_at(f"a disc set at {dose:.3g} mJ/cm², below the critical dose of {curve.Ec_mJ_per_cm2:.3g}")
+            look_at(f"a disc set at {dose:.3g} mJ/cm², below the critical dose of {curve.Ec_mJ_per_cm2:.3g} mJ/cm²")
         )
     liquid = [left.disc.dose_mJ_per_cm2 for left in curve.left_out if left.disc.thickness_um == 0.0]
     if liquid and max(liquid) > curve.Ec_mJ_per_cm2:
         depth = float(curve.depth_um(max(liquid)))
-        warnings.append(look_at(f"nothing set at {max(liquid):.3g} mJ/cm², but the line predicts {depth:.3g} µm"))
+        warnings.append(
+            look_at(
+                f"no disc set at {max(liquid):.3g} mJ/cm², although the line predicts a thickness of {depth:.3g} µm"
+            )
+        )
     return warnings

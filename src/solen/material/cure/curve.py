@@ -260,8 +260,8 @@ def working_curve(
         doses = [disc.dose_mJ_per_cm2 for disc in used]
         raise DataError(
             "working curve: slope",
-            value=f"{b:.3g} µm per factor e of dose from {min(doses):.3g} to {max(doses):.3g} mJ/cm²",
-            limit="thickness must grow with dose, and Ec must be within reach",
+            value=f"{b:.3g} µm per factor of e in dose, from {min(doses):.3g} to {max(doses):.3g} mJ/cm²",
+            limit="the thickness must increase with the dose, and Ec must be finite",
             remedy="check which column is which, or use more widely spaced doses",
         )
     at = float(np.mean([disc.thickness_um for disc in used]))
@@ -325,7 +325,7 @@ def _refuse_too_few(used: tuple[Disc, ...], out: list[LeftOut]) -> None:
         return
     discs = f"{len(used)} discs at {len(doses)} doses" + (f" ({len(out)} omitted)" if out else "")
     remedy = "cure three discs at each of at least five doses"
-    raise DataError("working curve: points", value=discs, limit="needs at least 3 discs at 2 doses", remedy=remedy)
+    raise DataError("working curve: points", value=discs, limit="requires at least 3 discs at 2 doses", remedy=remedy)
 
 
 def means_of(discs: tuple[Disc, ...]) -> tuple[Disc, ...]:

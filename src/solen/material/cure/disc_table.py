@@ -47,7 +47,10 @@ def discs(recording: Recording, irradiance_mW_per_cm2: float | None) -> Table:
     warnings = []
     if len(means) < len(keys):
         warnings = [
-            note(f"{len(keys)} rows are readings of {len(means)} discs: the readings of each disc are averaged")
+            note(
+                f"the {len(keys)} rows contain repeated readings of {len(means)} discs: the readings "
+                "of each disc are averaged"
+            )
         ]
     doses = np.array([value for value, _ in means])
     return Table(doses, np.array(list(means.values())), [keys.index(key) + 1 for key in means], used, warnings)
@@ -67,7 +70,7 @@ def _doses(recording: Recording, irradiance_mW_per_cm2: float | None) -> tuple[F
         return time.to("s") * rate.to("mW/cm2"), [time.name, rate.name]
     if irradiance_mW_per_cm2 is not None:
         return time.to("s") * irradiance_mW_per_cm2, [time.name]
-    limit = "contains exposure times, but the curve needs doses"
+    limit = "contains exposure times, but a working curve requires doses"
     raise DataError(recording.provenance.file, value=time.name, limit=limit, remedy="add --irradiance-mW-per-cm2")
 
 

@@ -60,7 +60,7 @@ class CureOptions(RowOptions):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if self.exposure_s is not None and self.layer_um is None:
-            raise refused("exposure_s", "needs the thickness of the layer", remedy="add --layer-um")
+            raise refused("exposure_s", "requires the layer thickness", remedy="add --layer-um")
         if self.exposure_s is not None and self.irradiance_mW_per_cm2 is None:
             raise refused(
                 "exposure_s", "cannot be converted to a dose without --irradiance-mW-per-cm2", remedy="add it"
@@ -69,7 +69,7 @@ class CureOptions(RowOptions):
             name = "layers" if self.layers is not None else "burn_in_layers"
             raise refused(name, "needs --exposure-s", remedy="add it")
         if (self.burn_in_layers > 0) != (self.burn_in_s is not None):
-            raise refused("burn_in_layers", "requires --burn-in-s, with both above 0", value=self.burn_in_layers)
+            raise refused("burn_in_layers", "requires --burn-in-s, and both must be above 0", value=self.burn_in_layers)
         if self.layers is not None and self.burn_in_layers > self.layers:
             raise refused("burn_in_layers", f"must be at most --layers, {self.layers}", value=self.burn_in_layers)
         return self
@@ -333,7 +333,7 @@ def _unusual(curve: WorkingCurve) -> list[Caution]:
     low, high = PLAUSIBLE_DP_UM
     if low <= curve.Dp_um <= high:
         return []
-    for factor_, what in ((1e3, "mm under a header in µm"), (1e-3, "µm under a header in mm")):
+    for factor_, what in ((1e3, "values in mm under a header in µm"), (1e-3, "values in µm under a header in mm")):
         if low <= factor_ * curve.Dp_um <= high:
             return [
                 do_not_use(
@@ -365,8 +365,9 @@ def _outside(curve: WorkingCurve, layer_um: float | None, exposure: LayerExposur
     if low < layer_um:
         warnings.append(
             look_at(
-                f"{exposure.exposure_s:g} s cure {exposure.cure_depth_um:.3g} ± {exposure.cure_depth_um - low:.2g} µm: "
-                f"a layer of {layer_um:g} µm may not bond to the previous one"
+                f"an exposure of {exposure.exposure_s:g} s cures {exposure.cure_depth_um:.3g} ± "
+                f"{exposure.cure_depth_um - low:.2g} µm: a layer of {layer_um:g} µm may not bond "
+                "to the previous one"
             )
         )
     return warnings

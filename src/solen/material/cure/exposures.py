@@ -239,8 +239,8 @@ def _exposure_in_name(recording: Recording, name: str) -> float:
     for text in (name, Path(recording.provenance.file).stem.replace("_", " ")):
         if match := _TIME_IN_NAME.search(text):
             return float(match[1].replace(",", ".")) * _SECONDS.get(match[2], 1.0)
-    limit = "must specify its exposure, for example 2 s"
-    raise DataError(f"{recording.provenance.file}: trace {name}", limit=limit, remedy="add it to the name")
+    limit = "the name must specify the exposure, for example 2 s"
+    raise DataError(f"{recording.provenance.file}: trace {name}", limit=limit, remedy="add the exposure to the name")
 
 
 def _paired(seconds: float, transmittances: list[Spectrum], reflectances: list[Spectrum]) -> list[Sample]:
@@ -287,8 +287,8 @@ def _wavelengths(layers: Sequence[Sample], wanted: Sequence[float]) -> list[floa
     for nm in wanted:
         far = [layer.name for layer in layers if not _reaches(layer, nm)]
         if far:
-            limit = f"{far[0]} was not measured within {_NEAR_NM:g} nm of it"
-            raise DataError("--wavelength-nm", value=nm, limit=limit, remedy="take another wavelength")
+            limit = f"{far[0]} was not measured within {_NEAR_NM:g} nm of this wavelength"
+            raise DataError("--wavelength-nm", value=nm, limit=limit, remedy="choose another wavelength")
     chosen = list(wanted) or [nm for nm in WAVELENGTHS_NM if all(_reaches(layer, nm) for layer in layers)]
     if not chosen:
         usual = ", ".join(f"{nm:g}" for nm in WAVELENGTHS_NM)
@@ -328,8 +328,8 @@ def _warnings(
     if len(layers) < _FEW:
         warnings.append(
             look_at(
-                f"{len(layers)} samples are few for a trend (degrees of freedom: {max(len(layers) - 2, 0)}), so its "
-                "interval is wide; measure several layers at each exposure"
+                f"{len(layers)} samples leave only {max(len(layers) - 2, 0)} degrees of freedom "
+                "for a trend, so its interval is wide; measure several layers at each exposure"
             )
         )
     if kinds == 2:
@@ -351,7 +351,10 @@ def _warnings(
         layer.name for layer in layers if layer.reflectance is not None and layer.interferes(thickness_um)
     ]:
         warnings.append(
-            look_at(f"no index for {', '.join(fringed)}: fringes were detected; solen resin index fits them")
+            look_at(
+                f"no index is computed for {', '.join(fringed)}, because fringes were detected; "
+                "use solen resin index, which fits them"
+            )
         )
     return warnings
 

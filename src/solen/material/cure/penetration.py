@@ -190,8 +190,8 @@ def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetra
     else:
         warnings += _lamp_warnings(decay, nm, absorbance, path_um)
     limits = note(
-        "this Dp describes the absorption of the liquid alone; a working curve's Dp also depends on which wavelengths "
-        "start the cure, and on changes as the resin sets"
+        "this Dp describes the absorption of the liquid alone; a working curve's Dp also depends "
+        "on which wavelengths start the cure, and on changes while the resin sets"
     )
     return Penetration(
         path_um=path_um,
@@ -259,12 +259,12 @@ def attenuation(path_um: float, wavelength_nm: ArrayLike, absorbance: ArrayLike,
     resin_nm, values = _sorted(wavelength_nm, absorbance)
     nm = light.wavelength_nm
     if nm[0] < resin_nm[0] or nm[-1] > resin_nm[-1]:
-        limit = f"the absorbance is known only from {resin_nm[0]:g} to {resin_nm[-1]:g} nm"
+        limit = f"the absorbance is available only from {resin_nm[0]:g} to {resin_nm[-1]:g} nm"
         raise DataError(
             "lamp",
             value=f"{nm[0]:g} to {nm[-1]:g} nm",
             limit=limit,
-            remedy="measure it over the entire spectrum of the lamp",
+            remedy="measure the absorbance over the entire spectrum of the lamp",
         )
     at = np.interp(nm, resin_nm, values)
     if not np.all(at > 0.0):
@@ -335,8 +335,8 @@ def _lamp_warnings(decay: Attenuation, nm: FloatArray, absorbance: FloatArray, p
             change = f"{abs(offset) / (1.0 - offset):.0%} {'longer' if offset > 0.0 else 'shorter'}"
         warnings.append(
             look_at(
-                f"the lowest absorbance is {absorbance[lowest]:.2g}, at {nm[lowest]:.0f} nm: if that is an offset, for "
-                f"example from the cell's faces, Dp is {change}"
+                f"the lowest absorbance is {absorbance[lowest]:.2g}, at {nm[lowest]:.0f} nm: if "
+                f"this value is an offset, for example from the cell's faces, Dp is {change}"
             )
         )
     return warnings

@@ -260,15 +260,16 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[Ca
     if rise > 2 * spread:
         warnings.append(
             do_not_use(
-                f"the fitted index rises by {rise:.2g} from {low:g} to {high:g} nm, but the index of "
-                "transparent materials falls"
+                f"the fitted index rises by {rise:.2g} from {low:g} to {high:g} nm, whereas the "
+                "index of a transparent material falls"
             )
         )
     if points.u is not None and one.widened > 1:
         warnings.append(
             look_at(
-                f"the points scatter about the formula, or correlate with their neighbours (correlation "
-                f"{one.neighbours:.2f}), beyond their stated uncertainties, which were multiplied by {one.widened:.2g}"
+                "the points scatter about the formula by more than their reported uncertainties, "
+                f"or neighbouring points are correlated (correlation {one.neighbours:.2f}); the "
+                f"uncertainties were multiplied by {one.widened:.2g}"
             )
         )
     if points.u is None and not points.shared.size:

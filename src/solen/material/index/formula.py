@@ -78,7 +78,8 @@ def _misfit(formula: Fit) -> list[Caution]:
         return []
     return [
         look_at(
-            f"the {formula.kind} formula does not follow the points: it is off by {formula.rms:.2g}, while neighbours "
-            f"differ by {step:.2g}; strong absorption can cause that; narrow the range, or use the points themselves"
+            f"the {formula.kind} formula does not follow the points: it deviates by {formula.rms:.2g}, "
+            f"whereas neighbouring points differ by {step:.2g}; strong absorption can cause that; "
+            "narrow the range, or use the points themselves"
         )
     ]

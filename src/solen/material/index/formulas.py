@@ -102,7 +102,7 @@ class OnePole(Form):
     def start(self, um: FloatArray, n: FloatArray, weights: FloatArray) -> FloatArray:  # noqa: ARG002
         """Return the weighted line through 1/(n² − 1), with weights propagated from n."""
         if (n <= 1).any():
-            raise UnfitError(f"requires indices above 1, but one is {float(n.min()):.4g}")
+            raise UnfitError(f"requires indices above 1, but one index is {float(n.min()):.4g}")
         y = 1 / (n**2 - 1)
         weight = weights / (2 * n * y**2)  # dy = −2n y² dn
         line = np.stack([np.ones_like(y), self._t], axis=1)

@@ -235,6 +235,6 @@ def fringe_warnings(
     found = [do_not_use(f"{lost}: the spectrum contains interference, which the sum of powers ignores")]
     step = float(np.median(np.diff(wavelength_nm))) if wavelength_nm.size > 1 else np.inf
     if step > spacing[wide].min() / 2.0:
-        apart = f"its wavelengths are {step:g} nm apart" if np.isfinite(step) else "it has a single wavelength"
-        found.append(do_not_use(f"{apart}, too far to show the fringes, which affect n like scatter"))
+        apart = f"the wavelengths are {step:g} nm apart" if np.isfinite(step) else "there is only one wavelength"
+        found.append(do_not_use(f"{apart}, which does not resolve the fringes; they act on n like scatter"))
     return tuple(found)

@@ -86,7 +86,7 @@ def lines(wavelength_nm: ArrayLike, power: ArrayLike, source: str = "") -> Illum
     seen = np.isfinite(nm) & np.isfinite(weight)
     nm, weight = nm[seen], weight[seen]
     if not nm.size or (weight < 0.0).any() or not weight.sum() > 0.0 or (nm <= 0.0).any():
-        limit = "needs wavelengths above 0 and powers of at least 0, not all 0"
+        limit = "requires wavelengths above 0 and powers of at least 0, at least one of which is above 0"
         raise DataError("spectrum of the light", limit=limit)
     order = np.argsort(nm)
     return Illuminant(nm[order], weight[order] / weight.sum(), source)
@@ -123,7 +123,7 @@ def named_light(name: str) -> Illuminant:
     traces = spectra(recording)
     if len(traces) != 1:
         names = listed([trace.channel.name for trace in traces])
-        limit = f"needs one power column in addition to the wavelength, but has {names}"
+        limit = f"requires one power column in addition to the wavelength, but has {names}"
         raise DataError(recording.provenance.file, limit=limit)
     source = f"spectrum of {recording.provenance.file}"
     return measured_light(traces[0].wavelength_nm, traces[0].channel.values, source)

@@ -111,8 +111,8 @@ def fringed(
     """
     every = [*readings.values(), *(bare or {}).values()]
     if not all(np.isfinite(one.value).all() for one in every):
-        limit = "must have a number at every wavelength where fringes are fitted"
-        raise DataError("T and R", limit=limit, remedy="remove the rows without a number")
+        limit = "must have a value at every wavelength where fringes are fitted"
+        raise DataError("T and R", limit=limit, remedy="remove the rows without a value")
     measured = Measured(wavelength_nm, dict(readings), thickness, slit_nm, setup, dict(bare or {}))
     level = _level(readings) if setup is None else _TYPICAL_INDEX
     if not phases:
@@ -134,7 +134,10 @@ def _refuse_form(measured: Measured, film: Film, other: Film | None) -> None:
     if fringes_of(measured.wavelength_nm, left, measured.thickness):
         return
     rms = [" and ".join(f"{value:.2g} in {kind}" for kind, value in one.residual.items()) for one in (film, other)]
-    limit = f"does not describe n here: it leaves fringes ({rms[0]} rms), and {other.form} does not ({rms[1]})"
+    limit = (
+        f"does not describe n here: fringes remain in its residuals ({rms[0]} rms), but not "
+        f"in those of {other.form} ({rms[1]})"
+    )
     raise DataError("--dispersion", value=film.form, limit=limit, remedy=f"omit it, or use {other.form}")
 
 
@@ -201,23 +204,33 @@ def _common(parts: FloatArray) -> Combined:
 def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool) -> list[Caution]:
     """Return notes on the choice of model, and on missing inputs."""
     found = [
-        note("fringes were detected: the index is that of a layer whose faces interfere, and the coherence was fitted")
+        note(
+            "fringes were detected: the faces of the layer interfere, and the coherence was fitted "
+            "together with the index"
+        )
     ]
     if by_levels:
         found = [
             look_at(
-                "fringes were detected, but no film with a single slit width, a single thickness variation and a "
-                "smooth n explains them: n is computed from the levels of the spectra, with the fringes as scatter in "
-                "its uncertainty; measure a flatter spot"
+                "fringes were detected, but no film with a single slit width, a single thickness "
+                "variation and a smooth n explains them: n is computed from the levels of the "
+                "spectra, and the fringes count as scatter in its uncertainty; measure a flatter "
+                "spot"
             )
         ]
     elif dispersion == "free":
         found.append(
-            note("Cauchy's three terms leave more than noise: n is a smooth curve with knots a few fringes apart")
+            note(
+                "the residuals of Cauchy's three terms exceed the noise: n is represented by "
+                "a smooth curve with knots a few fringes apart"
+            )
         )
     if mode == JOINT:
         found = [
-            note("layer and bare substrate are fitted jointly, with k at least 0 in each and a common photometer error")
+            note(
+                "layer and bare substrate are fitted jointly, with k of at least 0 in both and "
+                "a common photometer error"
+            )
         ]
     elif measured.slit_nm is None:
         found.append(
@@ -229,8 +242,8 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
     if mode == MODE and ((thickness := measured.thickness) is None or thickness.u_um is None):
         found.append(
             look_at(
-                "the uncertainty of the thickness is not stated: 10 % is assumed, "
-                "and the fringes determine the thickness"
+                "the uncertainty of the thickness is not specified: 10 % is assumed, and the fringes "
+                "determine the thickness"
             )
         )
     unknown = [kind for kind, reading in measured.readings.items() if not reading.u_common.any()]
@@ -238,11 +251,13 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
         options = " and ".join(f"--u-{kind}" for kind in unknown)
         found.append(
             look_at(
-                f"the accuracy of {' and '.join(unknown)} is not specified and not included in u(n): specify {options}"
+                f"the accuracy of {' and '.join(unknown)} is neither specified nor included in u(n): specify {options}"
             )
         )
     if "R" not in measured.readings:
         found.append(
-            look_at("R was not measured: n depends on the contrast of the fringes and on the thickness; measure R too")
+            look_at(
+                "R was not measured: n depends on the contrast of the fringes and on the thickness; measure R as well"
+            )
         )
     return [*found, *(remark for reading in measured.readings.values() for remark in reading.remarks)]

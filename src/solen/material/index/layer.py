@@ -228,7 +228,7 @@ def _interfering(
     """
     added = options.mode in {"as-published", "absorptance"}
     if added and options.dispersion is not None:
-        raise SpecError("--dispersion", limit=f"has no effect with --mode {options.mode}", remedy="leave it out")
+        raise SpecError("--dispersion", limit=f"has no effect with --mode {options.mode}", remedy="omit it")
     if added or not {"T", "R"} & spectra.rows.keys():
         return None, None
     thickness = None if options.thickness_um is None else options.thickness
@@ -236,19 +236,17 @@ def _interfering(
     nm, readings = spectra.wavelength_nm, {kind: _reading(spectra, options, kind) for kind in kinds}
     phases = fringes_of(nm, {kind: one.value for kind, one in readings.items()}, thickness)
     if options.dispersion is not None and not phases:
-        raise SpecError(
-            "--dispersion", value=options.dispersion, limit="no fringes are detected", remedy="leave it out"
-        )
+        raise SpecError("--dispersion", value=options.dispersion, limit="no fringes are detected", remedy="omit it")
     if options.bare_transmittance:
         bare, setup = _bare(recording, spectra, options)
         return fringed(nm, readings, phases, options.thickness, bandwidth_nm, setup, bare, options.dispersion)
     if not phases:
         if options.mode == MODE:
-            raise SpecError("--mode fringes", limit="no fringes are detected", remedy="leave --mode out")
+            raise SpecError("--mode fringes", limit="no fringes are detected", remedy="omit --mode")
         return None, None
     if options.mode in {"measured", "lossless"}:
         amplitude = np.sqrt(2.0) * phases[0].amplitude
-        limit = f"adds powers, but fringes of ± {amplitude:.2g} are detected: the layer's faces interfere"
+        limit = f"adds powers, but fringes of ± {amplitude:.2g} were detected, so the layer's faces interfere"
         raise DataError(f"--mode {options.mode}", limit=limit, remedy="omit --mode: the route for fringes is then used")
     return fringed(nm, readings, phases, thickness, bandwidth_nm, options.setup(nm), kind=options.dispersion)
 
@@ -264,7 +262,9 @@ def _bare(recording: Recording, spectra: OpticalSpectra, options: IndexOptions) 
     thickness_um = options.substrate_thickness_um or 0.0
     n = invert(bare["R"].value, bare["T"].value, thickness_um, nm).n
     if not np.isfinite(n).any():
-        raise DataError("the bare sheet", limit="has T and R that no index produces", remedy="check its traces")
+        raise DataError(
+            "the bare sheet", limit="has values of T and R that no index produces", remedy="check its traces"
+        )
     start = Substrate(np.full(nm.shape, float(np.nanmedian(n))), 0.0, thickness_um)
     return bare, Setup(start, options.side or "layer", options.baseline or "air", options.r_baseline or "air")
 
@@ -285,7 +285,7 @@ def _routed(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
         if setup is None:
             raise routes.no_reflectance("T alone,", nm, t)
         limit, remedy = (
-            "needs a measured R of the layer and substrate combined",
+            "requires a measured R of the layer and substrate combined",
             "name its trace, or use --mode lossless",
         )
         raise SpecError("--mode measured", limit=limit, remedy=remedy)
@@ -317,12 +317,12 @@ def _transmittance(spectra: OpticalSpectra, options: IndexOptions) -> Reading:
     if "T" in spectra.rows:
         return _reading(spectra, options, "T")
     if "A" not in spectra.rows:
-        remedy = f"an index needs T; name its trace: {OPTIONS['T']}"
+        remedy = f"an index requires T; name the trace of T: {OPTIONS['T']}"
         raise DataError("transmittance", limit="is missing", remedy=remedy)
     if options.absorbance_kind is None:
         raise _ask_kind(spectra)
     if options.absorbance_kind == "absorptance":
-        remedy = "no index follows from an absorptance alone"
+        remedy = "supply T, because an absorptance alone determines no index"
         raise DataError("transmittance", limit="is missing", remedy=remedy)
     base = BASES[options.absorbance_kind]
     rows = np.exp(-base * spectra.rows["A"])
@@ -331,7 +331,7 @@ def _transmittance(spectra: OpticalSpectra, options: IndexOptions) -> Reading:
 
 
 def _ask_kind(spectra: OpticalSpectra) -> SpecError:
-    limit = f"must be specified for {spectra.names['A'][0]}: log10, ln, absorptance"
+    limit = f"must be specified for {spectra.names['A'][0]}: log10, ln or absorptance"
     remedy = "a spectrophotometer exports log10, −log10 T; an absorptance is measured in an integrating sphere"
     return SpecError("--absorbance-kind", limit=limit, remedy=remedy)
 

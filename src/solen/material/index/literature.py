@@ -365,8 +365,8 @@ def check_dispersion(
     if fall + 2 * u_fall < 0:
         return [
             look_at(
-                f"{fall_text}: the index rises with the wavelength, but the index of transparent "
-                f"materials falls; {known}"
+                f"{fall_text}: the index rises with the wavelength, whereas the index of a transparent "
+                f"material falls; {known}"
             )
         ]
     return []

@@ -53,10 +53,10 @@ class Why(IntEnum):
     TRANSMITTANCE = 3, "T is not above 0"
     OPAQUE = 4, "R does not exceed R_F: no light was transmitted"
     ENERGY = 5, "R + T exceeds 1 by more than three standard uncertainties"
-    DISCRIMINANT = 6, "no index fits: the square in n is negative"
+    DISCRIMINANT = 6, "no index fits: the expression under the square root in n is negative"
     AMBIGUOUS = 7, "two indices fit equally well, as happens inside strong absorption bands"
     NO_REFLECTION = 8, "T is not below 1: no reflection remains to determine an index"
-    NEGATIVE = 9, "not resolved: R + T exceeds 1, within its uncertainty"
+    NEGATIVE = 9, "not resolved: R + T exceeds 1, but within its uncertainty"
     SMALL = 10, "not resolved: k is below three of its standard uncertainties"
     DARK = 11, "not resolved: T is within three standard uncertainties of 0, so k has only a lower bound"
     ASSUMED = 12, "not measured: this route assumes k = 0"
@@ -65,8 +65,8 @@ class Why(IntEnum):
     INDISTINCT = 15, "two indices fit T and R on this substrate within three standard uncertainties"
     BRIGHT = 16, "more light came out than went in, by more than three standard uncertainties"
     TOO_CLEAR = 17, "T is above the largest value that any layer can have on this substrate"
-    TOO_DARK = 18, "T is below that of a lossless layer with an index up to 3 on this substrate"
-    BELOW = 19, "not resolved: k is below 0, within its uncertainty"
+    TOO_DARK = 18, ("T is below the value for a lossless layer with an index of up to 3 on this substrate")
+    BELOW = 19, "not resolved: k is below 0, but within its uncertainty"
 
 
 UNRESOLVED = (Why.SMALL, Why.NEGATIVE, Why.BELOW)

@@ -126,7 +126,10 @@ class IndexOptions(RowOptions):
                 remedy = "add --substrate pet-drawn and --substrate-thickness-um; or measure a peeled layer in air"
                 raise refused("substrate", "is required with --baseline substrate", remedy=remedy)
         elif self.baseline is None:
-            remedy = "substrate if the 100 % was measured on the bare sheet, air if it was measured on nothing"
+            remedy = (
+                "specify substrate if the 100 % reading was taken through the bare sheet, "
+                "or air if it was taken without a sample"
+            )
             raise refused("baseline", "is required with --substrate", remedy=remedy)
         elif self.substrate_thickness_um is None:
             raise refused("substrate_thickness_um", "is required with --substrate", remedy="measure the sheet")
@@ -145,12 +148,12 @@ class IndexOptions(RowOptions):
             )
         for name in ("bare_transmittance", "bare_reflectance", "transmittance", "reflectance"):
             if not getattr(self, name):
-                raise refused(name, "is missing", remedy="a layer and its bare sheet each need T and R, by name")
+                raise refused(name, "is missing", remedy="name T and R of both the layer and its bare sheet")
         for name in ("baseline", "substrate_thickness_um"):
             if getattr(self, name) is None:
-                raise refused(name, "is required with traces of a bare sheet", remedy="state it")
+                raise refused(name, "is required with traces of a bare sheet", remedy="specify it")
         if self.mode is not None:
-            raise refused("mode", "cannot be combined with a bare sheet", value=self.mode, remedy="leave it out")
+            raise refused("mode", "cannot be combined with a bare sheet", value=self.mode, remedy="omit it")
         return self
 
     def setup(self, wavelength_nm: FloatArray) -> Setup | None:

@@ -50,7 +50,7 @@ def check_plausibility(rows: Mapping[str, FloatArray], names: Mapping[str, tuple
     if "R" in rows and _is_layer(other := _index(t, r)):
         raise DataError(
             f"traces {traces}",
-            limit=f"look exchanged: as named they give {_said(stated)}, exchanged {other:.2f}",
+            limit=f"appear to be swapped: as named they give {_said(stated)}, swapped {other:.2f}",
             remedy="exchange the two names",
         )
 

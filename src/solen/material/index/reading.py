@@ -158,7 +158,7 @@ def reading(repeats: ArrayLike, u_stated: ArrayLike | None = None, *, name: str 
     stated = np.broadcast_to(np.asarray(0.0 if u_stated is None else u_stated, dtype=float), points)
     if ((stated < 0.0) | (stated >= 1.0)).any():
         limit = "must be a fraction of at least 0 and below 1"
-        raise DataError(f"stated uncertainty of {name}", value=f"{np.nanmax(np.abs(stated)):g}", limit=limit)
+        raise DataError(f"specified uncertainty of {name}", value=f"{np.nanmax(np.abs(stated)):g}", limit=limit)
     if count == 1:
         nothing = np.zeros(points)
         return Reading(rows[0], nothing, np.stack([nothing, stated]), known=u_stated is not None)
@@ -215,7 +215,8 @@ def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float
         return mean, scatter, spread / np.sqrt(count), ()
     first, last = (float(np.nanmean(rows[i])) for i in (0, -1))
     remark = look_at(
-        f"the {count} repeats of {name} drift in one direction, on average from {first:.5f} to {last:.5f}: they are "
-        "not independent, and the uncertainty is that of one of them, not of their mean"
+        f"the {count} repeats of {name} drift in one direction, on average from {first:.5f} to "
+        f"{last:.5f}: the repeats are not independent, so the uncertainty of a single repeat is "
+        "used, not that of their mean"
     )
     return mean, scatter, spread, (remark,)

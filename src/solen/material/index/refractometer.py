@@ -140,7 +140,7 @@ class RefractometerOptions(Options):
     def _abbe_is_whole(self) -> Self:
         for missing, there in (("abbe", "u_abbe"), ("u_abbe", "abbe")):
             if getattr(self, missing) is None and getattr(self, there) is not None:
-                raise refused(missing, f"is required with --{there.replace('_', '-')}", remedy="state both")
+                raise refused(missing, f"is required with --{there.replace('_', '-')}", remedy="specify both")
         if self.abbe is not None and self.polymer:
             raise refused("polymer", "cannot be combined with --abbe", remedy="specify one of the two")
         return self
@@ -430,16 +430,18 @@ def _warnings(values: _Values, prior: Prior, model: Cauchy, abbe: tuple[float, f
     if freedom == 0:
         return [
             look_at(
-                "one wavelength was measured; the change of n from there is not measured but expected, from "
-                f"{prior.source}: V = {prior.abbe:.0f} ± {prior.u_abbe:.0f}, which results in u(n) = "
-                f"{model.u_index(450.0):.4f} at 450 nm and {model.u_index(860.0):.4f} at 860 nm"
+                "only one wavelength was measured; at other wavelengths n is not measured but "
+                f"derived from {prior.source}: V = {prior.abbe:.0f} ± {prior.u_abbe:.0f}, which "
+                f"results in u(n) = {model.u_index(450.0):.4f} at 450 nm and {model.u_index(860.0):.4f} "
+                "at 860 nm"
             )
         ]
     if gammaincc(freedom / 2, chi2 / 2) < _SURE:
         return [
             look_at(
-                f"values and prior disagree (χ² = {chi2:.1f} for {freedom}): combined V = {abbe[0]:.1f} ± "
-                f"{abbe[1]:.1f}, prior {prior.abbe:.0f} ± {prior.u_abbe:.0f}; check the wavelengths and u(n)"
+                f"measured values and prior disagree (χ² = {chi2:.1f} for {freedom}): combined "
+                f"V = {abbe[0]:.1f} ± {abbe[1]:.1f}, prior {prior.abbe:.0f} ± {prior.u_abbe:.0f}; "
+                "check the wavelengths and u(n)"
             )
         ]
     return []

@@ -55,16 +55,16 @@ def unstated(read: Mapping[str, Reading]) -> list[Caution]:
         moves = " and by ".join(by[name] for name in names)
         return [
             look_at(
-                f"no uncertainty of {' and '.join(names)} is known, so none of n and k is either: state it with "
-                f"{_options(names)}, or provide repeats; near n = 1.5 an error of 0.001 changes n by {moves}"
+                f"the uncertainty of {' and '.join(names)} is unknown, and so is that of n and "
+                f"k: specify it with {_options(names)}, or provide repeats; near n = 1.5 an error "
+                f"of 0.001 changes n by {moves}"
             )
         ]
     alone = [name for name, one in read.items() if one.repeats > 1 and not one.u_common[1].any()]
     return [
         look_at(
-            "the instrument's accuracy is not included in the uncertainty, only the repeats of "
-            f"{' and '.join(alone)}: "
-            f"state it with {_options(alone)}"
+            f"the uncertainty includes only the repeats of {' and '.join(alone)}, not the instrument's "
+            f"accuracy: specify the accuracy with {_options(alone)}"
         )
     ] * bool(alone)
 
@@ -82,17 +82,19 @@ def about_substrate(inverse: Inverse, n: Estimate, read: Mapping[str, Reading], 
         sheet = f"{abs(inverse.n_by['sheet_n'][i]) * 0.01:.4f} per 0.01 in the substrate's index"
         warnings.append(note(f"on this substrate n = {inverse.n[i]:.4f} changes by {', '.join(moves)}, and {sheet}"))
     if names := [name for name, reading in read.items() if not reading.known]:
-        unknown = f"no uncertainty of {' and '.join(names)} is known, so none of n is either"
-        warnings.append(look_at(f"{unknown}: state it with {_options(names)}, or provide repeats"))
+        unknown = f"the uncertainty of {' and '.join(names)} is unknown, and so is that of n"
+        warnings.append(look_at(f"{unknown}: specify it with {_options(names)}, or provide repeats"))
     u_sheet = np.broadcast_to(np.asarray(setup.substrate.u_n), n.value.shape)
     if not (u_sheet > 0).any():
-        warnings.append(look_at("the substrate's index is assumed exact: any error in it affects n almost one to one"))
+        warnings.append(
+            look_at("the substrate's index is assumed exact: any error in that index causes an almost equal error in n")
+        )
     if i is not None and (part := abs(float(inverse.n_by["sheet_n"][i] * u_sheet[i]))) ** 2 > float(n.u[i]) ** 2 / 2:
         warnings.append(
             look_at(
-                f"most of u(n) = {n.u[i]:.2g}, {part:.2g}, is the uncertainty of the substrate's index: measure T and "
-                "R of the bare sheet in air, determine its index with solen resin index, and state it with --substrate "
-                "and --u-substrate-n"
+                f"most of u(n) = {n.u[i]:.2g}, namely {part:.2g}, is due to the uncertainty of "
+                "the substrate's index: measure T and R of the bare sheet in air, determine its "
+                "index with solen resin index, and specify that index with --substrate and --u-substrate-n"
             )
         )
     return warnings

@@ -352,23 +352,25 @@ def _of_pieces(loss: GuideLoss) -> list[Caution]:
         side = "above" if outlier.deviation_dB > 0.0 else "below"
         warnings.append(
             look_at(
-                f"{outlier.piece.name} is set aside: {abs(outlier.deviation_dB):.2g} dB {side} the line of the others, "
-                f"{abs(outlier.t):.1f} standard errors; inspect it, or keep it with --keep-all"
+                f"{outlier.piece.name} is set aside: it lies {abs(outlier.deviation_dB):.2g} dB "
+                f"{side} the line through the other pieces, {abs(outlier.t):.1f} standard errors "
+                "away; inspect it, or keep it with --keep-all"
             )
         )
     if loss.with_outliers is not None:
         low, high = loss.with_outliers.interval95_loss_dB_per_cm
         warnings.append(
             look_at(
-                f"with {'it' if len(warnings) == 1 else 'them'} the loss is "
+                f"including {'it' if len(warnings) == 1 else 'them'}, the loss is "
                 f"{loss.with_outliers.loss_dB_per_cm:.3g} dB/cm, {low:.3g} to {high:.3g}"
             )
         )
     if loss.degrees_of_freedom < 4.0:
         warnings.append(
             look_at(
-                f"{loss.pieces} pieces of {loss.guides} guides leave {loss.degrees_of_freedom:.1f} degrees of freedom: "
-                f"the interval is {t_quantile(0.95, loss.degrees_of_freedom):.1f} standard uncertainties to each side"
+                f"{loss.pieces} pieces of {loss.guides} guides leave {loss.degrees_of_freedom:.1f} "
+                f"degrees of freedom, so the interval extends {t_quantile(0.95, loss.degrees_of_freedom):.1f} "
+                "standard uncertainties to each side"
             )
         )
     return warnings
@@ -379,8 +381,8 @@ def _of_size(loss: GuideLoss) -> list[Caution]:
     shortest, longest = loss.lengths_mm
     drop = loss.loss_dB_per_cm * (longest - shortest) / MM_PER_CM
     span = (
-        f"from {shortest:g} to {longest:g} mm the level falls by {drop:.2g} dB, and pieces scatter by "
-        f"{loss.sd_piece_dB:.2g} dB"
+        f"from {shortest:g} to {longest:g} mm the level falls by {drop:.2g} dB, while pieces scatter "
+        f"by {loss.sd_piece_dB:.2g} dB"
     )
     if high <= 0.0:
         return [
@@ -397,25 +399,29 @@ def _of_size(loss: GuideLoss) -> list[Caution]:
             )
         ]
     if high - low > loss.loss_dB_per_cm:
-        return [look_at(f"the loss is known only within a factor {high / low:.1f} ({span}): use longer guides or more")]
+        return [
+            look_at(
+                f"the loss is known only to within a factor of {high / low:.1f} ({span}): use longer guides or more"
+            )
+        ]
     return []
 
 
 def _of_shape(loss: GuideLoss) -> list[Caution]:
     if loss.lengths == 2:
-        return [look_at("two lengths cannot show whether the level falls along a straight line; add a third")]
+        return [look_at("two lengths cannot show whether the level falls along a straight line; add a third length")]
     if loss.p_curved is None or loss.curvature_dB_per_cm2 is None or loss.p_curved > SIGNIFICANCE:
         return []
     flattens = loss.curvature_dB_per_cm2 > 0.0
     why = (
-        "short guides carry rays that are soon lost, or the dark reading is not subtracted"
+        "short guides carry rays that are soon lost, or the dark reading was not subtracted"
         if flattens
         else "short guides saturate the receiver, or long ones have defects"
     )
     return [
         look_at(
-            f"the line {'flattens' if flattens else 'steepens'} with length (by chance {chance(loss.p_curved)}): "
-            f"{why}; a single loss does not describe it"
+            f"the line {'flattens' if flattens else 'steepens'} with length (expected by chance "
+            f"{chance(loss.p_curved)}): {why}; a single loss does not describe it"
         )
     ]
 
@@ -433,15 +439,15 @@ def _of_orientation(loss: GuideLoss) -> list[Caution]:
     if loss.p_orientation < SIGNIFICANCE:
         warnings.append(
             look_at(
-                f"{BY_ORIENTATION} (dB/cm: {values}; by chance "
-                f"{chance(loss.p_orientation)}): use the value of your orientation, not the overall one"
+                f"{BY_ORIENTATION} (dB/cm: {values}; expected by chance {chance(loss.p_orientation)}): "
+                "use the value for your orientation, not the overall value"
             )
         )
     else:
         warnings.append(
             note(
-                f"no significant difference between orientations (dB/cm: {values}; by chance "
-                f"{chance(loss.p_orientation)}); this does not prove that there is none"
+                f"no significant difference between orientations (dB/cm: {values}; expected by "
+                f"chance {chance(loss.p_orientation)}); this does not prove that there is none"
             )
         )
     lone = [line.orientation for line in loss.by_orientation if line.guides == 1]

@@ -105,7 +105,10 @@ def _no_light(
     shown = ", ".join(f"{values[i]:g} {unit} (reading {i + 1})" for i in bad[:_SHOWN])
     more = f" and {len(bad) - _SHOWN} more" if len(bad) > _SHOWN else ""
     over = "be above 0" if dark is None else f"all be above, or all below, the dark reading {dark:g} {unit}"
-    remedy = "remove these rows, state the dark reading (--dark), or the unit if they are logarithms (--unit dBm)"
+    remedy = (
+        "remove these rows, specify the dark reading (--dark), or specify the unit if the "
+        "values are logarithmic (--unit dBm)"
+    )
     return DataError(
         "power",
         value=shown + more,

@@ -147,9 +147,12 @@ class Table:
         remedy = "measure guides of at least three lengths, several at each length"
         if not self.sloped(keep):
             one = f"{lengths[0] * MM_PER_CM:g} mm" if len(lengths) == 1 else "one in each orientation"
-            raise DataError("cut-back: length", value=one, limit="one length determines no slope", remedy=remedy)
+            raise DataError("cut-back: length", value=one, limit="a single length determines no slope", remedy=remedy)
         if len(self.pieces) <= (numbers := len(self.orientations(keep)) + 1):
-            limit = f"{numbers} parameters are fitted, so no uncertainty follows; readings of one guide count once"
+            limit = (
+                f"{numbers} parameters are fitted, so more pieces are required for an uncertainty; "
+                "repeated readings of a guide count once"
+            )
             raise DataError("cut-back: pieces", value=len(self.pieces), limit=limit, remedy=remedy)
 
     def _starts(self, keep: BoolArray) -> FloatArray:

@@ -128,25 +128,28 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
     complete = np.isfinite(length) & np.isfinite(channel.values)
     if not complete.all():
         missing = int(np.sum(~complete))
-        warnings.append(look_at(f"{missing} row{'s' * (missing > 1)} without a length or a power: omitted"))
+        warnings.append(look_at(f"omitted {missing} row{'s' * (missing > 1)} without a length or a power"))
     if not complete.any():
-        raise DataError(recording.provenance.file, limit="has no row with a length and a power")
+        raise DataError(recording.provenance.file, limit="contains no row with both a length and a power")
     values = channel.values[complete] * (-1.0 if recording.find(*LOSSES) is channel else 1.0)
     (of_guide, guide), (of_way, orientation) = (_texts(recording, complete, names) for names in (GUIDES, ORIENTATIONS))
     if guide is None:
         warnings.append(
             look_at(
-                "no column names the guide (guide): readings of one length are averaged as those of one guide, "
-                "which is safe and results in a wide interval"
+                "no column names the guide (guide): the readings at each length are averaged as "
+                "if they belonged to one guide, which is conservative and results in a wide interval"
             )
         )
     elif len(set(guide)) == 1 and len(guide) > 1:
         warnings.append(
-            look_at(f"all rows are of guide {guide[0]}: evaluated as one guide that was cut; other guides may differ")
+            look_at(
+                f"all rows belong to guide {guide[0]} and are evaluated as a single guide that "
+                "was cut back; other guides may differ"
+            )
         )
     if unit in _VOLTS and dark is None:
         warnings.append(
-            look_at("voltages without a dark reading (--dark): an offset bends the line and changes the loss")
+            look_at("the voltages have no dark reading (--dark): an offset bends the line and changes the loss")
         )
     columns = (lengths.name, channel.name, *of_guide, *of_way)
     return Readings(
@@ -165,7 +168,7 @@ def _unit(channel: Channel, stated: str | None) -> tuple[str, list[Caution]]:
             return "", []
         if channel.quantity == "transmittance" or channel.name == "T":
             return "1", []
-        return "", [look_at(f"{channel.name} has no unit: assumed proportional to power (--unit)")]
+        return "", [look_at(f"{channel.name} has no unit and is assumed to be proportional to the power (--unit)")]
     if (share := factor(given, "1")) in _SHARES:
         return _SHARES[share], []
     if not is_unit(given) or all(factor(given, unit) is None for unit in _LINEAR):
@@ -188,15 +191,20 @@ def _texts(recording: Recording, complete: BoolArray, names: Sequence[str]) -> t
 def _launch_unknown(launched_dB: float | None) -> list[Caution]:
     if launched_dB is not None:
         return []
-    return [note(f"{LAUNCHED} (--launched), so the coupling loss is not either; the loss per cm requires neither")]
+    return [note(f"{LAUNCHED} (--launched), so the coupling loss is unknown; the loss per cm requires neither")]
 
 
 def _refuse_rising(loss: GuideLoss, rows: Readings, dark: float | None) -> None:
     """Raise if voltages significantly rise with the length, as from a receiver whose output light pulls down."""
     if rows.unit in _VOLTS and dark is None and loss.interval95_loss_dB_per_cm[1] < 0.0:
-        limit = "rise with the guide's length: light lowers them, as with a phototransistor that pulls its output down"
+        limit = (
+            "increase with the guide's length, so light lowers the voltage, as with a phototransistor "
+            "that pulls its output down"
+        )
         top = f"{float(np.max(rows.values)):.3g} {rows.unit} or above"
-        remedy = f"state the reading without light, --dark X, {top}; or check which column is the length"
+        remedy = (
+            f"specify the reading without light with --dark X, where X is {top}; or check which column is the length"
+        )
         raise DataError(f"voltages of {rows.columns[1]}", limit=limit, remedy=remedy)
 
 
@@ -209,8 +217,9 @@ def _unusual(loss: GuideLoss, length_unit: str) -> list[Caution]:
     if factor(length_unit, "um") == 1.0 and in_mm <= PLAUSIBLE_DB_PER_CM:
         return [
             do_not_use(
-                f"the lengths, up to {longest * UM_PER_MM:.3g} µm, look like mm under a header in µm: the loss would "
-                f"be {in_mm:.3g} dB/cm instead of {loss.loss_dB_per_cm:.3g}; correct the header"
+                f"the lengths, up to {longest * UM_PER_MM:.3g} µm, look like values in mm under "
+                f"a header in µm: the loss would be {in_mm:.3g} dB/cm instead of {loss.loss_dB_per_cm:.3g}; "
+                "correct the header"
             )
         ]
     return [

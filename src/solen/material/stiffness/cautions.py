@@ -17,7 +17,7 @@ def cautions(fit: Fit) -> list[Caution]:
 
 def _range(fit: Fit) -> Caution:
     ranges = "; ".join(f"{q.mode} {q.stretch_range[0]:.3g} to {q.stretch_range[1]:.3g}" for q in fit.quality)
-    return note(f"{fit.model.kind} is valid over the stretches of the fit ({ranges}) and extrapolates beyond")
+    return note(f"{fit.model.kind} is valid over the fitted stretch range ({ranges}) and extrapolates beyond it")
 
 
 def _unmeasured(fit: Fit) -> Caution | None:
@@ -37,7 +37,7 @@ def _unstable(fit: Fit) -> list[Caution]:
         low, high = measured.get(name, everywhere)
         if stable.covers(low, high):
             continue
-        where = "in its data" if name in measured else "within the stretches of the other modes"
+        where = "in its data" if name in measured else "within the stretch ranges of the other modes"
         ends = [f"below {stable.low:.4g}"] if stable.low is not None and stable.low > low else []
         ends += [f"above {stable.high:.4g}"] if stable.high is not None and stable.high < high else []
         warnings.append(

@@ -109,8 +109,10 @@ def _stress(recording: Recording, specimen: Specimen) -> _Column:
     force = _only(recording, FORCE)
     if force is not None:
         if specimen.area_mm2 is None:
-            remedy = "state --strip-width-mm and --thickness-mm, --area-mm2, --diameter-mm, or --cube-mm"
-            raise DataError(f"{recording.provenance.name}: area of the specimen", limit="is not stated", remedy=remedy)
+            remedy = "specify --strip-width-mm and --thickness-mm, --area-mm2, --diameter-mm, or --cube-mm"
+            raise DataError(
+                f"{recording.provenance.name}: area of the specimen", limit="is not specified", remedy=remedy
+            )
         origin = f"{force.name} / {specimen.area_mm2:.6g} mm²"
         return _Column(force.to("N") / specimen.area_mm2, origin, made=True)
     true = recording.find(*TRUE_STRESS)
@@ -143,8 +145,8 @@ def _strain(recording: Recording, specimen: Specimen) -> _Column:
     if true is not None:
         return _Column(np.expm1(true.to("1")), f"exp({true.name}) - 1")
     if travel is not None:
-        remedy = "state --length-mm (the gauge length, or the height of a compressed specimen) or --cube-mm"
-        raise DataError(f"{recording.provenance.name}: length of the specimen", limit="is not stated", remedy=remedy)
+        remedy = "specify --length-mm (the gauge length, or the height of a compressed specimen) or --cube-mm"
+        raise DataError(f"{recording.provenance.name}: length of the specimen", limit="is not specified", remedy=remedy)
     remedy = f"its columns are {', '.join(recording.names[:12])}"
     raise DataError(recording.provenance.name, limit="has no column of displacement, strain or stretch", remedy=remedy)
 
@@ -193,8 +195,9 @@ def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, 
         return ()
     return (
         look_at(
-            f"{name} is {travel.name} over {implied:.5g} mm, but the file states a length of {specimen.length_mm:.6g} "
-            "mm; the file's strain is used unchanged (--length-mm divides the displacement instead)"
+            f"{name} is {travel.name} over {implied:.5g} mm, but the file specifies a length of "
+            f"{specimen.length_mm:.6g} mm; the file's strain is used unchanged (use --length-mm "
+            "to divide the displacement by a length instead)"
         ),
     )
 

@@ -131,7 +131,7 @@ def loading_branch(test: StressStrain, cycle: str = "first") -> slice:
     loadings = [(first, last) for first, last in branches(raised) if raised[last] > raised[first]]
     if not loadings:
         limit = f"falls from {raised[0]:.4g} to {raised[-1]:.4g} and never rises"
-        remedy = "include the loading, in the order of recording, or state --mode"
+        remedy = "include the loading branch, in the order of recording, or specify --mode"
         raise DataError("strain", limit=limit, remedy=remedy)
     first, last = loadings[0] if cycle == "first" else loadings[-1]
     return slice(first, last + 1)

@@ -69,7 +69,7 @@ class StiffnessOptions(RowOptions):
     @model_validator(mode="after")
     def _ascending(self) -> Self:
         if (ends := self.strain_range_percent) is not None and not 0.0 <= ends[0] < ends[1]:
-            limit = "must be two numbers from 0 up, the lower first"
+            limit = "must be two numbers of at least 0, the lower first"
             raise refused("strain_range_percent", limit, value=f"{ends[0]:g} {ends[1]:g}")
         return self
 
@@ -196,7 +196,7 @@ def _toe(test: StressStrain, wanted: str) -> Toe:
     if wanted == "auto" and test.preload:
         return Toe(0.0, None, 0.0, f"no toe compensation: the machine set zero at its preload ({test.preload})")
     if wanted == "auto" and not test.from_displacement:
-        return Toe(0.0, None, 0.0, "no toe compensation: the file states the strain itself")
+        return Toe(0.0, None, 0.0, "no toe compensation: the file contains the strain itself")
     return find_toe(test)
 
 
@@ -224,8 +224,9 @@ def _of_friction(test: StressStrain, options: StiffnessOptions) -> Caution | Non
             "how much"
         )
     return look_at(
-        f"shape factor {shape:.3g}: if the platens hold the ends, the modulus appears up to {100 * (ratio - 1):.0f} % "
-        f"too high, and the material's is {1 / ratio:.2f} to 1 times it; state --lubricated if the ends slid"
+        f"shape factor {shape:.3g}: if the platens hold the ends, the modulus appears up to {100 * (ratio - 1):.0f} "
+        f"% too high, and the material's modulus is {1 / ratio:.2f} to 1 times this value; specify "
+        "--lubricated if the ends slid"
     )
 
 
@@ -245,8 +246,9 @@ def _of_compliance(test: StressStrain, modulus: Young) -> Caution | None:
         return None
     stiffness = modulus.modulus_MPa * area / length
     return look_at(
-        f"the strain includes the deformation of machine and fixture: with {100 * stiffness:.2g} N/mm they make the "
-        f"modulus 1 % too low, because the specimen has {stiffness:.2g} N/mm; --compliance-mm-per-N subtracts it"
+        f"the strain includes the deformation of machine and fixture: if their stiffness is {100 * stiffness:.2g} "
+        f"N/mm, the modulus is 1 % too low, because the stiffness of the specimen is {stiffness:.2g} "
+        "N/mm; subtract this deformation with --compliance-mm-per-N"
     )
 
 
@@ -254,8 +256,8 @@ def _of_points(modulus: Young) -> Caution | None:
     if modulus.effective_points >= _WORTH:
         return None
     return look_at(
-        f"the {modulus.points} points of the modulus count as {modulus.effective_points:.1f} independent ones, because "
-        "neighbouring residuals correlate; below 8 the interval is too narrow"
+        f"the {modulus.points} points of the modulus count as {modulus.effective_points:.1f} independent "
+        "points, because neighbouring residuals correlate; below 8 the interval is too narrow"
     )
 
 
@@ -268,8 +270,8 @@ def _of_bending(test: StressStrain, modulus: Young) -> Caution | None:
         return None
     off = f"{100 * abs(ratio - 1):.0f} % {'higher' if ratio > 1 else 'lower'}"
     return note(
-        f"over {100 * low:.3g} to {100 * high:.3g} % strain an ideal rubber's slope is {off} than its modulus at zero "
-        "strain, which a model's initial modulus gives"
+        f"over {100 * low:.3g} to {100 * high:.3g} % strain an ideal rubber's slope is {off} than "
+        "its modulus at zero strain, to which a model's initial modulus corresponds"
     )
 
 
@@ -278,6 +280,6 @@ def _of_loss(cycles: Sequence[Cycle]) -> Caution | None:
     if not losses or losses[-1] < _LOSSY:
         return None
     return look_at(
-        f"cycle {len(losses)} loses {100 * losses[-1]:.0f} % of the work absorbed: a hyperelastic model has no loss "
-        "and describes only the loading"
+        f"cycle {len(losses)} loses {100 * losses[-1]:.0f} % of the work absorbed: a hyperelastic "
+        "model includes no loss and describes only the loading"
     )

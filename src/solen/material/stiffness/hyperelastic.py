@@ -211,7 +211,7 @@ def _check(curves: Sequence[Curve], fitted: Model) -> None:
         raise DataError(f"points for {fitted.kind}", value=points, limit=f"at least {needed}", remedy="measure more")
     for curve in curves:
         if not (np.isfinite(curve.stretch).all() and np.isfinite(curve.stress_MPa).all()):
-            raise DataError(f"{curve.mode.name} curve", limit="has gaps", remedy="remove points without a number")
+            raise DataError(f"{curve.mode.name} curve", limit="has gaps", remedy="remove points without a value")
         if (lowest := float(curve.stretch.min())) <= 0:
             raise DataError("stretch", value=lowest, limit="must be above 0", remedy="check length and displacement")
 

@@ -150,9 +150,7 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
     groups = tuple(_material([each for each in specimens if each.label == label], options) for label in labels)
     warnings = tuple(dict.fromkeys([*remarks, *(warning for group in groups for warning in group.warnings)]))
     if len(groups) > 1:
-        beside = note(
-            f"modulus and model outside groups are only those of {labels[0]}; groups contains all {len(labels)}"
-        )
+        beside = note(f"modulus and model outside groups apply only to {labels[0]}; groups contains all {len(labels)}")
         warnings = (*warnings, beside)
     sources = {each.recording.provenance.sha256: each.recording.provenance for each in specimens}
     return MeasuredStiffness(
@@ -275,7 +273,8 @@ def _of_machine(specimen: _Specimen) -> list[Caution]:
         if theirs and abs(ours / theirs - 1) > 0.01:
             return [
                 look_at(
-                    f"the machine's own {heading} is {theirs:.6g} MPa: {100 * (theirs / ours - 1):+.1f} % from this"
+                    f"the machine's own {heading} is {theirs:.6g} MPa, which differs from this "
+                    f"modulus by {100 * (theirs / ours - 1):+.1f} %"
                 )
             ]
     return []
@@ -283,8 +282,12 @@ def _of_machine(specimen: _Specimen) -> list[Caution]:
 
 def _of_count(specimens: int) -> list[Caution]:
     if specimens == 1:
-        return [look_at("one specimen: the variation between specimens of this material is unknown")]
-    return [look_at("two specimens: their standard deviation is itself uncertain by 76 %")] if specimens == 2 else []
+        return [look_at("only one specimen was tested: the variation between specimens of this material is unknown")]
+    return (
+        [look_at("only two specimens were tested: their standard deviation is itself uncertain by 76 %")]
+        if specimens == 2
+        else []
+    )
 
 
 def _of_fits(fits: Sequence[Fit], chosen: Fit | None) -> list[Caution]:

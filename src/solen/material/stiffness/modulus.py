@@ -102,11 +102,16 @@ def young(test: StressStrain, strain_range: Range, cycle: str = "first") -> Youn
     low, high = strain_range
     if not 0 <= low < high < math.inf:
         given = f"{100 * low:g} {100 * high:g}"
-        raise DataError("strain range in percent", value=given, limit="must be two numbers from 0 up, the lower first")
+        raise DataError(
+            "strain range in percent", value=given, limit="must be two numbers of at least 0, the lower first"
+        )
     strain, stress = _in_range(test, strain_range, cycle)
     if len(strain) < _FEWEST or float(np.ptp(strain)) == 0:
         reached = 100 * float(np.abs(test.strain).max())
-        limit = f"contains {len(strain)} points of the loading, {_FEWEST} are needed; the test reaches {reached:.4g} %"
+        limit = (
+            f"contains {len(strain)} points of the loading branch, but {_FEWEST} are needed; "
+            f"the test reaches {reached:.4g} %"
+        )
         raise DataError(f"strain range {100 * low:g} to {100 * high:g} %", limit=limit, remedy="choose a wider one")
     return _regression(test, strain, stress, strain_range)
 

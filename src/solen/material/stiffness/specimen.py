@@ -67,9 +67,9 @@ class Dimensions(Options):
     def _consistent(self) -> Self:
         statements = [self.area_mm2, self.diameter_mm, self.cube_mm, self.strip_width_mm or self.thickness_mm]
         if sum(statement is not None for statement in statements) > 1:
-            raise refused("area_mm2", "the cross-section is stated in more than one way", remedy="keep one of them")
+            raise refused("area_mm2", "the cross-section is specified in more than one way", remedy="keep one of them")
         if (self.strip_width_mm is None) != (self.thickness_mm is None):
-            raise refused("strip_width_mm", "a cross-section needs both --strip-width-mm and --thickness-mm")
+            raise refused("strip_width_mm", "a cross-section requires both --strip-width-mm and --thickness-mm")
         if self.cube_mm is not None and self.length_mm is not None:
             raise refused("length_mm", "a cube's length is its side", remedy="remove one of the two")
         return self
@@ -185,7 +185,9 @@ def _from_metadata(metadata: Mapping[str, str]) -> dict[str, tuple[float, str]]:
             if value is None:
                 continue
             if not 0 < value < math.inf:
-                raise DataError(heading, value=text, limit="must be above 0", remedy="state the dimension as an option")
+                raise DataError(
+                    heading, value=text, limit="must be above 0", remedy="specify the dimension as an option"
+                )
             dimensions[dimension] = (value, heading)
             break
     return dimensions

@@ -168,7 +168,7 @@ def _without_gaps(strain: FloatArray, stress: FloatArray, name: str) -> tuple[Fl
     strain, stress, there = strain[:last], stress[:last], there[:last]
     if not there.all():
         row = int(np.flatnonzero(~there)[0]) + 1
-        limit = f"has no number in {int((~there).sum())} of {last} rows, the first of them row {row}"
+        limit = f"has no value in {int((~there).sum())} of {last} rows, the first of which is row {row}"
         raise DataError(f"{name}: stress or strain", limit=limit, remedy="delete these rows, or export again")
     if last < _FEWEST:
         raise DataError(
@@ -184,7 +184,7 @@ def _check_size(what: str, values: FloatArray, unit: str, limits: tuple[float, f
     least, most = limits
     largest = float(values[int(np.argmax(np.abs(values)))])
     if abs(largest) > most:
-        limit = f"is beyond {most:g}{unit}, which no specimen shows"
+        limit = f"is beyond {most:g}{unit}, which no specimen can reach"
         raise DataError(what, value=largest, limit=limit, remedy="check the column and its unit")
     if float(np.ptp(values)) <= least:
         remedy = "check that the right columns were used, with enough digits"
@@ -219,15 +219,15 @@ def _loading(
         return "tension", (f"{mode} tension, {signs}",), ()
     if exported[0] != exported[1]:
         limit = f"is {signs}, which may be tension or compression"
-        raise DataError(name, limit=limit, remedy="state it: --mode tension or --mode compression")
+        raise DataError(name, limit=limit, remedy="specify it: --mode tension or --mode compression")
     if exported[0] < 0:
         return "compression", (f"compression, inferred from its signs: {signs}",), ()
     warnings: tuple[Caution, ...] = ()
     if assumed:
         warnings = (
             look_at(
-                "tension is assumed: the file states no mode and its signs are positive; otherwise "
-                "state --mode compression"
+                "tension is assumed: the file specifies no mode and all signs are positive; otherwise "
+                "specify --mode compression"
             ),
         )
     return "tension", (f"tension, inferred from its signs: {signs}",), warnings
@@ -237,6 +237,6 @@ def _both_ways(
     strain: FloatArray, stress: FloatArray, name: str
 ) -> tuple[Loading, tuple[str, ...], tuple[Caution, ...]]:
     if float(np.sum(np.sign(strain) * np.sign(stress))) <= 0:
-        remedy = "state --mode, or change the sign of one column"
+        remedy = "specify --mode, or change the sign of one column"
         raise DataError(name, limit="stress and strain have opposite signs on both sides of zero", remedy=remedy)
     return "both", ("tension and compression in one file, inferred from its signs",), ()

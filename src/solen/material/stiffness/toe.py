@@ -64,7 +64,7 @@ def find_toe(test: StressStrain) -> Toe:
     strain, stress = test.sign * test.strain[rows], test.sign * test.stress_MPa[rows]
     steps = _steps(stress)
     if len(steps) < 4:
-        return Toe(0.0, None, 0.0, "no toe compensation: too few points while loading")
+        return Toe(0.0, None, 0.0, "no toe compensation: too few points in the loading branch")
     return _shifted(test, strain, stress, steps)
 
 
@@ -95,7 +95,7 @@ def _shifted(test: StressStrain, strain: FloatArray, stress: FloatArray, steps: 
     if abs(shift) <= max(2 * u_shift, _LEAST) or stress[0] < -0.5 * shift * slope:
         return Toe(0.0, u_shift, 0.0, f"no toe: the first tangent meets zero stress at {at_zero} strain")
     end = max(float(strain[steps[at].start]) - shift, 0.0)
-    note = f"strain counted from {at_zero} of the file's, where the tangent after the toe reaches zero stress"
+    note = f"strain is counted from {at_zero} in the file, where the tangent after the toe reaches zero stress"
     return Toe(test.sign * shift, u_shift, end, note)
 
 

@@ -29,7 +29,7 @@ from scipy.stats import t as student
 LEVEL = 0.05
 SAME_MM = 1e-6
 FEWEST_HOLES = 4
-OUTSIDE = "not in the picture"
+OUTSIDE = "not in the image"
 
 
 @dataclass(frozen=True)

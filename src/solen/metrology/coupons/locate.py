@@ -228,7 +228,7 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, mos
     guesses.sort(key=lambda guess: guess.cost)
     if not guesses or len(guesses[0].pairs) < FEWEST:
         limit = f"shows no {coupon.name}: fewer than {FEWEST} of its features are at the expected positions"
-        remedy = "check --coupon and --um-per-px, and that the marks or the largest features are in the picture"
+        remedy = "check --coupon and --um-per-px, and that the marks or the largest features are in the image"
         raise DataError(what, limit=limit, remedy=remedy)
     best = guesses[0]
     _check_clear(best, guesses, places([feature for feature in features if feature.kind != "mark"]), what, coupon.name)
@@ -246,7 +246,7 @@ def _check_clear(best: _Guess, guesses: list[_Guess], measured_mm: FloatArray, w
         elsewhere = np.hypot(*(here - other.pose.to_px(measured_mm)).T).max() > NEAR_MM * best.pose.px_per_mm
         if elsewhere and other.cost - best.cost + _farther(other, best) < CLEAR:
             limit = f"the {name} has an ambiguous pose: its marks or largest features are not visible"
-            raise DataError(what, limit=limit, remedy="take a picture that shows the marks")
+            raise DataError(what, limit=limit, remedy="take an image that shows the marks")
 
 
 def _farther(other: _Guess, best: _Guess) -> float:
@@ -302,7 +302,7 @@ def locate_slab(z_mm: FloatArray, coupon: Coupon, px_per_mm: float, what: str) -
             best = max(both, key=lambda pose: _covariance(z_mm, coupon, pose))
             return Location(best, True, tuple(feature.name for feature in coupon.features), True, 0.0)
     limit = f"shows no {coupon.name}: no slab of {slab.width_mm:g} x {slab.depth_mm:g} mm is visible"
-    raise DataError(what, limit=limit, remedy="check --um-per-px and --z-um; the whole slab must be in the map")
+    raise DataError(what, limit=limit, remedy="check --um-per-px and --z-um; the entire slab must be in the map")
 
 
 def _covariance(z_mm: FloatArray, coupon: Coupon, pose: Pose) -> float:

@@ -42,7 +42,7 @@ SURE_PX = 8.0
 BLURRED_PX = 8.0
 CHANGED = 0.02
 """Relative difference between print or scale and layout above which a warning is given."""
-TOO_SMALL = "too small for this picture"
+TOO_SMALL = "too small for this image"
 CALIBRATES = ("pillar", "hole", "gap", "step")
 
 
@@ -176,12 +176,14 @@ def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
 
 def _check_kind(coupon: Coupon, image: Image | ZMap, what: str) -> None:
     if not coupon.measured_kinds:
-        limit = f"cannot be measured: the coupon {coupon.name} has no features that a picture shows"
+        limit = f"cannot be measured: the coupon {coupon.name} has no features that an image shows"
         raise DataError(what, limit=limit, remedy="measure group-a, group-b, group-c, holes or z-reference")
     sizes = {one.diameter_mm for one in coupon.of_kind("pillar")}
     if isinstance(image, Image) and coupon.steps and not coupon.gaps and len(sizes) == 1:
-        limit = f"cannot be measured: a {coupon.name} varies only in height, which a picture does not show"
-        raise DataError(what, limit=limit, remedy="use a z map, and state the height of one of its levels with --z-um")
+        limit = f"cannot be measured: a {coupon.name} varies only in height, which an image does not show"
+        raise DataError(
+            what, limit=limit, remedy="use a z map, and specify the height of one of its levels with --z-um"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,7 +278,7 @@ class _DiscFits:
             return f"only {100 * fit.coverage:.0f} % of its edge is visible"
         away = math.dist((fit.x_px, fit.y_px), self.pose.to_px(places([feature]))[0]) / self.pose.px_per_mm
         if away > max(AWAY_MM, 0.25 * feature.diameter_mm):
-            return f"its position is off by {away:.2g} mm"
+            return f"its position deviates by {away:.2g} mm"
         if fit.u_diameter_px > UNSURE * fit.diameter_px:
             return "its edge is not clear"
         return ""
@@ -359,24 +361,22 @@ def _warnings(
     small = ", ".join(one.name for one in measured if one.reason == TOO_SMALL)
     changed = 100.0 * ((ratio or 1.0) - 1.0)
     texts = {
-        "no uncertainty of the scale is stated (--u-um-per-px), so those of the sizes exclude it": scale.u_um_per_px
-        is None,
-        f"distances between features are {changed:+.1f} % off: the print has shrunk or grown, or the scale is wrong": (
-            abs(changed) > 100.0 * CHANGED
-        ),
-        "the marks do not show whether the picture is mirrored": not location.oriented and bool(coupon.gaps),
-        "the picture shows the coupon mirrored: it was taken from below, through the base, or was flipped": (
+        "the scale uncertainty is not specified (--u-um-per-px), so the uncertainties of the sizes "
+        "exclude it": scale.u_um_per_px is None,
+        f"distances between features deviate by {changed:+.1f} %: the print has shrunk or grown, "
+        "or the scale is wrong": (abs(changed) > 100.0 * CHANGED),
+        "the marks do not show whether the image is mirrored": not location.oriented and bool(coupon.gaps),
+        "the image shows the coupon mirrored: it was taken from below, through the base, or was flipped": (
             location.oriented and location.pose.mirrored
         ),
-        f"{outside} of {len(measured)} features are not in the picture": outside > 0,
+        f"{outside} of {len(measured)} features are not in the image": outside > 0,
         f"{small}: too small for pixels of {scale.um_per_px:g} µm and this blur": bool(small),
-        "no uncertainty of the heights' scale is stated (--u-z-um), so the uncertainties of the steps exclude it": (
-            isinstance(image, ZMap) and image.u_z_um is None and bool(coupon.steps)
-        ),
-        "heights and steps are not measured: this requires a z map, not a picture": (
+        "the uncertainty of the height scale is not specified (--u-z-um), so the uncertainties "
+        "of the steps exclude it": (isinstance(image, ZMap) and image.u_z_um is None and bool(coupon.steps)),
+        "heights and steps are not measured: this requires a z map, not an image": (
             isinstance(image, Image) and bool(coupon.steps)
         ),
-        f"the picture is blurred by {blur or 0.0:.1f} px: small features and gaps are lost in it": (
+        f"the image is blurred by {blur or 0.0:.1f} px, so small features and gaps cannot be detected": (
             (blur or 0.0) > BLURRED_PX
         ),
     }

@@ -201,5 +201,5 @@ def sampled(at: Callable[[float], Point], places: list[float], key: str) -> list
     """Return the points at these positions; raise `UnreadError` if the formula is undefined there."""
     points = [at(place) for place in places]
     if not all(abs(x) <= LARGEST and abs(z) <= LARGEST for x, z in points):
-        raise UnreadError(key, f"has no value of at most {LARGEST:g} in part of its range")
+        raise UnreadError(key, f"is undefined or exceeds {LARGEST:g} in part of its range")
     return points

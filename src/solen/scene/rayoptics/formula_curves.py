@@ -143,7 +143,7 @@ def _pieces(at: At, start: float, end: float, size: float, what: str) -> list[Cu
             middle = 0.5 * (low + high)
             waiting += [(middle, high), (low, middle)]
         if len(curves) + len(waiting) > MOST_PIECES:
-            raise DataError(what, value=f"more than {MOST_PIECES} pieces", limit="the curve needs too many pieces")
+            raise DataError(what, value=f"more than {MOST_PIECES} pieces", limit="the curve requires too many segments")
     return curves
 
 

@@ -232,7 +232,7 @@ def _parametric(fields: Fields, settings: SceneSettings) -> list[list[Curve]]:
     if settings.facets and corners:
         return [[*_facets(_closed(corners), joints, "units", settings)]]
     if not parts:
-        raise UnreadError("pieces", "must be at least one piece")
+        raise UnreadError("pieces", "must be at least one segment")
     return parts
 
 

@@ -60,7 +60,7 @@ class SourceSettings:
                 density += STEP
                 steps += 1
                 if steps > MOST_RAYS:
-                    raise UnreadError("brightness", "would need too many rays")
+                    raise UnreadError("brightness", "would require too many rays")
         return density
 
 

@@ -165,7 +165,7 @@ def _rays(data: bytes, start: int, many: int, width: int, what: str) -> FloatArr
     if len(data) < whole:
         raise _short(what, f"ray {max(len(data) - start, 0) // size + 1} of {many}", len(data), whole)
     if len(data) > whole:
-        limit = f"has {len(data)} bytes, {len(data) - whole} more than its {many} rays of {size} bytes need"
+        limit = f"has {len(data)} bytes, {len(data) - whole} more than its {many} rays of {size} bytes require"
         raise DataError(what, limit=limit, remedy="obtain the file again")
     return np.frombuffer(data, "<f4", many * width, start).reshape(many, width).astype(np.float64)
 
@@ -215,10 +215,10 @@ def _gathered(lines: tuple[Line, ...]) -> tuple[Line, ...]:
 
 
 def _short(what: str, where: str, result: int, needed: int) -> DataError:
-    limit = f"is truncated in {where}: it has {result} bytes and needs at least {needed}"
+    limit = f"is truncated in {where}: it has {result} bytes and requires at least {needed}"
     return DataError(what, limit=limit, remedy="obtain the file again")
 
 
 def _no_power(what: str) -> DataError:
     limit = "specifies luminous flux without a single wavelength, so the power is unknown"
-    return DataError(what, limit=limit, remedy="obtain the file with radiant flux")
+    return DataError(what, limit=limit, remedy="obtain a file with radiant flux")

@@ -210,7 +210,7 @@ def in_words(found: Determination) -> Iterator[str]:
         count = f"{found.rank} combination{'s' * (found.rank != 1)}"
         yield f"of the {len(found.motions)} motions only {count} can be measured: {known or 'none'}"
     elif len(shares) == 1:
-        yield f"{next(iter(shares))} changes the readings by no more than its uncertainty: it cannot be measured"
+        yield (f"{next(iter(shares))} changes the readings by no more than its uncertainty, so it cannot be measured")
     elif len(shares) == 2:
         yield _of_two(found, *shares.items())
     else:

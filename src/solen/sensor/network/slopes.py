@@ -133,7 +133,7 @@ def network_sensitivities(
             designs = [with_values(design, {key: end}) for end in (low, high)]
             ends = response_of(designs, tolerance)
         except SolenError as bad:
-            skipped[key] = f"both sides of {value:g} are needed, and one is impossible: {bad}"
+            skipped[key] = f"values on both sides of {value:g} are required, and one is impossible: {bad}"
         else:
             rows.append(_Slope(key, value, high - low, designs, ends))
     if not rows:

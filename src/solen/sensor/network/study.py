@@ -92,4 +92,4 @@ def _rough(response: NetworkResponse, design: Design) -> list[str]:
     worst = float(np.nanmax(response.u_power, initial=0.0))
     if math.isnan(worst) or worst <= USUAL_TOLERANCE:
         return []
-    return [f"powers of {design.name} are uncertain by up to {worst:.1e} of the emitted power"]
+    return [f"the powers of {design.name} have uncertainties of up to {worst:.1e} of the emitted power"]

@@ -182,4 +182,4 @@ def _as_by_first(circuits: tuple[Circuit, ...], received: FloatArray) -> FloatAr
 
 def _coarse(one: MotionVolts) -> Iterator[str]:
     volts = one.signals.voltage_V.reshape(len(one.angle_deg), -1)
-    return coarse_steps(one.angle_deg, volts, "give the motion more steps")
+    return coarse_steps(one.angle_deg, volts, "use more steps for the motion")
