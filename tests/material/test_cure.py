@@ -181,8 +181,8 @@ def test_what_did_not_set_and_what_was_not_measured_is_left_out_and_said() -> No
     thick = np.concatenate([line(DOSES), [0.0, 0.0, math.nan]])
     found = working_curve(dose, thick)
     assert [(one.disc.row, one.reason) for one in found.left_out] == [
-        (25, "no disc set"),
-        (26, "no disc set"),
+        (25, "nothing set"),
+        (26, "nothing set"),
         (27, "no thickness"),
     ]
     assert any("no disc set at 30 mJ/cm², but the line predicts 159 µm" in told for told in cautions(found))

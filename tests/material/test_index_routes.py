@@ -48,7 +48,7 @@ def test_without_a_stated_uncertainty_none_is_claimed() -> None:
     found = measured(NM, reading(t), reading(r, 0.001), H)
     assert np.isnan(found.n.u).all()
     assert np.isnan(found.k.u).all()
-    assert "specify it with --u-T, or provide repeats" in only(found, "no uncertainty of T is known")
+    assert "specify it with --u-T, or provide repeats" in only(found, "the uncertainty of T is unknown")
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -175,7 +175,7 @@ def test_masks_tell_their_reason() -> None:
         "n, k: no number was measured here",
         "n, k: no number was measured here",
         "n, k: R + T exceeds 1 by more than three standard uncertainties",
-        "k: not resolved: R + T exceeds 1, within its uncertainty",
+        "k: not resolved: R + T exceeds 1, but within its uncertainty",
     )
     masked = ~found.n.known
     for values in (found.n.value, found.n.u, found.k.value, found.k.u, found.k_high95):

@@ -215,7 +215,7 @@ def test_a_background_that_was_not_taken_off_bends_the_line() -> None:
 @pytest.mark.parametrize(
     ("lengths", "guides", "ways", "told"),
     [
-        ([20.0, 20.0, 20.0], ["a", "b", "c"], None, "20 mm'; single length determines no slope"),
+        ([20.0, 20.0, 20.0], ["a", "b", "c"], None, "20 mm'; a single length determines no slope"),
         ([10.0, 20.0], ["a", "b"], None, "pieces = 2; 2 parameters are fitted"),
         ([10.0, 20.0, 10.0, 20.0], ["a", "b", "a", "b"], None, "readings of a guide count once"),
         ([10.0, 20.0, 30.0], None, ["x", "y", "z"], "one in each orientation"),

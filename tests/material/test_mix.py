@@ -111,7 +111,8 @@ def told(call: object) -> str:
 def test_what_is_no_mixture_is_reported() -> None:
     part = Component
     assert told(lambda: of_whole([part("a", 70.0), part("b", 20.0)])) == (
-        "mixture = '90 %'; the fractions must add up to 100 %, to within 0.1; parts in this ratio are a:77.78, b:22.22"
+        "mixture = '90 %'; the fractions must add up to 100 %, to within 0.1 %; "
+        "in this ratio, the parts are a:77.78, b:22.22"
     )
     assert "at least 2 components" in told(lambda: check_components([part("a", 100.0)]))
     assert "named twice" in told(lambda: check_components([part("a", 50.0), part("a", 50.0)]))

@@ -121,7 +121,7 @@ def test_what_all_wavelengths_share_is_kept_apart() -> None:
     assert (abs(found.correlation) <= 1).all()
     assert not any("assumed exact" in line for line in found.warnings)
     assert any("assumed exact" in line for line in told(t, r).warnings)
-    assert any("specify the accuracy with --u-T and --u-R" in line for line in told(t, r).warnings)
+    assert any("specify it with --u-T and --u-R" in line for line in told(t, r).warnings)
 
 
 def one(t: float, r: float, sheet: Substrate = FLAT, u: float | None = None) -> IndexSpectrum:

@@ -53,7 +53,7 @@ def test_without_a_formula_a_table_is_kept() -> None:
     unsure = IndexResult(**spectrum([1.52, 1.51], u_n=[None, 0.004])).as_table()
     assert unsure.u_index(401.0) is None
     assert unsure.warnings[-1] == (
-        "1 of 2 indices state no uncertainty, the first at 400 nm: the resin's index is stored without uncertainty"
+        "1 of 2 indices have no uncertainty, the first at 400 nm: the resin's index is stored without uncertainty"
     )
 
 
@@ -111,7 +111,7 @@ def test_an_index_at_fewer_than_two_wavelengths_is_none() -> None:
             "index.covariance = '1 rows of 1'; must be 3 by 3",
         ),
         ({"mode": "guessed"}, "index.mode = 'guessed'; must be one of measured"),
-        ({"mode": "as-published"}, 'index.warnings; mode = "as-published" requires at least one'),
+        ({"mode": "as-published"}, 'index.warnings; is missing: mode = "as-published" requires at least one'),
         ({"n": [0.5, 0.5, 0.5]}, "index.n = 0.5; must be at least 1"),
     ],
 )

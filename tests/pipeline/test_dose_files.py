@@ -212,7 +212,7 @@ def test_readings_of_one_disc_are_not_discs(tmp_path: Path) -> None:
     once = curve_of_discs(read(tmp_path / "discs.csv"), CureOptions(irradiance_mW_per_cm2=13.0))
     assert found.discs == once.discs == 24
     assert found.u_Dp_um == pytest.approx(once.u_Dp_um, rel=1e-6)
-    assert any("72 rows are readings of 24 discs" in told for told in found.warnings)
+    assert any("72 rows contain repeated readings of 24 discs" in told for told in found.warnings)
     named = ["exposure_s,thickness_um,sample,replicate", *(f"{row[0]},{row[1]},ma-PU,{row[2]}" for row in cells)]
     assert curve_of_discs(read(write(tmp_path / "named.csv", "\n".join(named) + "\n")), at_13).discs == 24
 
@@ -318,11 +318,11 @@ def test_penetration_from_a_transmittance(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("lamp", "told"),
     [
-        ({"led_nm": 300.0}, "known only from 360 to 440 nm"),
+        ({"led_nm": 300.0}, "available only from 360 to 440 nm"),
         ({"led_fwhm_nm": 10.0}, "led_fwhm_nm"),
         ({"led_nm": -5.0}, "led_nm = -5.0"),
         ({"led": "VSMY1850", "led_nm": 385.0}, "led"),
-        ({"led": "VSMY1850"}, "known only from 360 to 440 nm"),
+        ({"led": "VSMY1850"}, "available only from 360 to 440 nm"),
     ],
 )
 def test_penetration_refuses_a_lamp_that_is_none(tmp_path: Path, lamp: dict[str, Any], told: str) -> None:

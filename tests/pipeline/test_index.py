@@ -98,7 +98,7 @@ def test_t_alone_gives_the_lossless_index_and_says_so(tmp_path: Path) -> None:
 
 def test_an_absorptance_is_taken_where_it_is_said_to_be_one(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "A": 1.0 - R - T})
-    with pytest.raises(SpecError, match=r"^--absorbance-kind; must be specified for A: log10, ln, absorptance"):
+    with pytest.raises(SpecError, match=r"^--absorbance-kind; must be specified for A: log10, ln or absorptance"):
         index(file, options())
     found = index(file, options(absorbance_kind="absorptance", u_T="0.1%", u_A="0"))
     assert found["mode"] == "absorptance"
@@ -192,13 +192,13 @@ def test_repeats_make_an_uncertainty_and_tell_their_drift(tmp_path: Path) -> Non
     assert first > last
     assert f"{first:.3f} … {last:.3f}" in warned(found, "lossless n(900 nm) of the 5 repeats")
     assert "drift in one direction" in warned(found, "5 repeats of T")
-    assert "state it with --u-T" in warned(found, "the instrument's accuracy")
+    assert "specify the accuracy with --u-T" in warned(found, "the instrument's accuracy")
     assert found["u_common_n"][0] > 5 * found["u_random_n"][0]
 
 
 def test_several_traces_must_be_chosen_from(tmp_path: Path) -> None:
     file = table(tmp_path, {"wavelength_nm": NM, "one (%T)": 100 * T, "two (%T)": 100 * T, "R": R})
-    with pytest.raises(DataError, match=r"2 traces of T: one, two; choose with --transmittance NAME"):
+    with pytest.raises(DataError, match=r"2 T traces: one, two; choose with --transmittance NAME"):
         index(file, options())
     found = index(file, options(transmittance=["two"], reflectance=["R"]))
     assert (found["mode"], found["traces"]) == ("measured", {"T": ["two"], "R": ["R"]})
@@ -213,7 +213,7 @@ def test_several_traces_must_be_chosen_from(tmp_path: Path) -> None:
         ({"transmittance": ["three"]}, "trace three; not in layer.csv"),
         ({"reflectance": ["one"]}, "--reflectance one; is a trace of T; name it with --transmittance"),
         ({"transmittance": ["one", "one"]}, "--transmittance; names a trace twice"),
-        ({"reflectance": ["R"]}, "transmittance; is missing; an index needs T"),
+        ({"reflectance": ["R"]}, "transmittance; is missing; an index requires T"),
     ],
 )
 def test_traces_that_cannot_be_taken_are_reported(tmp_path: Path, chosen: dict[str, list[str]], line: str) -> None:
@@ -288,7 +288,7 @@ def test_in_a_measured_spectrum(tmp_path: Path) -> None:
     assert found["led"]["source"] == "spectrum of led.csv"
     assert found["led"]["n"] == pytest.approx(float(np.average(N, weights=lamp)), abs=1e-5)
     two = table(tmp_path, {"wavelength_nm": NM, "a": lamp, "b": lamp}, "two.csv")
-    with pytest.raises(DataError, match="needs one power column in addition to the wavelength, but has a, b"):
+    with pytest.raises(DataError, match="requires one power column in addition to the wavelength, but has a, b"):
         index(file, options(led=str(two)))
 
 
@@ -315,7 +315,7 @@ def test_fringes_are_judged_by_the_bandwidth(tmp_path: Path) -> None:
     assert "the instrument's bandwidth is not specified" in warned(index(file, options()), "fringes")
     seen = index(file, options(bandwidth_nm=2.0))["warnings"]
     assert any("contains interference" in line for line in seen)
-    assert any("its wavelengths are 10 nm apart, too far to show the fringes" in line for line in seen)
+    assert any("the wavelengths are 10 nm apart, which does not resolve the fringes" in line for line in seen)
     assert not [line for line in index(file, options(bandwidth_nm=20.0))["warnings"] if "fringes" in line]
 
 
@@ -350,7 +350,7 @@ def test_a_formula_that_does_not_follow_the_points_is_reported(tmp_path: Path) -
     steep = T - 0.2 * np.exp(-(NM - 500.0) / 15.0)
     file = table(tmp_path, {"wavelength_nm": NM, "T": T, "R": R})
     found = index(table(tmp_path, {"wavelength_nm": NM, "T": steep}, "steep.csv"), options())
-    assert "it is off by 0.0" in warned(found, "the cauchy formula does not follow the points")
+    assert "it deviates by 0.0" in warned(found, "the cauchy formula does not follow the points")
     assert not [line for line in index(file, options(mode="measured"))["warnings"] if "does not follow" in line]
 
 

@@ -47,12 +47,12 @@ def guides(path: Path, header: str, reading: Callable[[float], float], scale: fl
 
 def test_lengths_in_mm_under_a_header_in_um_are_guessed_first(tmp_path: Path) -> None:
     found = guide_loss(read(guides(tmp_path / "a.csv", "length_um,power_mW", lambda power: power)))
-    assert "look like mm under a header in µm: the loss would be 1.3" in found.warnings[0]
+    assert "look like values in mm under a header in µm: the loss would be 1.3" in found.warnings[0]
 
 
 def test_voltages_that_fall_with_light_are_refused_until_the_dark_one_is_stated(tmp_path: Path) -> None:
     file = guides(tmp_path / "a.csv", "length_mm,voltage_V", lambda power: 5.0 - 4.0 * power)
-    with pytest.raises(DataError, match=r"light lowers the voltage.*--dark X, 4.\d+ V or above"):
+    with pytest.raises(DataError, match=r"light lowers the voltage.*--dark X, where X is 4.\d+ V or above"):
         guide_loss(read(file))
     assert guide_loss(read(file), CutbackOptions(dark=5.0)).loss_dB_per_cm == pytest.approx(1.3, abs=0.05)
 

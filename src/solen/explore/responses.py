@@ -131,4 +131,7 @@ def point_warnings(measure: Measure, points: Sequence[Point], failures: Mapping[
     yield from measure.warnings(points)
     rough = [point.why for point in points if point.is_traced and point.why]
     if rough:
-        yield f"{len(rough)} of {len(points)} points did not reach the tolerance; u is the uncertainty reached: {rough[0]}"
+        yield (
+            f"{len(rough)} of {len(points)} points did not reach the tolerance; u is the uncertainty reached: "
+            f"{rough[0]}"
+        )

@@ -425,8 +425,8 @@ def _size_warnings(scale: Scale, chosen: NamedEdge) -> list[Caution]:
         warnings.append(
             look_at(
                 f"apart from its overgrowth the outline is {100.0 * abs(off):.2f} % "
-                f"{'larger' if off > 0.0 else 'smaller'} than designed: the scale is wrong, the print has shrunk or grown, or it was tilted; "
-                "this image does not show which"
+                f"{'larger' if off > 0.0 else 'smaller'} than designed: the scale is wrong, the print has shrunk "
+                "or grown, or it was tilted; this image does not show which"
             )
         )
     if abs(size.overgrowth_um) > SURE_SIZE * size.u_overgrowth_um:

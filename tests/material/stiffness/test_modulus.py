@@ -158,7 +158,7 @@ def test_warnings_carry_numbers() -> None:
     assert "shape factor 0.25: if the platens hold the ends, the modulus appears up to 23 % too high" in told
     assert "0.81 to 1 times this" in told
     assert "0.05 mm on each side would make the area uncertain by 0.7 %" in told
-    assert "1.2e+03 N/mm they make the modulus 1 % too low" in told
+    assert "stiffness is 1.2e+03 N/mm, the modulus is 1 % too low" in told
     assert "over 2 to 10 % strain an ideal rubber's slope is 14 % higher" in told
     slid = evaluate(pressed, StiffnessOptions(lubricated=True)).warnings
     assert not any("platens" in each for each in slid)
