@@ -304,7 +304,7 @@ def test_more_layers_need_no_more_memory(tmp_path: Path) -> None:
         ({"copies": 0}, "copies = 0; must be"),
         (
             {"copies": 5},
-            "--copies = 5; test builds 60 x 50 x 100 mm, which holds at most 4 copies 2 mm apart; print fewer",
+            "--copies = 5; test builds 60 x 50 x 100 mm, which has space for at most 4 copies 2 mm apart; print fewer",
         ),
         ({"gap_mm": -1.0}, "gap_mm = -1.0; must be"),
         ({"mirror": "z"}, "mirror = 'z'; must be 'none', 'x' or 'y'"),

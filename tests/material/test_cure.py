@@ -185,7 +185,9 @@ def test_what_did_not_set_and_what_was_not_measured_is_left_out_and_said() -> No
         (26, "nothing set"),
         (27, "no thickness"),
     ]
-    assert any("no disc set at 30 mJ/cm², but the line predicts 159 µm" in told for told in cautions(found))
+    assert any(
+        "no disc set at 30 mJ/cm², although the line predicts a thickness of 159 µm" in told for told in cautions(found)
+    )
 
 
 def test_doses_that_are_off_together_count_once() -> None:

@@ -90,4 +90,7 @@ class Sampled(NamedTuple):
         """Return a warning if the difference exceeds its uncertainty."""
         if self.difference > SURE_OF_FIVE * self.u_difference:
             times = self.difference / self.u_difference
-            yield f"the sampled contrast differs from the integrated contrast by {self.difference:.2g}, {times:.1f} times u"
+            yield (
+                f"the sampled contrast differs from the integrated contrast by {self.difference:.2g}, "
+                f"which is {times:.1f} times its uncertainty"
+            )
