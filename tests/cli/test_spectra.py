@@ -75,7 +75,7 @@ def test_a_figure_has_a_panel_for_each_kind(export: Path, suffix: str, capsys: p
         (cary(TRACES).replace("91.", "9l.", 1), "line 3, column 4 = '9l.37'"),
         (tensile(), "holds no spectrum"),
         ("wavelength,T\n0.4,0.9\n0.5,0.9\n", "unit of wavelength = 'none'"),
-        ("x,y\n1,2\n", "holds no spectrum; name the column of wavelengths wavelength_nm"),
+        ("x,y\n1,2\n", "holds no spectrum; name the wavelength column wavelength_nm"),
         ("wavelength_nm\n400\n", "holds no spectrum; add a column of values"),
     ],
 )

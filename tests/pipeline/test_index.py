@@ -211,7 +211,7 @@ def test_several_traces_must_be_chosen_from(tmp_path: Path) -> None:
     ("chosen", "line"),
     [
         ({"transmittance": ["three"]}, "trace three; not in layer.csv"),
-        ({"reflectance": ["one"]}, "--reflectance one; is a trace of T; name it with --transmittance"),
+        ({"reflectance": ["one"]}, "--reflectance one; is a T trace; name it with --transmittance"),
         ({"transmittance": ["one", "one"]}, "--transmittance; names a trace twice"),
         ({"reflectance": ["R"]}, "transmittance; is missing; an index requires T"),
     ],

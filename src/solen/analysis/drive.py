@@ -177,7 +177,7 @@ def _by_cell(
     unit = unit_of(channel)
     scale = factor(unit, "V") if unit else None
     if scale is None:
-        limit = "is not a unit of this quantity" if unit else "states no unit"
+        limit = "is not a unit of this quantity" if unit else "specifies no unit"
         remedy = "specify the unit in the header: force_N, force_gf or depth_mm; load_cell_V for a load cell"
         raise DataError(what, value=unit or None, limit=limit, remedy=remedy)
     if cell is None:
@@ -202,7 +202,7 @@ def _tare(channel: Channel, options: "SignalOptions", base: TimeBase) -> float:
     first = channel.values[base.order][base.time_s <= base.time_s[0] + options.tare_s]
     if not np.isfinite(first).any():
         limit = "have no number in the force or depth column"
-        raise SpecError("--tare-s", value=options.tare_s, limit=limit, remedy="take more")
+        raise SpecError("--tare-s", value=options.tare_s, limit=limit, remedy="use more")
     return float(np.nanmean(first))
 
 

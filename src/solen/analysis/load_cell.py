@@ -38,7 +38,7 @@ class LoadCell(Strict):
     )
     excitation_V: Positive | None = Field(None, description="With mV_per_V: the excitation voltage of the bridge.")
     gain: Positive | None = Field(None, description="With mV_per_V: the amplifier gain; default: 1.")
-    capacity_N: Positive | None = Field(None, description="Its rated load.")
+    capacity_N: Positive | None = Field(None, description="Rated load of the load cell.")
     u_sensitivity_percent: NotNegative | None = Field(
         None, description="Standard uncertainty of the sensitivity, including excitation and amplifier."
     )

@@ -191,7 +191,7 @@ def sensor_response(
     for other in recordings[1:]:
         if other.unit != first.unit:
             limit = f"is in {other.unit}, but {first.source} is in {first.unit}"
-            raise DataError(f"{other.source} ({other.label})", limit=limit, remedy="analyse them apart")
+            raise DataError(f"{other.source} ({other.label})", limit=limit, remedy="analyse them separately")
         if other.receivers != first.receivers:
             limit = f"has receivers {', '.join(other.receivers)}, but {first.source} has {', '.join(first.receivers)}"
             raise DataError(

@@ -175,7 +175,7 @@ class Slurm(Strict):
     processes: int | None = Field(
         None, ge=1, description="Number of workers per job; default: one worker with all cores."
     )
-    memory: Text = Field("4GB", description="Memory of a job.")
+    memory: Text = Field("4GB", description="Memory per job.")
     walltime: Text = Field("01:00:00", description="Longest run time of a job.")
     interface: Text | None = Field(None, description="Network interface, for example ib0.")
     log_directory: Text | None = Field(None, description="Folder for the output of jobs; default: the working folder.")

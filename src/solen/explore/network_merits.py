@@ -115,7 +115,7 @@ class NetworkMerits:
         self.states, self.places, _ = states_of(self.network)
         for number, motion in enumerate(self.network.motion):
             if motion.steps < LEAST_STEPS:
-                limit = f"merits need {LEAST_STEPS}"
+                limit = f"merits require {LEAST_STEPS}"
                 raise SpecError(f"network.motion[{number}].steps", value=motion.steps, limit=limit)
         twice = next((name for name, times in Counter(self._stated()).items() if times > 1), None)
         if twice is not None:

@@ -147,7 +147,7 @@ def _axes(design: Design, options: SlidersOptions) -> list[Axis]:
     points = math.prod(len(one.values) for one in axes)
     if points > MOST_POINTS:
         limit = f"a page has at most {MOST_POINTS} points"
-        raise SpecError("--over", value=points, limit=limit, remedy="take fewer values")
+        raise SpecError("--over", value=points, limit=limit, remedy="use fewer values")
     for one in axes:
         if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in one.values):
             raise SpecError(

@@ -197,7 +197,7 @@ def read_log(path: Path) -> TuningLog:
         remedy = "name another --log, or remove the file"
         raise DataError(where, limit=f'not a log of solen print tune: it has no "solen": "{KIND}"', remedy=remedy)
     if (schema := data.pop("schema", None)) != SCHEMA:
-        raise DataError(f"{where}: schema", value=schema, limit=f"this solen reads {SCHEMA}")
+        raise DataError(f"{where}: schema", value=schema, limit=f"this version of solen reads {SCHEMA}")
     log = made(TuningLog, data, where)
     for number, one in enumerate(log.prints, start=1):
         columns = {len(column) for column in (one.picture.arc_mm, one.picture.deviation_um, one.picture.u_um)}

@@ -132,7 +132,7 @@ def _package(design: Design) -> tuple[float, float, float]:
         remedy = f"add [{missing}] to the receiver's part file" + (
             ", or specify fabricate.pocket_depth_mm" if missing == "package_depth_mm" else ""
         )
-        raise DataError(f"receiver {part.name}", limit=f"states no {missing}", remedy=remedy)
+        raise DataError(f"receiver {part.name}", limit=f"specifies no {missing}", remedy=remedy)
     width_mm, height_mm, *depth = (size.nominal for size in sizes.values())
     return width_mm, height_mm, depth[0] if depth else float(design.fabricate.pocket_depth_mm or 0.0)
 

@@ -57,7 +57,9 @@ class LossOf(Strict):
 
     orientation: Text = Field(description="the build orientation.")
     absorption_per_mm: NotNegative = Field(description="power absorption coefficient per mm, base e.")
-    u_absorption_per_mm: NotNegative | None = Field(None, description="Its standard uncertainty.")
+    u_absorption_per_mm: NotNegative | None = Field(
+        None, description="Standard uncertainty of the absorption coefficient."
+    )
     interval95_per_mm: Interval | None = Field(None, description="95 % interval of the absorption coefficient.")
 
 
@@ -68,7 +70,9 @@ class Loss(Strict):
     error: ClassVar[type[SolenError]] = DataError
 
     absorption_per_mm: NotNegative = Field(0.0, description="Power absorption coefficient per mm, base e.")
-    u_absorption_per_mm: NotNegative | None = Field(None, description="Its standard uncertainty.")
+    u_absorption_per_mm: NotNegative | None = Field(
+        None, description="Standard uncertainty of the absorption coefficient."
+    )
     interval95_per_mm: Interval | None = Field(None, description="95 % interval of the absorption coefficient.")
     wavelength_nm: Positive | None = Field(None, description="Wavelength of the measurement, in nm.")
     orientation: str = Field("", description="Build orientation of the guides; empty for all.")
@@ -104,7 +108,7 @@ class Stiffness(Strict):
     error: ClassVar[type[SolenError]] = DataError
 
     modulus_MPa: Positive = Field(description="modulus in MPa.")
-    u_modulus_MPa: NotNegative | None = Field(None, description="Its standard uncertainty.")
+    u_modulus_MPa: NotNegative | None = Field(None, description="Standard uncertainty of the absorption coefficient.")
     interval95_MPa: Interval | None = Field(None, description="95 % interval of the modulus.")
     strain_range: Interval | None = Field(
         None, description="Lowest and highest strain over which the modulus was fitted."
@@ -112,7 +116,9 @@ class Stiffness(Strict):
     test: str = Field("", description="Mode of loading: compression, tension.")
     model: str = Field("", description="Hyperelastic model of the entire curve.")
     parameters: dict[str, Number] = Field(default_factory=dict, description="Parameters of the model, by name.")
-    u_parameters: dict[str, NotNegative] = Field(default_factory=dict, description="Their standard uncertainties.")
+    u_parameters: dict[str, NotNegative] = Field(
+        default_factory=dict, description="Standard uncertainties of the parameters."
+    )
     warnings: tuple[Text, ...] = Field((), description="Warnings about the stiffness, one sentence each.")
 
     @model_validator(mode="before")
@@ -140,7 +146,7 @@ class Source(Strict):
 
     of: Text = Field(description="Table determined from the file.")
     file: str = Field("", description="Name of the file.")
-    sha256: str = Field("", description="Checksum of its bytes.")
+    sha256: str = Field("", description="Checksum of the file contents.")
     format: str = Field("", description="Format in which the file was read.")
     instrument: str = Field("", description="Instrument named in the file.")
     date: str = Field("", description="Date given in the file.")
@@ -154,7 +160,7 @@ class Resin(Strict):
 
     name: Text = Field(description="name of the resin, one line.")
     source: str = Field("", description="Source of the numbers.")
-    notes: str = Field("", description="Anything worth knowing.")
+    notes: str = Field("", description="Further remarks.")
     index: Dispersion = Field(default_factory=Unknown, description="A table [index] with its kind.")
     loss: Loss = Field(default_factory=Loss, description="Loss of light in the resin.")
     cure: Cure | None = Field(None, description="How it cures.")

@@ -109,7 +109,7 @@ def _renamed(recording: Recording, name: str, wanted: str) -> Recording:
 
 def _as(channel: Channel, name: str, unit: str, *, optical: bool) -> Channel:
     if unit and channel.unit and factor(unit, channel.unit) != 1.0:
-        limit = f"its header states {channel.unit}"
+        limit = f"its header specifies {channel.unit}"
         raise SpecError(f"--map {channel.name}", value=unit, limit=limit, remedy="omit the unit")
     quantity = quantity_of(name, unit or channel.unit, optical=optical)
     return replace(channel, name=name, quantity=quantity, unit=channel.unit or unit)

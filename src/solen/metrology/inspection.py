@@ -257,7 +257,7 @@ class LensInspection(Result):
         apart = np.concatenate([[True], np.diff(x) > LEAST_STEP_MM])
         if apart.mean() < 0.5:
             limit = "the outline folds back on itself, so it has more than one z at the same x"
-            raise DataError(self.image.provenance.file, limit=limit, remedy="leave out --out")
+            raise DataError(self.image.provenance.file, limit=limit, remedy="omit --out")
         return MeasuredProfile(
             x[apart],
             z[apart],

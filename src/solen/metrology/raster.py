@@ -129,7 +129,7 @@ def read_raster(file: str, data: bytes) -> Plane:
         frames = getattr(opened, "n_frames", 1)
         if frames > 1 and opened.format != "MPO":  # the first frame of a phone's MPO is the picture
             raise DataError(
-                file, limit=f"holds {frames} frames", remedy="export the image to be measured as TIFF or PNG"
+                file, limit=f"contains {frames} frames", remedy="export the image to be measured as TIFF or PNG"
             )
         kind, exif = opened.format or "picture", opened.getexif()
         tags = _tags(opened, kind)

@@ -174,7 +174,7 @@ def _of_tiff(file: str, data: bytes) -> tuple[FloatArray, tuple[Tag, ...], str, 
     with opened_tiff(file, data) as opened:
         page: Any = opened.pages.first
         if len(opened.pages) > 1:
-            limit = f"holds {len(opened.pages)} planes"
+            limit = f"contains {len(opened.pages)} planes"
             raise DataError(file, limit=limit, remedy="export only the height map, not the stack")
         levels = _levels(file, np.squeeze(np.asarray(page.asarray())))
         simulated = is_simulated(str(page.description), str(page.software or ""))

@@ -49,7 +49,7 @@ class Quantity(Sourced):
     """A positive number with its range, in the unit at the end of its key."""
 
     typical: Positive | None = Field(None, description="Typical value.")
-    least: Positive | None = Field(None, description="Least value.")
+    least: Positive | None = Field(None, description="Smallest value.")
     most: Positive | None = Field(None, description="Largest value.")
 
     @model_validator(mode="after")

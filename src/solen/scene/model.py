@@ -275,7 +275,7 @@ class Scene:
                 what,
                 value="in the plane",
                 limit="a face in space requires an extruded scene",
-                remedy="state an extrusion",
+                remedy="specify an extrusion",
             )
         if wall is None or wall.behaviour != "refracting" or wall.surface is not None:
             limit = "must replace an interface that is refracting, smooth and bare"

@@ -56,7 +56,7 @@ class Cell(Strict):
     table: ClassVar[str] = "load_cell"
     error: ClassVar[type[DataError]] = DataError
 
-    name: Text = Field(description="Its name.")
+    name: Text = Field(description="Name of the load cell.")
     sensitivity_deg_per_V: Number = Field(description="Sensitivity in N/V.")
     u_sensitivity_deg_per_V: NotNegative | None = Field(
         None, description="Uncertainty of the sensitivity; null if unknown."

@@ -99,7 +99,7 @@ def check_light(scene: Scene) -> None:
         raise DesignError("diagnosis", value="scattered light", limit=limit, remedy="omit the scatter")
     if scene.sources[0].emission() is None:
         raise DesignError(
-            "emitter", limit="a ray file has no emitter position that can be fitted", remedy="state a pattern"
+            "emitter", limit="a ray file has no emitter position that can be fitted", remedy="specify a pattern"
         )
 
 

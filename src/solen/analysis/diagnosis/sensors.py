@@ -247,7 +247,7 @@ def _design(sensor: SensorResponse, stated: Design | None, own: Design | None) -
     if stated is None:
         if own is None:
             remedy = "name its design file with --design"
-            raise DataError(f"recording of {sensor.label}", limit="carries no design", remedy=remedy)
+            raise DataError(f"recording of {sensor.label}", limit="contains no design", remedy=remedy)
         return own
     for key in ("kind", "pivot", "moves") if own is not None else ():
         ours, theirs = (_text(getattr(one.motion, key)) for one in (stated, own) if one is not None)

@@ -106,7 +106,9 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
     least = len(first.motions) + 4
     if len(angle) < least or (np.ptp(angle, axis=0) <= 0.0).any():
         still = [name for name, span in zip(first.motions, np.ptp(angle, axis=0), strict=True) if span <= 0.0]
-        limit = f"{still[0]} stands still" if still else (f"has {len(angle)} states, but at least {least} are required")
+        limit = (
+            f"{still[0]} does not move" if still else (f"has {len(angle)} states, but at least {least} are required")
+        )
         raise DataError(file, limit=limit, remedy="visit more states, e.g. with a [grid] in the protocol")
     noise = _noise(each, alike)
     forward = ForwardMap.through(angle, signal)

@@ -47,7 +47,7 @@ class Settings(Strict):
     burn_in_layers: Annotated[int, Field(strict=True, ge=0, le=10_000)] = Field(
         6, description="Number of first layers that are exposed for burn_in_s."
     )
-    burn_in_s: Seconds = Field(3.0, description="Exposure of these.")
+    burn_in_s: Seconds = Field(3.0, description="Exposure of the burn-in layers.")
     Dp_um: Micrometres = Field(100.0, description="Penetration depth of the light; with a lamp, at the surface.")
     Ec_mJ_per_cm2: Positive = Field(5.0, description="Critical dose, at which the resin sets.")
     lamp: tuple[tuple[Positive, Positive], ...] = Field(

@@ -291,7 +291,7 @@ def _routed(spectra: OpticalSpectra, options: IndexOptions) -> IndexSpectrum:
         raise SpecError("--mode measured", limit=limit, remedy=remedy)
     if "A" not in spectra.rows or options.absorbance_kind != "absorptance":
         remedy = "name its trace with --absorbance and add --absorbance-kind absorptance"
-        raise SpecError("--mode absorptance", limit="needs a measured absorptance", remedy=remedy)
+        raise SpecError("--mode absorptance", limit="requires a measured absorptance", remedy=remedy)
     return routes.absorptance(nm, t, _reading(spectra, options, "A"), options.thickness)
 
 
