@@ -269,7 +269,7 @@ def test_what_such_a_lens_cannot_do_is_refused() -> None:
         replace(scene, monitors=(Monitor("m", (-1.0, 5.0), (1.0, 5.0)),))
     with pytest.raises(DesignError, match="4 mm"):
         replace(scene, extrusion=replace(scene.extrusion, thickness_mm=3.0))  # type: ignore[type-var]
-    with pytest.raises(DesignError, match="state an extrusion"):
+    with pytest.raises(DesignError, match="specify an extrusion"):
         replace(scene, extrusion=None)
     with pytest.raises(DesignError, match="smooth and bare"):
         replace(scene, front=Front("nothing", LineFocusLens(**PAPER), Rigid()))

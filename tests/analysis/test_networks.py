@@ -204,10 +204,10 @@ def test_bands_hold_their_share_over_many_seeds() -> None:
 
 def test_what_a_calibration_lacks_is_named(made: NetworkCalibrations) -> None:
     one = readings(grid(3))
-    with pytest.raises(DataError, match=r"2 states|stands still"):
+    with pytest.raises(DataError, match=r"2 states|does not move"):
         calibrated_network([readings(grid(3)[:2])])
     still = readings(np.stack([np.linspace(-5.0, 5.0, 9), np.zeros(9)], axis=1))
-    with pytest.raises(DataError, match="sway stands still"):
+    with pytest.raises(DataError, match="sway does not move"):
         calibrated_network([still])
     with pytest.raises(DataError, match="emitter b"):
         replace(one, emitters=("a", "c")).ordered(MOTIONS, EMITTERS, RECEIVERS)

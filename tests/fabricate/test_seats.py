@@ -146,7 +146,7 @@ def test_a_part_file_that_lacks_a_size_is_refused(tmp_path: Path) -> None:
     )
     (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
     chosen = design(fabricate__pockets=True, fabricate__receiver_part="mine.toml").in_folder(tmp_path)
-    with pytest.raises(DataError, match=r"receiver mine; states no package_depth_mm; .*fabricate.pocket_depth_mm"):
+    with pytest.raises(DataError, match=r"receiver mine; specifies no package_depth_mm; .*fabricate.pocket_depth_mm"):
         part_of(chosen)
     made = part_of(with_values(chosen, {"fabricate.pocket_depth_mm": 0.5}))
     assert made.cuts[0].volume_mm3 == pytest.approx(1.6 * 1.1 * 0.5, rel=1e-12)

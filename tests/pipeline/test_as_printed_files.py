@@ -71,7 +71,7 @@ def test_a_table_is_a_profile_and_its_missing_uncertainty_is_reported(folder: Pa
     rows = "\n".join(f"{x:.6f},{z:.6f}" for x, z in zip(X, profile(noise_um(0.5)).z_mm, strict=True))
     (folder / "lens.csv").write_text(f"x_mm,z_mm\n{rows}\n", encoding="utf-8")
     found = pipeline.check(folder / "sensor.toml", set_=["lens.profile=lens.csv"]).to_dict()
-    assert "states no uncertainty; 0.49 µm is assumed" in found["warnings"][0]
+    assert "specifies no uncertainty; 0.49 µm is assumed" in found["warnings"][0]
     assert found["lens"]["fit"]["simulated"] is False
 
 

@@ -127,7 +127,7 @@ def test_what_is_known_beforehand_widens(tmp_path: Path, design: Path) -> None:
 
 def test_refusals_are_one_line(tmp_path: Path, design: Path) -> None:
     path = table(tmp_path / "S1.csv", Lit(noise_V=2e-3))
-    with pytest.raises(DataError, match="carries no design; name its design file with --design"):
+    with pytest.raises(DataError, match="contains no design; name its design file with --design"):
         ask(path)
     with pytest.raises(SpecError, match="no sensor has this name; the sensors are S1"):
         ask(path, design=design, sensor=("S9",))
@@ -165,7 +165,7 @@ def test_a_damaged_header_is_no_header(tmp_path: Path, design: Path) -> None:
     path = bench(tmp_path / "run.nc", Lit(noise_V=1e-3))
     with h5py.File(path, "a") as file:
         file.attrs["header"] = "{half of"
-    with pytest.raises(DataError, match="carries no design"):
+    with pytest.raises(DataError, match="contains no design"):
         ask(path)
     assert ask(path, design=design).sensors["lens-1"].drawn is None
 

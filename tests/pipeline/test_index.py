@@ -251,7 +251,7 @@ def test_files_without_usable_spectra_are_reported(tmp_path: Path, columns: dict
         ({"u_T": "0.3"}, "u_T = '0.3'; must be a fraction or a percentage, 0 to 10%; write 0.003 or 0.3%"),
         ({"u_R": "nothing"}, "u_R = 'nothing'"),
         ({"u_R": "1%%"}, "u_R = '1%%'"),
-        ({"mode": "absorptance"}, "--mode absorptance; needs a measured absorptance"),
+        ({"mode": "absorptance"}, "--mode absorptance; requires a measured absorptance"),
         ({"u_thickness_um": 60.0}, "uncertainty of the thickness = '60 µm'"),
         ({"led": "TEMT7100X01"}, "--led = 'TEMT7100X01'; is not an emitter"),
     ],

@@ -101,7 +101,7 @@ def test_loss_read_as_index_is_warned_of(tmp_path: Path) -> None:
         ({"side": "layer"}, "side; describes a layer on a substrate"),
         ({"u_substrate_n": 0.1}, "u_substrate_n; describes a layer on a substrate"),
         ({**ON_PET, "mode": "as-published"}, "mode = 'as-published'; does not support a substrate"),
-        ({**ON_PET, "mode": "measured"}, "--mode measured; needs a measured R"),
+        ({**ON_PET, "mode": "measured"}, "--mode measured; requires a measured R"),
         ({**ON_PET, "substrate": "5"}, "--substrate = 5.0; must be a name, a file, or an index above 1"),
         ({**ON_PET, "substrate": "pet"}, "names two materials: drawn film, 1.636 at 633 nm, and pressed plates, 1.565"),
         ({**ON_PET, "substrate": "pett-drawn"}, "did you mean pet"),
@@ -120,7 +120,7 @@ def test_what_is_not_said_or_cannot_be_is_refused(tmp_path: Path, more: dict[str
 
 def test_a_substrate_that_is_not_known_there_is_reported(tmp_path: Path) -> None:
     t = on_substrate(N, 0.0, 25.0, NM, Setup(SHEET)).T
-    with pytest.raises(SolenError, match=r"substrate PC: index at 420 nm; known only from 436\.8 to 1052 nm"):
+    with pytest.raises(SolenError, match=r"substrate PC: index at 420 nm; it is known only from 436\.8 to 1052 nm"):
         found(tmp_path, {"T": t}, **{**ON_PET, "substrate": "pc"})
 
 

@@ -50,7 +50,7 @@ def test_deform_says_what_holds_the_body(capfd: pytest.CaptureFixture[str], desi
     assert "clamp.angle_deg" in drawing
     assert run_command(["deform", str(design), "--at", "-3"]) == 0
     shown = capfd.readouterr().out
-    assert "turn by -3 deg, move by +0, +0 mm" in shown
+    assert "rotate by -3 deg, move by +0, +0 mm" in shown
     assert "N mm about 0, 40.2" in shown  # of a symmetric mount: x is rounding
     assert "e-1" not in shown
     assert "outside the motion's range" not in shown

@@ -80,7 +80,7 @@ def test_two_materials_of_two_cubes_each(tmp_path: Path) -> None:
         lost = [each.softening.peak_stress for each in group.specimens if each.softening is not None]
         assert lost == pytest.approx([0.1, 0.1], abs=0.003)
     assert found.modulus_MPa == stiff.modulus_MPa
-    assert any("only those of a-PU" in w for w in found.warnings)
+    assert any("apply only to a-PU" in w for w in found.warnings)
     assert any(w.startswith("ma-PU: shape factor 0.25") for w in found.warnings)
     assert any("standard deviation is itself uncertain by 76 %" in w for w in found.warnings)
     assert len(found.sources) == 4
@@ -151,7 +151,9 @@ def test_the_machines_own_modulus_is_compared(tmp_path: Path) -> None:
     path.write_text(head + names + rows + "\n", encoding="cp1252")
     found = of(path, fit=("none",))
     assert found.modulus_MPa == pytest.approx(100)
-    assert "the machine's own E-Modul is 120 MPa: +20.0 % from this" in " ".join(found.warnings)
+    assert "the machine's own E-Modul is 120 MPa, which differs from this modulus by +20.0 %" in " ".join(
+        found.warnings
+    )
     assert "the machine set zero at its preload (Vorkraft 0.1 N)" in found.specimens[0].toe.note
 
 
@@ -221,8 +223,8 @@ def test_what_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ([], "area of the specimen; is not stated; state --strip-width-mm"),
-        (["--area-mm2", "100"], "length of the specimen; is not stated; state --length-mm"),
+        ([], "area of the specimen; is not specified; specify --strip-width-mm"),
+        (["--area-mm2", "100"], "length of the specimen; is not specified; specify --length-mm"),
         (["--cube-mm", "0"], "--cube-mm = '0'; must be greater than 0"),
         (["--cube-mm", "10", "--length-mm", "10"], "a cube's length is its side"),
         (["--cube-mm", "10", "--mode", "torsion"], "--mode"),

@@ -107,7 +107,7 @@ class Arc(Curve):
         else:
             passes_mm = abs(cross(from_center, direction))  # far away, rounding would drown b² − 4ac
             square = (self.radius_mm - passes_mm) * (self.radius_mm + passes_mm)
-            if square > 0.0:  # a line that only touches crosses nothing
+            if square > 0.0:  # a tangent line does not cross the arc
                 q = -half_b - math.copysign(math.sqrt(square), half_b)
                 roots = (q, rest / q) if q != 0.0 else ()
         return tuple(t for t in roots if t > 0.0 and self._holds(along(origin, direction, t)))

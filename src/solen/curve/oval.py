@@ -77,7 +77,7 @@ class CartesianOval(Curve):
         d = self.object_mm + self.image_mm
         a = n2**2 - n1**2
         half_b = n2**2 * d * np.cos(np.radians(angle_deg)) - n1 * c
-        rest = (n2 - n1) * self.object_mm * (n2 * d + c)  # n2² D² − C² without its cancellation
+        rest = (n2 - n1) * self.object_mm * (n2 * d + c)  # n2² D² − C² without cancellation
         discriminant = half_b**2 - a * rest
         with np.errstate(invalid="ignore"):
             return np.asarray(np.where(half_b > 0, rest / (half_b + np.sqrt(discriminant)), np.nan))

@@ -28,7 +28,7 @@ class Bezier(CubicChain):
 
     def __post_init__(self) -> None:
         check_points("bezier", *self.controls[0])
-        _ = self.pieces  # refuses what cannot be split
+        _ = self.pieces  # raises if the spline cannot be split
 
     @property
     def controls(self) -> tuple[Control, ...]:
@@ -74,7 +74,7 @@ class Spline(CubicChain):
                 limit="must be 3 N + 1 points: a start, then two handles and an end for each of N segments",
                 remedy="use Spline.through for a spline through specified points",
             )
-        _ = self.pieces  # refuses what cannot be split
+        _ = self.pieces  # raises if the spline cannot be split
 
     @classmethod
     def through(cls, points: ArrayLike, *, closed: bool = False) -> "Spline":

@@ -67,7 +67,7 @@ class PrintModel:
         """
         if slicing.orientation != "flat" or any(slicing.rotate_deg):
             limit = "only a lens printed flat, along the printer's X, can be tuned"
-            raise SpecError("--orientation or --rotate-deg", value=slicing.orientation, limit=limit, remedy="leave out")
+            raise SpecError("--orientation or --rotate-deg", value=slicing.orientation, limit=limit, remedy="omit them")
         process, sources = process_of(
             ProcessOptions(process=slicing.process, cure=slicing.cure, printer=slicing.printer)
         )

@@ -123,7 +123,9 @@ def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspectio
     if (log.pixels_um, log.phase_px) != (new.pixels_um, new.phase_px):
         value = f"pixels of {new.pixels_um[0]:g} x {new.pixels_um[1]:g} µm, vertex at {new.phase_px}"
         limit = f"the log's prints have {log.pixels_um[0]:g} x {log.pixels_um[1]:g} µm and {log.phase_px}"
-        raise DataError("--printer", value=value, limit=limit, remedy="name their printer and --phase-px")
+        raise DataError(
+            "--printer", value=value, limit=limit, remedy="specify the printer and --phase-px of those prints"
+        )
     source = inspection.sources[0]
     for one in log.prints:
         if one.picture.sha256 == source.sha256:

@@ -249,7 +249,9 @@ def _arc(curve: Curve, bend: Bend) -> Arc | None:
     if not straight or abs(x - other_x) > UPRIGHT_MM or not isinstance(bend.profile, Even):
         return None
     turn = math.radians(bend.angle_deg)
-    to_center_mm = bend.length_mm / turn if turn else math.inf  # from the fork, to the right; a negligible turn is none
+    to_center_mm = (
+        bend.length_mm / turn if turn else math.inf
+    )  # from the fork to the right; a negligible rotation counts as 0
     if abs(x - to_center_mm) > LARGEST_RADIUS_MM:
         return None
     start_deg, end_deg = (bend.angle_deg * (bend.to_mm - z) / bend.length_mm for z in (z_start, z_end))

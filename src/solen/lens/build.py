@@ -100,7 +100,7 @@ def _of_file(path: Path, read: Callable[[Path], T]) -> T:
     try:
         stamp = hashlib.sha256(path.read_bytes()).hexdigest()
     except (OSError, ValueError):
-        return read(path)  # which tells why
+        return read(path)  # raises with the reason
     return cast("T", _read(path, stamp, read))
 
 

@@ -106,7 +106,7 @@ class GivenLayers(LayeredLens, eq=True):
     @cached_property
     def profiles(self) -> tuple[FloatArray, FloatArray]:
         """Depth and slope (L, M) of every layer; the slopes are from cubic splines with slope 0 on the axis."""
-        from scipy.interpolate import CubicSpline  # a fifth of a run's imports, which other lenses do without
+        from scipy.interpolate import CubicSpline  # slow to import, and not required by other lenses
 
         x = np.linspace(0.0, self.half_width_mm, self.given.z_mm.shape[1])
         spline = CubicSpline(x, self.given.z_mm, axis=1, bc_type=((1, np.zeros(len(self.given.z_mm))), "not-a-knot"))

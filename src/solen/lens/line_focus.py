@@ -94,7 +94,7 @@ class LineFocusLens(LensInSpace, eq=True):
         z = 0.5 * (low + high)
         for _ in range(STEPS):
             z = np.clip(z - self.residual_mm(x, y, z) / self._gradient(x, y, z)[1], low, high)
-        reached = np.abs(self.residual_mm(x, y, z)) < END_MM  # or else the length jumps there, at the virtual focus
+        reached = np.abs(self.residual_mm(x, y, z)) < END_MM  # otherwise the length jumps there, at the virtual focus
         z = np.where(np.abs(z) < ZERO_MM, 0.0, z)
         return np.where((first > 0) & reached & (self._faces(x, y, z) < 0.0), z, np.nan)
 

@@ -163,8 +163,8 @@ class Resin(Strict):
     notes: str = Field("", description="Further remarks.")
     index: Dispersion = Field(default_factory=Unknown, description="A table [index] with its kind.")
     loss: Loss = Field(default_factory=Loss, description="Loss of light in the resin.")
-    cure: Cure | None = Field(None, description="How it cures.")
-    stiffness: Stiffness | None = Field(None, description="How it gives.")
+    cure: Cure | None = Field(None, description="Working curve.")
+    stiffness: Stiffness | None = Field(None, description="Stiffness of the cured resin.")
     formulation: tuple[Part, ...] = Field((), description="Components of the mixture.")
     sources: tuple[Source, ...] = Field((), description="Files of the measurements.")
 

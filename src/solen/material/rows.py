@@ -93,7 +93,9 @@ def _renamed(recording: Recording, name: str, wanted: str) -> Recording:
     optical = any(channel.quantity in AXES.values() for channel in recording.channels)
     column, head = _column(recording, name, "--map"), heading(wanted, optical=optical)
     if head.name != column and head.name in {*recording.names, *recording.texts}:
-        raise DataError(f"--map {name}={wanted}", limit=f"a column {head.name} already exists", remedy="map that too")
+        raise DataError(
+            f"--map {name}={wanted}", limit=f"a column {head.name} already exists", remedy="map that column as well"
+        )
     texts = {head.name if key == column else key: cells for key, cells in recording.texts.items()}
     return replace(
         recording,

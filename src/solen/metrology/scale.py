@@ -64,7 +64,7 @@ class ScaleFile(Strict):
     um_per_px: Positive = Field(description="Pixel size in the object plane, µm.")
     u_um_per_px: NotNegative = Field(description="Standard uncertainty of the pixel size, µm.")
     columns: Count = Field(description="Number of columns of the image in which the pixel size was measured.")
-    rows: Count = Field(description="its rows.")
+    rows: Count = Field(description="number of rows of that image.")
     source: str = Field("", description="Reference standard used for the measurement.")
     simulated: bool = Field(False, description="Whether the image was simulated.")
 

@@ -100,7 +100,7 @@ def _decoded(file: str, data: bytes, page: Any) -> NDArray[Any]:
     """Return the pixels of the page; Pillow decodes them if tifffile needs another package for the compression."""
     parts, needed = sum(count > 0 for count in page.databytecounts), math.prod(page.chunked)
     if not page.is_contiguous and parts < needed:  # tifffile reads those that are missing as black
-        raise DataError(file, value=f"{parts} of {needed} parts", limit="is not whole", remedy="export it again")
+        raise DataError(file, value=f"{parts} of {needed} parts", limit="is incomplete", remedy="export it again")
     try:
         return np.asarray(page.asarray())
     except ValueError as bad:

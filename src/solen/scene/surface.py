@@ -230,7 +230,10 @@ class Texture:
         if not 0.0 <= self.slope <= 1.0:
             limit = "2 pi amplitude / pitch, the steepest slope, must be from 0 to 1"
             raise DesignError(
-                "texture amplitude_um", value=self.amplitude_um, limit=limit, remedy="shadows would count"
+                "texture amplitude_um",
+                value=self.amplitude_um,
+                limit=limit,
+                remedy="reduce the amplitude: steeper slopes cast shadows",
             )
 
     @property

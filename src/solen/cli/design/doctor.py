@@ -88,5 +88,5 @@ def _running_shell() -> Shell:
         shell = "unknown"
     if shell not in RELOAD:
         limit = f"completion is available for {', '.join(RELOAD)}"
-        raise SpecError("shell", value=shell, limit=limit, remedy="name yours: solen completion bash")
+        raise SpecError("shell", value=shell, limit=limit, remedy="name your shell: solen completion bash")
     return shell  # type: ignore[return-value]  # a key of RELOAD is one

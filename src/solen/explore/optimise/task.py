@@ -146,7 +146,9 @@ def _check_goals(goals: Sequence[Goal], options: OptimiseOptions) -> None:
     least = FEWEST_TRIED * options.front
     if len(goals) > 1 and options.evaluations < least:
         limit = f"a front of {options.front} designs requires at least {least}"
-        raise SpecError("--evaluations", value=options.evaluations, limit=limit, remedy="raise it, or lower --front")
+        raise SpecError(
+            "--evaluations", value=options.evaluations, limit=limit, remedy="increase it, or decrease --front"
+        )
 
 
 def _check_worst(expressions: Sequence[Expression], options: OptimiseOptions) -> None:

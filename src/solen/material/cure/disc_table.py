@@ -16,7 +16,7 @@ THICKNESSES = ("thickness", "cure depth", "cured depth", "depth", "Dc", "cured t
 DOSES = ("dose", "energy", "exposure", "exposure dose", "fluence", "E")
 TIMES = ("time", "exposure time", "exposure", "cure time", "t")
 DOSE = "mJ/cm2"
-_ROUNDED_DOSE = 0.05  # relative tolerance of a stated dose from time times irradiance
+_ROUNDED_DOSE = 0.05  # relative tolerance between a dose and time times irradiance
 
 
 @dataclass(frozen=True, eq=False)

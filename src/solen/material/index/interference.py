@@ -33,7 +33,7 @@ MODE = "fringes"
 JOINT = "joint"
 """Name of the route for a layer and its bare sheet without visible fringes."""
 _INDICES = (1.25, 1.9)  # range of indices in the search for fringes
-_THICK_UM = (8.0, 150.0)  # n times thickness if the thickness is not stated
+_THICK_UM = (8.0, 150.0)  # n times thickness if the thickness is not specified
 _TYPICAL_INDEX = 1.5
 
 

@@ -31,7 +31,7 @@ class Points:
     n: FloatArray
     u: FloatArray | None
     shared: FloatArray  # (rows, points)
-    order: NDArray[np.intp]  # index of each among the given points
+    order: NDArray[np.intp]  # index of each point among the supplied points
     given: int
 
     @property

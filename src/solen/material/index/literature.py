@@ -50,7 +50,7 @@ TIMES = 2.0
 _SINGLE_NM = (400.0, 1000.0)  # range of extrapolation by an Abbe number or a formula
 _ENOUGH = 4  # points for a parabola
 _LEAST_SPAN_NM = 50.0  # smallest range of a dispersion to be tested
-_TYPICAL_ABBE = 50.0  # for an entry that states none; an error of 10 changes n at 860 nm by 0.002
+_TYPICAL_ABBE = 50.0  # for an entry that contains none; an error of 10 changes n at 860 nm by 0.002
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,8 @@ _FLOOR = 0.02  # fraction of the largest stress of a test below which a relative
 _POWERS = (-8.0, -5.0, -3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 9.0, 13.0)
 _STEEPEST = 30.0  # bound of |α|
 _REFINED = 12  # number of starts that are refined
-_POLISHED = 3  # number of these refined to convergence
-_STEPS = 400  # number of evaluations for each
+_POLISHED = 3  # number of starts refined to convergence
+_STEPS = 400  # number of evaluations for each start
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,7 +27,7 @@ from solen.material.stiffness.modes import Mode
 from solen.material.stiffness.stress_strain import StressStrain
 
 _STEPS = 40  # number of equal stress steps of the loading branch
-_LOOKED = 20  # number of these that may belong to the toe
+_LOOKED = 20  # number of these steps that may belong to the toe
 _RISE = 1.05
 _FEWEST = 4  # smallest number of rows of a step
 _ROUNDS = 8
