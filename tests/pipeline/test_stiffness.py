@@ -154,7 +154,7 @@ def test_the_machines_own_modulus_is_compared(tmp_path: Path) -> None:
     assert "the machine's own E-Modul is 120 MPa, which differs from this modulus by +20.0 %" in " ".join(
         found.warnings
     )
-    assert "the machine set zero at its preload (Vorkraft 0.1 N)" in found.specimens[0].toe.note
+    assert "the testing machine was zeroed at its preload (Vorkraft 0.1 N)" in found.specimens[0].toe.note
 
 
 def test_a_workbook_with_binary_digits(tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def test_warnings_stand_at_the_top_of_the_page(studied: Studies, drawn: Drawn, t
         "Index: as published, and perhaps no",
         "Index: as published, n falls by 0.1",
     ]
-    assert Page(text).texts["li"][0].startswith("The body counts as rigid")
+    assert Page(text).texts["li"][0].startswith("The body is treated as rigid")
     assert 'class="warnings"' not in html(studied("odd name"), drawn("odd name"))
 
 

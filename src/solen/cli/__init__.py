@@ -62,7 +62,9 @@ def run_command(arguments: Sequence[str]) -> int:
     except cyclopts.CycloptsError as bad:
         return _refuse(_one_line(bad, rest), BAD_INPUT)
     except KeyboardInterrupt as bad:  # a run on the bench reports the files it keeps
-        return _refuse(str(bad) or "interrupted; no file is half-written", getattr(bad, "exit_code", INTERRUPTED))
+        return _refuse(
+            str(bad) or "interrupted; no incomplete file was written", getattr(bad, "exit_code", INTERRUPTED)
+        )
     except (BrokenPipeError, SystemExit):  # the reader closed the pipe; rich exits like this in help
         _drop_output()
         return 0

@@ -68,9 +68,9 @@ class LayeredLens(LensInSpace, eq=True):
                 return ()
             count = f"{self.layers - 1} layers of {self.layer_mm:g} mm and a last layer of {last_mm:.4g} mm"
             return (note(f"lens.layer_mm: a body of {self.thickness_mm:g} mm has {count}"),)
-        profiles = "one profile over the whole body, which makes the lens a cylinder"
+        profiles = "one profile over the entire body, which makes the lens a cylinder"
         if self.layers > 1:
-            profiles = f"only {self.layers} profiles over the whole body"
+            profiles = f"only {self.layers} profiles over the entire body"
         return (
             f"lens.layer_mm = {self.layer_mm:g} in a body of {self.thickness_mm:g} mm: {profiles}; "
             "specify the layer height in mm",

@@ -115,7 +115,7 @@ def check_shape(image: Image, nominal: NominalFront, edge: Edge, fit: Registrati
     """Raise `DataError` if the outline is too unlike the design to be a print of it at this scale."""
     missing = _missing(edge)
     if width is not None and abs(np.log(width / nominal.width_mm)) > np.log(MOST_WIDTH):
-        why = f"the part is {width:.3g} mm wide behind the front, and the design is {nominal.width_mm:.3g} mm wide"
+        why = f"the part is {width:.3g} mm wide behind the front, whereas the design is {nominal.width_mm:.3g} mm wide"
     elif fit.rms_um > MOST_RMS * 1e3 * nominal.width_mm:
         why = f"the best registration has a residual of {fit.rms_um:.3g} µm (rms)"
     elif min(missing) > MOST_MISSING:

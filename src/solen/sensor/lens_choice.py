@@ -179,7 +179,7 @@ def _why_not(sensor: Sensor, null_deg: float | None) -> str:
     plane = sensor.design.trace.dimension != "extruded"
     cases = {
         "light stays in the plane, where all these lenses are the Cartesian oval": plane,
-        "the design has no oval of its own": sensor.is_drawn or sensor.design.lens.shape not in SHAPES,
+        "the design has no oval": sensor.is_drawn or sensor.design.lens.shape not in SHAPES,
         "rays from a file cannot be traced through a lens for space": sensor.light.ray_file is not None,
         "the emitter is a point: specify the size of its chip": not sensor.light.width_mm > 0.0,
         "the response has no null": null_deg is None,

@@ -333,7 +333,7 @@ def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
         found.append(
             look_at(
                 f"strains reach {strain:.2f}: a modulus alone does not determine the "
-                "deformation of a rubber at such strains"
+                "deformation of a rubber at these strains"
             )
         )
     off_mm = max(state.displaced.off_mm for state in states)

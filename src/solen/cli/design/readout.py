@@ -44,7 +44,7 @@ def _(volts: NetworkVolts) -> Iterator[str]:
         lit = (name for name, own in zip(rest.emitters, drives, strict=True) if own == drive)
         yield f"  {', '.join(lit)}: {drive}"
     for motion, one in volts.by_motion.items():
-        yield f"  {motion}: resolution in deg of one reading of every receiver, the other motions known"
+        yield (f"  {motion}: resolution in deg of one reading of every receiver, if the other motions are known")
         yield f"  {'deg':>7}" + "".join(f"{name + ' lit':>12}" for name in rest.emitters) + f"{'all':>12}"
         for row in range(0, len(one.angle_deg), max(1, (len(one.angle_deg) - 1) // MOST_ROWS)):
             sds = (*one.resolution_deg[row].tolist(), float(one.resolution_of_all_deg[row]))

@@ -75,7 +75,8 @@ def _serve(file: Path, changes: dict[str, Any], listen: str, beside: Path | None
         document.compare_with(beside)
     if listen != LOCAL:
         line = (
-            f"warning: anyone who reaches {listen} and knows the address below can read and change {file}, unencrypted"
+            f"warning: anyone who can reach {listen} and knows the address below can read and change "
+            f"{file}; the connection is not encrypted"
         )
         print(line, file=sys.stderr)
 

@@ -18,6 +18,6 @@ def _(fit: PrinterCalibration) -> Iterator[str]:
         yield f"  {scale.axis} scale of {scale.file} deviates by {off:+.2f} ± {u:.2g} % ({before})"
     yield f"  effective Ec {fit.Ec_mJ_per_cm2:.3g} ± {fit.u_Ec_mJ_per_cm2:.2g} mJ/cm²"
     yield (
-        f"{len(fit.features)} of {fit.given} features used, residual {fit.rms_um:.2g} µm rms; uncertainties widened "
-        f"{fit.scale:.2g} times"
+        f"{len(fit.features)} of {fit.given} features used, residual {fit.rms_um:.2g} µm rms; uncertainties "
+        f"increased by a factor of {fit.scale:.2g}"
     )

@@ -65,9 +65,10 @@ def _need(layer: LayerNeed) -> str:
 
 def _exposure(exposure: LayerExposure) -> Iterator[str]:
     yield (
-        f"{exposure.exposure_s:g} s ({exposure.dose_mJ_per_cm2:.3g} mJ/cm²) cure {exposure.cure_depth_um:.3g} µm "
-        f"({_ends(exposure.interval95_cure_depth_um)}), {exposure.cure_depth_layers:.2g} layers; below the "
-        f"layer {exposure.dose_below_mJ_per_cm2:.3g} mJ/cm² remain, {exposure.dose_below_over_Ec:.2g} Ec"
+        f"an exposure of {exposure.exposure_s:g} s ({exposure.dose_mJ_per_cm2:.3g} mJ/cm²) cures "
+        f"{exposure.cure_depth_um:.3g} µm ({_ends(exposure.interval95_cure_depth_um)}), "
+        f"{exposure.cure_depth_layers:.2g} layers; below the layer {exposure.dose_below_mJ_per_cm2:.3g} mJ/cm² remain, "
+        f"{exposure.dose_below_over_Ec:.2g} Ec"
     )
     yield (
         f"print-through into a gap: {exposure.print_through_um:.3g} µm below one layer, "

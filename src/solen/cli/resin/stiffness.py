@@ -46,7 +46,7 @@ def _of_cycles(specimen: Evaluated) -> Iterator[str]:
             rest = "" if left is None else f", {text(100 * left)} % residual strain"
             yield f"    cycle {cycle.number}: {100 * cycle.loss_fraction:.3g} % of the energy lost{rest}"
     if (lost := specimen.softening) is not None:
-        yield f"    last of {lost.cycles} cycles: peak stress {100 * lost.peak_stress:.3g} % below the first"
+        yield f"    last of {lost.cycles} cycles: peak stress {100 * lost.peak_stress:.3g} % below that of the first"
 
 
 def _of_fit(fit: Fit, mark: str) -> str:

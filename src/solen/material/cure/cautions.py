@@ -29,7 +29,7 @@ def _of_discs(curve: WorkingCurve) -> list[Caution]:
         ]
         more = f" and {len(alike) - _SHOWN} more" if len(alike) > _SHOWN else ""
         t = [abs(left.t) for left in alike if left.t is not None]
-        off = f" by {min(t):.1f} standard errors or more; --keep-all keeps it" if t else ""
+        off = f" by {min(t):.1f} standard errors or more; --keep-all keeps these discs" if t else ""
         warnings.append(look_at(f"omitted ({reason}{off}): {', '.join(where)}{more}"))
     return warnings
 

@@ -167,7 +167,7 @@ def exposure_trends(recordings: Sequence[Recording], options: ExposureOptions = 
     layers = sorted((sample for each in recordings for sample in samples_of(each)), key=lambda one: one.exposure_s)
     seconds = np.array([layer.exposure_s for layer in layers])
     if (kinds := len(set(seconds.tolist()))) < 2:
-        raise DataError("exposures", value=kinds, limit="a trend needs at least two exposures")
+        raise DataError("exposures", value=kinds, limit="a trend requires at least two exposures")
     at = [_at(nm, layers, seconds, options.thickness_um) for nm in _wavelengths(layers, options.wavelength_nm)]
     irradiance = options.irradiance_mW_per_cm2
     notes = [note for each in recordings if _time(each) is None for note in each.warnings]

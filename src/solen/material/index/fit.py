@@ -150,7 +150,7 @@ def fit(
     for count in (terms,) if terms is not None else _TRIED[kind]:
         needed = count * _PER_TERM[kind] + 1
         if (distinct := np.unique(points.um).size) < needed:
-            refused[count] = f"has {distinct} different wavelengths but needs at least {needed}"
+            refused[count] = f"has {distinct} different wavelengths but requires at least {needed}"
             continue
         try:
             roots[count] = solved(FITS[kind][count](points.um), points)

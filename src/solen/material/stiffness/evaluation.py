@@ -194,7 +194,9 @@ def _toe(test: StressStrain, wanted: str) -> Toe:
     if wanted == "none":
         return Toe(0.0, None, 0.0, "no toe compensation, as requested")
     if wanted == "auto" and test.preload:
-        return Toe(0.0, None, 0.0, f"no toe compensation: the machine set zero at its preload ({test.preload})")
+        return Toe(
+            0.0, None, 0.0, f"no toe compensation: the testing machine was zeroed at its preload ({test.preload})"
+        )
     if wanted == "auto" and not test.from_displacement:
         return Toe(0.0, None, 0.0, "no toe compensation: the file contains the strain itself")
     return find_toe(test)
