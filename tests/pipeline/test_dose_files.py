@@ -397,7 +397,7 @@ def test_exposures_give_the_index_where_reflectance_was_measured(tmp_path: Path)
     ("name", "text", "told"),
     [
         ("a.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "must specify the exposure"),
-        ("2 s.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "a trend needs at least two"),
+        ("2 s.csv", "wavelength_nm,T\n450,0.9\n500,0.9\n", "a trend requires at least two"),
         ("a.csv", "wavelength_nm,x 2 s (%T),x 4 s (%T)\n600,90,80\n601,91,82\n", "not all samples were measured at"),
     ],
 )
