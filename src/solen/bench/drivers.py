@@ -1,7 +1,7 @@
-"""Drivers of real instruments, by the name that a rig file uses.
+"""Drivers of real instruments, by the name used in a rig file.
 
-A driver plays one of the roles of `solen.bench.roles`. Opening it needs the rig, which states its connection, and the
-clock of the run. Another package adds a `Driver` with an entry point of ``solen.instruments``.
+A driver plays one of the roles of `solen.bench.roles`. To open an instrument, the driver needs the rig, which specifies
+the connection, and the clock of the run. Another package adds a `Driver` with an entry point of ``solen.instruments``.
 
 Public names: `Driver`, `DRIVERS` and `open_instruments`.
 """
@@ -28,26 +28,27 @@ KINDS = {
     "stage": ("model", "port", "baud", "axis", "address", "steps_per_unit"),
     "meter": ("ask", "unit", "channels", "sync", "switch_hz", "settle_us"),
 }
-"""Keys of a rig file's table that only some of its drivers use."""
+"""Keys of a rig-file table that only some drivers of that table use."""
 _LINE, _SCOPE = ("port", "baud", "axis"), ("channels", "sync", "switch_hz", "settle_us")
 
 
 @dataclass(frozen=True)
 class Driver:
-    """How an instrument of a rig is opened.
+    """How to open an instrument of a rig.
 
     Attributes
     ----------
     role
-        The table of the rig file that may name it.
+        The rig-file table that may name this driver.
     open
-        Opens the instrument of a rig with the clock that its waiting follows; raises `BenchError` if it cannot.
+        Opens the instrument of a rig with the clock used for waiting; raises `BenchError` if the instrument cannot be
+        opened.
     needs
         Key of that table which the driver requires: ``port``, ``device``, ``address``, or none.
     takes
         Keys of `KINDS` that the driver uses; None for all.
     stops
-        Whether the position of its stage is known only at rest.
+        Whether the stage position is known only at rest.
     """
 
     role: Literal["stage", "board", "daq", "meter"]
@@ -68,7 +69,7 @@ def on_failure(undo: Callable[[], object]) -> Iterator[None]:
 
 
 def _on_its_line(rig: "Rig", made: "Callable[[StageOf, Link], Stage]") -> Stage:
-    """Return a stage with its own line, which is closed if the stage cannot be driven."""
+    """Return a stage with a line of its own, which is closed if the stage cannot be driven."""
     from solen.bench.link import open_link
 
     link = open_link(str(rig.stage.port), baud=rig.stage.baud)
@@ -86,7 +87,7 @@ def _gcs2(rig: "Rig", clock: Clock) -> Stage:
 
 
 def _letter(table: "StageOf") -> str:
-    """Return the axis of a stepper's board, which is a letter."""
+    """Return the axis of a stepper board, which is a letter."""
     return table.axis if "axis" in table.model_fields_set else "X"
 
 
@@ -127,7 +128,7 @@ def _hand(rig: "Rig", clock: Clock) -> Stage:  # noqa: ARG001  a stage turned by
 
 
 def _motor(rig: "Rig", clock: Clock) -> Stage:
-    """Open the motor of the board that samples, or of a separate board whose emitters and inputs stay unused."""
+    """Open the motor of the sampling board, or of a separate board whose emitters and inputs stay unused."""
     from solen.bench.board import BoardStage
     from solen.bench.frames import Layout
 
@@ -212,15 +213,15 @@ DRIVERS: registry.Registry[Driver] = registry.Registry(
     },
     Driver,
 )
-"""Drivers by name; ``simulated`` is not one of them, because a simulated rig is created with all its instruments."""
+"""Drivers by name, without ``simulated``: a simulated rig is created together with all its instruments."""
 
 
 def open_instruments(rig: "Rig", clock: Clock) -> tuple[dict[str, Stage], Sampler]:
-    """Open the stages by motion, and the sampler, of a real rig.
+    """Open the stages, by motion, and the sampler of a real rig.
 
-    If one cannot be opened, those already open are closed.
+    If an instrument cannot be opened, those already open are closed.
 
-    A stage that is the motor of the board that samples also provides that board as the sampler.
+    A stage that is the motor of the sampling board also provides that board as the sampler.
     """
     stages: dict[str, Stage] = {}
     sampler: Sampler | None = None

@@ -1,8 +1,8 @@
-"""The journal of a run while it grows: readings of a sensor as soon as their period is written.
+"""Reading the journal of a run while it grows: sensor readings are available as soon as their period is written.
 
-A journal's records are either complete or missing; reading on from the last complete one misses nothing and repeats
-nothing. A period is demodulated together with the one before it, because the first emitter needs the last off phase of
-that period. Times are those of the board, counted from the first period of the part, because the run's own clock is
+Each journal record is either complete or missing, so that reading on from the last complete record neither misses nor
+repeats anything. A period is demodulated together with the preceding period, because the first emitter needs the last
+"off" phase of that period. Times are board times, counted from the first period of the part, because the run clock is
 known only after the end of the run.
 
 Public name: `Following`.
@@ -25,9 +25,9 @@ from solen.errors import DataError
 
 @dataclass(frozen=True, eq=False)
 class Fresh:
-    """Readings that arrived: times (n,), left and right (n, 2), and which of them are clipped.
+    """New readings: times (n,), left and right readings (n, 2), and clipping marks.
 
-    For a network, signals and marks are (n, emitters, receivers), NaN if a reading is missing.
+    For a network, signals and marks are (n, emitters, receivers); a missing reading is NaN.
     """
 
     time_s: FloatArray
@@ -60,14 +60,14 @@ class Following:
         self._begun_us: dict[int, int] = {}
 
     def readings(self, sensor: str) -> Iterator[Fresh]:
-        """Return the readings of a sensor that are new since the last call, one piece for each part of the run."""
+        """Return the sensor readings that are new since the last call, one item for each part of the run."""
         view = next(view for view in views_of(self.header) if view.name == sensor)
         for rows in self._fresh():
             found = self._under(*self._with_before(rows), view)  # right before left
             yield Fresh(found.time_s, found.volts[:, ::-1], found.clipped[:, ::-1])
 
     def turns(self, sensor: str) -> Iterator[Fresh]:
-        """Return the new cycles of a network's emitters since the last call, one piece for each part of the run."""
+        """Return the new emitter cycles of a network since the last call, one item for each part of the run."""
         views = [view for view in views_of(self.header) if view.sensor["name"] == sensor]
         for rows in self._fresh():
             both, time_s, new = self._with_before(rows)
@@ -80,7 +80,7 @@ class Following:
             yield Fresh(time_s[new:], signal, clipped)
 
     def _fresh(self) -> list[Rows]:
-        """Return the new periods, part by part; a journal that no longer exists was closed, and its run has ended."""
+        """Return the new periods by part; if the journal no longer exists, its run has ended."""
         try:
             records, self._place = read_on(self._path, self._place)
         except OSError:
@@ -92,7 +92,7 @@ class Following:
         return np.split(fresh, edges) if len(fresh) else []
 
     def _with_before(self, rows: Rows) -> tuple[Rows, FloatArray, int]:
-        """Return the periods with the one before them, if any, their times, and the number of earlier ones."""
+        """Return the periods with the preceding period, if any, their times, and the number of earlier periods."""
         part = int(rows["part"][0])
         before = self._last if self._last is not None and int(self._last["part"][0]) == part else rows[:0]
         self._last = rows[-1:]
@@ -101,7 +101,7 @@ class Following:
         return both, 1e-6 * (both["board_us"] - begun).astype(np.float64), len(before)
 
     def _under(self, both: Rows, time_s: FloatArray, new: int, view: View) -> Fresh:
-        """Return the readings under an emitter in periods from an index on, with the receivers in their order."""
+        """Return the readings under one emitter in the periods from an index on, with the receivers in their order."""
         inputs, converter = [one - 1 for one in view.inputs.values()], Converter.of(self.header)
         readings = subtracted(both["counts"], time_s, view.emitter, inputs, converter)
         kept = readings.of(view.emitter) & (readings.time_s >= time_s[new])

@@ -1,21 +1,22 @@
-"""The wire format of the emitter board: frames with a checksum and a number, read from an unreliable stream.
+"""The wire format of the emitter board: numbered frames with a checksum, read from an unreliable stream.
 
-In each period the board switches its emitters on one after the other and samples every receiver with the emitter on and
-with it off again. One frame contains one period; a lost frame is a lost period, and the frame numbers show it. A frame
-counts only if its checksum is right; after an error the reader searches for the next two bytes that begin a frame. All
-numbers are little-endian:
+In each period the board switches its emitters on one after the other and samples every receiver, first with the emitter
+on and then with it off again. One frame contains one period; a lost frame is a lost period, which the frame numbers
+reveal. A frame is valid only if its checksum is correct; after an error the reader searches for the next two bytes that
+begin a frame. All numbers are little-endian. A frame contains, by offset in bytes:
 
-====== ===== ========================================================================================== offset bytes
-content ====== ===== ========================================================================================== 0      2
-A5 5A, the beginning 2      1     version of this table, 1 3      1     kind: 1 samples, 2 answer, 16 and above commands
-4      2     length of the payload, n 6      4     number of the frame, increased by one for each frame, from 0 again
-after 2³² − 1 10     n     payload 10 + n 2     CRC-16/CCITT-FALSE (polynomial 1021h, from FFFFh) of bytes 2 to 9 + n
-====== ===== ==========================================================================================
+- 0 (2 bytes): A5 5A, the frame mark
+- 2 (1 byte): version of this format, 1
+- 3 (1 byte): kind: 1 for samples, 2 for an answer, 16 and above for commands
+- 4 (2 bytes): length n of the payload
+- 6 (4 bytes): frame number, increased by one for each frame, from 0 again after 2³² − 1
+- 10 (n bytes): payload
+- 10 + n (2 bytes): CRC-16/CCITT-FALSE (polynomial 1021h, initial value FFFFh) of bytes 2 to 9 + n
 
-The payload of samples: time of the period's start by the board's clock in µs (4 bytes, wraps), number of emitters E,
+The payload of a sample frame: start of the period by the board clock in µs (4 bytes, wraps), number of emitters E,
 number of receivers R, flags (1 for a late period, 2 for a faulty emitter; a reader adds 4 to the first period after a
-restart, at which the board's clock begins again at 0), one zero byte, then for each emitter R samples with it on and R
-with it off, 2 bytes each, in counts of the converter.
+restart, at which the board clock begins again at 0), one zero byte, then for each emitter R samples with the emitter on
+and R with it off, 2 bytes each, in converter counts.
 
 Public names: `Layout`, `sample_frames`, `frame`, `FrameReader`, `Periods` and `Losses`.
 """
@@ -38,7 +39,7 @@ LATE, FAULT, ANEW = 1, 2, 4
 UNSOUND = LATE | FAULT
 """Periods with these flags give no readings."""
 LONGEST_PAYLOAD = 4096
-"""Longest payload in bytes, more than 16 emitters and 64 receivers need; a greater length is corrupt."""
+"""Longest payload in bytes, more than 16 emitters and 64 receivers need; a longer length field is corrupt."""
 Other = tuple[int, bytes]
 """Kind and payload of a frame, unprocessed."""
 RESTART_AFTER = 3
@@ -51,12 +52,12 @@ _WRAP = 1 << 32
 
 @dataclass(frozen=True)
 class Layout:
-    """Number of alternating emitters, and of receivers read at each.
+    """Number of alternating emitters, and number of receivers sampled for each emitter.
 
     Raises
     ------
     BenchError
-        If one of the numbers is 0, or there are more than a frame can contain.
+        If one of the numbers is 0, or if a frame cannot contain so many samples.
     """
 
     emitters: int
@@ -75,12 +76,12 @@ class Layout:
 
     @property
     def values(self) -> int:
-        """Number of samples in a period: on and off, of each receiver, for each emitter."""
+        """Number of samples in a period: "on" and "off", for each receiver and each emitter."""
         return 2 * self.emitters * self.receivers
 
     @property
     def payload_bytes(self) -> int:
-        """Length of the payload of a period."""
+        """Payload length of a period."""
         return PERIOD.size + 2 * self.values
 
 
@@ -91,13 +92,14 @@ class Periods:
     Attributes
     ----------
     number
-        Number of the period since the first, shape (N,), continued when the transmitted number wraps.
+        Number of the period counted from the first, (N,), continued when the transmitted number wraps.
     board_us
-        Start by the board's clock in µs, shape (N,), continued when it wraps, but reset when the board restarts.
+        Start of the period by the board clock in µs, (N,), continued when that clock wraps, but reset when the board
+        restarts.
     flags
-        `LATE`, `FAULT`, and `ANEW` for the first period after a restart of the board, shape (N,).
+        `LATE`, `FAULT`, and `ANEW` for the first period after a restart of the board, (N,).
     counts
-        Shape (N, emitters, 2, receivers): 0 with the emitter on, 1 with it off again.
+        Converter counts (N, emitters, 2, receivers); on the third axis, 0 is with the emitter on, 1 with it off again.
     """
 
     number: NDArray[np.int64]
@@ -114,7 +116,7 @@ class Periods:
 
     @staticmethod
     def joined(parts: Sequence["Periods"], layout: "Layout") -> "Periods":
-        """Return the concatenated parts; an empty result if there are none."""
+        """Return the concatenated parts; without parts, an empty result."""
         nothing = np.zeros((0, layout.emitters, 2, layout.receivers), np.uint16)
         return Periods(
             np.concatenate([np.zeros(0, np.int64), *(part.number for part in parts)]),
@@ -126,20 +128,20 @@ class Periods:
 
 @dataclass
 class Losses:
-    """Numbers of losses in a stream.
+    """Loss counts of a stream.
 
     Attributes
     ----------
     dropped
         Periods whose numbers never arrived.
     garbled
-        Beginnings of frames whose checksum is wrong; their periods also count as dropped.
+        Frame beginnings with a wrong checksum; their periods also count as dropped.
     doubled
-        Periods that arrived again or late, and were discarded.
+        Periods that arrived twice or late and were discarded.
     restarts
-        How often the board restarted and counted from 0; how long it was off is unknown.
+        Number of times that the board restarted and counted from 0; the duration of each interruption is unknown.
     other
-        Complete frames of another layout or version.
+        Complete frames with another layout or version.
     skipped_bytes
         Bytes that belong to no frame.
     """
@@ -158,7 +160,7 @@ def checksum(data: bytes | memoryview) -> int:
 
 
 def frame(kind: int, number: int, payload: bytes) -> bytes:
-    """Return one frame around a payload."""
+    """Return a frame that contains this payload."""
     if len(payload) > LONGEST_PAYLOAD:
         raise BenchError("payload", value=len(payload), limit=f"a frame has at most {LONGEST_PAYLOAD} bytes")
     body = HEAD.pack(SYNC, VERSION, kind, len(payload), number % _WRAP) + payload
@@ -166,7 +168,7 @@ def frame(kind: int, number: int, payload: bytes) -> bytes:
 
 
 def sample_frames(layout: Layout, periods: Periods) -> bytes:
-    """Return the frames of many periods, one after the other, as the board sends them."""
+    """Return the frames of several periods, concatenated as the board sends them."""
     heads = zip(periods.number.tolist(), periods.board_us.tolist(), periods.flags.tolist(), strict=True)
     samples = np.ascontiguousarray(periods.counts, "<u2").reshape(len(periods), layout.values)
     counts = layout.emitters, layout.receivers
@@ -178,12 +180,12 @@ def sample_frames(layout: Layout, periods: Periods) -> bytes:
 
 @dataclass
 class FrameReader:
-    """Reads frames from bytes as they arrive, in pieces of any length.
+    """Reads frames from bytes as they arrive, in chunks of any length.
 
     Attributes
     ----------
     layout
-        Layout of the expected periods; others are counted as `Losses.other`.
+        Layout of the expected periods; frames with another layout are counted as `Losses.other`.
     losses
         Losses since the reader was created.
     answers
@@ -204,7 +206,7 @@ class FrameReader:
     _us: int | None = field(default=None, init=False)
 
     def feed(self, data: bytes) -> Periods:
-        """Return the periods that these bytes complete."""
+        """Return the periods completed by these bytes."""
         self._waiting += data
         numbers: list[int] = []
         times: list[int] = []
@@ -240,7 +242,7 @@ class FrameReader:
         return self.layout.emitters, self.layout.receivers
 
     def _frames(self) -> Iterator[tuple[int, int, bytes]]:
-        """Return kind, number and payload of each complete frame; other bytes are counted and discarded."""
+        """Return kind, number and payload of each complete frame; all other bytes are counted and discarded."""
         data, at = bytes(self._waiting), 0
         while (found := self._begin(data, at)) + HEAD.size + _CRC.size <= len(data):
             at = found
@@ -265,7 +267,7 @@ class FrameReader:
         del self._waiting[:at]
 
     def _begin(self, data: bytes, at: int) -> int:
-        """Return the position of the next frame mark; without one, the end of the data, less a possible half mark."""
+        """Return the position of the next frame mark, or the end of the data less a possible half mark."""
         if data[at : at + 2] == SYNC:
             return at
         found = data.find(SYNC, at)
@@ -275,12 +277,12 @@ class FrameReader:
         return found
 
     def _skip(self, at: int) -> int:
-        """Skip two bytes that resembled the beginning of a frame."""
+        """Skip two bytes that were mistaken for a frame mark."""
         self.losses.skipped_bytes += 2
         return at + 2
 
     def _unwrapped(self, wire_number: int) -> int | None:
-        """Return the number since the first, including missing ones; None for a number that has occurred before."""
+        """Return the number counted from the first frame, with missing frames; None if it occurred before."""
         if self._next is None:
             self._next = wire_number
         ahead = (wire_number + self._shift - self._next) % _WRAP
@@ -295,7 +297,7 @@ class FrameReader:
         return number
 
     def _restarted(self, wire_number: int) -> bool:
-        """Whether repeated numbers follow one another, which means that the board has restarted."""
+        """Whether successive frames have repeated numbers, which means that the board has restarted."""
         before, run = self._again
         run = run + 1 if wire_number == before + 1 else 1
         self._again = (wire_number, run)
@@ -306,12 +308,12 @@ class FrameReader:
         return True
 
     def unwrapped_us(self, us: int) -> int:
-        """Return a time of the board in µs on the unwrapped count of its last period."""
+        """Return a board time in µs on the unwrapped time scale of the last period."""
         if self._us is None:
             return us
         return self._us + (us - self._us + _WRAP // 2) % _WRAP - _WRAP // 2
 
     def _time(self, us: int) -> int:
-        """Return the time of the board, continued when its counter wraps around."""
+        """Return the board time, continued when its counter wraps."""
         self._us = us if self._us is None else self._us + (us - self._us) % _WRAP
         return self._us

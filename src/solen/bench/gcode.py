@@ -1,4 +1,4 @@
-"""Common part of boards that execute G-code: an axis named by a letter, and lines that are answered with ``ok``.
+"""Common base of boards that execute G-code: each axis is named by a letter, and each line is answered with ``ok``.
 
 Public name: `GcodeStage`.
 """
@@ -23,23 +23,23 @@ class GcodeStage(LineStage):
     Parameters
     ----------
     link, clock
-        Line to the board, and the clock that time-outs follow.
+        Line to the board, and the clock used for time-outs.
     unit
-        Unit of the axis, for which its steps per unit are configured: G-code uses mm for both.
+        Unit of the axis, for which its steps per unit are configured; G-code writes mm for either unit.
     axis
         Letter of the axis.
     answer_s, home_s
-        Longest duration of an answer, and of homing.
+        Time limits in s for an answer and for homing.
 
     Raises
     ------
     BenchError
-        If the board does not answer, or the answer is not one of its firmware.
+        If the board does not answer, or answers unlike its firmware.
     """
 
     firmware: ClassVar[str]
     wakes_s: ClassVar[float]
-    """Time in s for which a board may not answer because opening its port reset it."""
+    """Time in s for which a board may stay silent after opening its port has reset it."""
 
     def __init__(
         self,
@@ -59,10 +59,10 @@ class GcodeStage(LineStage):
 
     @abstractmethod
     def _ends(self, line: str, text: str) -> bool:
-        """Whether a line ends the answer to a text; `BenchError` if it is the board's reason against it."""
+        """Whether a line ends the answer to a command; raise `BenchError` if the board rejects the command."""
 
     def _awake(self, ask: Callable[[], _Said]) -> _Said:
-        """Its answer, as soon as it comes; earlier input is discarded."""
+        """Return the board's answer as soon as it arrives; earlier input is discarded."""
         due = self._clock.now_s() + self.wakes_s
         while True:
             self._lines.forget()
@@ -74,7 +74,7 @@ class GcodeStage(LineStage):
             self._clock.sleep(AGAIN_S)
 
     def _command(self, text: str, timeout_s: float = 0.0) -> list[str]:
-        """Send a line; what is answered before its end. `BenchError` with the board's reason."""
+        """Send a line and return the lines before the end of the answer; raise `BenchError` if it is rejected."""
         self._send(f"{text}\n".encode("ascii"))
         lines: list[str] = []
         due = self._clock.now_s() + timeout_s

@@ -1,8 +1,8 @@
 """Motorised stages of Physik Instrumente: one axis of a controller that speaks GCS 2.0, such as the C-863 Mercury.
 
-GCS is lines of text. A command is answered by nothing, so that ``ERR?`` is asked after each; a question is answered by
-one line or several, of which every one but the last ends in a blank. Single characters (#5, #7, #24) are answered at
-once, also while the axis moves. Syntax, addresses and error codes: PI, C-863.12 Mercury Controller User Manual MS249E,
+GCS consists of text lines. A command is not answered, so ``ERR?`` is sent after each command; a query is answered by
+one or more lines, each of which ends in a space except the last. Single characters (#5, #7, #24) are answered at once,
+even while the axis moves. Syntax, addresses and error codes: PI, C-863.12 Mercury Controller User Manual MS249E,
 chapter 8.
 
 Public names: `Gcs2Stage` and `STAGES`.
@@ -38,18 +38,18 @@ ERRORS = {
     89: "not allowed in this mode of motion",
     1024: "motion error: the axis did not follow, and its servo is off",
 }
-"""Meaning of the controller's error codes; others are shown by number."""
+"""Meanings of the controller error codes; other errors are reported by number."""
 STOPPED = 10
 STOP_ALL, MOVING, READY = b"\x18", b"\x05", b"\x07"
 _READY, _BUSY = b"\xb1", b"\xb0"
 
 
 STAGES: dict[str, Unit] = {"M-060.DG": "deg", "M-111.1DG": "mm"}
-"""Stages that PI sells, and the unit of each stage's motion."""
+"""PI stages, with the unit of motion of each."""
 
 
 def unit_of(stage: str, unit: Unit | None) -> Unit:
-    """Return the unit of a stage: as stated, or from `STAGES`; raise `BenchError` if it is unknown, or both differ."""
+    """Return the specified unit or that in `STAGES`; raise `BenchError` if both are missing or they differ."""
     known = STAGES.get(stage)
     if unit is None and known is None:
         limit = f"is a stage whose unit is not known; known are {', '.join(STAGES)}"
@@ -67,20 +67,20 @@ class Gcs2Stage(LineStage):
     link
         Line to the controller.
     clock
-        Clock that time-outs follow.
+        Clock used for time-outs.
     stage
-        Name of the stage on that axis; the controller must have it configured.
+        Name of the stage on that axis; the controller must be configured for this stage.
     unit
-        Unit of its positions; by default that of the stage in `STAGES`.
+        Unit of the positions; by default the unit that `STAGES` lists for the stage.
     axis, address
-        Name of the axis, and address of the controller if several share a line.
+        Name of the axis, and address of the controller if several controllers share a line.
     answer_s, reference_s
-        Longest duration of an answer, and of the search for the reference.
+        Time limits in s for an answer and for the reference search.
 
     Raises
     ------
     BenchError
-        If the controller does not answer, is not a PI controller, reports an error or has another stage configured.
+        If the controller does not answer, is not a PI controller, reports an error or is configured for another stage.
     """
 
     def __init__(
@@ -123,17 +123,17 @@ class Gcs2Stage(LineStage):
 
     @property
     def search(self) -> str:
-        """Range of the move that finds the zero; the controller does not report the position of the switch."""
+        """Description of the reference move and its range; the position of the switch is unknown."""
         low, high = self.limits
         return f"It moves to its reference switch, by up to {high - low:g} {self.unit} in either direction."
 
     def set_position(self, position: float) -> None:
-        """Define the current position as a given value; nothing moves."""
+        """Define the current position as the specified value without moving."""
         self.command(f"RON {self._axis} 0")
         self.command(f"POS {self._axis} {position:.6f}")
 
     def reference(self) -> None:
-        """Move to the reference switch, unless that was done since the controller was switched on."""
+        """Move to the reference switch, unless the axis has been referenced since the controller was switched on."""
         if self.referenced:
             return
         self.command(f"FRF {self._axis}")
@@ -166,7 +166,7 @@ class Gcs2Stage(LineStage):
         return self._value("ONT?") == "1"
 
     def stop(self) -> None:
-        """Stop at once; the controller reports that as an error, which is cleared."""
+        """Stop at once; the controller reports the stop as an error, which is cleared."""
         self._cut_in(self._to.encode() + STOP_ALL)
         self._say(STOP_ALL)
         code = self._error()
@@ -180,7 +180,7 @@ class Gcs2Stage(LineStage):
         self._check(text)
 
     def ask(self, text: str) -> list[str]:
-        """Return the lines that answer a question, without addresses and without the blanks that join them."""
+        """Return the lines that answer a query, without addresses and without the spaces that join the lines."""
         self._say(f"{text}\n".encode("ascii"))
         lines = [self._lines.next()]
         while lines[-1].endswith(" "):
@@ -194,7 +194,7 @@ class Gcs2Stage(LineStage):
         self._send(self._to.encode() + data)
 
     def _value(self, question: str) -> str:
-        """Return the value of this axis in the answer to a question."""
+        """Return the value of this axis from the answer to a query."""
         answer = self.ask(f"{question} {self._axis}")
         for line in answer:
             name, sign, value = line.partition("=")

@@ -1,9 +1,10 @@
 """Stepper motors on a board with GRBL 1.1, as in small mills and on bare Arduinos with a CNC shield.
 
-A move is a jog in machine coordinates, which changes no state of the controller and can be cancelled at any time by one
-byte. ``?`` is answered at once, also while the axis moves. The controller counts steps without feedback: after
-power-up, or a reset caused by opening its port, its position is unknown, and a run begins by homing or by defining the
-current position. Commands, settings and codes: Grbl v1.1 wiki, "Commands", "Jogging", "Configuration" and "Interface".
+A move is a jog in machine coordinates, which does not change the controller's modal state and can be cancelled at any
+time by a single byte. ``?`` is answered at once, even while the axis moves. The controller counts steps without
+feedback: after power-up, or after a reset caused by opening its port, its position is unknown, and a run begins by
+homing or by defining the current position. Commands, settings and codes: Grbl v1.1 wiki, "Commands", "Jogging",
+"Configuration" and "Interface".
 
 Public name: `GrblStage`.
 """
@@ -17,7 +18,7 @@ from solen.bench.link import Link
 
 CANCEL, STATUS = b"\x85", b"?"
 BEGINS_S = 0.25
-"""Time in s after a command within which a move may not have begun yet."""
+"""Time in s after a command during which the move may not have begun yet."""
 AT_REST = {"Idle", "Alarm", "Check", "Sleep"}
 ERRORS = {
     5: "homing is not enabled ($22)",
@@ -27,13 +28,16 @@ ERRORS = {
     16: "it does not support this jog command",
     22: "no feed rate",
 }
-"""Meaning of the controller's error codes; others are shown by number."""
+"""Meanings of the controller error codes; other errors are reported by number."""
 _STATUS = re.compile(r"<(\w+)(?::\d)?\|(?:.*\|)?MPos:([-\d.,]+)")
 _SETTING = re.compile(r"\$(\d+)=([-\d.]+)")
 
 
 class GrblStage(GcodeStage):
-    """One axis of a controller, whose step is configured by ``$100``; it must report machine positions."""
+    """One axis of a controller; ``$100`` to ``$102`` set its steps per unit.
+
+    The controller must report machine positions.
+    """
 
     firmware, wakes_s = "GRBL", 5.0
 
@@ -53,12 +57,12 @@ class GrblStage(GcodeStage):
 
     @property
     def referenced(self) -> bool:
-        """Whether the zero was set or searched for since the controller was connected."""
+        """Whether the zero has been set or found since the controller was connected."""
         return self._zero is not None
 
     @property
     def search(self) -> str:
-        """Range of the move that finds the zero."""
+        """Description of the homing move and its range."""
         if not self._setting(22):
             return "It has no switch that marks its zero ($22=0)."
         return f"It moves to its limit switch, by up to {self._setting(130 + self._place):g} {self.unit}."
@@ -71,7 +75,7 @@ class GrblStage(GcodeStage):
         self._zero = 0.0
 
     def set_position(self, position: float) -> None:
-        """Define the current position as a given value; nothing moves."""
+        """Define the current position as the specified value without moving."""
         state, at = self._status()
         if state == "Alarm":  # it waits for homing
             self._command("$X")
@@ -90,7 +94,7 @@ class GrblStage(GcodeStage):
         self._command(f"$J=G21 G90 G53 {self._axis}{self._target:.4f} F{60.0 * velocity:.3f}")
 
     def position(self) -> float:
-        """Return the position of the axis in deg or mm, computed from the steps that were sent to its motor."""
+        """Return the position of the axis in deg or mm, computed from the steps sent to its motor."""
         return self._status()[1] - (self._zero or 0.0)
 
     def on_target(self) -> bool:
@@ -107,7 +111,7 @@ class GrblStage(GcodeStage):
         return False
 
     def stop(self) -> None:
-        """Stop with the axis' deceleration; the remaining motion is discarded."""
+        """Stop with the configured deceleration of the axis; the remaining motion is discarded."""
         self._link.write(CANCEL)
         self._lines.forget()
         self._come_to_rest(lambda: self._status()[0] in AT_REST)
@@ -132,7 +136,7 @@ class GrblStage(GcodeStage):
         )
 
     def _ends(self, line: str, text: str) -> bool:
-        """Whether a line ends an answer; raise `BenchError` if it is an error of the controller."""
+        """Whether a line ends an answer; raise `BenchError` if the line is an error message."""
         if line.startswith(("error:", "ALARM:")):
             raise self._refusal(f"{text}: {_meaning(line)}", "see the wiki of GRBL")
         return line == "ok"

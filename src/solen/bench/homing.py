@@ -1,8 +1,8 @@
 """Homing of stages that do not know their zero: never without permission.
 
-A search for the reference switch may move the stage to its limits, with a sensor mounted on it. It is done if the rig
-file allows it (``home = true``), or if the operator at the terminal, warned of the range, agrees. ``home = "here"``
-defines the current position as the rig's zero, and nothing moves.
+A search for the reference switch may move the stage to its limits with a sensor mounted on it. The search is made only
+if the rig file allows it (``home = true``) or if the operator at the terminal, warned of the range, agrees. With ``home
+= "here"`` the current position is defined as the zero of the rig, and nothing moves.
 
 Public names: `make_known` and `knows_zero`.
 """
@@ -15,29 +15,29 @@ from solen.errors import BenchError
 
 Home = bool | Literal["here"]
 Confirm = Callable[[str], bool]
-"""Asks the operator; returns True if the answer was yes."""
+"""Asks the operator a question; returns True if the answer is yes."""
 
 
 def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = None, *, resumed: bool = False) -> None:
-    """Make sure that a stage knows its zero.
+    """Ensure that a stage knows its zero.
 
     Parameters
     ----------
     stage
-        The stage; one without `Homes` finds its zero by its own means.
+        The stage; a stage without `Homes` finds its zero by its own means.
     home
         Whether the stage may move to find its zero, or ``"here"`` if it is at its zero.
     zero
         Position at which the sensor is straight.
     confirm
-        Prompt used if ``home`` is false; None without an operator.
+        Asks the operator for permission if ``home`` is false; None without an operator.
     resumed
         Whether an interrupted run continues; the stage may then be anywhere.
 
     Raises
     ------
     BenchError
-        If the stage may not move, or finds no reference.
+        If the stage is not allowed to move, or finds no reference.
     """
     if not _moves_to_know(stage):
         stage.reference()
@@ -56,10 +56,10 @@ def make_known(stage: Stage, home: Home, zero: float, confirm: Confirm | None = 
 
 
 def knows_zero(stage: Stage) -> bool:
-    """Whether the stage's positions are valid now; nothing moves."""
+    """Whether the stage positions are currently valid; nothing moves."""
     return not _moves_to_know(stage) or stage.referenced
 
 
 def _moves_to_know(stage: object) -> TypeGuard[Homes]:
-    """Whether a stage is a `Homes`; its properties, which may query the instrument, are not evaluated."""
+    """Whether a stage implements `Homes`; properties, which may query the instrument, are not evaluated."""
     return hasattr(type(stage), "search") and hasattr(type(stage), "set_position")

@@ -1,7 +1,7 @@
-"""Ending a run from outside: Ctrl-C, a signal, or a closed terminal, all treated alike.
+"""Ending a run from outside by Ctrl-C, a signal or a closed terminal, which are all treated alike.
 
-Any request to end must leave the emitters off and the stage at rest. Each such request raises `Ended`, a
-`KeyboardInterrupt`, in the main thread, once; later ones are ignored, because they could interrupt the shutdown. Within
+Any request to end must leave the emitters off and the stage at rest. The first request raises `Ended`, a
+`KeyboardInterrupt`, in the main thread; later requests are ignored, because they could interrupt the shutdown. Within
 `uninterrupted` a request waits until the work is done. SIGKILL and a power cut cannot be caught.
 
 Public names: `ended_by_signals`, `uninterrupted`, `pass_over` and `Ended`.
@@ -16,13 +16,13 @@ from dataclasses import dataclass
 from types import FrameType
 
 NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
-"""Signals to catch, if the system has them; SIGBREAK is Ctrl-Break on Windows, SIGHUP a closed terminal."""
+"""Signals to catch where the system has them; SIGBREAK is Ctrl-Break on Windows, SIGHUP a closed terminal."""
 CLOSING_S = 4.5
-"""Time in s within which closing must end: Windows ends a program 5 s after its console was closed."""
+"""Time limit in s for closing: Windows terminates a program 5 s after its console was closed."""
 
 
 class Ended(KeyboardInterrupt):
-    """A request to end: its message states what is kept; ``exit_code`` is that of a shell for the signal."""
+    """A request to end: the message says what is kept; ``exit_code`` is the shell's exit code for the signal."""
 
     def __init__(self, line: str, exit_code: int = 130) -> None:
         super().__init__(line)
@@ -43,7 +43,7 @@ _STATE = _State()
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Turn requests to end into `Ended` while the body runs; outside the main thread nothing changes."""
+    """Convert requests to end into `Ended` while the body runs; outside the main thread this has no effect."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -62,7 +62,7 @@ def ended_by_signals() -> Iterator[None]:
 
 
 def pass_over() -> None:
-    """Ignore every further request: for a program that is about to end and still has something to report."""
+    """Ignore all further requests, for a program that is about to end and still has something to report."""
     for name in NAMES:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -70,7 +70,7 @@ def pass_over() -> None:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Delay requests until the body is done; they are lost only if it raises an error."""
+    """Delay requests until the body is done; they are lost only if the body raises an error."""
     _STATE.held += 1
     try:
         yield

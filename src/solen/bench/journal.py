@@ -1,11 +1,11 @@
-"""The journal of a run: samples are on disk as they arrive, and a kill or disk damage loses only the records it hits.
+"""The journal of a run: samples are written to disk as they arrive, so that a kill or disk damage loses few records.
 
-A journal is a file that only grows. Its records (`solen.bench.records`) are passed to the operating system whole, in
-one call, before anything else is done with them. A killed process leaves at most one unfinished record at the end;
-damage costs the records it hits, and the reader names the missing ones. The header, without which nothing can be read,
-is repeated from time to time. Records of a stream are rows of a table whose columns the header names; the journal
-itself is independent of boards and stages. Streams that the header names as ``bulky`` are not kept in memory but read
-again, record by record.
+A journal is a file that only grows. Each record (`solen.bench.records`) is passed to the operating system in a single
+call, before it is processed further. A killed process leaves at most one unfinished record at the end; damage destroys
+only the records that it affects, and the reader lists the missing records. The header, without which nothing can be
+read, is repeated at intervals. Records of a stream are rows of a table whose columns the header defines; the journal
+itself is independent of boards and stages. Streams that the header lists as ``bulky`` are not kept in memory; they are
+read again, record by record.
 
 Public names: `Journal`, `read_journal` and `read_on`.
 """
@@ -28,10 +28,10 @@ from solen.errors import BenchError, DataError
 
 SUFFIX = ".journal"
 FIRST_GAP, LONGEST_GAP = 1 << 14, 1 << 20
-"""Bytes after which the header is repeated: the first and the largest gap, which doubles each time."""
+"""Bytes after which the header is repeated: the first and the largest interval; the interval doubles each time."""
 RESERVE_BYTES = 1 << 16
-"""Bytes kept free on the disk while a journal is written, so that the reason for the end of a run can be written to
-a full disk.
+"""Bytes kept free on the disk while a journal is written, so that the reason why a run ended can be written even if the
+disk is full.
 """
 _NEAR = 20
 """Number of records on either side of a gap that are searched for a time."""
@@ -53,9 +53,9 @@ class Journal:
 
     @classmethod
     def create(cls, path: Path, header: Mapping[str, Any], dtypes: Mapping[str, np.dtype[np.void]]) -> Self:
-        """Create a new journal; raise `BenchError` if it exists already or cannot be written.
+        """Create a new journal; raise `BenchError` if the file already exists or cannot be written.
 
-        ``dtypes`` are structured, one for each stream.
+        ``dtypes`` are structured types, one for each stream.
         """
         try:
             file = FileIO(path, "xb")
@@ -77,7 +77,7 @@ class Journal:
 
     @classmethod
     def resume(cls, path: Path) -> tuple[Self, JournalContent]:
-        """Continue an unfinished journal after its last complete record; return it and its content."""
+        """Continue an unfinished journal after its last complete record; return the journal and its content."""
         journal_content = read_journal(path)
         if journal_content.end is not None or journal_content.version == 1:
             limit = "was ended" if journal_content.version > 1 else "was begun by an older solen"
@@ -106,12 +106,12 @@ class Journal:
         self._put(EVENT, 0, _json({"t_s": t_s, "what": what, **more}))
 
     def end(self, **more: Any) -> None:
-        """Append the end, and flush the journal to the disk."""
+        """Append the end record, and flush the journal to the disk."""
         self._put(END, 0, _json(more))
         self.sync()
 
     def sync(self) -> None:
-        """Flush everything to the disk; not even a power cut loses it afterwards."""
+        """Flush everything to the disk; after this, not even a power cut loses the data."""
         os.fsync(self._file.fileno())
 
     def close(self) -> None:
@@ -133,7 +133,7 @@ class Journal:
         return record(kind, stream, number, payload)
 
     def _put(self, kind: int, stream: int, payload: bytes) -> None:
-        """Append a record, and repeat the header from time to time."""
+        """Append a record, and repeat the header at intervals."""
         self._write(self._next(kind, stream, payload))
         self._since += len(payload)
         if self._since >= self._gap:
@@ -159,7 +159,7 @@ class Journal:
 
 
 def reserve_of(path: Path) -> Path:
-    """Return the file whose bytes are released if the journal's disk is full; a kill leaves it behind."""
+    """Return the reserve file, which is deleted if the disk is full; a kill leaves it behind."""
     return path.with_name(f".{path.name}.reserve")
 
 
@@ -179,7 +179,7 @@ def read_journal(path: Path) -> JournalContent:
 
 
 def _read(file: BinaryIO, path: Path) -> JournalContent:
-    """Read first the structure and then the rows: a long journal needs little more memory than its rows."""
+    """Read the structure first and then the rows, so that a long journal needs little more memory than its rows."""
     size = file.seek(0, os.SEEK_END)
     version, intact = _version(file, path)
     records: list[Record] = []
@@ -217,9 +217,9 @@ def _read(file: BinaryIO, path: Path) -> JournalContent:
 
 
 def _version(file: BinaryIO, path: Path) -> tuple[int, bool]:
-    """Return the version of a journal, and whether its first bytes state it.
+    """Return the version of a journal, and whether its first bytes contain the version.
 
-    If they are damaged, its records show it.
+    If the first bytes are damaged, the version is taken from the records.
     """
     file.seek(0)
     begun = file.read(len(MAGIC))
@@ -251,7 +251,7 @@ def _streams(
 
 
 def _missing(file: BinaryIO, records: Sequence[Record], dtypes: Mapping[str, np.dtype[np.void]]) -> Iterator[Missing]:
-    """Return the numbers that no record has, and the times of the records next to them."""
+    """Return the record numbers that are missing, and the times of the adjacent records."""
     kinds = list(dtypes.values())
 
     def time_s(near: Iterable[Record], place: int) -> float | None:
@@ -273,7 +273,7 @@ def _missing(file: BinaryIO, records: Sequence[Record], dtypes: Mapping[str, np.
 def read_on(path: Path, begin: int) -> tuple[list[tuple[int, int, bytes]], int]:
     """Return the complete records from an offset on (0 for the first), and the next offset.
 
-    Each record is its kind, stream and payload.
+    Each record is returned as its kind, stream and payload.
     """
     with path.open("rb") as file:
         version, _ = _version(file, path)

@@ -1,4 +1,4 @@
-"""Content of a journal: its header, records, rows and events, and their losses."""
+"""Content of a journal: header, records, rows, events and losses."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -17,7 +17,7 @@ Rows = NDArray[np.void]
 
 @dataclass(frozen=True)
 class Missing:
-    """Records that a journal has lost: the numbers of the first and the last, and the times before and after."""
+    """Consecutive records missing from a journal: first and last number, and times before and after."""
 
     first: int
     last: int
@@ -38,25 +38,25 @@ class JournalContent:
     Attributes
     ----------
     header
-        Entries at its beginning: design, protocol, rig, versions, seeds, clock.
+        Entries at the beginning: design, protocol, rig, versions, seeds, clock.
     streams
-        Rows of each stream that is not bulky, as one structured array.
+        Rows of each stream that is not bulky, as a structured array.
     events
-        Events in their order, each with ``t_s`` and ``what``.
+        Events in order, each with ``t_s`` and ``what``.
     end
-        Entries at its end; None if the run was killed.
+        Entries at the end; None if the run was killed.
     whole_bytes, lost_bytes
-        Offset at which the last complete record ends, and the length of the unfinished one after it.
+        Offset at which the last complete record ends, and length of the unfinished record after it.
     damaged_bytes
-        Bytes that belong neither to a complete record nor to the unfinished one.
+        Bytes that belong neither to a complete record nor to the unfinished record.
     missing
-        Records lost in the damaged bytes, as far as the numbers of the others show.
+        Records lost in the damaged bytes, as far as the numbers of the other records show.
     version
         Version of the file.
     path
         The journal file.
     records
-        Its complete records in their order, without duplicates.
+        The complete records in order, without duplicates.
     counts
         Number of rows of each stream.
     """
@@ -76,7 +76,7 @@ class JournalContent:
 
     @property
     def damaged(self) -> bool:
-        """Whether records that were written are lost."""
+        """Whether written records have been lost."""
         return bool(self.damaged_bytes or self.missing)
 
     @property
@@ -97,7 +97,7 @@ class JournalContent:
 
     @property
     def losses(self) -> dict[str, int]:
-        """Losses of the sampler, over all parts that were ended and not killed."""
+        """Losses of the sampler, summed over all parts that ended without being killed."""
         total: Counter[str] = Counter()
         for event in self.events:
             total.update(event.get("losses", {}))
@@ -105,7 +105,7 @@ class JournalContent:
 
     @property
     def sampled(self) -> str:
-        """Stream of the sampler's data."""
+        """Stream that contains the sampler data."""
         streams = {"daq": "samples", "meter": "meter"}
         return next((stream for key, stream in streams.items() if key in self.header), "board")
 
@@ -120,13 +120,13 @@ class JournalContent:
 
 
 def described(dtype: np.dtype[np.void]) -> list[list[Any]]:
-    """Return the columns of a structured type as plain data: name, type, shape."""
+    """Return the columns of a structured type as plain data: name, type and shape."""
     fields = [(name, dtype[name]) for name in dtype.names or ()]
     return [[name, field.base.newbyteorder("<").str, list(field.shape)] for name, field in fields]
 
 
 def dtypes_of(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.void]]:
-    """Return the columns of each stream, by stream number; raise `DataError` if a header does not state them."""
+    """Return the columns of each stream, by stream number; raise `DataError` if a header does not define them."""
     try:
         return {
             name: np.dtype([(column, kind, tuple(shape)) for column, kind, shape in columns])
@@ -139,5 +139,5 @@ def dtypes_of(header: Mapping[str, Any], path: Path) -> dict[str, np.dtype[np.vo
 
 
 def signal_unit(header: Mapping[str, Any]) -> str:
-    """Return the unit of the receivers that a journal's header states."""
+    """Return the unit of the receiver signals that the journal header specifies."""
     return str(header.get("meter", {}).get("unit") or header.get("signal_unit", "V"))

@@ -1,14 +1,14 @@
-"""Motorised stages of Thorlabs with the APT protocol: one axis of a K-Cube, a T-Cube or an integrated controller.
+"""Motorised Thorlabs stages with the APT protocol: one axis of a K-Cube, a T-Cube or an integrated controller.
 
-Messages are binary. Six bytes state the message, two parameters or the length of the data that follow, the destination
-and the source. Some messages are questions. Unsolicited messages of the controller, for example that a move has ended,
-are ignored; the status is queried instead. Positions are counts of the stage's encoder or microsteps of its motor;
-velocities are counts per second times a factor that depends on the kind of controller, which reports its model.
-Messages, factors and counts per degree or mm: Thorlabs Motion Controllers, Host-Controller Communications Protocol,
-sections 3 and 8.
+Messages are binary. Six bytes contain the message number, two parameters or the length of the data that follow, the
+destination and the source. Some messages are queries. Unsolicited messages from the controller, for example that a move
+has ended, are ignored; the status is queried instead. Positions are encoder counts of the stage or microsteps of its
+motor; velocities are counts per second multiplied by a factor that depends on the kind of controller, which reports its
+model. Messages, factors and counts per degree or mm: Thorlabs Motion Controllers, Host-Controller Communications
+Protocol, sections 3 and 8.
 
-A move that goes back to take up backlash would pass its target; this correction is disabled while the stage is driven,
-and the recording shows the backlash.
+A move with backlash correction would overshoot its target and return; this correction is disabled while the stage is
+driven, and the recording shows the backlash.
 
 Public name: `KinesisStage`.
 """
@@ -28,7 +28,7 @@ HOME, MOVE, STOP = 0x0443, 0x0453, 0x0465
 ASK_STATUS, ASK_SERVO_STATUS = 0x0480, 0x0490
 BAD, BAD_WITH_WORDS = 0x0080, 0x0081
 PROFILED = 2
-"""Mode of a stop with deceleration."""
+"""Stop mode with deceleration."""
 _HEADER, _INFO, _STATUS = struct.Struct("<HBBBB"), struct.Struct("<I8s72s"), struct.Struct("<Hi4xI")
 _VELOCITY, _POSITION = struct.Struct("<Hiii"), struct.Struct("<Hi")
 
@@ -40,10 +40,12 @@ FAULTS = {
     0x8_0000: "commutation error",
     0x100_0000: "its current is at the limit",
 }
-"""Meaning of the status bits that end a move."""
+"""Meanings of the status bits that end a move."""
 
 SERVO, BRUSHLESS, STEPPER = 65536 * 2048 / 6e6, 65536 * 102.4e-6, 53.68
-"""Velocity value for one count per second: 65536 times the servo's period; for a stepper as stated in the protocol."""
+"""Velocity value for one count per second: 65536 times the servo period; for a stepper, as specified in the
+protocol.
+"""
 CONTROLLERS = {
     "TDC001": SERVO,
     "KDC101": SERVO,
@@ -54,9 +56,9 @@ CONTROLLERS = {
     "LTS150": STEPPER,
     "LTS300": STEPPER,
 }
-"""Controllers whose factor is known, by the beginning of the model name that they report."""
+"""Controllers with a known factor, by the beginning of the model name that they report."""
 BEGINS_S = 0.25
-"""Time in s after a command within which a move may not have begun yet."""
+"""Time in s after a command during which the move may not have begun yet."""
 NEAR = 0.01
 """Largest distance in deg or mm from its target at which a servo may rest."""
 CLOSE = 2.0
