@@ -1,12 +1,12 @@
-"""Soft bodies under load by finite elements, from body, material, supports and loads to the deformed body.
+"""Soft bodies under load, computed by finite elements from the body, material, supports and loads.
 
-The exact outline is meshed once, and every load is a state of one soft body. Only `solen.mechanics.design` depends on
-design files and on the walls that light meets.
+The exact outline is meshed once, and each combination of loads gives one state of a soft body. Only
+`solen.mechanics.design` depends on design files and on the optical walls.
 
 Example::
 
-    soft = SoftBody(body, Material.neo_hookean(1.0), (Hold((Stretch("receiver-*"),)),), thickness_mm=4.0)
-    states = soft.states([[Turn((Stretch("lens"),), (0.0, 2.0), angle)] for angle in angles])
+    soft = SoftBody(body, Material.neo_hookean(1.0), (Hold((Stretch("receiver-*"),)),), thickness_mm=4.0) states =
+    soft.states([[Turn((Stretch("lens"),), (0.0, 2.0), angle)] for angle in angles])
 
 `SoftBody.states` accepts the loads of each state, in the order in which the body passes through them, and returns a
 `Deformed` for each; `SoftBody.state` does so for a single state.

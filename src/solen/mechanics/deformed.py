@@ -1,4 +1,4 @@
-"""A body under load: displacements of its walls, forces of its supports, and contacts with fingers."""
+"""A body under load: wall displacements, support forces, and contacts with fingers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,17 +11,17 @@ from solen.results import HIDDEN, Result
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """Displacement of one face at the nodes of the elements along it.
+    """Displacement of a face at the nodes of the elements along it.
 
     Attributes
     ----------
     u
-        Parameters (N,) of the nodes on the face's curve, from 0 to 1, ascending; every second one is the middle of an
-        element's edge, at half of its length.
+        Parameters (N,) of the nodes on the face's curve, from 0 to 1, ascending; every second node is the midpoint of
+        an element edge, at half the edge length.
     points_mm
-        The same points (N, 2) at rest, exactly on the curve.
+        Positions (N, 2) of the nodes at rest, exactly on the curve.
     displacement_mm
-        Displacements (N, 2) of these nodes in the elements, without interpolation.
+        Displacements (N, 2) of the nodes in the elements, without interpolation.
     """
 
     u: FloatArray
@@ -30,18 +30,18 @@ class Wall:
 
 
 class Reaction(Result):
-    """Force and moment of a hold, a clamp, a finger or a pull on the body.
+    """Force and moment that a hold, a clamp, a finger or a pull exerts on the body.
 
     Attributes
     ----------
     name
         Name of the hold, clamp, finger or pull.
     force_N
-        Components along x and z, for the whole thickness.
+        Components along x and z, over the entire thickness.
     moment_Nmm
         Counter-clockwise, about ``about_mm``.
     about_mm
-        Pivot of the hold or clamp; centre of the finger; middle of the pulled part.
+        Pivot of the hold or clamp; centre of the finger; midpoint of the pulled part.
     """
 
     name: str
@@ -89,9 +89,9 @@ class Picture:
     Attributes
     ----------
     points_mm, displacement_mm
-        Corners of the triangles (N, 2) at rest, and their displacements.
+        Positions (N, 2) of the triangle corners at rest, and their displacements.
     triangles
-        Numbers of their corners (M, 3).
+        Indices (M, 3) of the corners of each triangle.
     strain
         Absolute value of the largest principal strain, ln λ, at each corner (N,).
     """

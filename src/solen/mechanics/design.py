@@ -1,8 +1,8 @@
-"""The soft body of a design, from its tables to its states under load, with walls for the ray tracer.
+"""The soft body of a design: its tables, its states under load, and its walls for the ray tracer.
 
-The design's holds, fingers and pulls become those of the finite elements, by their names. Each state of the driven
-quantity is solved once and stored. The displaced walls become exact curves (`solen.geometry.displaced`). If a finger
-that is not dry touches a wall, the contact has a wall table of its own: light continues into the finger.
+The design's holds, fingers and pulls become supports and loads of the finite elements, with the same names. Each state
+of the driven quantity is solved once and stored. The displaced walls become exact curves (`solen.geometry.displaced`).
+If a finger that is not dry touches a wall, the contact has a separate wall table: light continues into the finger.
 
 Public names: `LoadedBody` and `LoadedState`.
 """
@@ -30,9 +30,9 @@ from solen.spec import Design, Wall
 from solen.spec import soft as tables
 
 FINGER_MM = 0.5
-"""Largest depth of a finger for light that continues into it; its end is black."""
+"""Largest depth in mm of a finger that light enters; the far end is black."""
 OF_RADIUS = 0.25
-"""Largest depth of a finger for light, as a fraction of its radius."""
+"""Largest depth of a finger that light enters, as a fraction of its radius."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +63,12 @@ class LoadedState:
 
     @property
     def turn_deg(self) -> float:
-        """Angle by which the part that carries the emitter has turned."""
+        """Angle by which the part that carries the emitter has rotated."""
         return self.displaced.carried.angle_deg
 
     @property
     def lens_turn_deg(self) -> float:
-        """Angle by which the lens has turned; without a face ``lens``, that of the part that carries the emitter."""
+        """Rotation angle of the lens; if no face is called ``lens``, that of the part that carries the emitter."""
         return (self.displaced.lens or self.displaced.carried).angle_deg
 
 
@@ -109,7 +109,7 @@ class LoadedBody:
         return self.states([value])[0]
 
     def states(self, values: Sequence[float]) -> list[LoadedState]:
-        """Return the states at values; unknown ones are solved in the given order."""
+        """Return the states at several values; states not yet stored are solved in the given order."""
         with self.solving:
             missing = [value for value in dict.fromkeys(values) if value not in self.known]
             for value, deformed in zip(missing, self.soft.states([self.loads(v) for v in missing]), strict=True):
@@ -140,7 +140,7 @@ class LoadedBody:
         return LoadedState(value, deformed, moved, design.in_folder(self.design.folder))
 
     def _touched(self, finger: tables.Press, contact: Contact) -> Wall | None:
-        """Return the wall table of a contact with a finger; None if no light reaches the finger."""
+        """Return the wall table of a contact with a finger, or None if no light enters the finger."""
         face = self.rest.face(contact.face)
         own = Wall(face=face.name) if face.wall is None else self.design.wall[face.wall]
         is_dark = face.part in DARK or own.finish in ("mirror", "black")
@@ -183,7 +183,7 @@ def material_of(design: Design) -> Material:
 
 
 def stiffness_cautions(design: Design) -> tuple[Caution, ...]:
-    """Return warnings about the stiffness of a design's resin; none if the design states its own modulus."""
+    """Return warnings about the stiffness of a design's resin; there are none if the design gives its own modulus."""
     name = design.material.resin
     if name is None or design.mechanics.modulus_MPa is not None:
         return ()
@@ -232,7 +232,7 @@ def _pull(design: Design, pull: tables.Pull, value: float) -> Pull:
 
 
 def _driven(design: Design, name: str, value: float) -> dict[str, float]:
-    """Return the driven number of a finger or a pull by its key; empty if it is not driven."""
+    """Return the driven amount of a finger or a pull by its key, or an empty dictionary if it is not driven."""
     _, driven, key = tables.driven(design)
     return {key: value} if name == driven else {}
 

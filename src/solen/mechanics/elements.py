@@ -23,13 +23,13 @@ from solen.mechanics.material import Material, Plane
 from solen.mechanics.mesh import BodyMesh
 
 ALIKE = 1e-5
-"""Difference of principal strains below which the limit of the shear stiffness is used."""
+"""Difference of principal strains below which the limiting value of the shear stiffness is used."""
 ORDER = 4
-"""Degree of polynomials that the quadrature integrates exactly."""
+"""Degree of the polynomials that the quadrature integrates exactly."""
 
 
 class _State(NamedTuple):
-    """Gradients by deformed position, area ratio and stress at every quadrature point."""
+    """Gradients with respect to deformed position, area ratio and stress at every quadrature point."""
 
     gradients: FloatArray  # (elements, points, 6, 2)
     area: FloatArray  # (elements, points)
@@ -39,7 +39,7 @@ class _State(NamedTuple):
 
 
 class _Principal(NamedTuple):
-    """Principal strains (ln λ) and stresses; cos and sin of twice the angle of the first direction."""
+    """Principal strains (ln λ) and stresses; cosine and sine of twice the angle of the first principal direction."""
 
     first: FloatArray
     second: FloatArray
@@ -50,7 +50,7 @@ class _Principal(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Elements:
-    """Elements of a mesh, of a material, in a plane; all quantities per mm of thickness."""
+    """Elements of a mesh for a material and a plane; all quantities are per mm of thickness."""
 
     mesh: BodyMesh
     material: Material
@@ -64,34 +64,34 @@ class Elements:
 
     @cached_property
     def nodes(self) -> IndexArray:
-        """Numbers of the nodes of every element (elements, 6), corners first."""
+        """Node indices (elements, 6) of every element, corners first."""
         return np.asarray(self._basis.element_dofs.T, dtype=np.intp)
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Areas (elements, points) of the quadrature, mm²."""
+        """Quadrature weights (elements, points), which are areas in mm²."""
         return np.asarray(self._basis.dx)
 
     @cached_property
     def _gradients(self) -> FloatArray:
-        """Gradients of the shape functions by position at rest (elements, points, 6, 2)."""
+        """Gradients (elements, points, 6, 2) of the shape functions with respect to position at rest."""
         return np.ascontiguousarray(np.stack([np.moveaxis(one[0].grad, 0, -1) for one in self._basis.basis], axis=2))
 
     @cached_property
     def _flat_gradients(self) -> FloatArray:
-        """Gradients of the shape functions as (elements, 6, points · 2)."""
+        """Gradients of the shape functions, reshaped to (elements, 6, points · 2)."""
         swapped = self._gradients.transpose(0, 2, 1, 3)
         return np.ascontiguousarray(swapped.reshape(*swapped.shape[:2], -1))
 
     @cached_property
     def _linear(self) -> FloatArray:
-        """Shape functions of the pressure (points, 3)."""
+        """Shape functions (points, 3) of the pressure."""
         x, z = self._basis.X
         return np.column_stack([1.0 - x - z, x, z])
 
     @property
     def has_pressure(self) -> bool:
-        """Whether pressures are unknowns: in plane strain."""
+        """Whether pressures are unknowns, as in plane strain."""
         return self.plane == "strain"
 
     @property
@@ -106,19 +106,19 @@ class Elements:
 
     @cached_property
     def _numbers(self) -> IndexArray:
-        """Unknowns of every element (elements, 12 or 15)."""
+        """Indices (elements, 12 or 15) of the unknowns of every element."""
         moves = (2 * self.nodes[:, :, None] + np.arange(2)).reshape(len(self.nodes), 12)
         return np.hstack([moves, self.displacements + self.nodes[:, :3]]) if self.has_pressure else moves
 
     def deformation(self, unknowns: FloatArray) -> FloatArray:
-        """Return deformation gradients F (elements, points, 2, 2)."""
+        """Return the deformation gradients F (elements, points, 2, 2)."""
         moves = unknowns[: self.displacements].reshape(-1, 2)[self.nodes].transpose(0, 2, 1)
         elements, points = self.weights.shape
         slopes = (moves @ self._flat_gradients).reshape(elements, 2, points, 2)
         return np.asarray(np.eye(2) + slopes.transpose(0, 2, 1, 3))
 
     def turned_inside_out(self, unknowns: FloatArray) -> BoolArray:
-        """Return a mask of elements that have no positive area somewhere."""
+        """Return a mask of the elements whose area ratio is not positive at every point."""
         return np.asarray((_det(self.deformation(unknowns)) <= 0.0).any(axis=1))
 
     def _state(self, unknowns: FloatArray) -> _State:
@@ -203,7 +203,7 @@ class Elements:
         return self._with_pressure(local, state) if self.has_pressure else local
 
     def _moduli(self, state: _State) -> FloatArray:
-        """Return moduli (elements, points, 3, 3) from strains xx, zz, 2 xz of the deformed body to Kirchhoff stress."""
+        """Return the moduli (elements, points, 3, 3) from strains xx, zz, 2 xz of the deformed body to Kirchhoff stress."""
         found = state.principal
         mean, half = found.stress.sum(axis=-1) / 2, (found.stress[..., 0] - found.stress[..., 1]) / 2
         slopes = self.material.slopes(self.plane, found.first, found.second)
@@ -224,7 +224,7 @@ class Elements:
         return moduli - volume[..., None, None] * np.diag([2.0, 2.0, 1.0])
 
     def _with_pressure(self, local: FloatArray, state: _State) -> FloatArray:
-        """Return the tangent bordered by the rows and columns of the pressures."""
+        """Return the tangent, bordered by the rows and columns of the pressures."""
         whole = np.zeros((len(local), 15, 15))
         whole[:, :12, :12] = local
         sweep = np.einsum("eq,qp,eqai->epai", state.area * self.weights, self._linear, state.gradients, optimize=True)

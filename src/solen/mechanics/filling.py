@@ -1,7 +1,7 @@
-"""Triangles between points on outlines: a graded lattice inside them, and a Delaunay triangulation of all points.
+"""Triangulation of an outlined area: a graded lattice of inner points, and a Delaunay triangulation of all points.
 
-Triangular lattices of halved spacings are each used in the region whose wanted size is nearest to their own. Points are
-moved to the middle of their neighbours a few times. Triangles outside the area are removed.
+Triangular lattices, each with half the spacing of the one before, fill the regions whose requested size is nearest to
+their spacing. Points are moved to the centre of their neighbours a few times. Triangles outside the area are removed.
 
 Public names: `Sizes` and `triangulated`.
 """
@@ -16,7 +16,7 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray, IndexArray
 
 GROWTH = 0.35
-"""Growth of elements per length with distance from small ones."""
+"""Growth of the element size per unit distance from small elements."""
 CLEAR = 0.65
 """Smallest distance of an inner point from the outline and from other points, in element sizes."""
 SMOOTHINGS = 6
@@ -24,20 +24,20 @@ SMOOTHINGS = 6
 
 @dataclass
 class Sizes:
-    """Size of elements by position: the smallest over the sources, each growing with the distance."""
+    """Element size as a function of position: the smallest size over the sources, each growing with distance."""
 
     largest_mm: float
     points: list[tuple[float, float]] = field(default_factory=list)
     sizes: list[float] = field(default_factory=list)
 
     def add(self, point: Iterable[float], size_mm: float) -> None:
-        """Add a position (x, z) with its own size."""
+        """Add a position (x, z) with a given size."""
         x, z = point
         self.points.append((float(x), float(z)))
         self.sizes.append(min(size_mm, self.largest_mm))
 
     def at(self, points: FloatArray) -> FloatArray:
-        """Return sizes (N,) at points (N, 2)."""
+        """Return the sizes (N,) at points (N, 2)."""
         found = np.full(len(points), self.largest_mm)
         for source, size in zip(self.points, self.sizes, strict=True):
             np.minimum(found, size + GROWTH * np.hypot(*(points - source).T), out=found)
@@ -58,7 +58,7 @@ def triangulated(own: FloatArray, area: Any, sizes: Sizes) -> tuple[FloatArray, 
 
 
 def _within(points: FloatArray, area: Any) -> IndexArray:
-    """Return Delaunay triangles (M, 3) with their middles in the area; slivers without area are omitted."""
+    """Return the Delaunay triangles (M, 3) with centres in the area; slivers of zero area are omitted."""
     import shapely
     from scipy.spatial import Delaunay
 
@@ -75,7 +75,7 @@ def _within(points: FloatArray, area: Any) -> IndexArray:
 
 
 def _smoothed(points: FloatArray, triangles: IndexArray, fixed: int) -> FloatArray:
-    """Return inner points moved to the middle of their neighbours."""
+    """Return the inner points, moved to the centre of their neighbours."""
     pairs = np.vstack([triangles[:, [i, j]] for i in range(3) for j in range(3) if i != j])
     n = len(points)
     count = np.bincount(pairs[:, 0], minlength=n)
@@ -121,7 +121,7 @@ def _windows(
 
 
 def _hexagonal(x_low: float, z_low: float, x_high: float, z_high: float, spacing: float) -> FloatArray:
-    """Return points (N, 2) of a lattice with a spacing about the axis x = 0, in a box."""
+    """Return the points (N, 2) in a box of a lattice with a given spacing, placed about the axis x = 0."""
     rise = spacing * math.sqrt(0.75)
     rows = np.arange(math.floor(z_low / rise), math.ceil(z_high / rise) + 1)
     columns = np.arange(math.floor(x_low / spacing) - 1, math.ceil(x_high / spacing) + 1)

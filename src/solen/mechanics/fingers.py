@@ -28,9 +28,9 @@ LEAST_SLANT = 0.1
 """Smallest cosine between the direction of a finger and the wall's inward normal."""
 OUTLINE_MM = 1e-4
 INTO_HELD_MM = 1e-6
-"""Depth to which a finger may enter a held region, as a tolerance for rounding."""
+"""Depth in mm to which a finger may enter a held region, a tolerance for rounding errors."""
 ACROSS_CONTACT = 6
-"""Number of elements across half of a contact."""
+"""Number of elements across half the contact width."""
 SHALLOW = 1e-3
 """Smallest depth, in radii, for which a contact is resolved."""
 
@@ -42,13 +42,13 @@ class Finger:
     Attributes
     ----------
     press
-        The load that describes it.
+        The load that describes the finger.
     face
-        Name of the face that it touches first.
+        Name of the face that the finger touches first.
     start_mm
-        Its centre (2,) at first contact.
+        Centre (2,) of the finger at first contact.
     way
-        Unit vector (2,) of its movement.
+        Unit vector (2,) of the finger's movement.
     through_mm
         Length of the body along this direction from the first contact.
     """
@@ -61,11 +61,11 @@ class Finger:
 
     @property
     def by_force(self) -> bool:
-        """Whether its force is given and its depth follows."""
+        """Whether the force of the finger is given and its depth is computed."""
         return self.press.force_N is not None
 
     def check(self, depth_mm: float, push: float, held: FloatArray) -> None:
-        """Raise `DesignError` if it passed through the body, meets held points (N, 2), or has lost contact."""
+        """Raise `DesignError` if the finger passed through the body, meets held points (N, 2) or lost contact."""
         centre = self.start_mm + depth_mm * self.way
         x, z = centre + self.press.radius_mm * self.way
         place = place_text((float(x), float(z)))
@@ -88,7 +88,7 @@ def finger_of(body: Body, press: Press) -> Finger:
     Raises
     ------
     DesignError
-        If its numbers are invalid, it does not move into the wall, or it passes through the body.
+        If the values of the press are invalid, the finger does not move into the wall, or it passes through the body.
     """
     if (press.depth_mm is None) == (press.force_N is None):
         raise DesignError(press.name, limit="requires either depth_mm or force_N")
@@ -123,7 +123,7 @@ def _through(body: Body, at: FloatArray, way: FloatArray) -> float:
 
 
 class Pairs(NamedTuple):
-    """Every finger with every node that it may touch: numbers of both (M,)."""
+    """Every finger with every node that it may touch, as index arrays (M,)."""
 
     finger: IndexArray
     node: IndexArray
@@ -161,7 +161,7 @@ class Touch:
 
 
 def touch_of(fingers: Sequence[Finger], pairs: Pairs, points: FloatArray, depth: FloatArray) -> Touch:
-    """Return the contact geometry of displaced nodes (N, 2) with fingers at depths (K,)."""
+    """Return the contact geometry of displaced nodes (N, 2) and fingers at depths (K,)."""
     centres = np.array([f.start_mm + d * f.way for f, d in zip(fingers, depth, strict=True)]).reshape(-1, 2)
     radii = np.array([f.press.radius_mm for f in fingers])
     apart = points[pairs.node] - centres[pairs.finger]
@@ -177,7 +177,7 @@ def pairs_of(mesh: BodyMesh, count: int, free: BoolArray) -> Pairs:
 
 
 def shares_of(mesh: BodyMesh, points: FloatArray) -> FloatArray:
-    """Return the length of the outline (N,) represented by each node; 0 inside."""
+    """Return the length (N,) of the outline that each node represents, or 0 for inner nodes."""
     shares = np.zeros(len(points))
     for edges in mesh.faces.values():
         np.add.at(shares, edges.nodes, edge_shares(points, edges.nodes))

@@ -42,10 +42,10 @@ class Hold:
     stretches
         The supported parts of the outline.
     kind
-        ``fixed``: none of their points moves. ``sliding``: they move along the wall's direction at rest, not across it.
-        ``turning``: they turn freely as one rigid piece about ``pivot_mm``.
+        ``fixed``: the points do not move. ``sliding``: they move along the wall's direction at rest, not across it.
+        ``turning``: they rotate freely as one rigid part about ``pivot_mm``.
     pivot_mm
-        Pivot of ``turning``, and the point about which the moment is stated; None: the middle of the held points.
+        Pivot of ``turning``, and reference point of the moment; None: the centre of the held points.
     solid
         Whether the material within the convex hull of the stretches is also held, as in a clamp that encloses it.
     name
@@ -61,9 +61,9 @@ class Hold:
 
 @dataclass(frozen=True)
 class Turn:
-    """A driven clamp: its stretches turn as one rigid piece by a stated finite angle.
+    """A driven clamp: its stretches rotate as one rigid part through a given finite angle.
 
-    Attributes are those of `Hold`, and ``angle_deg``, counter-clockwise.
+    The attributes are those of `Hold` and ``angle_deg``, counter-clockwise.
     """
 
     stretches: tuple[Stretch, ...]
@@ -74,7 +74,7 @@ class Turn:
 
     @property
     def motion(self) -> Rigid:
-        """Rigid motion of the clamp and of any part fixed to it, such as an emitter."""
+        """Rigid motion of the clamp and of any part fixed to the clamp, such as an emitter."""
         return Rigid.about(self.pivot_mm, self.angle_deg)
 
 
@@ -107,14 +107,14 @@ class Press:
 
 @dataclass(frozen=True)
 class Pull:
-    """A dead force distributed evenly over a part of the outline; its direction does not turn with the body.
+    """A dead load distributed uniformly over part of the outline; its direction does not rotate with the body.
 
     Attributes
     ----------
     stretches
-        Parts over which it is distributed, by their length at rest.
+        Parts over which the load is distributed, by their length at rest.
     force_N
-        Its components along x and z, for the whole thickness.
+        Components of the load along x and z, over the entire thickness.
     name
         Name in results and messages.
     """

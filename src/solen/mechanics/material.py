@@ -21,7 +21,7 @@ one.
 """
 
 LEAST_COMPLIANCE = 1e-8
-"""Smallest compliance to a pressure, relative to that in shear, for a material of constant area."""
+"""Smallest compliance to pressure, relative to the shear compliance, for a material of constant area."""
 SIGNS = np.array([1.0, -1.0])
 LEAST_POISSON = 0.4
 """Smallest Poisson's ratio, since the models apply to solids that nearly conserve their volume."""

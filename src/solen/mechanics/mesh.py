@@ -26,13 +26,13 @@ from solen.mechanics.filling import Sizes, triangulated
 ACROSS = 6.0
 """Default number of elements across the mean width of a body."""
 AT_CORNER = 0.25
-"""Size of elements at corners and ends of holds, relative to those elsewhere."""
+"""Element size at corners and ends of holds, relative to the size elsewhere."""
 IN_NOTCH = 1 / 32
-"""Relative size in re-entrant corners, where the strain is unbounded."""
+"""Relative element size in re-entrant corners, where the strain is unbounded."""
 SHARP_DEG = 15.0
 """Smallest angle between two faces that counts as a corner."""
 PER_RADIUS = 0.4
-"""Size of elements relative to the radius of a curved wall."""
+"""Element size relative to the radius of a curved wall."""
 ROUNDS = 8
 SAMPLES = 1025
 MOST_TRIANGLES = 200_000
@@ -55,7 +55,7 @@ class MeshOptions:
 
 
 class Edges(NamedTuple):
-    """Nodes along one face: parameters (N,) ascending, and numbers (N,); every second is the middle of an edge."""
+    """Nodes along a face: ascending parameters (N,) and indices (N,); every second node is an edge midpoint."""
 
     u: FloatArray
     nodes: IndexArray
@@ -81,7 +81,7 @@ class BodyMesh:
 
     @property
     def corners(self) -> int:
-        """Number of nodes that are corners of triangles."""
+        """Number of nodes that are triangle corners."""
         return int(self.mesh.nvertices)
 
 
@@ -139,13 +139,13 @@ def _sizes_of(body: Body, options: MeshOptions, cuts: Mapping[str, Sequence[floa
 
 
 def _corner_deg(before: Face, after: Face) -> float:
-    """Return the turn of the outline between two faces, counter-clockwise: negative in a notch."""
+    """Return the rotation angle of the outline between two faces, counter-clockwise; it is negative in a notch."""
     (ax, az), (bx, bz) = before.curve.velocity_at(1.0), after.curve.velocity_at(0.0)
     return math.degrees(math.atan2(ax * bz - az * bx, ax * bx + az * bz))
 
 
 def _bound_by_radius(sizes: Sizes, face: Face) -> None:
-    """Add smaller sizes if a wall is curved too much for the size elsewhere."""
+    """Add smaller sizes where the curvature of a wall is too large for the local element size."""
     u = np.linspace(0.0, 1.0, 33)
     points, heading = face.curve.points(u), np.unwrap(np.arctan2(*face.curve.velocities(u).T))
     turns, lengths = np.abs(np.diff(heading)), np.hypot(*np.diff(points, axis=0).T)
@@ -166,7 +166,7 @@ def _refuse_many(body: Body, sizes: Sizes, stated_mm: float | None) -> None:
 
 
 def _parameters(face: Face, sizes: Sizes, cuts: Sequence[float]) -> FloatArray:
-    """Return parameters (N,) of the ends of edges along a face: at the cuts, and between them by the sizes."""
+    """Return the parameters (N,) of the edge ends along a face: at the cuts, and between them as sized."""
     ends = np.unique([0.0, *cuts, 1.0])
     pieces = [_spaced(face, low, high, sizes)[:-1] for low, high in pairwise(ends)]
     return np.concatenate([*pieces, [1.0]])
@@ -183,7 +183,7 @@ def _spaced(face: Face, low: float, high: float, sizes: Sizes) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class _Outline:
-    """Ends of the edges along all outlines: points (N, 2) in order, and the number of the next point for each."""
+    """Edge ends along all outlines: points (N, 2) in order, and the index of the next point for each."""
 
     points: FloatArray
     following: IndexArray
@@ -208,7 +208,7 @@ class _Outline:
         return filled(rings)
 
     def missing(self, triangles: IndexArray) -> BoolArray:
-        """Return a mask of its edges (N,) that no triangle has."""
+        """Return a mask of the outline edges (N,) that belong to no triangle."""
         sides = np.sort(np.vstack([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
         own = np.sort(np.column_stack([np.arange(len(self.points)), self.following]), axis=1)
         factor = max(int(triangles.max()), len(self.points)) + 1
@@ -230,7 +230,7 @@ class _Outline:
 def _quadratic(
     body: Body, rings: list[list[FloatArray]], outline: _Outline, points: FloatArray, triangles: IndexArray
 ) -> BodyMesh:
-    """Return the mesh with middle nodes, which are on the curves along the outline."""
+    """Return the mesh with midpoint nodes, which are on the curves along the outline."""
     from skfem import MeshTri, MeshTri2
 
     used, inverse = np.unique(triangles, return_inverse=True)
@@ -253,7 +253,7 @@ def _quadratic(
 def _along(
     face: Face, u: FloatArray, ends: IndexArray, by_ends: Mapping[tuple[int, int], int], places: FloatArray
 ) -> Edges:
-    """Return the nodes along a face, after moving them to its curve, middle nodes to half of the length."""
+    """Return the nodes along a face, after moving them to its curve, with midpoint nodes at half the edge length."""
     middles_u = _middles(face, u)
     middles = np.array([by_ends[min(a, b), max(a, b)] for a, b in pairwise(ends.tolist())], dtype=np.intp)
     places[middles] = face.curve.points(middles_u)
@@ -263,7 +263,7 @@ def _along(
 
 
 def _middles(face: Face, u: FloatArray) -> FloatArray:
-    """Return parameters of the middles of edges by length: Newton's method on the difference of two chords."""
+    """Return the parameters of the edge midpoints by length, from Newton's method on the difference of two chords."""
     a, b = face.curve.points(u[:-1]), face.curve.points(u[1:])
     middle = 0.5 * (u[:-1] + u[1:])
     for _ in range(3):

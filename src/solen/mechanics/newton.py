@@ -20,11 +20,11 @@ from solen.mechanics.supports import Supports
 SMALLEST_SHARE = 1 / 64
 """Smallest fraction of a step that is tried."""
 LARGEST_PUSH = 0.2
-"""Largest step of a finger as a fraction of its radius; with a larger one, nodes could pass behind it."""
+"""Largest step of a finger as a fraction of its radius; in a larger step, nodes could pass behind the finger."""
 
 
 PIVOT = 0.01
-"""Smallest pivot of the factors, relative to the largest: sufficient for these matrices, and it reduces fill-in."""
+"""Smallest pivot of the factors, relative to the largest; it suffices for these matrices and reduces fill-in."""
 
 
 class DivergedError(Exception):
@@ -53,7 +53,7 @@ class Demand(NamedTuple):
 
 
 class Guess(NamedTuple):
-    """Unknowns of the elements, angles of hinges, depths of fingers, forces per mm on their pairs."""
+    """Unknowns of the elements, hinge angles, finger depths, and forces per mm on the contact pairs."""
 
     unknowns: FloatArray
     angles: FloatArray
@@ -79,7 +79,7 @@ class Taken(NamedTuple):
 
 
 class _Border(NamedTuple):
-    """Derivatives due to contact: of gaps by displacements, and of gaps and forces by the depths of fingers."""
+    """Contact derivatives: of gaps by displacements, and of gaps and forces by finger depths."""
 
     gaps: Any  # (touching pairs, unknowns)
     sinks: FloatArray  # (touching pairs, fingers)
@@ -94,7 +94,7 @@ def step(problem: Problem, guess: Guess, demand: Demand, kept: Factors | None) -
     Raises
     ------
     DivergedError
-        If every fraction of the step turns an element inside out, with its place.
+        If every fraction of the step turns an element inside out; the error gives the element's position.
     """
     elements, supports = problem.elements, problem.supports
     touch = touch_of(problem.fingers, problem.pairs, problem.displaced(guess.unknowns), guess.depth)
@@ -187,7 +187,7 @@ def _projection(problem: Problem, angles: FloatArray) -> Any:
 
 
 def _factors(problem: Problem, guess: Guess, residual: FloatArray, border: _Border, force: FloatArray) -> Factors:
-    """Return factors of the matrix at a guess, bordered by the contact's equations."""
+    """Return the factors of the matrix at a guess, bordered by the contact equations."""
     from scipy.sparse import block_array, csc_array, diags_array
     from scipy.sparse.linalg import splu
 

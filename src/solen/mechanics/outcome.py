@@ -16,13 +16,13 @@ from solen.mechanics.newton import Guess, Problem
 from solen.plane import Point
 
 PULLED = 0.02
-"""Pull of a sliding hold, as a fraction of its push, that is accepted without a warning."""
+"""A sliding hold causes no warning if its pull is at most this fraction of its push."""
 MOST_OF_IT = 0.9
-"""Fraction of the area in which walls bulge by no more than stated; at sharp corners the bulge is unbounded."""
+"""Fraction of the area in which walls bulge by at most the reported value; at sharp corners the bulge is unbounded."""
 FAINT = 1e-6
-"""Fraction of the largest force below which a node does not count as loaded by the finger."""
+"""A node does not count as loaded by the finger if its force is below this fraction of the largest force."""
 FEW = 5
-"""Number of nodes in contact below which its width is not resolved."""
+"""The contact width is not resolved if fewer nodes than this are in contact."""
 LARGE = 1.0
 """Principal strain ln λ beyond the range in which models were fitted for most resins."""
 
@@ -79,7 +79,7 @@ class Outcome:
 
     @cached_property
     def _at_corners(self) -> FloatArray:
-        """Return absolute strain at the corners of the triangles (N,), averaged over the adjacent elements."""
+        """Return the absolute strain (N,) at the triangle corners, averaged over the adjacent elements."""
         elements = self.problem.elements
         corners, n = elements.nodes[:, :3].ravel(), elements.mesh.corners
         means = np.repeat(np.abs(self._strain).mean(axis=1), 3)  # both signs occur if the volume is conserved
@@ -101,12 +101,12 @@ class Outcome:
 
     @cached_property
     def _pushes(self) -> FloatArray:
-        """Return forces (M, 2) of the fingers on their pairs, in N."""
+        """Return the forces (M, 2) of the fingers on their contact pairs, in N."""
         return np.asarray(self.thickness_mm * self.guess.force[:, None] * self._touch.normal)
 
     @cached_property
     def _exerted(self) -> FloatArray:
-        """Return forces (N, 2) of holds and clamps on the nodes, in N: the residual of the balance of forces there."""
+        """Return the forces (N, 2) of holds and clamps on the nodes, in N: the residual of the force balance there."""
         elements = self.problem.elements
         inner = elements.forces(self.guess.unknowns)[: elements.displacements]
         exerted = self.thickness_mm * inner.reshape(-1, 2)
@@ -160,7 +160,7 @@ class Outcome:
                     )
 
     def _touched(self, face: Face, nodes: IndexArray) -> Iterator[tuple[float, float, IndexArray]]:
-        """Yield parts of a face in contact, with their nodes; each extends halfway to the next node without contact."""
+        """Yield the parts of a face in contact, with their nodes; each extends halfway to the next free node."""
         edges = self.problem.elements.mesh.faces[face.name]
         touching = np.isin(edges.nodes, nodes)
         if not touching.any():
@@ -205,7 +205,7 @@ class _Stretch(TypedDict):
 
 
 def _lengths(face: Face, u_from: float, u_to: float) -> _Stretch:
-    """Return a part of a face as lengths, measured as in wall tables."""
+    """Return the length range of a part of a face, measured as in wall tables."""
     measure = Measure(face.curve)
     low, high = measure.lengths_at(np.array([u_from, u_to])).tolist()
     ends = (measure.length_mm - high, measure.length_mm - low) if face.from_end else (low, high)

@@ -34,10 +34,10 @@ EXACT_MM = 1e-8
 """Accuracy of the computed displacements."""
 MOST_STEPS = 25
 SLOW = 0.3
-"""Fraction of the error remaining after a step above which a reused matrix is recomputed."""
+"""A reused matrix is recomputed if a step leaves more than this fraction of the error."""
 MOST_HALVINGS = 5
 LARGEST_TURN_DEG = 12.0
-"""Largest turn of a clamp in one step."""
+"""Largest rotation of a clamp in one step."""
 REMEMBERED = 4
 """Number of states from which the next one is extrapolated."""
 
@@ -51,15 +51,15 @@ class SoftBody:
     body
         The body at rest.
     material
-        Material of the whole body.
+        Material of the entire body.
     holds
         Supports at rest.
     thickness_mm
-        Thickness along y; forces are for the whole thickness.
+        Thickness along y; forces are for the entire thickness.
     plane
         Plane strain or plane stress.
     mesh
-        Density of the mesh.
+        Mesh density.
     """
 
     body: Body
@@ -78,7 +78,7 @@ class SoftBody:
             raise DesignError("mechanics.poisson", value=self.material.poisson, limit=limit)
 
     def state(self, loads: Sequence[Load]) -> Deformed:
-        """Return the body under some loads, brought there from rest; raises the errors of `states`."""
+        """Return the body under the given loads, starting from rest; raises the errors of `states`."""
         return self.states([loads])[0]
 
     def states(self, loads: Sequence[Sequence[Load]]) -> list[Deformed]:
@@ -116,7 +116,7 @@ def _with(load: Load, amounts: Iterator[float]) -> Load:
 
 
 def _names(loads: Sequence[Load]) -> tuple[str, ...]:
-    """Name of each of the `_values`."""
+    """Name of each entry of `_values`."""
     found: list[str] = []
     for load in loads:
         if isinstance(load, Turn):
@@ -129,7 +129,7 @@ def _names(loads: Sequence[Load]) -> tuple[str, ...]:
 
 
 def _values(loads: Sequence[Load]) -> FloatArray:
-    """Return the amounts of loads in degrees, mm or N: one for each, and two for a pull."""
+    """Return the load amounts in degrees, mm or N: one for each load, and two for a pull."""
     found: list[float] = []
     for load in loads:
         if isinstance(load, Turn):
@@ -144,7 +144,7 @@ def _values(loads: Sequence[Load]) -> FloatArray:
 
 
 class State(NamedTuple):
-    """Amounts of the loads, and the equilibrium under them."""
+    """Load amounts, and the equilibrium under them."""
 
     values: FloatArray
     guess: Guess
@@ -205,7 +205,7 @@ class Path:
         return cls(problem, _names(loads), tuple(kinds), by_force, spread, soft.thickness_mm, [first])
 
     def outcome(self, body: Body, loads: Sequence[Load]) -> Outcome:
-        """Return the equilibrium under some loads, from the last state."""
+        """Return the equilibrium under the given loads, starting from the last state."""
         guess = self.reach(_values(loads))
         own = self.thickness_mm * self.spread.reshape(-1, 2, *self.problem.supports.points_mm.shape)
         pulls = [load for load in loads if isinstance(load, Pull)]
@@ -213,7 +213,7 @@ class Path:
         return Outcome(body, self.problem, guess, forces, self.thickness_mm)
 
     def reach(self, values: FloatArray) -> Guess:
-        """Return the equilibrium at given amounts of the loads, from the last one."""
+        """Return the equilibrium at the given load amounts, starting from the last state."""
         state = self._reached(self.passed[-1], values, MOST_HALVINGS)
         self.passed.append(state)
         held = self._points_held(state.guess)
@@ -223,13 +223,13 @@ class Path:
         return state.guess
 
     def _points_held(self, guess: Guess) -> FloatArray:
-        """Return positions of the nodes (N, 2) of the outline whose displacement is given."""
+        """Return the positions (N, 2) of the outline nodes with prescribed displacements."""
         own = np.unique(np.concatenate([e.nodes for e in self.problem.elements.mesh.faces.values()]))
         held = np.intersect1d(own, self.problem.supports.fixed)
         return np.asarray(self.problem.displaced(guess.unknowns)[held])
 
     def _reached(self, start: State, values: FloatArray, halvings: int) -> State:
-        """Return the state at some amounts from another one, in halved steps if that is too far."""
+        """Return the state at the given load amounts from another state, in halved steps if that is too far away."""
         if not self._too_far(values - start.values):
             try:
                 return State(values, self._equilibrium(self._extrapolated(start, values), values))
@@ -249,14 +249,14 @@ class Path:
         return bool((pushed > LARGEST_PUSH * radii)[~self.by_force].any() or (turned > LARGEST_TURN_DEG).any())
 
     def _unbearable(self, reached: FloatArray, tried: FloatArray, reason: str) -> DesignError:
-        """Return an error about loads that the body cannot bear, with those that it can."""
+        """Return an error about loads that the body cannot bear, with the loads that it can."""
         most, values = ("no more", reached) if reached.any() else ("less", tried)
         names = [f"{name} = {value:.4g}" for name, value in zip(self.names, values, strict=True)]
         limit = f"the body bears {most} than about {', '.join(names)}: {reason}"
         return DesignError("loads", limit=limit, remedy="load it less")
 
     def _extrapolated(self, start: State, values: FloatArray) -> Guess:
-        """Return a guess from the polynomial through the last states, if the loads are on one line."""
+        """Return a guess from the polynomial through the last states, if their load amounts are on a straight line."""
         known = self.passed[-REMEMBERED:]
         way = values - start.values
         square = float(way @ way)
@@ -274,7 +274,7 @@ class Path:
         return start.guess._replace(unknowns=np.asarray(next(mixed)), angles=np.asarray(next(mixed)))
 
     def _equilibrium(self, guess: Guess, values: FloatArray) -> Guess:
-        """Return the equilibrium at some amounts of the loads, from a guess."""
+        """Return the equilibrium at the given load amounts, starting from a guess."""
         turns, presses, pulls = (values[[k is kind for k in self.kinds]] for kind in (Turn, Press, Pull))
         push = np.where(self.by_force, presses, 0.0) / self.thickness_mm
         guess = guess._replace(depth=np.where(push > 0.0, guess.depth, np.where(self.by_force, 0.0, presses)))
@@ -312,7 +312,7 @@ def _problem(soft: SoftBody, mesh: BodyMesh, loads: Sequence[Load], fingers: tup
 
 
 def _spread(body: Body, mesh: BodyMesh, pull: Pull) -> FloatArray:
-    """Return forces (2, components of displacement) at the nodes for a pull of 1 N along x, and for one along z."""
+    """Return the nodal forces (2, displacement components) for a pull of 1 N along x, and for a pull of 1 N along z."""
     forces = np.zeros((2, len(mesh.points_mm), 2))
     for _, nodes in nodes_on(body, mesh, pull.stretches, pull.name):
         shares = edge_shares(mesh.points_mm, nodes)

@@ -32,7 +32,7 @@ def parts_of(body: Body, stretch: Stretch, what: str) -> list[Part]:
     Raises
     ------
     DesignError
-        If it names no face of an outline, or extends beyond the end of all faces that it names.
+        If the stretch names no face of an outline, or extends beyond the end of all faces that it names.
     """
     named = [face for face in body.all_faces if called(face, stretch.face)]
     if not named:
@@ -49,7 +49,7 @@ def parts_of(body: Body, stretch: Stretch, what: str) -> list[Part]:
 
 
 def place_of(body: Body, press: Press) -> tuple[Face, float]:
-    """Return face and parameter of a finger's first contact; raise `DesignError` if there is no such place."""
+    """Return the face and parameter of a finger's first contact; raise `DesignError` if there is none."""
     named = [face for face in body.all_faces if called(face, press.face)]
     if not named:
         raise _unknown(body, press.face, press.name)
@@ -65,7 +65,7 @@ def place_of(body: Body, press: Press) -> tuple[Face, float]:
 
 
 def cuts_of(body: Body, holds: Sequence[Hold], loads: Sequence[Load]) -> dict[str, list[float]]:
-    """Return parameters by face at which elements must end: the ends of all stretches, and the contacts of fingers."""
+    """Return the parameters, by face, at which elements must end: ends of stretches and finger contacts."""
     cuts: dict[str, list[float]] = defaultdict(list)
     for one in (*holds, *loads):
         if isinstance(one, Press):
@@ -79,7 +79,7 @@ def cuts_of(body: Body, holds: Sequence[Hold], loads: Sequence[Load]) -> dict[st
 
 
 def nodes_on(body: Body, mesh: BodyMesh, stretches: Iterable[Stretch], what: str) -> list[tuple[Face, IndexArray]]:
-    """Return the nodes on parts covered by stretches, in order along each; every second is the middle of an edge."""
+    """Return the nodes on parts covered by stretches, in order along each; every second is an edge midpoint."""
     found = []
     for stretch in stretches:
         for part in parts_of(body, stretch, what):
@@ -90,7 +90,7 @@ def nodes_on(body: Body, mesh: BodyMesh, stretches: Iterable[Stretch], what: str
 
 
 def edge_shares(points: FloatArray, nodes: IndexArray) -> FloatArray:
-    """Return lengths (N,) represented by each node along edges: Simpson's 1, 4, 1 sixths of every edge."""
+    """Return the length (N,) of edge that each node represents, with Simpson weights 1/6, 4/6, 1/6 per edge."""
     ends = points[nodes[::2]]
     lengths = np.hypot(*np.diff(ends, axis=0).T)
     shares = np.zeros(len(nodes))

@@ -1,8 +1,8 @@
 """Displacements of a body that its holds and clamps leave free.
 
 U = given + T q, with one column of T for every free displacement: both components of a free node, the component along
-the wall of a sliding node, and one for all nodes of a piece that turns about a point. The latter columns depend on the
-angle of the turn.
+the wall of a sliding node, and one for all nodes of a part that rotates about a point. The columns of rotating parts
+depend on the rotation angle.
 
 Public names: `supports_of` and `Supports`.
 """
@@ -25,15 +25,15 @@ from solen.mechanics.stretches import nodes_on
 from solen.plane import Point
 
 CORNERED = (0.0, 0.0)
-"""Direction of a node that slides along two walls and so cannot move."""
+"""Direction stored for a node that slides along two walls and so cannot move."""
 PARALLEL = 1e-6
-"""Vector product of the sliding directions of a corner below which they count as equal."""
+"""The sliding directions at a corner count as parallel if their vector product is below this value."""
 FREE = 1e-6
-"""Fraction of the largest constraint below which all constraints of a free rigid motion are."""
+"""A rigid motion is free if all its constraints are below this fraction of the largest constraint."""
 
 
 class Group(NamedTuple):
-    """Nodes of one hold or clamp, and the point about which its moment is stated."""
+    """Nodes of a hold or clamp, and the reference point of its moment."""
 
     name: str
     nodes: IndexArray
@@ -41,7 +41,7 @@ class Group(NamedTuple):
 
 
 class _Piece(NamedTuple):
-    """Nodes that move as one piece, and the point about which they turn."""
+    """Nodes that move as one rigid part, and its pivot."""
 
     nodes: IndexArray
     pivot: FloatArray
@@ -115,7 +115,7 @@ class Supports:
         return np.array([-np.sum(pairs[h.nodes] * arm) for h, arm in zip(self.hinges, arms, strict=True)])
 
     def given(self, angles_deg: Sequence[float]) -> FloatArray:
-        """Return displacements (N, 2) of nodes with a given position, at the angles of the clamps; 0 elsewhere."""
+        """Return the displacements (N, 2) of nodes with prescribed positions, at the clamp angles; 0 elsewhere."""
         found = np.zeros_like(self.points_mm)
         for clamp, angle_deg in zip(self.driven, angles_deg, strict=True):
             found[clamp.nodes] = _turn_less_one(self.points_mm[clamp.nodes] - clamp.pivot, math.radians(angle_deg))
@@ -137,7 +137,7 @@ def supports_of(body: Body, mesh: BodyMesh, holds: Sequence[Hold], turns: Sequen
     Raises
     ------
     DesignError
-        If the body is not held sufficiently, with the motion that is free, or if two supports hold one place.
+        If the body is not held sufficiently (the error gives the free motion), or if two supports hold the same place.
     """
     held: dict[int, Hold | Turn] = {}
     lines: dict[int, Point] = {}
@@ -174,7 +174,7 @@ def supports_of(body: Body, mesh: BodyMesh, holds: Sequence[Hold], turns: Sequen
 
 
 def _apart(group: Group, held: dict[int, Hold | Turn], one: Hold | Turn, points: FloatArray) -> Group:
-    """Return the group without nodes that another one fixes; raise `DesignError` if either of the two moves."""
+    """Return the group without nodes that another group fixes; raise `DesignError` if either group moves."""
     twice = [n for n in group.nodes.tolist() if n in held]
     for n in twice:
         if any(isinstance(other, Turn) or other.kind == "turning" for other in (held[n], one)):
@@ -194,7 +194,7 @@ def _group(body: Body, mesh: BodyMesh, one: Hold | Turn) -> Group:
 
 
 def _enclosed(mesh: BodyMesh, nodes: IndexArray) -> IndexArray:
-    """Return all nodes in the convex hull of some."""
+    """Return all nodes in the convex hull of the given nodes."""
     import shapely
 
     hull = shapely.MultiPoint(mesh.points_mm[nodes]).convex_hull.buffer(1e-9)
@@ -221,7 +221,7 @@ def _direction(face: Face, u: float) -> Point:
 
 
 def _refuse_unheld(mesh: BodyMesh, supports: Supports) -> None:
-    """Raise `DesignError` if a connected piece of the body can still move as a rigid body."""
+    """Raise `DesignError` if a connected part of the body can still move as a rigid body."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -264,7 +264,7 @@ def _refuse_free(supports: Supports, own: Any) -> None:
 
 
 def _rows(arms: FloatArray, ways: FloatArray | None) -> FloatArray:
-    """Return the movement of points in the held directions, per unit of shifts along x and z and of a turn: (M, 3)."""
+    """Return the movement (M, 3) of points in the held directions, per unit translation in x, z and rotation."""
     one, zero = np.ones(len(arms)), np.zeros(len(arms))
     along_x, along_z = np.column_stack([one, zero, -arms[:, 1]]), np.column_stack([zero, one, arms[:, 0]])
     if ways is None:
@@ -278,6 +278,6 @@ def _turned(arms: FloatArray, angle: float) -> FloatArray:
 
 
 def _turn_less_one(arms: FloatArray, angle: float) -> FloatArray:
-    """Return displacements of points at arms (N, 2) from a pivot in a turn, accurate for the smallest angle."""
+    """Return the displacements (N, 2) of points at arms from a pivot in a rotation, accurate even for tiny angles."""
     s, less = math.sin(angle), -2.0 * math.sin(0.5 * angle) ** 2
     return np.asarray(arms @ np.array([[less, s], [-s, less]]))

@@ -9,7 +9,7 @@ from solen.spec.quantities import Index, Length
 from solen.spec.strict import NotNegative, Number, Strict, Text, or_refuse, refused
 
 Keys = dict[str, tuple[str, ...]]
-"""Names of keys, by the name of their table."""
+"""Key names, listed for each table name."""
 
 UNUSED_KEYS: dict[str, Keys] = {
     "y": {
@@ -47,7 +47,7 @@ UNUSED_KEYS: dict[str, Keys] = {
         ),
     },
 }
-"""The known kinds of bodies, each with the keys that it does not use; `solen.geometry.kinds` builds the bodies."""
+"""The built-in body kinds, each with the keys that it does not use; `solen.geometry.kinds` builds the bodies."""
 
 
 def unused_keys(kind: str) -> Keys:
@@ -79,7 +79,7 @@ class Parameters(Strict):
 
 
 class Material(Strict):
-    """The material of body and lens: a refractive index, or a resin whose index depends on the wavelength."""
+    """The material of the body and the lens: a refractive index, or a resin whose index depends on the wavelength."""
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["index"]}, {"required": ["resin"]}]})
     table: ClassVar[str] = "material"
@@ -97,14 +97,14 @@ class Material(Strict):
     @model_validator(mode="after")
     def _one_of_index_and_resin(self) -> Self:
         if self.index is not None and self.resin is not None:
-            raise refused("", "states both index and resin", remedy="keep one of the two")
+            raise refused("", "defines both index and resin", remedy="keep one of the two")
         if self.index is None and self.resin is None:
-            raise refused("", "states neither index nor resin", remedy='add index = 1.44 or resin = "pmma"')
+            raise refused("", "defines neither index nor resin", remedy='add index = 1.44 or resin = "pmma"')
         return self
 
     @property
     def states_absorption(self) -> bool:
-        """Whether the design file states the absorption; it then overrides the resin's own, even if it is 0."""
+        """Whether the file gives the absorption coefficient; it then overrides the resin's value, even if 0."""
         return "absorption_per_mm" in self.model_fields_set
 
 
@@ -120,7 +120,7 @@ OF_SHAPES = (
     ("knots_um", "spline", "measured"),
     ("least_feature_um", "spline", "measured"),
 )
-"""Keys of a lens, each followed by the lens shapes that use it."""
+"""Lens keys, each followed by the lens shapes that use it."""
 Deviation = Annotated[Number, Field(ge=-1e4, le=1e4)]
 """Deviation of a lens surface from the Cartesian oval, in µm."""
 
@@ -212,7 +212,7 @@ class Lens(Strict):
 
     @property
     def in_space(self) -> bool:
-        """Whether the lens surface varies with height; if not, it consists of upright walls."""
+        """Whether the lens surface varies with height; if not, the lens consists of vertical walls."""
         return self.shape in ("line-focus", "layered")
 
 

@@ -1,4 +1,4 @@
-"""Checks of keys across the tables of a design: which keys require or exclude one another."""
+"""Checks of key combinations across the tables of a design: which keys require or exclude one another."""
 
 from typing import TYPE_CHECKING
 
@@ -59,7 +59,7 @@ def _refuse_stated(design: "Design", keys: Keys, because: str) -> None:
 
 
 def _check_network(design: "Design") -> None:
-    """Check that network tables are used only with a network, and that it has guides, emitters and receivers."""
+    """Check that only a network has network tables, and that it has guides, emitters and receivers."""
     network, has = design.network, design.body.kind == "network"
     drawn = design.body.file is not None
     for key in ("emitters", "receivers") if drawn else ("guides", "emitters", "receivers"):
@@ -77,13 +77,13 @@ def _check_network(design: "Design") -> None:
 
 
 OF_A_DRAWING = ("nodes", "guides", "fixed")
-"""Keys of the network that the drawing replaces."""
+"""Network keys that the drawing replaces."""
 WHERE = ("node", "guide", "side", "at_mm", "from_mm", "to_mm", "distance_mm", *UNUSED_KEYS["outline"]["lens"])
 """Keys that place or shape a part of a network; if the network is drawn, the drawing defines them."""
 
 
 def _check_places(design: "Design") -> None:
-    """Reject a part without a place, and keys that apply only to a drawing."""
+    """Reject a part without a position, and reject keys that apply only to a drawing."""
     for key in ("units", "join_mm"):
         if getattr(design.body, key) is not None:
             raise refused(f"body.{key}", "does not apply without body.file", value=getattr(design.body, key))
@@ -130,7 +130,7 @@ def _check_carried(design: "Design") -> None:
 
 
 def _check_bend(design: "Design") -> None:
-    """Reject a bend of an outline that does not state which range bends."""
+    """Reject a bend of an outline whose design does not specify the range that bends."""
     motion = design.motion
     if not design.body.lens_is_drawn:
         return
@@ -142,7 +142,7 @@ def _check_bend(design: "Design") -> None:
 
 
 def _check_moves(design: "Design") -> None:
-    """Reject moving parts that the body does not have or that cannot turn."""
+    """Reject moving parts that the body does not have or that cannot rotate."""
     moves = design.motion.moves
     if "mirrors" in moves:
         raise refused("motion.moves", "a Y has no mirrors", value=list(moves), remedy="leave them out")

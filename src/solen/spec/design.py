@@ -1,7 +1,7 @@
 """The design: everything that determines a sensor and its simulation, as frozen tables.
 
-One object stores the user's choices and nothing derived from them. Its keys are those of the design file, their names
-include units, and the defaults are the paper's sensor at 860 nm, so a file states only the differences. Later stages
+A `Design` stores the user's choices and nothing derived from them. Its keys are those of the design file and include
+their units. The defaults describe the paper's sensor at 860 nm, so a file contains only the differences. Later stages
 check whether the design can be built (an oval beyond tangency, a self-intersecting body).
 
 Public names: `Design` and `Trace`.
@@ -27,7 +27,7 @@ from solen.spec.tolerance import Tolerance
 from solen.spec.wall import Wall
 
 READOUT_PARTS = ("part", "emitter_part", "trimmer", "adc")
-"""Keys of the readout that name parts."""
+"""Readout keys that name parts."""
 
 
 def names_file(name: str | None) -> bool:
@@ -57,7 +57,7 @@ class Trace(Strict):
 class Design(Strict):
     """A sensor: its name, material, optics, body, motion and trace.
 
-    Two designs are equal if their tables are equal and they name the same files.
+    Two designs are equal if their tables are equal and they refer to the same files.
     """
 
     name: Text = Field(description="the name of the design, one line.")
@@ -115,7 +115,7 @@ class Design(Strict):
 
     @classmethod
     def _dotted(cls, key: str) -> str:
-        """Return the dotted form of a key that occurs in a single table; ``name`` of the design is unchanged."""
+        """Return the dotted form of a key that occurs in a single table; ``name`` (of the design) is unchanged."""
         tables: dict[str, Any] = {name: field.annotation for name, field in cls.model_fields.items()}
         keys = {name: kind.model_fields for name, kind in tables.items() if hasattr(kind, "model_fields")}
         dotted = [f"{name}.{key}" for name, fields in keys.items() if key in fields]
@@ -129,22 +129,22 @@ class Design(Strict):
 
     @property
     def folder(self) -> Path:
-        """The base folder of relative paths: the design file's, or the working directory for a design in memory."""
+        """Base folder of relative paths: the design file's folder, or the working directory for a design in memory."""
         return self._folder
 
     @property
     def resin_file(self) -> Path | None:
-        """Path of the resin file, or None if the design states an index or a resin of the library."""
+        """Path of the resin file, or None if the design gives an index or names a resin in the library."""
         return self.file_of(self.material.resin) if names_file(self.material.resin) else None
 
     @property
     def part_file(self) -> Path | None:
-        """Path of the emitter's part file, or None if the emitter has no part or one of the library."""
+        """Path of the emitter's part file, or None if the emitter has no part or its part is in the library."""
         return self.file_of(self.emitter.part) if names_file(self.emitter.part) else None
 
     @property
     def receiver_file(self) -> Path | None:
-        """Path of the part file of the receiver that the pockets fit, or None if it is in the library."""
+        """Path of the part file of the receiver that the pockets fit, or None if that receiver is in the library."""
         name = self.fabricate.receiver_part
         return self.file_of(name) if names_file(name) else None
 
@@ -168,7 +168,7 @@ class Design(Strict):
         return None if name is None else self._folder / name
 
     def named_file(self, name: str | None) -> Path | None:
-        """Return the path of a part's file, or None if the part is in the library or not stated."""
+        """Return the path of a part file, or None if the part is in the library or not specified."""
         return self.file_of(name) if names_file(name) else None
 
     @property
@@ -183,13 +183,14 @@ class Design(Strict):
 
     @property
     def shared_emitter(self) -> Emitter:
-        """The ``[emitter]`` table as stated; in a network with one emitter lit, the values that all emitters share."""
+        """The ``[emitter]`` table of the file; with one emitter of a network lit, the values all emitters share."""
         return self._shared or self.emitter
 
     def with_emitter(self, emitter: Emitter, network: Network) -> Self:
-        """Return a copy of a network's design with one emitter lit.
+        """Return a copy of a network design with one emitter lit.
 
-        Its table replaces the shared ``[emitter]`` table, which remains available as `shared_emitter`.
+        The table of the lit emitter replaces the shared ``[emitter]`` table, which remains available as
+        `shared_emitter`.
         """
         copy = self.model_copy(update={"emitter": emitter, "network": network})
         copy._shared = self.shared_emitter

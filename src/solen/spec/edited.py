@@ -42,7 +42,8 @@ def edited(text: str, values: Mapping[str, Any], *, what: str = "design", folder
         _put(document, path_of(key), value)
     written = tomlkit.dumps(document)
     if loads(written, what=what, folder=folder) != after:
-        raise SpecError(what, limit="cannot be changed there without changing more", remedy="change it in the file")
+        limit = "cannot be changed there without changing more"
+        raise SpecError(what, limit=limit, remedy="change the value in the file")
     return written
 
 

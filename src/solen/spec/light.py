@@ -11,7 +11,7 @@ from solen.spec.strict import NotNegative, Number, Positive, Strict, Text, or_re
 
 
 def why_no_pattern(pairs: Sequence[tuple[float, float]]) -> str:
-    """Return why pairs of angle (degrees) and relative intensity are not a valid pattern; empty if they are."""
+    """Return why pairs of angle (degrees) and relative intensity are no valid pattern; empty if they are."""
     if len(pairs) < 2:
         return "must have at least 2 entries"
     angles = [angle for angle, _ in pairs]
@@ -22,7 +22,7 @@ def why_no_pattern(pairs: Sequence[tuple[float, float]]) -> str:
 
 
 class Emitter(Strict):
-    """The light source before the lens, and the rays that represent it."""
+    """The light source in front of the lens, and the rays that represent it."""
 
     table: ClassVar[str] = "emitter"
     reserved: ClassVar[frozenset[str]] = frozenset({"power_mW"})
@@ -109,13 +109,13 @@ class Emitter(Strict):
         return self
 
     def _rays_alone(self) -> None:
-        """Reject keys that a ray file replaces: all except the wavelength."""
+        """Reject the keys that a ray file replaces: all emitter keys except the wavelength."""
         for key in ("part", "y_mm", "width_mm", "height_mm", "cone_deg", "pattern", "spectrum", "fwhm_nm"):
             if self.states(key):
                 raise refused(key, "cannot be combined with ray_file", remedy="leave it out")
 
     def states(self, key: str) -> bool:
-        """Return whether the design states a key explicitly, even if the value is the default."""
+        """Return whether the design file contains a key, even if its value is the default."""
         return key in self.model_fields_set
 
     @property

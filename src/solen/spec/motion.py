@@ -1,4 +1,4 @@
-"""The table of the motion: which parts turn about which pivot, and the angles of a sweep."""
+"""The motion table: which parts rotate about which pivot, and the angles of a sweep."""
 
 from decimal import Decimal
 from itertools import pairwise
@@ -118,7 +118,7 @@ class Motion(Strict):
         return "depth_mm" if key == "depth_mm" else "force_N" if key == "force_N" else "angle_deg"
 
     def named(self, value: float) -> "Driven":
-        """Return a dictionary with the driven value under its key and None under the keys of the other quantities."""
+        """Return a dictionary with the value under the key of the driven quantity and None under the others."""
         key = self.key
         return Driven(
             angle_deg=value if key == "angle_deg" else None,
@@ -132,13 +132,13 @@ class Motion(Strict):
         return self.key.rpartition("_")[2]
 
     def values(self) -> tuple[float, ...]:
-        """Return the values that the motion drives, ascending: angles, or the depths or forces on a loaded body."""
+        """Return the values of the driven quantity, ascending: angles, or depths or forces on a loaded body."""
         return self.angles_deg() if self.key == "angle_deg" else self.depths_mm or self.forces_N or ()
 
     def angles_deg(self) -> tuple[float, ...]:
-        """Return the angles from `from_deg` to `to_deg` in steps of `step_deg`; both ends if the step reaches them.
+        """Return the angles from `from_deg` in steps of `step_deg`, to `to_deg` included if a step reaches it.
 
-        The steps are added in decimal arithmetic, as the file states them: -0.3 in steps of 0.1 passes through exactly
+        The steps are added in decimal arithmetic, as written in the file: -0.3 in steps of 0.1 passes through exactly
         0.0.
 
         Returns

@@ -1,9 +1,9 @@
 """A network of guides: ``[network]`` and its lists, for ``body.kind = "network"``.
 
-Guides join nodes; lenses, emitters and receivers are placed at nodes where a single guide ends, or on the side of a
-guide. ``[lens]``, ``[emitter]`` and ``[receivers]`` state what all lenses, emitters and receivers share, and a key of a
-single part overrides the shared value. The emitters are lit in turn: ``lit`` names the one that is. ``at_deg`` is the
-current position of each motion.
+Guides connect nodes. Lenses, emitters and receivers are placed at nodes where a single guide ends, or on the side of a
+guide. ``[lens]``, ``[emitter]`` and ``[receivers]`` contain the values that all lenses, emitters and receivers share; a
+key of a single part overrides the shared value. The emitters are lit in turn, and ``lit`` names the current one.
+``at_deg`` is the current position of each motion.
 
 With ``body.file`` the network is drawn: the lists then name emitters, lenses and receivers, but do not place them.
 """
@@ -36,7 +36,7 @@ PivotOf = Annotated[Point | Literal["emitter"], or_refuse('must be "emitter" or 
 PlaceOf = Annotated[Point, or_refuse("must be [x_mm, z_mm] with two finite numbers")]
 
 OF_FACES = ("receiver", "mirror", "black", "lens", "end", "join", "fillet")
-"""First words of the names of faces that are not sides of a guide."""
+"""First words of the names of all faces other than the sides of guides."""
 
 
 def _name(name: str) -> str:
@@ -101,7 +101,7 @@ class Guide(Strict):
 
     @property
     def widths(self) -> tuple[float, ...]:
-        """Coefficients of the width as a polynomial."""
+        """Coefficients of the polynomial that gives the width."""
         return self.width_mm if isinstance(self.width_mm, tuple) else (self.width_mm,)
 
     @model_validator(mode="after")
@@ -128,7 +128,7 @@ REMEDY_OF_PLACE = 'state node = "tip", or guide and side'
 
 
 class Placed(Strict):
-    """A part at a node where a single guide ends, or on the side of a guide; a drawing places its parts itself."""
+    """A part at a node where a single guide ends, or on a guide's side; in a drawn network, the drawing places it."""
 
     name: Name = Field(description="its name.")
     node: Text | None = Field(None, description="Node at which the part is placed; only one guide may end there.")
@@ -136,7 +136,7 @@ class Placed(Strict):
     side: Side | None = Field(None, description="Side of that guide, as seen from its first node.")
 
     def check_place(self, beside: Iterable[str]) -> None:
-        """Raise an error if both a node and a side are stated, or if keys of a side are missing or do not apply."""
+        """Raise an error if both a node and a side are given, or if keys of a side are missing or do not apply."""
         if self.node is not None and self.guide is not None:
             raise refused("node", "does not apply with guide", value=self.node, remedy=REMEDY_OF_PLACE)
         for key in ("side", *beside):
@@ -147,7 +147,7 @@ class Placed(Strict):
 
 
 class PlacedLens(Placed):
-    """A lens of a network; keys that are not stated have the values of ``[lens]``."""
+    """A lens of a network; omitted keys have the values of ``[lens]``."""
 
     table: ClassVar[str] = "network.lenses"
 
@@ -171,7 +171,7 @@ class PlacedLens(Placed):
 
 
 class PlacedEmitter(Placed):
-    """An emitter before a lens, a bare end or a side; keys that are not stated have the values of ``[emitter]``."""
+    """An emitter in front of a lens, a bare end or a side; omitted keys have the values of ``[emitter]``."""
 
     table: ClassVar[str] = "network.emitters"
 
@@ -201,7 +201,7 @@ class PlacedEmitter(Placed):
 
 
 class PlacedReceiver(Placed):
-    """A receiver on the end of a guide or on part of its side."""
+    """A receiver at the end of a guide or on part of a side."""
 
     table: ClassVar[str] = "network.receivers"
 
@@ -257,7 +257,7 @@ class NamedMotion(Strict):
         return self
 
     def angles_deg(self) -> tuple[float, ...]:
-        """Return the angles of the range, ascending, with both ends."""
+        """Return the angles of the range in ascending order, including both ends."""
         step = (self.to_deg - self.from_deg) / self.steps
         inner = (self.from_deg + i * step for i in range(1, self.steps))
         return (self.from_deg, *(0.0 if abs(angle) < 1e-9 * step else angle for angle in inner), self.to_deg)
@@ -308,7 +308,7 @@ class Network(Strict):
         return self
 
     def _on_sides(self) -> set[str]:
-        """Return the names of lenses on sides, and of emitters on sides or before such lenses."""
+        """Return the names of lenses on sides, and of emitters on sides or in front of these lenses."""
         lenses = {lens.name for lens in self.lenses if lens.guide is not None}
         return lenses | {
             emitter.name for emitter in self.emitters if emitter.guide is not None or emitter.lens in lenses
@@ -323,7 +323,7 @@ class Network(Strict):
         )
 
     def _names(self) -> Iterator[tuple[str, str | None, str, list[str]]]:
-        """Yield the keys that refer to a name, each with that name, its kind, and the names that exist."""
+        """Yield each key that refers to a name, with that name, the kind of part it must name, and those known."""
         known = {key: [one.name for one in getattr(self, key)] for key in LISTS}
         yield "lit", self.lit, "emitter", known["emitters"]
         yield "fixed", self.fixed, "node", known["nodes"]
@@ -346,7 +346,7 @@ LISTS = ("nodes", "guides", "lenses", "emitters", "receivers", "motion", "readin
 
 
 def _check_twice(key: str, names: list[str]) -> None:
-    """Raise an error if two entries of one kind have the same name."""
+    """Raise an error if two entries of the same kind have the same name."""
     for name, count in Counter(names).items():
         if count > 1:
             second = [number for number, one in enumerate(names) if one == name][1]

@@ -1,7 +1,7 @@
 """Conversion of JSON objects to dataclasses, with every field checked against its type.
 
-An object that may be of several kinds, such as a curve, has a ``kind`` and the fields of the class that it names.
-Unknown keys are rejected, and the error states their location.
+An object that can be of several kinds, such as a curve, has a ``kind`` key, which selects the class, and the fields of
+that class. Unknown keys are rejected, and the error gives their location.
 """
 
 import dataclasses
@@ -40,7 +40,7 @@ def parsed(text: str, where: str, remedy: str = "") -> Any:
 
 
 def untagged(data: dict[str, Any], kinds: dict[str, type[T]], where: str) -> T:
-    """Make an object of the class that its ``kind`` names."""
+    """Make an object of the class selected by the ``kind`` key."""
     kind = data.get("kind")
     if not isinstance(kind, str) or kind not in kinds:
         raise DataError(f"{where}: kind", value=kind, limit=f"must be one of {', '.join(kinds)}")

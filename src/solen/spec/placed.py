@@ -1,4 +1,4 @@
-"""Tables of the parts of a network: the shared tables of the design, overridden by the keys of each part."""
+"""Part tables of a network: the shared tables of the design, overridden by the keys of each part."""
 
 from collections.abc import Iterator, Mapping
 from itertools import product
@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from solen.spec.strict import Strict
 
 OF_A_PART = ("wavelength_nm", "spectrum", "fwhm_nm", "width_mm", "height_mm", "cone_deg", "pattern", "exponent")
-"""Shared keys of ``[emitter]`` that do not apply to an emitter with a part of its own."""
+"""Shared keys of ``[emitter]`` that do not apply to an emitter whose own table names a part."""
 OF_A_SHAPE = ("knots_um", "least_feature_um")
-"""Shared keys of ``[lens]`` that do not apply to a lens with a shape of its own."""
+"""Shared keys of ``[lens]`` that do not apply to a lens whose own table gives a shape."""
 
 MOST_TOGETHER = 6
 """Largest number of motions for which every combination of end positions is checked."""
 
 
 def lens_table(design: "Design", placed: PlacedLens, half_width_mm: float | None) -> Lens:
-    """Return the table of one lens of a network; ``half_width_mm`` applies if no table states a half width."""
+    """Return the table of a lens in a network; ``half_width_mm`` is used if no table gives a half width."""
     own = _stated(placed, Lens)
     shared = {} if half_width_mm is None else {"half_width_mm": half_width_mm}
     shared |= {key: getattr(design.lens, key) for key in design.lens.model_fields_set}
@@ -32,9 +32,9 @@ def lens_table(design: "Design", placed: PlacedLens, half_width_mm: float | None
 
 
 def lit(design: "Design", name: str | None = None) -> "Design":
-    """Return the design of a network with one emitter lit, by default the one that the network names.
+    """Return the design of a network with one emitter lit, by default the one selected in the network table.
 
-    The ``[emitter]`` table of the result is that emitter's.
+    The ``[emitter]`` table of the result is the table of the lit emitter.
     """
     network = design.network
     name = name or network.lit or network.emitters[0].name
@@ -43,7 +43,7 @@ def lit(design: "Design", name: str | None = None) -> "Design":
 
 
 def emitter_table(design: "Design", placed: PlacedEmitter) -> Emitter:
-    """Return the table of one emitter of a network."""
+    """Return the table of an emitter in a network."""
     own = _stated(placed, Emitter)
     emitter = design.shared_emitter
     shared = {key: getattr(emitter, key) for key in emitter.model_fields_set}
@@ -52,7 +52,7 @@ def emitter_table(design: "Design", placed: PlacedEmitter) -> Emitter:
 
 
 def state_of(design: "Design", angles_deg: Mapping[str, float]) -> "Design":
-    """Return the design of a network with some of its motions at other angles, given by name.
+    """Return the design of a network with some of its motions at other angles, given by motion name.
 
     Raises
     ------
@@ -75,8 +75,8 @@ def state_of(design: "Design", angles_deg: Mapping[str, float]) -> "Design":
 def states(network: Network) -> Iterator[dict[str, float]]:
     """Yield the states at which the motions of a network are checked.
 
-    Each motion goes through its range with the others at their current angles; then follow all combinations of the
-    ends.
+    Each motion passes through its range with the other motions at their current angles; all combinations of the range
+    ends follow.
     """
     yield {}
     for motion in network.motion:
@@ -88,5 +88,5 @@ def states(network: Network) -> Iterator[dict[str, float]]:
 
 
 def _stated(placed: "Strict", kind: "type[Strict]") -> dict[str, object]:
-    """Return the keys that a part states itself."""
+    """Return the keys that the table of a part contains."""
     return {key: value for key in kind.model_fields if (value := getattr(placed, key, None)) is not None}

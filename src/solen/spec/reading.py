@@ -39,7 +39,7 @@ class Formula:
     name
         Name of the reading.
     powers
-        Pairs of emitter and receiver whose powers the expression contains.
+        Emitter and receiver of each power in the expression.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Formula:
 
     @classmethod
     def of(cls, reading: Reading, emitters: Sequence[str], receivers: Sequence[str], key: str = "") -> Self:
-        """Parse the expression of a reading; raise the error of `refused` if it is malformed or has no power."""
+        """Parse the expression of a reading; raise `SpecError` if it is malformed or contains no power."""
         pairs = list(product(emitters, receivers))
         mark = next(mark for length in count(1) if (mark := "p" * length) not in reading.value)  # a name not stated
         known = {pair: f"{mark}_{number}" for number, pair in enumerate(pairs)}
@@ -92,7 +92,7 @@ def _with_places(
 ) -> tuple[str, set[str]]:
     """Replace every power in the text by an identifier.
 
-    Return the new text and the identifiers used; raise an error for a power that does not exist.
+    Return the new text and the identifiers used; raise an error if a power does not exist.
     """
     stated = set()
 

@@ -1,4 +1,4 @@
-"""The readout: the receivers' part and circuit, the emitter's current, the converter."""
+"""The readout: the receiver part and its circuit, the emitter current and the converter."""
 
 from typing import Annotated, ClassVar, Self
 

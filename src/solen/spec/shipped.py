@@ -1,4 +1,4 @@
-"""Libraries of TOML files: shipped ones by name, such as resins, parts and printers, and a user's files by path."""
+"""Libraries of TOML files, such as resins, parts and printers: shipped files by name, and a user's files by path."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -24,8 +24,8 @@ MOST_NAMES = 16
 class Library(Generic[T]):
     """A folder of TOML files; ``what`` names their kind, and ``make`` builds an object from the keys of a file.
 
-    ``migrations`` convert tables of each version to the next, up to ``schema``. Other packages add files by entry
-    points of the ``group``; each entry point names a package that contains ``NAME.toml``.
+    ``migrations`` convert the tables of each version to the next, up to ``schema``. Other packages add files through
+    entry points in the ``group``; each entry point names a package that contains ``NAME.toml``.
     """
 
     folder: Traversable
@@ -47,7 +47,7 @@ class Library(Generic[T]):
         return tuple(sorted({*own, *(self._added if self.group else ())}))
 
     def text(self, name: str) -> str:
-        """Return the text of a file; if there is no file of that name, raise `DataError` with the nearest name."""
+        """Return the text of a file; if no file has that name, raise `DataError` with the nearest name."""
         names = self.names()
         if name not in names:
             near = nearest(name, names)
@@ -64,14 +64,14 @@ class Library(Generic[T]):
         return file.read_text(encoding="utf-8")
 
     def shipped(self, name: str) -> T:
-        """Return the shipped object of a name; if there is none, raise `DataError` with the nearest name."""
+        """Return the shipped object with a given name; if there is none, raise `DataError` with the nearest name."""
         text, kept = self.text(name), self._kept.get(name)
         if kept is None or kept[0] != text:
             kept = self._kept[name] = (text, self._made(text, f"{self.what} {name}"))
         return kept[1]
 
     def load(self, path: Path | str) -> T:
-        """Return the object of a file; raise `DataError` if the file is unreadable, not TOML, or not valid."""
+        """Return the object defined by a file; raise `DataError` if the file is unreadable, not TOML, or not valid."""
         return self._made(read_text(Path(path), DataError), str(path))
 
     def _made(self, text: str, what: str) -> T:

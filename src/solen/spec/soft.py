@@ -1,7 +1,7 @@
-"""Supports and loads of a soft body: ``[[hold]]``, ``[[press]]``, ``[[pull]]``, and its elasticity: ``[mechanics]``.
+"""Supports and loads of a soft body, ``[[hold]]``, ``[[press]]`` and ``[[pull]]``, and its elasticity, ``[mechanics]``.
 
-No support is assumed by default, because the supports of a part decide its response. Supports, fingers and pulls have
-names; hold tables with the same name form one support. A motion of kind ``loaded`` drives one of their quantities:
+No support is assumed by default, because the supports of a body determine its response. Supports, fingers and pulls
+have names; hold tables with the same name form one support. A motion of kind ``loaded`` drives one of their quantities:
 ``drives = "clamp.angle_deg"``.
 """
 
@@ -23,7 +23,7 @@ HOLD_CHOICES = (
 DRIVEN = {"hold": ("angle_deg",), "press": ("depth_mm", "force_N"), "pull": ("force_N",)}
 """Quantities that a loaded motion can drive, by table."""
 LISTS = {"angle_deg": None, "depth_mm": "depths_mm", "force_N": "forces_N"}
-"""Keys of the motion that list the values of a driven quantity; an angle has from_deg, to_deg and step_deg instead."""
+"""Motion keys that list the values of a driven quantity; an angle has from_deg, to_deg and step_deg instead."""
 
 
 class Mechanics(Strict):
@@ -114,7 +114,7 @@ class Press(Strict):
 
 
 class Pull(Stretch):
-    """A force distributed evenly over part of the outline; its direction stays constant as the body moves."""
+    """A force distributed uniformly over part of the outline; its direction stays constant as the body moves."""
 
     table: ClassVar[str] = "pull"
 
@@ -128,7 +128,7 @@ class Pull(Stretch):
 
 
 def check_loads(design: "Design") -> None:
-    """Reject a loaded motion that lacks a support or a load, and loads with any other kind of motion."""
+    """Reject a loaded motion without a support or a load, and reject loads with any other kind of motion."""
     tables = {name: getattr(design, name) for name in DRIVEN}
     if design.motion.kind != "loaded":
         stated = [name for name, rows in tables.items() if rows]
@@ -175,7 +175,7 @@ def _check_names(design: "Design") -> None:
 
 
 def _check_driven(design: "Design") -> None:
-    """Check that the driven quantity exists, is not stated as well, and has values."""
+    """Check that the driven quantity exists, is not also given in its own table, and has values."""
     drives = design.motion.drives
     choices = [
         f"{row.name}.{key}"
@@ -195,7 +195,7 @@ def _check_driven(design: "Design") -> None:
 
 
 def _check_stated(design: "Design") -> None:
-    """Check that the driven quantity is not stated in its table, and that all others are."""
+    """Check that the driven quantity is not given in its own table, and that all other quantities are."""
     driving, name, _ = driven(design)
     for table in ("hold", "press", "pull"):
         for number, row in enumerate(getattr(design, table)):
@@ -212,7 +212,7 @@ def _check_stated(design: "Design") -> None:
 
 
 def _check_values(design: "Design") -> None:
-    """Check that the motion lists values of the driven quantity, and of no other."""
+    """Check that the motion lists values of the driven quantity and of no other quantity."""
     motion, (_, _, key) = design.motion, driven(design)
     because = f"drives = {motion.drives!r}"
     sweep = {name: name in motion.model_fields_set for name in ("from_deg", "to_deg", "step_deg")}

@@ -1,4 +1,4 @@
-"""Part of the outline, as the tables of walls, holds and pulls state it."""
+"""Part of the outline, as specified in the tables of walls, holds and pulls."""
 
 from typing import Annotated, Self
 

@@ -57,7 +57,7 @@ _LONGEST_VALUE = 60  # characters of a refused value shown in its line
 
 
 def refused(key: str, limit: str, *, value: object = None, remedy: str = "") -> PydanticCustomError:
-    """Make the error of a model's validator: the invalid key of the table, its value, the limit, the remedy."""
+    """Make the error of a model's validator from the invalid key of the table, its value, the limit and the remedy."""
     return PydanticCustomError("refused", "{limit}", {"key": key, "value": value, "limit": limit, "remedy": remedy})
 
 
@@ -84,11 +84,11 @@ Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Text = Annotated[str, AfterValidator(_one_line)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
-"""A finite number of an option, which may be given as text on a command line; `Number` is for files."""
+"""A finite option value, which a command line may pass as text; `Number` is for files."""
 Above0 = Annotated[Finite, Field(gt=0)]
 NotBelow0 = Annotated[Finite, Field(ge=0)]
 SHORTEST_NM, LONGEST_NM = 100.0, 20_000.0
-"""Range of wavelengths that an option accepts; a smaller value is probably in µm."""
+"""Range of wavelengths accepted as an option; a smaller value is probably in µm."""
 
 
 def _in_nm(wavelength_nm: float) -> float:
@@ -100,14 +100,14 @@ def _in_nm(wavelength_nm: float) -> float:
 
 
 Wavelength = Annotated[float, AfterValidator(_in_nm), Ge(SHORTEST_NM), Le(LONGEST_NM)]
-"""A wavelength in nm, as the value of an option."""
+"""A wavelength in nm, as an option value."""
 
 
 class Strict(BaseModel):
-    """One table of a file: frozen, without unknown keys, with errors of one line.
+    """A table of a file: frozen, without unknown keys, with one-line errors.
 
     A derived class defines its `table` (the prefix of its keys in messages), the `error` class that it raises, and the
-    `reserved` names of keys. Use the constructor, not pydantic's ``model_validate``.
+    `reserved` key names. Use the constructor, not pydantic's ``model_validate``.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -177,7 +177,7 @@ def _limits_in_words(parts: Iterable[Any]) -> str:
 
 
 def _bounds(parts: Iterable[Any]) -> dict[str, float]:
-    """Return bounds by pydantic's names, from a type's metadata at any depth: ``tuple[Annotated[float, ...], ...]``."""
+    """Return the bounds by pydantic's names, from type metadata at any depth: ``tuple[Annotated[float, ...], ...]``."""
     bounds: dict[str, float] = {}
     for part in parts:
         bounds |= {name: getattr(part, name) for name in _BOUNDS if isinstance(getattr(part, name, None), float | int)}
@@ -191,7 +191,7 @@ def _frozen(table: BaseModel, name: str, value: object, remedy: str) -> FrozenEr
 
 
 def option_refusal(bad: ValueError, *, command_line: bool = False) -> SpecError:
-    """Return the first error of options in one line; options are named ``--u-T``, as typed, or ``u_T``."""
+    """Return the first error in the options as one line; options are named ``--u-T``, as typed, or ``u_T``."""
     if not isinstance(bad, ValidationError):
         return SpecError("options", limit=str(bad))
     first = bad.errors(include_url=False)[0]
@@ -224,13 +224,13 @@ def _dotted(prefix: str, parts: Iterable[int | str]) -> str:
 
 
 def _tables(model: type[Strict]) -> dict[str, type[Strict]]:
-    """Return the tables directly inside a table, including optional ones, by their key."""
+    """Return the tables directly inside a table, including optional ones, by key."""
     kinds = {key: _table(_alternatives(field.annotation)) for key, field in model.model_fields.items()}
     return {key: table for key, table in kinds.items() if table}
 
 
 def _lists(model: type[Strict]) -> dict[str, type[Strict]]:
-    """Return the tables that occur as lists directly inside a table, by their key."""
+    """Return the lists of tables directly inside a table, by key."""
     kinds = {
         key: _table(get_args(kind))
         for key, field in model.model_fields.items()
@@ -246,7 +246,7 @@ def _alternatives(annotation: Any) -> tuple[Any, ...]:
 
 
 def _table(kinds: Iterable[Any]) -> type[Strict] | None:
-    """Return the table among several types, or None if there is none."""
+    """Return the table class among several types, or None if there is none."""
     return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, Strict)), None)
 
 
@@ -281,7 +281,7 @@ def _unknown(what: str, key: str, owner: type[Strict], root: type[Strict]) -> tu
 
 
 def _problem(problem: ErrorDetails, root: type[Strict]) -> tuple[str, object, str, str]:
-    """Return what is wrong, the value, the limit and the remedy for one problem that pydantic reports."""
+    """Return the key, value, limit and remedy for a problem reported by pydantic."""
     kind, ctx = problem["type"], problem.get("ctx", {})
     what = _dotted(root.table, problem["loc"])
     owner, rest = _owner(root, problem["loc"])
@@ -315,7 +315,7 @@ def _plurals(word: str) -> tuple[str, ...]:
 
 
 def _default(field: FieldInfo | None) -> str:
-    """Return a remedy that states the default of a field, or an empty text if it has none."""
+    """Return a remedy that gives the default of a field, or an empty text if it has none."""
     default = None if field is None or field.is_required() else field.default
     if default is None or default is PydanticUndefined:
         return ""

@@ -1,4 +1,4 @@
-"""Design files shipped with solen: a commented template, and examples that state only the differences from it."""
+"""Design files shipped with solen: a commented template, and examples that contain only their differences from it."""
 
 from importlib.resources import files
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The table of tolerances: how much each number of the built part may differ from the design."""
+"""The tolerance table: how much each parameter of the built part may differ from the design."""
 
 from typing import ClassVar
 
@@ -48,6 +48,6 @@ class Tolerance(Strict):
     receivers_gap_mm: Positive = Field(0.05, description="Tolerance of receivers.gap_mm, in mm.")
 
     def of(self, key: str) -> float | None:
-        """Return the tolerance of a number by its dotted key, or None if it is neither stated nor has a default."""
+        """Return the tolerance of a parameter given by its dotted key; None if neither it nor a default exists."""
         value: float | None = getattr(self, key.partition("[")[0].replace(".", "_"), None)
         return value

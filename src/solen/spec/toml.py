@@ -1,7 +1,7 @@
 """The design file: reading and writing TOML, setting single values by dotted keys, and the JSON Schema.
 
-A file states ``schema``, ``name`` and differences from the defaults. Reading migrates old schemas, then rejects what it
-does not understand; writing omits defaults, and reading a written file gives the same design.
+A file contains ``schema``, ``name`` and the differences from the defaults. Reading migrates old schemas, then rejects
+anything unknown. Writing omits defaults, and reading a written file gives the same design.
 
 Public names: `load`, `loads`, `dumps`, `save`, `with_values`, `parse_assignment` and `json_schema`.
 """
@@ -56,9 +56,9 @@ def load(path: Path | str) -> Design:
 
 
 def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Design:
-    """Return the design of a TOML text.
+    """Return the design defined by a TOML text.
 
-    ``what`` is its name in error messages, ``folder`` the base of its relative paths.
+    ``what`` is the name used in error messages, and ``folder`` is the base folder of relative paths.
     """
     data = parse_toml(text, what, SpecError)
     data = migrated(data, what, current=SCHEMA, migrations=MIGRATIONS, error=SpecError)
@@ -70,7 +70,7 @@ def loads(text: str, *, what: str = "design", folder: Path | None = None) -> Des
 def _document(design: Design, *, stated: bool = False) -> Document:
     """Return the tables of the file without ``schema``: the name, and values that differ from the defaults.
 
-    With ``stated``, explicitly stated defaults are kept too, because a part named later may have other values.
+    With ``stated``, defaults given explicitly are kept too, because a part named later may have other values.
     """
     tables: Document = {"name": design.name}
     for key in Design.model_fields.keys() - {"name"}:
@@ -88,11 +88,11 @@ def _document(design: Design, *, stated: bool = False) -> Document:
 
 
 DEFERRED = ("wavelength_nm", "width_mm", "height_mm", "cone_deg", "pattern")
-"""Keys of the emitter whose defaults depend on a part, a spectrum or a pattern."""
+"""Emitter keys whose defaults depend on a part, a spectrum or a pattern."""
 
 
 def _kept(emitter: Emitter) -> list[str]:
-    """Return the keys stated at their defaults that still matter, because a part or a pattern would override them."""
+    """Return the keys given at their defaults that must be kept because a part or pattern would override them."""
     keys: tuple[str, ...] = DEFERRED if emitter.part else ()
     keys += ("wavelength_nm",) if emitter.spectrum else ()
     keys += ("cone_deg",) if emitter.pattern != "fan" else ()
@@ -106,7 +106,7 @@ def dumps(design: Design) -> str:
 
 @plain.register
 def _(design: Design) -> Any:
-    """Convert a design in a result to the tables of its file, without its defaults."""
+    """Convert a design in a result to the tables of its design file, without defaults."""
     return plain(_document(design))
 
 
@@ -174,7 +174,7 @@ def replaced_by(key: str) -> str:
 def value_at(design: Design, key: str) -> Any:
     """Return the value of a dotted key (``"lens.focus_mm"``, ``"hold[1].to_mm"``, ``"lens.knots_um[0]"``).
 
-    Keys that the design does not state have their default value.
+    Keys that the design does not contain have their default value.
 
     Raises
     ------
@@ -196,12 +196,12 @@ def value_at(design: Design, key: str) -> Any:
 
 
 def path_of(key: str) -> list[str]:
-    """Return the parts of a dotted key; a list index is a part of its own: ``lens``, ``knots_um``, ``[0]``."""
+    """Return the parts of a dotted key; a list index is a separate part: ``lens``, ``knots_um``, ``[0]``."""
     return re.split(r"\.|(?=\[)", key)
 
 
 def _place(key: str, name: str, size: int) -> int:
-    """Return the index of a list's entry; raise `SpecError` if the list has fewer entries."""
+    """Return the index of a list entry; raise `SpecError` if the list has too few entries."""
     entry = re.fullmatch(r"\[(\d+)\]", name)
     if entry and int(entry[1]) < size:
         return int(entry[1])
@@ -230,7 +230,7 @@ def _inside(holder: Any, key: str, before: str, name: str) -> Any:
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
-    """Return key and value of ``key=value``; the value is parsed as TOML if possible, and otherwise used as text."""
+    """Return the key and value of ``key=value``; the value is parsed as TOML if possible and otherwise used as text."""
     key, equals, value = text.partition("=")
     if not (equals and key.strip()):
         raise SpecError(text, limit="not of the form key=value", remedy="write e.g. lens.focus_mm=25")

@@ -111,7 +111,7 @@ class Wall(Stretch):
 
     @property
     def finish_is_added(self) -> bool:
-        """Whether another package defines the finish."""
+        """Whether the finish is defined by another package."""
         return self.finish not in OWN_FINISHES
 
     def _check_added_finish(self) -> None:
