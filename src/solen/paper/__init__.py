@@ -1,1 +1,1 @@
-"""The paper: its statements and their places, simulated data in place of its measurements, and a rule of agreement."""
+"""The paper: its statements and their locations, simulated data for its measurements, and the agreement rule."""

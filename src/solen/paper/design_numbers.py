@@ -1,6 +1,6 @@
-"""Sizes of shipped designs, coupons and parts as solen makes them, for comparison with the paper's.
+"""Sizes of shipped designs, coupons and parts as made by solen, for comparison with the paper's sizes.
 
-Sizes of a body are measured on its outline and not read from its design, which also checks the geometry.
+Body sizes are measured on the outline and not read from the design, which also checks the geometry.
 
 Public names: `body_sizes`, `u_major_base_mm`, `source_of`, `coupon_sizes`, `settings_of_print`, `peak_nm` and
 `wavelength_nm`.
@@ -56,13 +56,13 @@ def lens_sizes(sensor: Sensor) -> dict[str, float]:
 
 
 def source_of(sensor: Sensor) -> dict[str, float]:
-    """Return number of rays, cone in degrees and wavelength in nm of a design's emitter."""
+    """Return the number of rays, the cone in degrees and the wavelength in nm of a design's emitter."""
     emitter = sensor.design.emitter
     return {"rays": float(emitter.rays), "cone": emitter.cone_deg, "wavelength": emitter.wavelength_nm}
 
 
 def pivot_off_mm(sensor: Sensor, angle_deg: float) -> float:
-    """Return the distance from the centre of a lens's rotation by an angle to the centre of the stem's minor base."""
+    """Return the distance from the centre of rotation of a lens to the centre of the stem's minor base."""
     rest, turned = (sensor.body(angle).face("lens").curve for angle in (0.0, angle_deg))
     return math.dist(_fixed_point((rest.start, rest.end), (turned.start, turned.end)), _middle(rest.start, rest.end))
 
@@ -72,7 +72,7 @@ def _middle(a: Point, b: Point) -> Point:
 
 
 def _fixed_point(before: Sequence[Point], after: Sequence[Point]) -> Point:
-    """Return the fixed point of a rotation of two points; with complex numbers, w = a z + b and z = b / (1 − a)."""
+    """Return the fixed point of the rotation that maps two points: w = a z + b and z = b / (1 − a) (complex)."""
     (p, q), (v, w) = ([complex(*point) for point in points] for points in (before, after))
     a = (w - v) / (q - p)
     centre = (v - a * p) / (1.0 - a)
@@ -80,7 +80,7 @@ def _fixed_point(before: Sequence[Point], after: Sequence[Point]) -> Point:
 
 
 def settings_of_print() -> dict[str, float]:
-    """Return the exposure of a layer, that of the burn-in, and the number of burn-in layers, in the default process."""
+    """Return the layer exposure, the burn-in exposure, and the number of burn-in layers in the default process."""
     settings = default_process().process
     return {
         "layer-exposure": settings.exposure_s,
@@ -90,18 +90,18 @@ def settings_of_print() -> dict[str, float]:
 
 
 def size_of(coupon: str, kind: str) -> float:
-    """Return diameter or side in mm of the first feature of a kind."""
+    """Return the diameter or side in mm of the first feature of a kind."""
     return next(feature for feature in layout(coupon).features if feature.kind == kind).diameter_mm
 
 
 def wavelength_nm(printer: str) -> float | None:
-    """Return the wavelength of a printer's light, or None if its file does not state it."""
+    """Return the wavelength of a printer's light, or None if the printer file does not specify it."""
     light = library_printer(printer).wavelength_nm
     return None if light is None else light.nominal
 
 
 def coupon_sizes() -> dict[str, float]:
-    """Return the sizes of the coupons of the printing resolution, in mm, and their numbers of features."""
+    """Return the sizes in mm of the printing-resolution coupons, and their feature counts."""
     a, b, c, holes, reference = map(layout, RESOLUTION)
     diameters, gaps = _diameters(a, "pillar"), sorted(gap.gap_mm for gap in b.gaps)
     steps = sorted({round(step.step_mm, 6) for step in c.steps})
@@ -161,7 +161,7 @@ def _thickness(coupon: Coupon) -> float:
 
 
 def peak_nm(part: str) -> tuple[float, float]:
-    """Return peak wavelength and standard uncertainty of a part; those of a spectrum are from its highest points."""
+    """Return a part's peak wavelength and its standard uncertainty; for a spectrum, from its highest points."""
     sheet = library_part(part)
     if isinstance(sheet, EmitterPart):
         return sheet.peak_nm.nominal, 0.0

@@ -41,27 +41,27 @@ def transmittance_for(index: float, nm: float) -> float:
 
 
 def literature_at(nm: float) -> tuple[float, float]:
-    """Return the middle of the indices of acrylates and photoresins in the literature, and its uncertainty."""
+    """Return the midpoint of the published indices of acrylates and photoresins, and its uncertainty."""
     found = band(nm)
     low, high = float(found.low[0]), float(found.high[0])
     return 0.5 * (low + high), (high - low) / np.sqrt(12.0)
 
 
 def literature_between(*nm: float) -> tuple[float, float]:
-    """Return the mean over wavelengths of the middle of the literature's indices, and its uncertainty."""
+    """Return the midpoint of the published indices, averaged over wavelengths, and its uncertainty."""
     middles, us = zip(*map(literature_at, nm), strict=True)
     return float(np.mean(middles)), float(np.mean(us))
 
 
 def rise_of_literature(short_nm: float, long_nm: float) -> tuple[float, float]:
-    """Return the index of acrylates and photoresins at the shorter minus that at the longer wavelength, with u."""
+    """Return the index of acrylates and photoresins at the shorter wavelength minus that at the longer one, with u."""
     short, long = band(short_nm), band(long_nm)
     low, high = sorted((float(short.low[0] - long.low[0]), float(short.high[0] - long.high[0])))
     return 0.5 * (low + high), (high - low) / float(np.sqrt(12.0))
 
 
 def fall_of_polymers(short_nm: float, long_nm: float) -> tuple[float, float, float]:
-    """Return the fall of the index of the shipped resins: middle of their range, its uncertainty, largest fall."""
+    """Return the fall in index of the shipped resins: midpoint of the range, its uncertainty, and the largest fall."""
     resins = [library_resin(name) for name in library()]
     known = [resin.index for resin in resins if resin.index.mode == "literature"]
     falls = [float(np.subtract(*one.along([short_nm, long_nm])[0])) for one in known]

@@ -1,9 +1,9 @@
-"""Micrographs and height maps of prints, as solen's own model of the printer predicts them.
+"""Micrographs and height maps of prints, as predicted by solen's own printer model.
 
-The outline that the model predicts is projected onto the pixels of a camera; each pixel contains the fraction of its
-area inside the outline, seen through a blur, under uneven light, with noise of a stated seed. The model is that of
-`solen print predict` with its default process, whose optics are assumed: a picture shows what the evaluation does, not
-what a printer does.
+The predicted outline is projected onto a camera's pixels; each pixel contains the fraction of its area inside the
+outline, seen through a blur, under non-uniform light, with noise from a specified seed. The model is the one used by
+`solen print predict` with its default process, whose optics are assumed: an image shows how the evaluation behaves, not
+how a printer behaves.
 
 `lens_picture`, `coupon_picture` and `coupon_heights` return the bytes of a PNG or TIFF.
 """
@@ -27,7 +27,7 @@ from solen.sensor import Sensor
 MODEL = "print model with its default process, blurred camera with noise"
 SEED = 1
 FINE = 4
-"""Number of lines through a row of pixels along which the covered fraction is exact."""
+"""Number of lines through a pixel row along which the covered fraction is exact."""
 BLUR_PX, NOISE, UNEVEN = 1.2, 0.02, 0.15
 GROUND, SLAB, PART = 0.15, 0.4, 0.75
 """Grey levels of the background, of a coupon's slab, and of a lens or the features on a slab."""
@@ -40,7 +40,7 @@ _HEAD = "simulated"
 
 @dataclass(frozen=True)
 class _View:
-    """A camera that looks from above: the extent of its field of view in mm, and the size of its pixels."""
+    """A camera that looks down from above: the extent of its field of view in mm, and its pixel size."""
 
     extent_mm: tuple[float, float, float, float]
     um_per_px: float
@@ -52,10 +52,10 @@ class _View:
         return round(1e3 * (y1 - y0) / self.um_per_px), round(1e3 * (x1 - x0) / self.um_per_px)
 
     def covered(self, area: shapely.Geometry) -> FloatArray:
-        """Return the fraction of each pixel that an area covers: exact along `FINE` lines through each row of pixels.
+        """Return the fraction of each pixel that an area covers: exact along `FINE` lines through each pixel row.
 
-        Each crossing of an edge and a line is a step, which changes everything beyond it from outside to inside or
-        back; the fraction is the sum of these steps.
+        Each crossing between an edge and a line is a step, which switches everything beyond it from outside to inside
+        or back; the fraction is the sum of these steps.
         """
         rows, columns = self.shape
         steps = np.zeros((FINE * rows, columns + 2))
@@ -84,7 +84,7 @@ class _View:
         )
 
     def seen(self, levels: FloatArray, rng: np.random.Generator) -> FloatArray:
-        """Return grey values of 0 to 1 with blur, uneven light and noise."""
+        """Return grey levels from 0 to 1 with blur, non-uniform light and noise."""
         grey = ndimage.gaussian_filter(levels, BLUR_PX)
         across = np.linspace(-0.5, 0.5, grey.shape[1])
         return np.clip(grey * (1.0 + UNEVEN * across) + NOISE * rng.standard_normal(grey.shape), 0.0, 1.0)
@@ -99,7 +99,7 @@ def _rings(area: shapely.Geometry) -> Iterator[FloatArray]:
 
 
 def lens_picture(sensor: Sensor, number: int = 0) -> bytes:
-    """Return a PNG of the lens of a design as the model prints it, with the part slightly rotated."""
+    """Return a PNG of a design's lens as the model prints it, with the part slightly rotated."""
     printed = print_design(sensor, response=False)
     body = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, printed.profile)).body().upright()
     part = shapely.affinity.rotate(shapely.Polygon(body.outline(1e-3)), TURNED_DEG, origin=(0.0, 0.0))
@@ -134,7 +134,7 @@ def coupon_heights(coupon: Coupon) -> bytes:
 
 @dataclass(frozen=True)
 class _Printed:
-    """A coupon as the default process prints it: sizes by name, 0 for a feature that does not stand or is closed."""
+    """A coupon as the default process prints it: sizes by name, 0 if a feature does not stand or is closed."""
 
     coupon: Coupon
     size_mm: dict[str, float]
@@ -220,7 +220,7 @@ def _view(coupon: Coupon, um_per_px: float) -> _View:
 
 
 def _png(grey: FloatArray) -> bytes:
-    """Return a PNG with 8 bits, whose text chunk states that it is simulated."""
+    """Return an 8-bit PNG whose text chunk says that it is simulated."""
     words, file = PngImagePlugin.PngInfo(), io.BytesIO()
     words.add_text("Description", f"{_HEAD}: {MODEL}")
     Image.fromarray(np.rint(255.0 * grey).astype(np.uint8)).save(file, "PNG", pnginfo=words)

@@ -1,7 +1,7 @@
-"""Finished figures: which letters each contains, and the record beside it, which prevents making it again.
+"""Finished figures: the letters that each contains, and the record next to it, which prevents it from being made again.
 
-A figure depends on solen alone, because its inputs ship with it. So a record contains a checksum of all files of solen
-and one of each written file; if both still match, the figure is finished.
+A figure depends on solen alone, because its inputs ship with it. The record therefore contains a checksum of all solen
+files and one of each written file; if both still match, the figure is finished.
 
 Public names: `chosen`, `Record`, `read_record`, `record_text` and `code_sha256`.
 """
@@ -27,7 +27,7 @@ _ENDINGS = (".py", ".toml", ".html", ".csv")
 
 
 class Drawing(Strict):
-    """A picture of a figure: its file, its alternative text, and its note on simulated data."""
+    """A drawing in a figure: its file, its alternative text, and its note on simulated data."""
 
     error: ClassVar[type[SolenError]] = DataError
 
@@ -53,7 +53,7 @@ class Record(Strict):
 
 
 def letters_of(name: str) -> set[str]:
-    """Return the names of the letters of a figure: 3B, 3C and 3D for 3B-D."""
+    """Return the names of a figure's letters: 3B, 3C and 3D for 3B-D."""
     number, first, last = _parts(name)
     return {f"{number}{chr(code)}" for code in range(ord(first), ord(last or first) + 1)} if first else {name}
 
@@ -96,7 +96,7 @@ def _parts(name: str) -> tuple[str, str | None, str | None]:
 
 @cache
 def code_sha256() -> str:
-    """Return a checksum of solen, the files that it ships, and the libraries that determine numbers and pictures."""
+    """Return a checksum of solen, its data files, and the libraries that determine numbers and images."""
     folder = Path(solen.__file__).parent
     total = hashlib.sha256(repr([(name, version(name)) for name in _PACKAGES]).encode())
     for path in sorted(folder.rglob("*")):

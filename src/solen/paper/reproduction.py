@@ -1,4 +1,4 @@
-"""Result of a reproduction: the finished figures, and how many statements of the paper agree."""
+"""The result of a reproduction: the finished figures, and how many statements in the paper agree."""
 
 from solen.paper.records import Drawing
 from solen.paper.statements import AGREES, DIFFERS, UNCHECKED, Comparison, Verdict
@@ -50,7 +50,7 @@ class Reproduction(Result):
 
     @reported
     def agrees(self) -> int:
-        """Number of statements of the paper that agree."""
+        """Number of statements in the paper that agree."""
         return self._count(AGREES)
 
     @reported

@@ -15,7 +15,7 @@ from solen.paper.samples import KINDS, NOISE
 from solen.recording.spectrum import Listing
 
 RANGE_NM = (450.0, 900.0)
-"""Range of wavelengths of the paper's statement on T."""
+"""Wavelength range of the paper's statement about T."""
 PRISTINE, MODIFIED = KINDS
 
 
@@ -26,13 +26,13 @@ def least_transmittance_percent(index: LayerIndex) -> tuple[float, float]:
 
 
 def paper_exposure() -> tuple[float, float]:
-    """Return the irradiance in mW/cm² and the exposure of a burn-in layer in s of the default process, the paper's."""
+    """Return the default process's irradiance in mW/cm² and burn-in exposure in s, which are the paper's values."""
     settings = default_process().process
     return settings.irradiance_mW_per_cm2, settings.burn_in_s
 
 
 def depth_at(curve: MeasuredCurve, dose_mJ_per_cm2: float) -> tuple[float, float]:
-    """Return the depth of cure in µm at a dose."""
+    """Return the cure depth in µm at a dose."""
     return float(curve.depth_um(dose_mJ_per_cm2)), curve.fit.u((1.0, float(np.log(dose_mJ_per_cm2))))
 
 
@@ -51,7 +51,7 @@ def mean_change_percent(listing: Listing) -> tuple[float, float]:
 
 
 def range_nm(listing: Listing) -> dict[str, float]:
-    """Return the shortest and longest wavelength of spectra."""
+    """Return the shortest and longest wavelengths in spectra."""
     ends = [
         float(end)
         for spectrum in listing.spectra
@@ -61,7 +61,7 @@ def range_nm(listing: Listing) -> dict[str, float]:
 
 
 def slope_percent_per_s(trends: ExposureTrends) -> tuple[float | None, float]:
-    """Return the slope of the transmittance against the exposure at the longest evaluated wavelength."""
+    """Return the slope of transmittance against exposure at the longest evaluated wavelength."""
     line = max(trends.wavelengths, key=lambda one: one.wavelength_nm).trend_T
     return (None, 0.0) if line is None else (100.0 * line.slope_per_s, 100.0 * (line.u_slope_per_s or 0.0))
 
@@ -75,7 +75,7 @@ def smallest_um(measured: CouponMeasurement, kind: str) -> tuple[float | None, f
 
 
 def film_layer_sizes(coupon: Coupon) -> dict[str, float]:
-    """Return base and film in mm, and layer in µm, of the coupon of a layer on its film."""
+    """Return the base and film sizes in mm, and the layer thickness in µm, for the film-layer coupon."""
     base, layer = (
         next(feature for feature in coupon.features if feature.stage == stage.name) for stage in coupon.stages
     )

@@ -1,9 +1,9 @@
 """Measurements that the paper shows but does not publish, simulated as tables that the commands read.
 
-Solen's own model of the measurement makes each table, with noise of a stated seed, and the first line of the table
-states this. Values that the paper does not state are assumed here, once and by name; they are not results.
+Solen's own measurement model makes each table, with noise from a specified seed, as the table's first line says. Values
+that the paper does not report are assumed here, once and by name; they are not results.
 
-`SAMPLES` names each file and its `Sample`: the model in words and its text; `write_samples` writes some.
+`SAMPLES` lists each file and its `Sample`: the model in words and its text; `write_samples` writes some of these files.
 """
 
 import tomllib
@@ -28,18 +28,16 @@ from solen.material.stiffness.modes import UNIAXIAL
 SEED = 1
 NM = np.arange(400.0, 901.0, 4.0)
 RESIN, LAYER_UM, EXTINCTION = "loctite-3526", 25.0, 1e-5
-"""The shipped resin that is nearest to a printing resin, the thickness of the paper's layer, and an assumed
-extinction.
-"""
+"""The shipped resin closest to a printing resin, the thickness of the paper's layer, and an assumed extinction."""
 NOISE = 5e-4
 """Assumed standard deviation of T and R, which the commands use as their uncertainty."""
 KINDS = ("pristine", "modified")
 EXTINCTIONS = {"pristine": 6e-5, "modified": 2e-5}
 MODULUS_MPA = {"pristine": 1.9, "modified": 1.1}
 WEAKER, SLOWER = 0.9, 1.3
-"""Assumed penetration depth and critical dose of the pristine resin, as multiples of those of the default process."""
+"""Assumed penetration depth and critical dose of the pristine resin, as multiples of the default process values."""
 EXPOSURES_S, DARKER_PER_S = (2.0, 4.0, 6.0), 1e-5
-"""The paper's exposures, and the assumed extinction that each second adds."""
+"""The paper's exposures, and the assumed extinction added by each second."""
 SCATTER_DISCS, SCATTER_CUBES = 0.03, 0.04
 CUBE_MM = 10.0
 REPEATS = 3
@@ -101,7 +99,7 @@ def _cube(model: str, kind: str, number: int) -> str:
 
 
 def _protocol() -> str:
-    """Return the shipped rotation test without the slow cycles that the paper does not have."""
+    """Return the shipped rotation test without its slow cycles, which the paper does not have."""
     data = tomllib.loads(starter_files()["rotation"])
     return tomli_w.dumps(data | {"slow_cycles": 0})
 
@@ -129,7 +127,7 @@ for _number, _kind in enumerate(KINDS):
 
 
 def write_samples(folder: Path, *names: str) -> list[Path]:
-    """Write samples into a folder and return their paths in the order of the names."""
+    """Write samples into a folder; return their paths in the order of the names."""
     targets = [folder / name for name in names]
     for target in targets:
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -137,5 +135,5 @@ def write_samples(folder: Path, *names: str) -> list[Path]:
 
 
 def mark_of(name: str) -> str:
-    """Return the note on a figure that states the origin of a sample."""
+    """Return the figure note about a sample's origin."""
     return f"SIMULATED: {SAMPLES[name].model}; seed {SEED}"

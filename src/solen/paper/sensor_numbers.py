@@ -1,4 +1,4 @@
-"""Numbers of traced, recorded and measured sensors to compare with the paper, each with its standard uncertainty."""
+"""Values for traced, recorded and measured sensors to compare with the paper, each with its standard uncertainty."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from solen.sensor.network import NetworkTrace
 from solen.spec import loads, template
 
 SIDE_DEG = 3.0
-"""Rotation of the paper's test, to each side."""
+"""Rotation to each side in the paper's test."""
 LED, POINT = "solen-860", "paper-860"
 """Shipped designs: an LED with its chip, in space, and the paper's point source in the plane."""
 
@@ -27,7 +27,7 @@ class Turned(NamedTuple):
 
     @property
     def apart(self) -> tuple[float, float]:
-        """Contrast at −3° minus that at +3°."""
+        """Contrast at −3° minus contrast at +3°."""
         return self.contrast[0] - self.contrast[-1], float(np.hypot(self.u_contrast[0], self.u_contrast[-1]))
 
 
@@ -37,7 +37,7 @@ def shipped(name: str) -> Sensor:
 
 
 def turned(sensor: Sensor) -> Turned:
-    """Return the contrasts of a sensor at the paper's three angles, in power."""
+    """Return a sensor's contrasts, computed from power, at the paper's three angles."""
     found = sensor.power([-SIDE_DEG, 0.0, SIDE_DEG])
     return Turned(tuple(found.contrast.tolist()), tuple(found.u_contrast.tolist()))
 
@@ -54,13 +54,13 @@ def ratio(part: tuple[float, float], whole: tuple[float, float]) -> tuple[float,
 
 
 def percent_without_lens(point: Sensor, with_lens: Turned) -> tuple[float, float]:
-    """Return the separation of the contrasts at both rotations without the lens, in per cent of that with it."""
+    """Return the contrast difference between both rotations without the lens, as a percentage of that with the lens."""
     value, u = ratio(turned(point.without_lens).apart, with_lens.apart)
     return 100.0 * value, 100.0 * u
 
 
 def focus_mm(sensor: Sensor) -> float | None:
-    """Return the position behind the vertex of the smallest spot of a design's lens."""
+    """Return the distance between the lens vertex and the smallest spot behind it."""
     return next(focus.best_focus_mm for focus in foci_of(sensor) if focus.step == 0.0)
 
 
@@ -73,9 +73,9 @@ def mean_slope(study: Study, side: str) -> tuple[float, float]:
 
 
 def control_percent(study: Study) -> tuple[float, float]:
-    """Return the swing without a lens in per cent of that with one, mean of both receivers.
+    """Return the swing without a lens as a percentage of that with a lens, averaged over both receivers.
 
-    Its uncertainty is from the scatter of the sensors.
+    The uncertainty is obtained from the scatter between sensors.
     """
     lens, beside = study.mean_of_sensors, study.lens_beside_none
     if lens is None or beside is None:
@@ -87,7 +87,7 @@ def control_percent(study: Study) -> tuple[float, float]:
 
 
 def of_the_rig(study: Study) -> dict[str, float]:
-    """Return the sensors with a lens in a recording, and the readings per second."""
+    """Return the sensors with a lens in a recording, and the number of readings per second."""
     times = _first_run(study).signals.time_s
     with_lens = sum(sensor.lens is not False for sensor in study.sensors.values())
     return {"sensors": float(with_lens), "modulation": 1.0 / float(np.median(np.diff(times)))}
@@ -98,7 +98,7 @@ def _first_run(study: Study) -> Run:
 
 
 def _hold_s(run: Run) -> tuple[float, float]:
-    """Return the mean time of the holds away from 0, with uncertainty from scatter and the reading's period."""
+    """Return the mean hold time away from 0, with an uncertainty from the scatter and the reading period."""
     signals, motion = run.signals, run.motion
     away = [
         float(np.ptp(signals.time_s[start:stop]))
@@ -110,7 +110,7 @@ def _hold_s(run: Run) -> tuple[float, float]:
 
 
 def protocol_found(study: Study) -> dict[str, tuple[float, float]]:
-    """Return cycles, cycles used, speed in °/s, half range in degrees and hold in s as analysed, with uncertainties."""
+    """Return cycles, cycles used, speed in °/s, half range in degrees and hold time in s, with uncertainties."""
     response, run = next(iter(study.sensors.values())), _first_run(study)
     motion = run.motion
     return {
@@ -123,14 +123,14 @@ def protocol_found(study: Study) -> dict[str, tuple[float, float]]:
 
 
 def deviation_um(found: LensInspection | FacesInspection) -> tuple[float, float, float]:
-    """Return the rms deviation of a lens from its design, with u, and from the nearest other design, in µm."""
+    """Return a lens's rms deviation from its design, with u, and from the nearest other design, in µm."""
     one = found.last_layer if isinstance(found, FacesInspection) else found
     others = sorted(design.rms_um for design in one.designs.values())
     return one.deviation.rms_um, one.deviation.u_rms_um, others[1]
 
 
 def received_percent(traced: NetworkTrace) -> tuple[float, float]:
-    """Return the fraction of an emitter's light at all receivers, in per cent, mean over the emitters."""
+    """Return the percentage of an emitter's light that reaches the receivers, averaged over the emitters."""
     shares: Sequence[float] = traced.power[0].sum(axis=1)
     u = np.sqrt((traced.u_power[0] ** 2).sum()) / len(shares)
     return 100.0 * float(np.mean(shares)), 100.0 * float(u)

@@ -1,10 +1,10 @@
-"""Statements of the paper with their places in it, and whether solen's numbers agree.
+"""The paper's statements with their locations, and whether solen's numbers agree.
 
-One table contains every number of the paper, and one rule decides. The uncertainty of a stated number is that of its
-last digit (a rectangle of that width). A value within two combined standard uncertainties **agrees**, beyond them it
-**differs**; a bound differs if it is missed by more than that; a direction agrees if its sign is certain by as much.
-"Negligible" is read as below 5 % of the effect with which it is compared. A statement based on unpublished data
-**cannot be checked**, whatever solen simulates in their place.
+One table contains every number in the paper, and one rule decides. The uncertainty of a reported number is that of its
+last digit (a rectangular distribution of that width). A value within two combined standard uncertainties **agrees**,
+and beyond them **differs**; a bound differs if it is missed by more than that; a direction agrees if its sign is
+equally certain. "Negligible" is read as below 5 % of the effect with which the value is compared. A statement based on
+unpublished data **cannot be checked**, whatever solen simulates in its place.
 
 Public names: `compared` and `Comparison`.
 """
@@ -29,7 +29,7 @@ NEGLIGIBLE_PERCENT = 5.0
 
 
 class Statement(Strict):
-    """A statement of the paper, as in ``statements.toml``."""
+    """A statement in the paper, as listed in ``statements.toml``."""
 
     error: ClassVar[type[SolenError]] = DataError
 
@@ -47,11 +47,11 @@ class Statement(Strict):
 
     @property
     def u_value(self) -> float:
-        """Standard uncertainty of the stated number, from its last digit."""
+        """Standard uncertainty of the reported number, from its last digit."""
         return (self.resolution or 0.0) / math.sqrt(12.0)
 
     def verdict(self, number: float | None, u: float) -> Verdict:
-        """Return whether a number of the run agrees with the statement."""
+        """Return whether a number from the run agrees with the statement."""
         if self.kind == "measured" or number is None or not math.isfinite(number):
             return UNCHECKED
         if self.kind in {"positive", "negative"}:
@@ -107,7 +107,7 @@ def statements() -> dict[str, Statement]:
 
 
 def stated(key: str) -> float:
-    """Return the number of a statement."""
+    """Return the number in a statement."""
     value = statements()[key].value
     if value is None:
         raise KeyError(key)
@@ -115,7 +115,7 @@ def stated(key: str) -> float:
 
 
 def compared(key: str, number: float | None, u: float = 0.0, **of_the_run: Any) -> Comparison:
-    """Compare a statement with a number of the run; ``of_the_run`` are the numbers in its reason."""
+    """Compare a statement with a number from the run; ``of_the_run`` are the numbers used in its reason."""
     one = statements()[key]
     return Comparison(
         key=key,

@@ -56,7 +56,7 @@ def write(
 
 
 def drawn(result: Any, figure: FigureOptions, kind: str) -> dict[Path, files.Content]:
-    """Return file and content of the figure of a result by `solen.report.plot`; empty if no file is requested."""
+    """Return the file and content of a result's figure drawn by `solen.report.plot`; empty if no file is requested."""
     from solen.report.plot import figure_of
 
     path = figure.figure
@@ -81,7 +81,7 @@ def named(**paths: Path | None) -> dict[str, Path]:
 
 
 def check_ending(path: Path | None, what: str, *endings: str) -> None:
-    """Raise `OutputError` if a file has none of the given extensions; ``what`` names its content."""
+    """Raise `OutputError` if a file has none of the specified extensions; ``what`` names the content."""
     if path is not None and path.suffix.lower() not in endings:
         raise OutputError(str(path), limit=f"{what} must end in {', '.join(endings)}", remedy="rename it")
 
@@ -99,12 +99,12 @@ def check_new(path: Path | None, *, force: bool) -> None:
 
 
 def check_out(out: Path | None) -> None:
-    """Raise `OutputError` if the file of a result is not named .json."""
+    """Raise `OutputError` if the result file is not named .json."""
     check_ending(out, "a result", ".json")
 
 
 def check_table(out: Path | None, what: str, source: Path | str, *, force: bool) -> None:
-    """Raise `OutputError` if the file of readings is not named .csv, or exists, since it could be a recording."""
+    """Raise `OutputError` if the readings file is not named .csv, or exists and could therefore be a recording."""
     check_ending(out, what, ".csv")
     check_sources([out], [Path(source)])
     check_new(out, force=force)

@@ -1,7 +1,7 @@
-"""The style of figures and their files, whose bytes depend only on the drawn values.
+"""The style and encoding of figures; a file's bytes depend only on the drawn values.
 
-The module of a figure draws it with the colours and `series` below, at any size; `drawn` applies the style and fits the
-figure to its page. `encoded` returns the bytes of the file.
+Each figure module draws with the colours and `series` below, at any size; `drawn` applies the style and fits the figure
+to its page. `encoded` returns the file's bytes.
 """
 
 import io
@@ -27,12 +27,12 @@ from solen.report.options import FigureOptions
 RIGHT, LEFT, LOST, INK, SOFT = "#0072B2", "#D55E00", "#9aa0a6", "#22272e", "#d9dde1"
 SPACE, LOWER, HIGHER = "#009E73", "#56B4E9", "#CC79A7"
 SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#22272e")
-"""Colours of series, also distinguishable with colour vision deficiency (Okabe and Ito)."""
+"""Series colours that remain distinguishable with colour vision deficiency (Okabe and Ito)."""
 LINES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1)), (0, (6, 1, 1, 1, 1, 1)), (0, (9, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-"""Dashes and markers of the same series, so that they differ in more than colour."""
+"""Dashes and markers for these series, so that they differ in more than colour."""
 SIDES = {"right": (RIGHT, ">"), "left": (LEFT, "<")}
-"""Colour and marker of the right and the left receiver."""
+"""Colour and marker for the right and the left receiver."""
 FONTS = ("Helvetica Neue", "Arial", "Liberation Sans", "DejaVu Sans")
 STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -60,13 +60,13 @@ STYLE: dict[Any, Any] = {
 
 
 def series(number: int, *, dots: bool = False) -> dict[str, Any]:
-    """Return the style of the series with a given number: colour and dashes, or colour and marker."""
+    """Return the style for a series number: colour and dashes, or colour and marker."""
     place = number % len(SERIES)
     return {"color": SERIES[place]} | ({"marker": MARKERS[place], "ls": ""} if dots else {"ls": LINES[place]})
 
 
 def receiver(name: str, place: int = 0) -> dict[str, Any]:
-    """Return the style of a receiver's curve: colour and triangles of its side; others by position."""
+    """Return a receiver curve's style: the colour and triangle for its side, or a style by position for others."""
     side = SIDES.get(side_of(name) or "")
     colour, marker = side or (SERIES[2:][place % len(SERIES[2:])], MARKERS[1:][place % len(MARKERS[1:])])
     return {"color": colour, "marker": marker, "markevery": 0.13, "ms": 6.5, "mew": 0.0}
@@ -75,7 +75,7 @@ def receiver(name: str, place: int = 0) -> dict[str, Any]:
 def draw_repeats(
     axes: Axes, curves: Sequence[tuple[FloatArray, FloatArray]], number: int, label: str | None, **more: Any
 ) -> None:
-    """Draw repeats of one curve, each x and y of shape (n,): thin lines, and the mean with its SD as a band."""
+    """Draw repeated curves, each with x and y of shape (n,), as thin lines, and their mean with its SD as a band."""
     look = series(number) | more
     if len(curves) == 1:
         axes.plot(*curves[0], **look, label=label)
@@ -91,7 +91,7 @@ def draw_repeats(
 
 
 def style(look: FigureOptions = FigureOptions()) -> dict[Any, Any]:
-    """Return matplotlib's settings for a figure's options; `SpecError` if the font is not installed."""
+    """Return the matplotlib settings for the figure options; raise `SpecError` if the font is not installed."""
     installed = {font.name.casefold(): font.name for font in fontManager.ttflist}
     names = [name for name in FONTS if name.casefold() in installed]
     if look.font is not None:
@@ -108,12 +108,12 @@ def drawn(draw: Callable[[], Figure], look: FigureOptions = FigureOptions()) -> 
 
 
 def svg(figure: Figure, salt: str) -> str:
-    """Return the SVG text of a figure; ``salt`` distinguishes its internal names from those of others on a page."""
+    """Return a figure as SVG text; ``salt`` makes its internal identifiers unique on a page."""
     return encoded(figure, ".svg", salt).decode("utf-8")
 
 
 def encoded(figure: Figure, suffix: str, salt: str, dpi: int = 200) -> bytes:
-    """Return the bytes of a file of one of the `KINDS`, with the figure's titles in the metadata and no date."""
+    """Return a file's bytes in one of the `KINDS`, with the figure's titles in the metadata and no date."""
     data, title = io.BytesIO(), titles_of(figure)
     with mpl.rc_context({**STYLE, "svg.hashsalt": f"solen-{salt}"}):
         if suffix == ".svg":  # savefig would draw it twice, once for the layout: the bytes are the same
@@ -134,7 +134,7 @@ def encoded(figure: Figure, suffix: str, salt: str, dpi: int = 200) -> bytes:
 
 
 def _without_transparency(figure: Figure) -> None:
-    """Blend translucent colours with white: PostScript has no transparency and would draw them opaque."""
+    """Blend translucent colours with white, because PostScript has no transparency and would draw them opaque."""
     for artist in _all(figure):
         for part in ("facecolor", "edgecolor", "color"):
             get, put = getattr(artist, f"get_{part}", None), getattr(artist, f"set_{part}", None)

@@ -1,7 +1,7 @@
-"""Fitting of a drawn figure to its page: selects, stacks and letters panels, keeps texts complete and separate.
+"""Fitting a drawn figure to its page: selects, stacks and letters panels, and keeps text complete and free of overlap.
 
-The module of a figure does not know the width of the page, the requested panels, free positions for the legend, or
-titles too long for their panel; all of this is handled here.
+A figure module does not know the page width, the requested panels, where a legend fits, or which titles are too long
+for their panel; this module handles them all.
 
 Public names: `finish`, `panels_of`, `covers_data` and `titles_of`.
 """
@@ -34,23 +34,23 @@ from solen.report.options import LEAST_PT, FigureOptions
 
 MM_PER_IN = 25.4
 NARROWEST_IN = 2.1
-"""Smallest width of a panel next to others, unless drawn narrower; narrower panels are stacked."""
+"""Smallest width of a panel next to others, unless the panel was drawn narrower; narrower panels are stacked."""
 TALLEST = 0.75
-"""Height of a graph on a page, as a multiple of its width; pictures keep their aspect ratio."""
+"""Height of a graph on a page, as a multiple of its width; images keep their aspect ratio."""
 LOWEST_IN = 1.3
 PAGE_IN = 9.25
-"""Height of a page; stacked panels are shrunk to it as far as they stay legible."""
+"""Page height; stacked panels shrink to fit as far as they stay legible."""
 _AIR_PX = 1.0
 _APART_PX = 2.5  # half of the least distance between two notes
 _MANY = 4
 _CODES = range(1, 11)
-"""Positions of a legend inside its panel."""
+"""Legend positions inside a panel."""
 _ROUNDS = 6
-"""Largest number of layout passes until every text has its position."""
+"""Largest number of layout passes made until every text is placed."""
 
 
 def finish(figure: Figure, look: FigureOptions) -> Figure:
-    """Finish a figure according to its options; `SpecError` if they name a panel that does not exist."""
+    """Finish a figure according to its options; raise `SpecError` if they name a panel that does not exist."""
     panels = panels_of(figure)
     if look.panels:
         panels = _chosen(panels, look.panels)
@@ -69,7 +69,7 @@ def finish(figure: Figure, look: FigureOptions) -> Figure:
 
 
 def panels_of(figure: Figure) -> list[list[Axes]]:
-    """Return the panels in reading order: for each, the axes that share its position, with their colour bars."""
+    """Return the panels in reading order, each as the axes that share a position, with their colour bars."""
     panels: list[list[Axes]] = []
     for axes in figure.axes:
         if axes.get_label() == "<colorbar>":
@@ -81,7 +81,7 @@ def panels_of(figure: Figure) -> list[list[Axes]]:
 
 
 def titles_of(figure: Figure) -> str:
-    """Return the titles of a figure on one line, including hidden ones."""
+    """Return a figure's titles on one line, including hidden ones."""
     return "; ".join(" ".join(title.get_text().split()) for title in _titles(figure))
 
 
@@ -112,7 +112,7 @@ def _chosen(panels: list[list[Axes]], letters: str) -> list[list[Axes]]:
 
 
 def _fit(figure: Figure, panels: list[list[Axes]], look: FigureOptions) -> None:
-    """Set the size for a page; stack panels that would be too narrow side by side."""
+    """Set the size for a page; stack panels that would be too narrow next to each other."""
     width, height = figure.get_size_inches()
     wide = width if look.width_mm is None else look.width_mm / MM_PER_IN
     if figure.subfigs or any(panel[0].get_subplotspec() is None for panel in panels):
@@ -175,7 +175,7 @@ def _set_limits(panels: list[list[Axes]], look: FigureOptions) -> None:
 
 
 def _titles(figure: Figure) -> list[Text]:
-    """Return the title of the figure, and those of its panels."""
+    """Return the titles of the figure and its panels."""
     whole = figure.get_suptitle()
     texts = [text for text in figure.texts if whole and text.get_text() == whole]
     for axes in figure.axes:
@@ -208,7 +208,7 @@ def _letter(panels: list[list[Axes]], first: str) -> None:
 
 
 def _settle(figure: Figure, *, may_grow: bool) -> None:
-    """Lay the figure out until no text is too long for its position and no legend covers data."""
+    """Lay the figure out until every text fits and no legend covers data."""
     family = [*rcParams["font.sans-serif"][:1], "sans-serif"]  # the same font as for measuring
     for text in figure.findobj(Text):
         text.set_fontsize(max(text.get_fontsize(), LEAST_PT))
@@ -244,7 +244,7 @@ def _lay_out(figure: Figure) -> None:
 
 
 def _keep_inside(figure: Figure) -> None:
-    """Move whatever extends beyond the page back onto it."""
+    """Move anything that extends beyond the page back onto it."""
     box, (wide, high), engine = figure.get_tightbbox(), figure.get_size_inches(), figure.get_layout_engine()
     left, low = max(0.0, -box.x0) / wide, max(0.0, -box.y0) / high
     right, top = max(0.0, box.x1 - wide) / wide, max(0.0, box.y1 - high) / high
@@ -254,7 +254,7 @@ def _keep_inside(figure: Figure) -> None:
 
 
 def _wrap(figure: Figure) -> float:
-    """Break titles and labels longer than their panel; return the height of the added lines in inches."""
+    """Break titles and labels that are too long for their panel; return the height of the added lines in inches."""
     places = [(text, figure.bbox.width) for text in figure.texts]
     rows: dict[float, float] = {}
     for axes in figure.axes:
@@ -282,7 +282,7 @@ def _broken(text: Text, room: float) -> int:
 
 
 def _thin(figure: Figure) -> bool:
-    """Remove ticks whose labels touch; return whether there were any."""
+    """Remove ticks whose labels touch; return whether any were removed."""
     return [_thinned(axes, axis) for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)].count(True) > 0
 
 
@@ -303,7 +303,7 @@ def _thinned(axes: Axes, axis: Axis) -> bool:
 
 
 def _uncrowded(figure: Figure) -> bool:
-    """Hide notes in a panel that overlap earlier ones; return whether there were any."""
+    """Hide notes that overlap earlier ones in a panel; return whether any were hidden."""
     hidden = False
     for axes in figure.axes:
         shown: list[Bbox] = []
@@ -319,7 +319,7 @@ def _uncrowded(figure: Figure) -> bool:
 
 
 def _clear(axes: Axes, panel: Sequence[Axes], outside: set[Axes]) -> bool:
-    """Move a legend off the data, to a free corner or else below its axes; return whether it went below."""
+    """Move a legend away from the data, to a free corner or else below its axes; return whether it was moved below."""
     legend = axes.get_legend()
     if legend is None or axes in outside or not covers_data(legend, panel, references=True):
         return False
@@ -369,9 +369,9 @@ def _grow(figure: Figure, moved: Sequence[Axes]) -> None:
 
 
 def covers_data(legend: Legend, panel: Sequence[Axes], *, references: bool = False) -> bool:
-    """Whether a legend covers data or text, or extends beyond its panel.
+    """Return whether a legend covers data or text, or extends beyond its panel.
 
-    With ``references``, unlabelled lines across the panel count too, such as a zero line.
+    With ``references``, unlabelled lines across the panel, such as a zero line, count too.
     """
     box, within = legend.get_window_extent(), panel[0].bbox.padded(_AIR_PX)
     if box.x0 < within.x0 or box.x1 > within.x1 or box.y0 < within.y0 or box.y1 > within.y1:

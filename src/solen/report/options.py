@@ -16,7 +16,7 @@ LEAST_PT = 6.0
 """Smallest font size, as journals require."""
 LETTERS_LIMIT = "must be one letter: A, a or (a)"
 Limits = tuple[str | None, str, float, float]
-"""Panel (None for all), x or y, and the ends of the axis."""
+"""Panel (None for all), axis name (x or y), and the ends of the axis."""
 
 
 class FigureOptions(Options):
@@ -53,7 +53,7 @@ class FigureOptions(Options):
         return self.font_pt or (9.0 if self.width_mm is None else 8.0)
 
     def ends(self) -> list[Limits]:
-        """The limits of axes; `SpecError` for a malformed one."""
+        """Return the axis limits; raise `SpecError` if one is malformed."""
         return [_ends(text) for text in self.limits]
 
     def check(self, *others: Path | None) -> None:

@@ -1,6 +1,6 @@
-"""The figure of a result, chosen by its type.
+"""The figure of a result, chosen by the result's type.
 
-Public names: `plot` and `FIGURES`. Neither the types nor matplotlib are loaded before a result is drawn.
+Public names: `plot` and `FIGURES`. Neither the result types nor matplotlib are loaded before a result is drawn.
 """
 
 from importlib import import_module
@@ -64,7 +64,7 @@ FIGURES = {
     "Tolerances": "explore.tolerance:tolerance_figure",
     "TunedPrint": "print.tune:tune_figure",
 }
-"""Functions that draw one result, in the other modules of this package, by the name of the result's type."""
+"""Functions in the other modules of this package that draw one result, by the name of the result's type."""
 
 
 def plot(result: Any, look: "FigureOptions | None" = None) -> "Figure":

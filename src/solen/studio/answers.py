@@ -1,4 +1,4 @@
-"""Requests of a page and the frames that answer them: this module calls the stages and computes nothing."""
+"""Page requests and the frames that answer them: this module calls the stages and computes nothing."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -24,13 +24,13 @@ from solen.studio.frames import encoded
 from solen.studio.search import SearchRequest
 
 ROW = ("key", "tolerance", "largest", "u_largest", "at_deg")
-"""Fields of a parameter that a page shows in the list of what matters."""
+"""Fields that a page shows for each parameter in its list of what matters."""
 COMPARISON_RAYS = 2**14
-"""Number of rays at an angle for curves that are compared with the design's own."""
+"""Number of rays for each angle in curves compared with the design's own."""
 
 
 class View(Strict):
-    """Settings of the page's view of the design."""
+    """View settings for a design on the page."""
 
     angle_deg: Number = Field(0.0, description="Angle, or value of whatever else the motion drives.")
     rays: int = Field(RAYS, ge=1, le=MOST_RAYS, description="Rays drawn.")
@@ -48,7 +48,7 @@ class View(Strict):
 
 
 class PageRequest(Strict):
-    """A request of a page: a change of the view or of the design, or an order."""
+    """A page request: a change of view or design, or an order."""
 
     id: int = Field(0, ge=0, lt=2**53, description="Number of the request, which the answer repeats.")
     view: View | None = Field(None, description="New view of the design.")
@@ -73,7 +73,7 @@ def hello_frame(document: Document) -> bytes:
 
 
 def suggestion_frame(state: State) -> bytes:
-    """Return the frame that suggests a search for a more linear response, in the form in which a page requests it."""
+    """Return the frame that suggests a search for a more linear response, in the form of a page request."""
     options = straightness_options(state.design)
     sought = SearchRequest(**{name: getattr(options, name) for name in ("minimise", "maximise", "free", "subject_to")})
     return encoded({"kind": "suggested", "sought": sought.model_dump()})
@@ -85,7 +85,7 @@ def in_space(sensor: Sensor) -> bool:
 
 
 def lit_sensor(state: State, view: View) -> Sensor:
-    """Return the design's sensor; for a network, with the emitter lit that a page chose, if it still exists."""
+    """Return the design's sensor; for a network, light the emitter chosen on the page if it still exists."""
     names = [emitter.name for emitter in state.design.network.emitters]
     return state.sensor if view.lit not in names else Sensor.of(lit(state.design, view.lit))
 
@@ -111,7 +111,7 @@ def nearest_value(state: State, angle_deg: float) -> float:
 
 
 def picture_frame(document: Document, state: State, view: View, asked: int, *, whole: bool, curve: bool) -> bytes:
-    """Return the frame of the picture, with a rough response if ``curve``, and with all values if ``whole``."""
+    """Return the drawing's frame, with an approximate response if ``curve``, and with all values if ``whole``."""
     sensor = shown_sensor(state, view)
     values = state.design.motion.values()
     image = picture(sensor, nearest_value(state, view.angle_deg), view.rays, split=view.split)
@@ -137,7 +137,7 @@ def picture_frame(document: Document, state: State, view: View, asked: int, *, w
 
 
 def _comparison_picture(state: State, view: View) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the picture of the design that is compared with the open one; empty if it cannot be built."""
+    """Return the drawing of the design compared with the open one; return an empty drawing if it cannot be built."""
     try:
         image = picture(shown_sensor(state, view), nearest_value(state, view.angle_deg), view.rays, split=view.split)
     except SolenError:
@@ -148,7 +148,7 @@ def _comparison_picture(state: State, view: View) -> tuple[dict[str, Any], dict[
 
 
 def _rough_response(sensor: Sensor) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return a rough response, or the reason why there is none yet."""
+    """Return an approximate response, or the reason why none is available yet."""
     try:
         rough = coarse(sensor)
     except SolenError as bad:
@@ -202,7 +202,7 @@ def effective(sensor: Sensor) -> dict[str, Any]:
 def refined_frames(
     state: State, version: int, view: View, stop: Callable[[], bool], beside: State | None = None
 ) -> Iterator[bytes]:
-    """Yield frames of the response as it is refined, and of the curves it is compared with; end early if ``stop``."""
+    """Yield frames with the response as it is refined, and with the compared curves; end early if ``stop`` is set."""
     sensor = shown_sensor(state, view)
     if sensor.is_network:
         yield encoded({"kind": "powers", "in_space": in_space(sensor), **plain(network_response(sensor.design, [{}]))})
@@ -219,7 +219,7 @@ def refined_frames(
 
 
 def tolerance_frames(state: State, view: View, stop: Callable[[], bool]) -> Iterator[bytes]:
-    """Yield frames of the parameters that matter, largest first, and of all tolerances together, one more each time."""
+    """Yield frames with the parameters that matter, largest first, and all tolerances together, one more each time."""
     found: list[ToleranceEffect] = []
     for effect in tolerance_effects(shown_sensor(state, view), stop):
         found = sorted([*found, effect], key=lambda each: each.largest, reverse=True)
@@ -228,7 +228,7 @@ def tolerance_frames(state: State, view: View, stop: Callable[[], bool]) -> Iter
 
 
 def _comparison_frames(sensor: Sensor, own: Curve, stop: Callable[[], bool], pinned: Sensor | None) -> Iterator[bytes]:
-    """Yield frames of the comparison curves, and the difference between plane and space that they show."""
+    """Yield frames with the comparison curves and the difference that they show between plane and space."""
     flat = sensor.design.trace.dimension == "2d"
     others: dict[str, Callable[[], Sensor]] = {
         "space" if flat else "plane": partial(as_built if flat else in_plane, sensor)
@@ -256,7 +256,7 @@ def _frame(name: str, curve: Curve) -> bytes:
 
 
 def _curve(name: str, curve: Curve) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return header and columns of a response."""
+    """Return the header and columns for a response."""
     found = curve.response
     head = {
         "name": name,

@@ -1,4 +1,4 @@
-"""A call of a command's function: run as the work of a job, and written out as a command line and as a script."""
+"""A call to a command's function: run as a job, and written out as a command line and a script."""
 
 import importlib
 import inspect

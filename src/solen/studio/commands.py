@@ -1,4 +1,4 @@
-"""The state of the page as a command line and as a Python script."""
+"""The page state as a command line and a Python script."""
 
 import shlex
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ def assigned(changes: Mapping[str, Any]) -> list[str]:
 
 
 def _toml(value: Any) -> str:
-    """Return a value in one line, as a design file states it."""
+    """Return a value on one line, as written in a design file."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml, value))}]"
     return tomli_w.dumps({"value": value}).removeprefix("value = ").strip()

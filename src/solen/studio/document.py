@@ -1,8 +1,8 @@
 """The edited design: changed, undone, and saved into its file with its comments.
 
-Unsaved changes go into a file next to the design, made by this document; an older one is offered, never replaced.
-Several pages may edit one document. The saved text is the opened one with the changed values; if another program has
-changed the file meanwhile, nothing is written.
+This document writes unsaved changes into a new file next to the design; an older file of unsaved changes is offered but
+never replaced. Several pages may edit one document. The saved text is the opened text with the changed values; if
+another program has changed the file meanwhile, nothing is written.
 """
 
 import tomllib
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from solen.studio.search import Search
 
 MOST_STATES = 500
-"""Largest number of states that can be undone."""
+"""Largest number of states kept for undo."""
 EXAMPLE = "solen-860"
 
 
@@ -207,7 +207,7 @@ class Document:
             self.version += 1
 
     def _beside(self) -> Iterator[Path]:
-        """Yield names for files of unsaved changes, in turn."""
+        """Yield candidate names for files of unsaved changes, in order."""
         for number in count(1):
             yield self.path.with_name(f"{self.path.stem}-unsaved{'' if number == 1 else f'-{number}'}.toml")
 

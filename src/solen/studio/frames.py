@@ -29,7 +29,7 @@ def encoded(header: Mapping[str, Any], arrays: Mapping[str, NDArray[np.floating[
 
 
 def decoded(frame: bytes) -> tuple[dict[str, Any], dict[str, NDArray[np.float32]]]:
-    """Decode header and arrays (N, columns) of a frame; ValueError for another version."""
+    """Decode the header and the arrays (N, columns) of a frame; raise ValueError for another version."""
     version, size = _HEAD.unpack_from(frame)
     if version != VERSION:
         raise ValueError(f"a frame of version {version}; this is version {VERSION}")

@@ -25,7 +25,7 @@ POLICY = (
 
 
 class Guard:
-    """Pass on requests of the studio's own page, and reject all others."""
+    """Pass on requests from the studio's own page, and reject all others."""
 
     def __init__(self, app: App, token: str, address: str, port: int) -> None:
         self.app, self.token, self.host = app, token, f"{address}:{port}"
@@ -46,7 +46,7 @@ class Guard:
             await send({"type": "http.response.body", "body": b"refused\n"})
 
     def _status(self, scope: Scope) -> int:
-        """Return the HTTP status of a request: 200 if it is passed on."""
+        """Return a request's HTTP status: 200 if the request is passed on."""
         headers = scope["headers"]
         hosts, origins = ([value for key, value in headers if key == name] for name in (b"host", b"origin"))
         own = f"http://{self.host}".encode()

@@ -19,7 +19,7 @@ from typing import Any, Literal, Protocol
 from solen.errors import SolenError, SpecError
 
 MOST_RUNNING, MOST_KEPT = 3, 60
-"""Largest number of jobs at a time, and of finished jobs whose results are still shown."""
+"""Largest number of jobs that run at a time, and of finished jobs whose results are still shown."""
 ENDED = "ended unexpectedly: see the terminal; files already written are kept"
 State = Literal["running", "done", "cancelled", "failed"]
 
@@ -190,7 +190,7 @@ class Jobs:
         self.all = [*self.all, job][-MOST_KEPT:]
 
     def of(self, number: int) -> Job:
-        """Return a job by its number; `SpecError` if there is none."""
+        """Return a job by its number; raise `SpecError` if it does not exist."""
         for job in self.all:
             if job.number == number:
                 return job

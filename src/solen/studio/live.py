@@ -1,6 +1,6 @@
-"""Live views of running work: a run of the bench, and angles as they are decoded.
+"""Live views of running work: a bench run, and angles as they are decoded.
 
-A page shows the whole curve, with few enough points to be sent at each update.
+A page shows the entire curve, reduced to few enough points to be sent at each update.
 """
 
 import time
@@ -10,7 +10,7 @@ from solen.bench.run import Tick
 from solen.studio.jobs import SendNews
 
 MOST_POINTS, LOOK_S = 600, 0.2
-"""Largest number of points of a curve that is shown, and time between updates."""
+"""Largest number of points shown on a curve, and the time between updates."""
 ENDS = ("from (95 %)", "to (95 %)")
 SHOWN = {"angle_deg": "angle / °", "force_N": "force / N", "depth_mm": "depth / mm"}
 
@@ -41,7 +41,7 @@ class LiveCurve:
 
 
 class Levels(LiveCurve):
-    """Light at each input of a rig during a run."""
+    """Light at each rig input during a run."""
 
     def __call__(self, tick: Tick) -> None:
         """Record the state of the run."""

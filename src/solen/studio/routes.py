@@ -87,7 +87,7 @@ def _refusing(end: Callable[..., Awaitable[Any]]) -> Callable[..., Awaitable["Re
 
 
 async def _whole(parts: AsyncIterator[bytes]) -> bytes:
-    """Return a whole message; `SpecError` if it is too long."""
+    """Return a complete message; raise `SpecError` if it is too long."""
     message = b""
     async for some in parts:
         message += some

@@ -32,7 +32,7 @@ TYPES = {
 }
 """Media types of the page's files, by suffix; no other file is served."""
 LARGEST_MESSAGE = 2**16
-"""Largest size in bytes of a message of a page; a longer one closes its connection."""
+"""Largest page message in bytes; a longer one closes its connection."""
 MOST_PAGES, MOST_CONNECTIONS = 8, 64
 UNSAVED_CHECK_S = 2.0
 """Time between checks for unsaved changes."""

@@ -25,11 +25,11 @@ from solen.studio.frames import encoded
 from solen.studio.search import adopt, begin
 
 MOST_WAITING = 16
-"""Largest number of different requests that may wait; those of one drag count as one."""
+"""Largest number of different requests that may wait; all requests from one drag count as one."""
 WATCHED_S = 0.2
-"""Time between checks of the work in the background."""
+"""Time between checks of background work."""
 REST_S = 0.08
-"""Time without a request after which results are refined; a drag needs the processor itself."""
+"""Time without a request after which results are refined; during a drag the CPU is needed for the drag itself."""
 Sender = Callable[[bytes], Awaitable[None]]
 
 
@@ -98,7 +98,7 @@ class Session:
             await self._next()
 
     async def watch(self) -> None:
-        """Send changes of the work in the background, until cancelled."""
+        """Send changes in background work until cancelled."""
         while True:
             for job in self.document.jobs.all:
                 if self.known.get(job.number) != (version := job.version):
@@ -147,7 +147,7 @@ class Session:
         return [frame, *notes]
 
     def _key(self, view: View) -> tuple[int, View]:
-        """Return the inputs that the response depends on."""
+        """Return the inputs on which the response depends."""
         return self.document.version, view.model_copy(
             update={"angle_deg": 0.0, "rays": 1, "split": False, "tolerances": False}
         )

@@ -1,4 +1,4 @@
-"""Parameters of a command's function: their types, and how a command line writes them."""
+"""Parameters of a command's function: their types, and their form on a command line."""
 
 import inspect
 import typing
@@ -72,7 +72,7 @@ class Parameter:
         return own, negative
 
     def converted(self, value: Any) -> Any:
-        """Convert a value of a page for the function; `SpecError` if it is not valid."""
+        """Convert a value from a page for the function; raise `SpecError` if it is invalid."""
         try:
             return TypeAdapter(self.hint).validate_python(value)
         except ValidationError as bad:
@@ -95,12 +95,12 @@ def option_name(field: str) -> str:
 
 
 def is_fixed(hint: Any) -> bool:
-    """Return whether a type is a tuple of a fixed number of values."""
+    """Return whether a type is a tuple with a fixed number of values."""
     return any(typing.get_origin(one) is tuple and ... not in typing.get_args(one) for one in _inside(hint))
 
 
 def _inside(hint: Any) -> Iterator[Any]:
-    """Yield a type and all types in it."""
+    """Yield a type and all types nested in it."""
     yield hint
     if origin := typing.get_origin(hint):
         yield origin
@@ -109,7 +109,7 @@ def _inside(hint: Any) -> Iterator[Any]:
 
 
 def described(function: Callable[..., Any]) -> dict[str, str]:
-    """Return the descriptions of parameters from the function's docstring."""
+    """Return the parameter descriptions from the function's docstring."""
     words: dict[str, str] = {}
     names: list[str] = []
     text = (inspect.getdoc(function) or "").partition("Parameters\n----------\n")[2].partition("\n\n")[0]

@@ -37,7 +37,7 @@ JOB = ".job.json"
 
 
 class Storage:
-    """A folder for the files of a document, made with the first of them."""
+    """A folder for a document's files, created with the first file."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

@@ -1,4 +1,4 @@
-"""Work of the tabs next to the design: dropped files, offered commands, and jobs of one document."""
+"""A document's work in the tabs next to the design: dropped files, offered commands, and jobs."""
 
 import zipfile
 from collections.abc import Mapping
@@ -46,7 +46,7 @@ class Workspace:
         return {"tab": name, "offers": [offer.form() for offer in offers], "files": self.storage.names()}
 
     def commands_for(self, tab: str, name: str) -> dict[str, Any]:
-        """Return which commands of a tab accept a file, or why none does."""
+        """Return which commands in a tab accept a file, or why none does."""
         try:
             return {"name": name, "suits": tabs.commands_for(tab, self.storage.path(name)), "why": ""}
         except SolenError as bad:

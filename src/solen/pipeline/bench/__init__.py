@@ -1,1 +1,1 @@
-"""Commands of the bench and its recordings."""
+"""Commands for the bench and its recordings."""

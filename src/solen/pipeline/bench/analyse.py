@@ -1,4 +1,4 @@
-"""Response and figures of merit of sensors, from recordings made by solen's bench or any other."""
+"""Responses and figures of merit of sensors, from recordings made by solen's bench or any other."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Calibrations from recordings: one per sensor, or one pooled over several prints, saved beside the recordings."""
+"""Calibrations from recordings: one per sensor, or one pooled over several prints, saved next to the recordings."""
 
 from pathlib import Path
 

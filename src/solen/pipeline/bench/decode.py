@@ -1,4 +1,4 @@
-"""Angles from voltages by a saved calibration: of a recorded file, of lines as they arrive, or during a run."""
+"""Angles from voltages through a saved calibration: from a recording, from lines as they arrive, or during a run."""
 
 import contextlib
 import json
@@ -119,7 +119,7 @@ def decode(
 def _of_network(
     calibration: Path, source: str, options: DecodeOptions, signals: SignalOptions, text: Iterable[str]
 ) -> tuple[NetworkStream, Iterator[Turns]]:
-    """Return the decoder of a network, and its readings in successive pieces."""
+    """Return a network's decoder, and its readings in successive blocks."""
     unused(options, ("sensor", "follow"))
     unused(signals)
     known, path = load_network(calibration), Path(source)
@@ -163,7 +163,7 @@ def _stream(
 def _write_rows(
     decoder: StreamDecoder | NetworkStream, pieces: Iterator[Any], file: TextIO | None, targets: list[TextIO | Outlet]
 ) -> bool:
-    """Decode all pieces of a stream; return whether Ctrl-C stopped it."""
+    """Decode all blocks of a stream; return whether Ctrl-C stopped it."""
     for target in targets:
         print(decoder.heading if target is file else decoder.header, end="", file=target, flush=True)
     try:
@@ -187,14 +187,14 @@ def _journal(path: Path, options: DecodeOptions, calibrated: str) -> Stream:
 
 
 def _provenance(following: Following, path: Path) -> Provenance:
-    """Return the provenance of readings from the journal of a run."""
+    """Return the provenance of readings from a run's journal."""
     header = json.dumps({key: value for key, value in following.header.items() if key != "streams"})
     simulated = bool(following.header.get("simulated"))
     return Provenance(path.name, format="journal", metadata={"header": header}, simulated=simulated)
 
 
 def _grown(following: Following, fresh: Callable[[], Iterator[T]], *, follow: bool) -> Iterator[T]:
-    """Yield the new content of a growing journal from each call of ``fresh``; with ``follow``, until the run ends."""
+    """Yield the content added to a journal at each call of ``fresh``; with ``follow``, until the run ends."""
     while True:
         yield from fresh()
         if following.ended or not follow:

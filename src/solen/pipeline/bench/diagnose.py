@@ -1,4 +1,4 @@
-"""Diagnosis of recorded sensors: emitter, chip and receivers of each, fitted with the response of its design."""
+"""Diagnosis of recorded sensors: each sensor's emitter, chip and receivers, fitted with its design response."""
 
 from pathlib import Path
 from typing import Annotated

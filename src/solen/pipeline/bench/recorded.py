@@ -16,7 +16,7 @@ T = TypeVar("T", bound=SignalOptions)
 
 
 def split_files(files: tuple[Path, ...], options: T) -> tuple[tuple[Path, ...], T]:
-    """Files, including those typed after ``--channel``, and the options without them."""
+    """Return all files, including those typed after ``--channel``, and the options without them."""
     more = [text for text in options.channel if "=" not in text and Path(text).is_file()]
     channel = tuple(text for text in options.channel if text not in more)
     return (*files, *map(Path, more)), options.model_copy(update={"channel": channel})

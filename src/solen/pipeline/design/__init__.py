@@ -1,1 +1,1 @@
-"""Commands of a sensor's design."""
+"""Commands for a sensor design."""

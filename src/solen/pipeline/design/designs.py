@@ -22,7 +22,7 @@ def open_design(path: Path, assignments: Sequence[str] | None = None) -> Design:
 
 
 def is_scene(path: Path, of_designs: Mapping[str, object]) -> bool:
-    """Return whether a file is a scene and not a design; raise `SpecError` if options are given that need a design."""
+    """Return whether a file is a scene rather than a design; raise `SpecError` for options that need a design."""
     if path.suffix.lower() != SCENE_SUFFIX:
         return False
     for name, value in of_designs.items():
@@ -33,7 +33,7 @@ def is_scene(path: Path, of_designs: Mapping[str, object]) -> bool:
 
 
 def provenance_of(path: Path) -> Provenance:
-    """Return name and checksum of a design file, as a source of its results."""
+    """Return the name and checksum of a design file, as a source of its results."""
     return Provenance(file=path.name, sha256=hashlib.sha256(path.read_bytes()).hexdigest(), format="design")
 
 

@@ -1,4 +1,4 @@
-"""Voltages of a design's receivers over its motion, with noise, resolution and advice on the load."""
+"""Receiver voltages over a design's motion, with noise, resolution and a recommended load."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The whole chain of a design: response, figures, tables and report in a folder."""
+"""The entire chain for a design: response, figures, tables and report in a folder."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Inverse design: a design as input; a better one, and the record of the search, as output."""
+"""Inverse design: a design as input; a better design and the search record as output."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Calibration of a printer: measured features as input, a process file and a figure as output."""
+"""Printer calibration: measured features as input, a process file and a figure as output."""
 
 from pathlib import Path
 from typing import Annotated

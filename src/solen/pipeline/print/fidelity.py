@@ -1,4 +1,4 @@
-"""Fidelity of a printed coupon: a picture or height map as input; sizes, resolution limits and a figure as output."""
+"""Fidelity of a printed coupon: an image or height map as input; sizes, resolution limits and a figure as output."""
 
 from collections.abc import Sequence
 from pathlib import Path

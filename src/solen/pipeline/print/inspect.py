@@ -1,4 +1,4 @@
-"""Inspection of a printed lens: a picture and its design as input; deviations, a profile and a figure as output."""
+"""Inspection of a printed lens: an image and its design as input; deviations, a profile and a figure as output."""
 
 from pathlib import Path
 from typing import Annotated
@@ -76,7 +76,7 @@ def inspect(
 
 
 def _check_faces(part: Design, options: InspectOptions, bottom: Path | None, out: Path | None) -> None:
-    """Raise `SpecError` for one-picture options with two pictures, or one profile of a lens that varies with height."""
+    """Raise `SpecError` for one-image options with two images, or for one profile if the lens varies with height."""
     for option, stated in (("--out", out), ("--seen-from", options.seen_from)):
         if bottom is not None and stated is not None:
             raise SpecError(option, limit="applies to a single picture", remedy="leave it out, or --bottom")
@@ -86,5 +86,5 @@ def _check_faces(part: Design, options: InspectOptions, bottom: Path | None, out
 
 
 def _named_apart(other: Design, part: Design, path: Path) -> Design:
-    """Label a compared design by its file if it has the same name as the part."""
+    """Label a compared design by its file name if it has the same design name as the part."""
     return with_values(other, {"name": path.stem}) if other.name == part.name else other

@@ -43,7 +43,7 @@ from solen.sensor import Sensor
 
 @dataclass
 class LayerFiles:
-    """Files of a job, written in the order of `contents`: pictures come first, since the other files report on them."""
+    """Files of a job, written in the order of `contents`: images come first, because the other files report on them."""
 
     job: Job
     part: Printable
@@ -138,7 +138,7 @@ def layers(
 
 
 def printed_by(slicing: Slicing) -> Process | None:
-    """Return the process of a slicing, with its working curve; None if neither is stated."""
+    """Return the process for a slicing, with the specified working curve; None if neither is specified."""
     if slicing.process is None and slicing.cure is None:
         return None
     return process_of(ProcessOptions(process=slicing.process, cure=slicing.cure))[0]

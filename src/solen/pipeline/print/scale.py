@@ -1,4 +1,4 @@
-"""Scale of an objective: a picture of a stage micrometer as input, a scale file for other commands as output."""
+"""Objective scale: an image of a stage micrometer as input, a scale file for other commands as output."""
 
 from pathlib import Path
 from typing import Annotated

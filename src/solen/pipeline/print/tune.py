@@ -90,7 +90,7 @@ def _printed(
 
 
 def _drawing(tuned: TunedPrint, sensor: Sensor, path: Path) -> dict[Path, files.Content]:
-    """Return design, outline and predicted profile of the drawing."""
+    """Return the design, outline and predicted profile for the drawing."""
     return dict(compensation_files(path, sensor, tuned.made, tuned.profile, tuned.process))
 
 

@@ -1,1 +1,1 @@
-"""Commands of whole projects."""
+"""Commands for entire projects."""

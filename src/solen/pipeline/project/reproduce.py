@@ -62,7 +62,7 @@ def reproduce(*, out: Path, figures: Figures = (), progress: ProgressBar = None)
 
 
 def _make(one: PaperFigure, out: Path) -> None:
-    """Make a figure: write its pictures, and with them its record, which comes last."""
+    """Make a figure: write its drawings and, last, its record."""
     drawn, made = out / "figures", one.make(out / "data")
     contents = {picture.file: _drawn(picture) for picture in made.pictures}
     drawings = [Drawing(file=picture.file, alt=picture.alt, mark=picture.mark) for picture in made.pictures]

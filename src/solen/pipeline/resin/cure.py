@@ -1,4 +1,4 @@
-"""The working curve of a resin: a table of discs as input, the result and its figure as output."""
+"""A resin's working curve: a table of discs as input, the result and its figure as output."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Penetration depth of a resin: a file of its absorbance as input, the result and its figure as output."""
+"""Penetration depth of a resin: an absorbance file as input, the result and its figure as output."""
 
 from pathlib import Path
 from typing import Annotated

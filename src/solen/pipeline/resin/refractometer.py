@@ -1,4 +1,4 @@
-"""Index of a refractometer against wavelength: the result and its figure as output."""
+"""Index from a refractometer against wavelength: the result and its figure as output."""
 
 from typing import Annotated
 

@@ -1,4 +1,4 @@
-"""Spectra in files: their content as a list and a figure."""
+"""Spectra in files: a list and a figure of their contents."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,1 +1,1 @@
-"""Figures and pages of the bench and its recordings."""
+"""Figures and pages for bench measurements and recordings."""

@@ -1,8 +1,8 @@
-"""The response of sensors: voltage against angle, as in the paper's figure 4D.
+"""Sensor responses: voltage against angle, as in the paper's figure 4D.
 
-Each half-cycle that is used is a faint line; the mean is a strong line in a band of one standard deviation. In a
-sensor's own panel, right is blue and left is orange; in a shared panel each sensor has a colour, right is solid and
-left is dashed.
+Each half-cycle that is used is drawn as a faint line, and the mean as a strong line within a band of one standard
+deviation. In a panel for a single sensor, right is blue and left is orange; in a shared panel each sensor has a colour,
+right is solid and left is dashed.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ _SHOWN = 60  # half-cycles that are drawn individually
 
 
 def study_figure(study: Study) -> Figure:
-    """Draw a panel for each sensor, all to the same scale; with several sensors, also a panel with all of them."""
+    """Draw a panel for each sensor, all to the same scale; with several sensors, add a panel that shows all of them."""
     sensors = list(study.sensors.values())
     panels = len(sensors) + (len(sensors) > 1)
     across = 3 if panels in {5, 6} else min(panels, _ACROSS)
@@ -42,19 +42,19 @@ def study_figure(study: Study) -> Figure:
 
 
 def label_of(unit: str) -> str:
-    """Return the label of an axis of receiver values."""
+    """Return the axis label for receiver values."""
     return "voltage (V)" if unit == "V" else f"signal ({unit})"
 
 
 def state_origin(figure: Figure, simulated: bool, *remarks: str) -> None:
-    """Return the title of a figure: whether its data are simulated, and remarks on their processing."""
+    """Return a figure title that says whether the data are simulated and how they were processed."""
     title = "; ".join(filter(None, ("simulated data" if simulated else "", *remarks)))
     if title:
         figure.suptitle(title, color=LOST)
 
 
 def title_of(response: SensorResponse) -> str:
-    """Return the name of a sensor, with its lens."""
+    """Return the sensor's name and lens."""
     return response.label + {None: "", True: ", lens", False: ", no lens"}[response.lens]
 
 
@@ -74,7 +74,7 @@ def _draw_sensor(axes: Axes, response: SensorResponse) -> None:
 
 
 def _draw_all(axes: Axes, sensors: Sequence[SensorResponse], *, beside: bool) -> None:
-    """Draw the means of all sensors with their bands, grey without a lens, and the legend next to them if it fits."""
+    """Draw the mean curves of all sensors with bands, in grey without a lens, and a legend next to them if it fits."""
     with_lens = [sensor for sensor in sensors if sensor.lens is not False]
     for sensor in sensors:
         plain = sensor.lens is False

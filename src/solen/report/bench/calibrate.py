@@ -1,4 +1,4 @@
-"""The figure of a calibration: its curves, decoded against true angles, and the errors.
+"""The calibration figure: the curves, decoded against true angles, and the errors.
 
 There is one row for each calibration. Left is orange and right is blue; lines are solid for rising angles and dashed
 for falling ones.
@@ -64,7 +64,7 @@ def _draw_curves(axes: Axes, calibration: Calibration, unit: str) -> None:
 
 
 def _places(check: Check) -> IndexArray:
-    """Return the readings to draw, in the order of their true angles."""
+    """Return the readings to draw, ordered by true angle."""
     order = np.argsort(check.true_deg, kind="stable")
     return order[:: max(1, order.size // _DRAWN)]
 

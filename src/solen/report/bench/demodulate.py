@@ -1,4 +1,4 @@
-"""The figure of a demodulation: samples, readings, and rejection of ambient light."""
+"""The demodulation figure: samples, readings, and ambient-light rejection."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +13,7 @@ MOST_POINTS = 4000
 
 
 def demodulation_figure(result: Demodulation) -> Figure:
-    """Draw an excerpt of the samples with their states, all readings, and the rejection against frequency."""
+    """Draw an excerpt of the samples with the emitter states, all readings, and the rejection against frequency."""
     figure = Figure(figsize=(8.2, 5.2))
     grid = figure.add_gridspec(2, 2, width_ratios=(1.5, 1.0))
     _stretch(figure.add_subplot(grid[0, 0]), result)
@@ -24,7 +24,7 @@ def demodulation_figure(result: Demodulation) -> Figure:
 
 
 def _stretch(axes: Axes, result: Demodulation) -> None:
-    """Draw some periods in the middle: dots for samples used (filled: on, open: off), crosses for settling ones."""
+    """Draw a few periods: dots for the samples used (filled: on, open: off), crosses for those taken while settling."""
     samples, readings = result.samples, result.readings
     period = readings.period_s if np.isfinite(readings.period_s) else 1.0
     middle = float(readings.time_s[len(readings.time_s) // 2])

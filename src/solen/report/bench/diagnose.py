@@ -1,4 +1,4 @@
-"""Diagnosed sensors: mean curves with the fitted model, residuals, and correlations of the parameters."""
+"""Diagnosed sensors: mean curves with the fitted model, residuals, and parameter correlations."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +19,7 @@ _SHORT = {
 
 
 def diagnoses_figure(result: SensorDiagnoses) -> Figure:
-    """Draw a column for each sensor: curves and model, residuals with their scatter, correlations."""
+    """Draw a column for each sensor: measured and modelled curves, residuals with their scatter, and correlations."""
     found = [sensor.diagnosis for sensor in result.sensors.values()]
     figure = Figure(figsize=(3.6 * len(found) + 0.6, 8.4))
     axes = figure.subplots(3, len(found), squeeze=False, height_ratios=(3.0, 1.6, 3.0))
@@ -84,4 +84,4 @@ def _correlations(axes: Axes, diagnosis: Diagnosis) -> None:
                 fontsize="small",
                 color=colour,
             )
-    axes.set_title("correlation of the parameters", loc="left")
+    axes.set_title("parameter correlation", loc="left")

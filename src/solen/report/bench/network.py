@@ -1,4 +1,4 @@
-"""Figures of recorded networks: signals over each motion, and decoded against true angles of states not fitted."""
+"""Figures of recorded networks: signals over each motion, and decoded against true angles for held-out states."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +14,7 @@ _DRAWN = 600
 
 
 def states_figure(result: NetworkStates) -> Figure:
-    """Draw the signals at every stop, a panel for each motion and emitter; lines are means over the other motions."""
+    """Draw the signals at every stop in a panel for each motion and emitter; lines are means over the other motions."""
     rows, columns = len(result.motions), len(result.emitters)
     figure = Figure(figsize=(max(4.6, 3.1 * columns), 2.6 * rows + 0.4))
     panels = figure.subplots(rows, columns, squeeze=False, sharex="row", sharey="col")
@@ -49,7 +49,7 @@ def _draw_stops(axes: Axes, result: NetworkStates, motion: int, lit: int) -> Non
 
 
 def calibration_figure(result: NetworkCalibrations) -> Figure:
-    """Draw decoded against true angles, and the errors with their bands, for states not fitted; a row per motion."""
+    """Draw decoded against true angles and the errors with bands for held-out states, in one row for each motion."""
     made = result.calibration
     figure = Figure(figsize=(8.4, 2.9 * len(made.motions) + 0.3))
     panels = figure.subplots(len(made.motions), 2, squeeze=False)

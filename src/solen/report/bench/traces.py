@@ -1,7 +1,7 @@
 """Voltages over time with the detected cycles, as in the paper's figure S6.
 
-Cropped holds are grey, unused cycles are hatched. Long recordings are drawn as the minimum and maximum of each
-interval, so no peak is lost.
+Cropped holds are grey and unused cycles are hatched. Long recordings are drawn as the minimum and maximum of each
+interval, so that every peak remains visible.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ _MOST_HOLDS = 400
 
 
 def traces_figure(study: Study) -> Figure:
-    """Draw a row for each recording: voltages, the angle above them, cycles and holds."""
+    """Draw a row for each recording: voltages, with the angle above them, and the cycles and holds."""
     rows = [(sensor, run) for sensor in study.sensors.values() for run in sensor.runs]
     shown = rows[:_MOST_ROWS]
     figure = Figure(figsize=(10.0, 2.5 * len(shown) + 0.4))
@@ -70,7 +70,7 @@ def _draw_motion(axes: Axes, run: Run) -> None:
 
 
 def _thinned(time_s: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return minimum and maximum of each interval, in order of time."""
+    """Return the minimum and maximum of each interval in chronological order."""
     size = values.size // _POINTS
     if size < 4:
         return time_s, values

@@ -1,1 +1,1 @@
-"""Figures and pages of a sensor's design."""
+"""Figures and pages for a sensor design."""

@@ -6,11 +6,11 @@ from solen.report.design.summary import measured
 from solen.sensor import AsPrinted, Comparison
 
 RESOLVED = 2.0
-"""Multiple of its uncertainty above which a difference is resolved."""
+"""A difference is resolved if it exceeds its uncertainty by this factor."""
 
 
 def printed_sentences(as_printed: AsPrinted) -> list[str]:
-    """Describe the effects of printing on the lens and on the response, one sentence each."""
+    """Describe how printing changes the lens and the response, one sentence for each effect."""
     deviation, fit = as_printed.lens.fit.deviation, as_printed.lens.fit
     more = "more" if deviation.max_um > 0.0 else "less"
     lines = [

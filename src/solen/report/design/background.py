@@ -1,6 +1,6 @@
-"""Background of the summary in plain words: the lens, the light budget, the limits of the results.
+"""Background to the summary in plain words: the lens, the light budget, and the limits of the results.
 
-Every sentence is computed from the study; none is printed when the study does not support it.
+Every sentence is computed from the study and appears only if the study supports it.
 """
 
 from solen.lens import DesignedLens, OvalLens
@@ -27,7 +27,7 @@ PARTS = {
     "absorbed": "is absorbed",
     "truncated": "was not traced further",
 }
-"""Parts of the light budget in words."""
+"""Wording of the parts of the light budget."""
 
 
 def findings(study: DesignStudy) -> list[tuple[str, str]]:
@@ -48,7 +48,7 @@ def warnings(study: AnyStudy) -> list[str]:
 
 
 def budget_rows(study: DesignStudy) -> list[tuple[str, float]]:
-    """Return the fractions of the light at rest, with their uncertainty; empty if unknown."""
+    """Return the fractions of the light at rest with their uncertainties; return nothing if they are unknown."""
     budget = None if study.practice is None else study.practice.budget
     if budget is None:
         return []
@@ -78,7 +78,7 @@ def _light(study: DesignStudy) -> str:
 
 
 def _budget_words(study: DesignStudy) -> str:
-    """Return the light budget at rest, in words; empty if unknown."""
+    """Describe the light budget at rest; return an empty text if it is unknown."""
     rows = [(text, share) for text, share in budget_rows(study)[:-1] if share >= SHOWN_SHARE]
     if not rows:
         return ""
@@ -88,7 +88,7 @@ def _budget_words(study: DesignStudy) -> str:
 
 
 def _alignment(study: DesignStudy) -> str:
-    """Describe the effect of a decentre and of a chip on the focus."""
+    """Describe how an emitter decentre and an extended chip affect the focus."""
     lens, sentences = study.case.sensor.cut, []
     if isinstance(lens, OvalLens):
         own_mm = study.case.sensor.light.width_mm
@@ -104,7 +104,7 @@ def _alignment(study: DesignStudy) -> str:
 
 
 def _focus_words(study: DesignStudy) -> str:
-    """Describe the focus of the lens in its material, and in a material of another index."""
+    """Describe the focus in the lens material and in a material with another index."""
     sensor = study.case.sensor
     lens, material = sensor.cut, sensor.material
     known = (

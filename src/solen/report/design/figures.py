@@ -1,6 +1,6 @@
-"""The figures of a design and its rays.
+"""Figures of a design and its rays.
 
-In every figure right is blue and left is orange; grey is light that reaches neither receiver.
+Right is blue and left is orange in every figure; light that reaches neither receiver is grey.
 """
 
 from collections.abc import Sequence
@@ -29,24 +29,24 @@ from solen.trace.described import SceneTrace
 
 COLOURS = {"right": RIGHT, "left": LEFT}
 OTHERS = ("#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0072B2", "#D55E00", "#6A3D9A", "#8C6D31")
-"""Colours of receivers with other names, in turn."""
+"""Colours for receivers with other names, in order."""
 METHODS = {
     "fan": ("fan", INK, "o"),
     "sobol": ("Sobol' samples", "#CC79A7", "s"),
     "adaptive": ("adaptive", "#009E73", "^"),
 }
-"""Name, colour and marker of each ray sampling method."""
+"""Name, colour and marker for each ray sampling method."""
 SIMULATED = "simulated"
 """Note in the title of every figure of traced light."""
 SHOWN_RAYS = 100
-"""Largest number of rays drawn in a picture; more would merge."""
+"""Largest number of rays drawn in a figure; more would merge."""
 
 
 def study_figure(study: DesignStudy) -> Figure:
-    """Draw received power against angle, with and without lens: integrated power as lines, counted rays as dots.
+    """Draw received power against angle with and without a lens: integrated power as lines, counted rays as dots.
 
-    With a measured lens, the designed one is drawn too. The contrast is drawn for the design, the sensor as built, and
-    a point source in the plane, as in the paper.
+    For a measured lens, the designed lens is drawn too. The contrast is drawn for the design, for the sensor as built,
+    and for a point source in the plane, as in the paper.
     """
     lens, flat, designed, practice = study.with_lens, study.no_lens, study.designed, study.practice
     figure, power_axes, contrast_axes = _response_axes()
@@ -70,7 +70,7 @@ def study_figure(study: DesignStudy) -> Figure:
 
 
 def sweep_figure(response: Response) -> Figure:
-    """Draw the powers of both receivers against the angle, and their contrast, each with its uncertainty as a band."""
+    """Draw both receivers' powers against the angle, and their contrast, each with an uncertainty band."""
     angle, half = response.angle_deg, np.nan_to_num(response.u_power)
     figure, power_axes, contrast_axes = _response_axes()
     for side in ("right", "left"):
@@ -86,7 +86,7 @@ def sweep_figure(response: Response) -> Figure:
 
 
 def matters_figure(practice: Practice) -> Figure:
-    """Draw the change of the contrast at each computed angle, for each parameter increased by its tolerance."""
+    """Draw how much the contrast changes at each computed angle when each parameter is increased by its tolerance."""
     effects = practice.effects
     names = [f"{row.name}\n{row.by}" for row in matters(practice)[1]]
     figure = Figure(figsize=(8.2, 0.9 + 0.42 * len(effects)))
@@ -117,7 +117,7 @@ def matters_figure(practice: Practice) -> Figure:
 
 
 def convergence_figure(convergence: Convergence) -> Figure:
-    """Draw the error against the number of rays for each method, with its stated uncertainty dashed; log-log.
+    """Draw the error against the number of rays for each method (log-log), with the reported uncertainty dashed.
 
     Uncertainties of 0 cannot be drawn; the legend counts them.
     """
@@ -140,9 +140,9 @@ def convergence_figure(convergence: Convergence) -> Figure:
 
 
 def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | None = None) -> Figure:
-    """Draw rays in the body, one panel per view; ``zoom`` shows only that many mm around the lens's edges.
+    """Draw rays in the body, one panel for each view; ``zoom`` limits the view to this many mm around the lens's edges.
 
-    A view is a title, a body, a scene and a trace that kept its paths.
+    A view consists of a title, a body, a scene and a trace with stored paths.
     """
     figure = Figure(figsize=(2.9 * len(views), 6.4 if zoom is None else 3.2))
     for axes, view in zip(np.ravel(figure.subplots(1, len(views))), views, strict=True):
@@ -152,7 +152,7 @@ def rays_figure(views: Sequence[tuple[str, Body, Scene, Trace]], zoom: float | N
 
 
 def trace_figure(trace: DesignTrace) -> Figure:
-    """Draw at most `SHOWN_RAYS` rays of a design at the angle and in the mode of a trace."""
+    """Draw at most `SHOWN_RAYS` rays of a design at the trace's angle and in its mode."""
     shown = min(trace.sensor.design.emitter.rays, SHOWN_RAYS)
     return rays_figure([sensor_view(trace.sensor, trace.value, shown, trace.mode)])
 
@@ -162,8 +162,8 @@ def sensor_view(
 ) -> tuple[str, Body, Scene, Trace]:
     """Return the view of a sensor at an angle for `rays_figure`; by default with counted rays, as in the paper.
 
-    The picture shows the plane: rays of an extruded sensor are drawn as traced in the plane by the reference tracer,
-    because compiling the fast one does not pay for a few rays.
+    The figure shows the plane: the reference tracer traces an extruded sensor's rays in the plane, because a few rays
+    do not justify compiling the fast tracer.
     """
     lens = "" if sensor.has_lens else "no lens, "
     unit = sensor.design.motion.unit
@@ -173,16 +173,16 @@ def sensor_view(
 
 
 def scene_figure(trace: SceneTrace) -> Figure:
-    """Draw a scene file with some of its rays. Edges of half-planes do not widen the view.
+    """Draw a scene file with some of its rays. Half-plane edges do not widen the view.
 
     Raises
     ------
     OutputError
-        If the trace kept no paths.
+        If the trace did not store its paths.
     """
     scene, unit = trace.scene, trace.length_unit
     if trace.legs is None:
-        raise OutputError("plot", limit="the trace kept no paths", remedy="trace the scene with paths=True")
+        raise OutputError("plot", limit="the trace did not store its paths", remedy="trace the scene with paths=True")
     figure = Figure(figsize=(6.4, 5.2))
     axes = figure.add_subplot()
     paths = trace.paths()
@@ -207,7 +207,7 @@ def scene_figure(trace: SceneTrace) -> Figure:
 
 
 def _extent(scene: Scene, paths: Sequence[Path]) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the extent in x and z of the starts of rays, of monitors and of curves, without endless edges."""
+    """Return the extent in x and z of ray origins, monitors and curves, ignoring infinite edges."""
     found = [path.points_mm[:1] for path in paths if path.parent < 0]
     found += [np.array([monitor.start, monitor.end]) for monitor in scene.monitors]
     curves = [interface.curve.points(np.linspace(0.0, 1.0, 33)) for interface in scene.interfaces]
@@ -220,12 +220,12 @@ def _extent(scene: Scene, paths: Sequence[Path]) -> tuple[tuple[float, float], t
 
 
 def _positive(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the values, NaN where not positive."""
+    """Return the values with non-positive ones replaced by NaN."""
     return np.where(values > 0.0, values, np.nan)
 
 
 def _response_axes() -> tuple[Figure, Axes, Axes]:
-    """Return a figure with axes of the powers and of the contrast against the angle."""
+    """Return a figure with axes for the powers and the contrast against the angle."""
     figure = Figure(figsize=(8.2, 3.5))
     power_axes, contrast_axes = figure.subplots(1, 2)
     power_axes.set(xlabel="angle (deg)", ylabel="fraction of the emitted power")
@@ -289,7 +289,7 @@ def draw_rays(
 
 
 def draw_body(axes: Axes, body: Body) -> NDArray[np.float64]:
-    """Draw the outlines of a body, its holes white; return the outer one."""
+    """Draw the outlines of a body with white holes; return the outer outline."""
     outline = body.outline(1e-3)
     axes.fill(*outline.T, facecolor="#eef3f7", edgecolor=INK, lw=0.8, zorder=1)
     for other in body.others:
@@ -299,7 +299,7 @@ def draw_body(axes: Axes, body: Body) -> NDArray[np.float64]:
 
 
 def _name(axes: Axes, words: str, at: tuple[float, float], offset: tuple[float, float], colour: str) -> None:
-    """Write a name next to a part, legible over rays."""
+    """Write a name next to a part so that it is legible over rays."""
     outlined = [withStroke(linewidth=2.0, foreground="white")]
     axes.annotate(
         words, at, xytext=offset, textcoords="offset points", ha="center", color=colour, zorder=5, path_effects=outlined
@@ -315,7 +315,7 @@ def colours_of(scene: Scene) -> dict[str, str]:
 def _coloured(
     scene: Scene, trace: Trace, beyond_mm: float, colours: dict[str, str]
 ) -> dict[str, list[NDArray[np.float64]]]:
-    """Return ray paths by colour; escaping rays come first and lowest, and extend slightly beyond the scene."""
+    """Return ray paths by colour; escaping rays are drawn beneath the others and end slightly beyond the scene."""
     lines: dict[str, list[NDArray[np.float64]]] = {colour: [] for colour in (LOST, *reversed(colours.values()))}
     for path in trace.paths():
         receiver = scene.interfaces[path.interfaces[-1]].receiver if path.fate == "detected" else None

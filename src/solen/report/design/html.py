@@ -36,7 +36,7 @@ FIGURES = {
     "response": "power at each receiver, and the contrast, against the driven quantity",
     "readings": "readings over each motion",
     "shape": "the body at rest and deformed, with its strain",
-    "matters": "change of the contrast at each angle, for each parameter that is off by its tolerance",
+    "matters": "change of the contrast at each angle, for each parameter that deviates by its tolerance",
     "as-printed": "deviation of the printed lens, and the contrast with it and with the designed one",
     "focus": "focus against the index of the material",
     "rays": "rays from the LED through lens and body to the receivers, in each of the positions",
@@ -49,7 +49,7 @@ NO_SOLID = SolidFiles({})
 
 
 def figures(study: DesignStudy) -> dict[str, str]:
-    """Return the figures of a study as SVG text, by name; the design determines which of `FIGURES` exist."""
+    """Return a study's figures as SVG text by name; the design determines which of `FIGURES` exist."""
     rays = min(study.design.emitter.rays, SHOWN_RAYS)
     case = study.case
     swept = case.power.angle_deg
@@ -77,7 +77,7 @@ def figures(study: DesignStudy) -> dict[str, str]:
 
 
 def html(study: DesignStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID) -> str:
-    """Return the HTML text of the report, given its figures (``drawn``) and the part to print (``solid``)."""
+    """Return the report as HTML text, from its figures (``drawn``) and the part to print (``solid``)."""
     in_plane = study.design.trace.dimension == "2d"
     case = study.case
     return page(
@@ -112,7 +112,7 @@ def page(
     expected: list[tuple[str, str]],
     **content: Any,
 ) -> str:
-    """Return the HTML text of a report: the common content of ``page.html``, and that of its own template."""
+    """Return a report as HTML text: the common content of ``page.html`` and the content of its own template."""
     return rendered(
         template,
         study=study,
@@ -127,7 +127,7 @@ def page(
 
 
 def rendered(template: str, **content: Any) -> str:
-    """Return the HTML text of a template of `solen.report`, in the style of all pages."""
+    """Return the HTML text made from a `solen.report` template, in the common page style."""
     loader = jinja2.FunctionLoader(lambda name: (files("solen.report") / name).read_text(encoding="utf-8"))
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, loader=loader)
     environment.filters["shown"] = shown
@@ -137,13 +137,13 @@ def rendered(template: str, **content: Any) -> str:
 
 
 def _alt(name: str, expected: list[tuple[str, str]]) -> str:
-    """Return the alternative text of a figure: its subject, and for the response its key figures."""
+    """Return a figure's alternative text: its subject and, for the response, its key values."""
     words = FIGURES.get(name, name)
     return f"{words}; {expected[0][0]}: {expected[0][1]}" if name == "response" and expected else words
 
 
 def _parts(study: DesignStudy) -> dict[str, list[tuple[str, Any]]]:
-    """Return the rows of the tables of values, by subject."""
+    """Return the rows of the value tables, by subject."""
     focus = next((focus for focus in study.foci if focus.step == 0.0), None)
     parts = {"material": study.material, "lens": study.lens, "focus": focus, "body": study.body}
     hidden = ("step", "by_uncertainty")
@@ -177,7 +177,7 @@ def _cases(study: DesignStudy) -> list[tuple[str, Case]]:
 
 
 def inline(text: str, name: str, alt: str = "") -> Markup:
-    """Return an SVG element without file header, with ids unique on the page and an alternative text."""
+    """Return an SVG element without the file header, with an alternative text and ids that are unique on the page."""
     element = text[text.index("<svg") :].replace("<svg", f'<svg role="img" aria-label="{escape(alt or name)}"', 1)
     for before, after in ((' id="', '"'), ("url(#", ")"), ('href="#', '"')):
         element = re.sub(f'({re.escape(before)})([^")]+)(?={re.escape(after)})', rf"\g<1>{name}-\g<2>", element)

@@ -1,4 +1,4 @@
-"""Figures of a design's lens: its profile and its focus."""
+"""Figures of a design's lens: profile and focus."""
 
 from collections.abc import Callable
 
@@ -16,11 +16,11 @@ from solen.sensor.effects import index_steps
 
 PAPER_INDICES = (1.44, 1.49, 1.54)
 TOLERANCE_MM = 1e-4
-"""Largest distance of a drawn profile from the exact one."""
+"""Largest distance between a drawn profile and the exact one."""
 ACROSS, UP = 41, 41
 """Number of points across and up at which a face in space is drawn."""
 SHOWN_STEPS = 3.0
-"""Multiple of its uncertainty by which the figure of the focus varies the index."""
+"""The focus figure varies the index by this multiple of its uncertainty."""
 
 
 def lens_figure(check: LensCheck) -> Figure:
@@ -29,7 +29,7 @@ def lens_figure(check: LensCheck) -> Figure:
 
 
 def profile_figure(lens: Lens) -> Figure:
-    """Draw the lens's profile, with ovals for the paper's indices, or with the designed one of a measured lens."""
+    """Draw the lens profile, with ovals for the paper's indices or, for a measured lens, with the designed profile."""
     if isinstance(lens, LensInSpace):
         return _figure_in_space(lens)
     if isinstance(lens, SplineLens):
@@ -93,7 +93,7 @@ def _figure_in_space(lens: LensInSpace) -> Figure:
 
 
 def _heights(lens: LensInSpace) -> tuple[FloatArray, FloatArray]:
-    """Return heights at which a face is drawn, and heights of the sections: both sides of a border between slabs."""
+    """Return the heights at which to draw a face, and its section heights: both sides of each slab boundary."""
     if isinstance(lens, LayeredLens) and lens.layers < UP:
         return np.repeat(lens.edges_mm, 2)[1:-1], np.repeat(lens.middles_mm, 2)
     heights = np.linspace(-1.0, 1.0, UP) * lens.half_height_mm * (1.0 - 1e-9)
@@ -101,9 +101,9 @@ def _heights(lens: LensInSpace) -> tuple[FloatArray, FloatArray]:
 
 
 def focus_figure(sensor: Sensor) -> Figure:
-    """Draw the focus of the lens against the index of the material, with the index's uncertainty as a band.
+    """Draw the focus of the lens against the material index, with the index uncertainty as a band.
 
-    Without an uncertainty, the band shows the step used instead.
+    If the uncertainty is unknown, the band shows the step used instead.
     """
     lens, material = sensor.lens, sensor.material
     if not isinstance(lens, OvalLens):
@@ -123,7 +123,7 @@ def focus_figure(sensor: Sensor) -> Figure:
     for name, at, colour in lines:
         axes.plot(indices, [_or_nan(at(float(index))) for index in indices], color=colour, lw=1.8, label=name)
     axes.axhline(lens.focus_mm, color=INK, lw=0.8, ls=":", label="asked for")
-    axes.set(xlabel="index of the material", ylabel="focus behind the vertex (mm)")
+    axes.set(xlabel="material index", ylabel="focus behind the vertex (mm)")
     axes.set(xlim=(indices[0], indices[-1]), ylim=(0.0, 2.0 * lens.focus_mm))
     axes.legend()
     return figure
@@ -143,7 +143,7 @@ def _or_nan(value: float | None) -> float:
 
 
 def _same_lens(lens: OvalLens, index: float) -> OvalLens | None:
-    """Return the lens cut for another index; None if that oval is too narrow for it."""
+    """Return the lens cut for another index; None if the oval for that index is too narrow."""
     try:
         return OvalLens(lens.distance_mm, lens.focus_mm, lens.half_width_mm, index)
     except DesignError:

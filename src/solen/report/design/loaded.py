@@ -1,4 +1,4 @@
-"""Figures of a soft body under load: its shape with the strain and the light in it, its response and its forces."""
+"""Figures of a soft body under load: its strained shape, the light inside it, its response and the forces."""
 
 from collections.abc import Callable
 from functools import partial
@@ -25,11 +25,11 @@ COLUMNS = (
 )
 LABELS = {"angle_deg": "angle (deg)", "depth_mm": "depth (mm)", "force_N": "force (N)"}
 FORCE_MM = 6.0
-"""Length of the longest arrow of a force."""
+"""Length of the longest force arrow."""
 
 
 def figures(study: LoadedStudy) -> dict[str, str]:
-    """Return the figures of a study as SVG text, by name."""
+    """Return a study's figures as SVG text, by name."""
     ends = sorted({float(study.values[0]), float(study.values[-1])})
     rays = min(study.design.emitter.rays, SHOWN_RAYS)
     draws: dict[str, Callable[[], Figure]] = {
@@ -41,12 +41,12 @@ def figures(study: LoadedStudy) -> dict[str, str]:
 
 
 def deformation_figure(result: Deformation) -> Figure:
-    """Draw shape and strain of a body under load, and the light in it."""
+    """Draw the shape and strain of a loaded body, and the light inside it."""
     return shape_figure(result.sensor, result.state, f"{result.drives} at {where(result)}")
 
 
 def shape_figure(sensor: Sensor, state: LoadedState, title: str) -> Figure:
-    """Draw the strain on the deformed body over its outline at rest, with the reactions; next to it the light."""
+    """Draw the strain and the reactions on the deformed body over its outline at rest; draw the light next to it."""
     shown = min(sensor.design.emitter.rays, SHOWN_RAYS)
     figure = rays_figure([sensor_view(sensor, state.value, shown)] * 2)
     figure.set_size_inches(7.4, 6.8)
@@ -69,7 +69,7 @@ def shape_figure(sensor: Sensor, state: LoadedState, title: str) -> Figure:
 
 
 def response_figure(study: LoadedStudy) -> Figure:
-    """Draw receivers and contrast against the driven quantity, with the rigid result, and a force if there is one."""
+    """Draw receiver powers and contrast against the driven quantity, with the rigid result and any force."""
     key = study.design.motion.key
     driven = forces(study)
     figure = Figure(figsize=(8.2 if driven is None else 10.8, 3.5))
@@ -82,7 +82,7 @@ def response_figure(study: LoadedStudy) -> Figure:
     axes[0].legend()
     axes[1].plot(values, study.contrast, color=INK, lw=2.0, label="soft")
     if study.rigid_contrast is not None:
-        axes[1].plot(values, study.rigid_contrast, "--", color=LOST, lw=1.4, label="rigid, turned by the same angle")
+        axes[1].plot(values, study.rigid_contrast, "--", color=LOST, lw=1.4, label="rigid, rotated by the same angle")
     if study.planes is not None:
         other = study.planes.stress if study.design.mechanics.plane == "strain" else study.planes.strain
         name = "stress" if study.design.mechanics.plane == "strain" else "strain"
@@ -100,24 +100,24 @@ def response_figure(study: LoadedStudy) -> Figure:
 
 
 def ends_of(study: LoadedStudy) -> list[str]:
-    """Return first and last value of the driven quantity, with its unit."""
+    """Return the first and last values of the driven quantity, with its unit."""
     return [f"{study.values[i]:g} {study.design.motion.unit}" for i in (0, -1)]
 
 
 def columns(study: LoadedStudy) -> dict[str, FloatArray]:
-    """Return the driven quantity and the results (N,), by name; only those that the motion has."""
+    """Return the driven quantity and those results that the motion has, each of shape (N,), by name."""
     known = {name: values for name in COLUMNS if (values := getattr(study, name)) is not None}
     return known | {f"{name}_V": study.voltage_V[:, i] for i, name in enumerate(study.receivers)}
 
 
 def csv_table(study: LoadedStudy) -> str:
-    """Return a CSV table with one row per value of the driven quantity."""
+    """Return a CSV table with one row for each value of the driven quantity."""
     table = columns(study)
     return csv_text(table, zip(*table.values(), strict=True))
 
 
 def forces(study: LoadedStudy) -> tuple[FloatArray, FloatArray, str, str] | None:
-    """Return the moment of a clamp against its angle, or the force of a finger against its depth."""
+    """Return the clamp moment against its angle, or the finger force against its depth."""
     if study.angle_deg is not None and study.moment_Nmm is not None:
         return study.angle_deg, study.moment_Nmm, LABELS["angle_deg"], "moment of the clamp (N mm)"
     if study.depth_mm is not None and study.force_N is not None:
@@ -140,7 +140,7 @@ def _draw_strain(axes: Axes, state: LoadedState) -> TriMesh:
 
 
 def _draw_forces(axes: Axes, state: LoadedState) -> None:
-    """Draw the forces of holds and loads on the body as arrows, each at the middle of its nodes or at its centre."""
+    """Draw the forces of holds and loads as arrows, each at the centre of its nodes or at its own centre."""
     sizes = [float(np.hypot(*reaction.force_N)) for reaction in state.deformed.reactions]
     largest = max(sizes, default=0.0)
     for reaction, size in zip(state.deformed.reactions, sizes, strict=True):

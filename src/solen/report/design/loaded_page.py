@@ -14,11 +14,11 @@ ENDS = (0, -1)
 REACTIONS = ("on the body", "force x (N)", "force z (N)", "moment (N mm)", "about x (mm)", "z (mm)")
 ALWAYS = [
     ("Time", "No delay: the body springs back at once and follows every load immediately."),
-    ("Rest", "The body at rest is the drawn one, free of stress; weight and shrinkage are neglected."),
+    ("Rest", "The body at rest has the drawn shape and is free of stress; weight and shrinkage are neglected."),
     ("Index", "Strain does not change it."),
-    ("Touching itself", "A design whose walls would meet is rejected."),
+    ("Touching itself", "A design whose walls would touch is rejected."),
 ]
-"""Assumptions about every soft body."""
+"""Assumptions made about every soft body."""
 
 
 def html(study: LoadedStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLID) -> str:
@@ -58,7 +58,7 @@ def expected(study: LoadedStudy) -> list[tuple[str, str]]:
 
 
 def assumed(design: Design) -> list[tuple[str, str]]:
-    """Return the assumptions about the body of a design, by heading."""
+    """Return the assumptions about a design's body, by heading."""
     material, plane, emitter_on = material_of(design), design.mechanics.plane, design.motion.emitter_on
     along_y = "there is no displacement along y" if plane == "strain" else "the body is free to move along y"
     model = f"{material.kind}, shear modulus {material.shear_modulus_MPa:.3g} MPa, Poisson's ratio {material.poisson:g}"
@@ -75,7 +75,7 @@ def assumed(design: Design) -> list[tuple[str, str]]:
     if design.press:
         rows.append(("Fingers", f"Rigid, round and without friction: {', '.join(map(_finger, design.press))}."))
     if design.pull:
-        rows.append(("Pulls", "Their direction is fixed in space while the body turns."))
+        rows.append(("Pulls", "Their direction is fixed in space while the body rotates."))
     return rows + ALWAYS
 
 
@@ -101,7 +101,7 @@ def _shape(study: LoadedStudy) -> str:
 
 
 def _finger(press: Press) -> str:
-    """Describe a finger and the medium that light meets at its contact."""
+    """Describe a finger and the optical medium at its contact."""
     skin = "dry" if press.index is None else f"of index {press.index:g}"
     back = "its back free" if press.backing is None else f"backed at {press.backing}"
     return f"{press.name} ({press.face}, radius {press.radius_mm:g} mm, {skin}, {back})"

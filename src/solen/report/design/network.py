@@ -1,4 +1,4 @@
-"""Figures of a network: its light, emitter by emitter, and its response over each of its motions."""
+"""Figures of a network: its light for each emitter, and its response over each motion."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -27,20 +27,24 @@ MOST_COLUMNS = 3
 DARK, BEYOND = 0.6, 1.05
 """Fraction above which a cell is dark, and the relative length of a bar without an end."""
 PANEL_ROW_IN, LEAST_BODY_IN, MOST_BODY_IN, NAMES_IN = 2.5, 4.2, 5.0, 1.4
-"""Height of a row of panels, least height and largest width of the body next to them, and room for names, in inches."""
+"""Row height of the panels, minimum height and maximum width of the body next to them, and space for names, in
+inches.
+"""
 NAME_PT, ACROSS = 6.0, 0.35
-"""Distance of a name from its position, and component of a direction above which it counts as being to that side."""
+"""Distance between a name and its position, and the component of a direction above which it counts as being to that
+side.
+"""
 PANEL_IN, LEAST_IN = 3.4, 2.2
-"""Width of a panel with rays, and its least height, in inches."""
+"""Width of a ray panel, and its minimum height, in inches."""
 
 
 def rays_in_turn(trace: NetworkTrace) -> Figure:
-    """Draw the rays of every emitter of a network, a panel for each."""
+    """Draw the rays from every emitter of a network, each in its own panel."""
     return rays_of(trace.sensors)
 
 
 def rays_of(sensors: Sequence[Sensor]) -> Figure:
-    """Draw at most `SHOWN_RAYS` rays of every emitter, a panel for each."""
+    """Draw at most `SHOWN_RAYS` rays from every emitter, each in its own panel."""
     columns = min(len(sensors), MOST_COLUMNS)
     rows = math.ceil(len(sensors) / columns)
     low, high = _extent(sensors[0].body())
@@ -63,7 +67,7 @@ def rays_of(sensors: Sequence[Sensor]) -> Figure:
 
 
 def network_figure(study: NetworkStudy) -> Figure:
-    """Draw the body, its parts by name, and every receiver's light by motion and emitter; rays if nothing moves."""
+    """Draw the body with named parts, and each receiver's light by motion and emitter, or the rays if nothing moves."""
     if not study.sweeps:
         return rays_of(study.sensors)
     rows, columns = len(study.sweeps), len(study.at_rest.emitters)
@@ -90,7 +94,7 @@ def network_figure(study: NetworkStudy) -> Figure:
 
 
 def _draw_parts(axes: Axes, study: NetworkStudy, colours: dict[str, str]) -> None:
-    """Draw the body with its lenses, emitters and receivers by name, and dotted at the ends of each motion."""
+    """Draw the body with named lenses, emitters and receivers, and dotted outlines at the ends of each motion."""
     sensors, body = study.sensors, study.sensors[0].body()
     outline = draw_body(axes, body)
     middle = 0.5 * float(outline[:, 0].min() + outline[:, 0].max())
@@ -116,7 +120,7 @@ def _draw_parts(axes: Axes, study: NetworkStudy, colours: dict[str, str]) -> Non
 
 
 def _name_beside(axes: Axes, place: Point, away: Point, name: str, colour: str) -> None:
-    """Write a name next to a position, in a direction away from the body."""
+    """Write a name next to a position, on the side away from the body."""
     x, z = away
     axes.annotate(
         name,
@@ -132,7 +136,7 @@ def _name_beside(axes: Axes, place: Point, away: Point, name: str, colour: str) 
 
 
 def readings_figure(study: NetworkStudy) -> Figure:
-    """Draw the readings over each motion, a panel for each motion and reading, with their uncertainties."""
+    """Draw the readings over each motion with their uncertainties, in a panel for each motion and reading."""
     names, rows = study.at_rest.readings, len(study.sweeps)
     figure = Figure(figsize=(max(4.6, 2.9 * len(names)), 2.5 * rows))
     panels = figure.subplots(rows, len(names), squeeze=False, sharex="row", sharey="col")
@@ -148,10 +152,10 @@ def readings_figure(study: NetworkStudy) -> Figure:
 
 
 def slopes_figure(result: NetworkSensitivities) -> Figure:
-    """Draw the derivatives of every reading, how well they determine the motions, and where more readings would help.
+    """Draw the derivatives of every reading, how well motions are determined, and where more readings would help.
 
-    Violet is positive, orange is negative; for motions alone the values are per degree, in standard deviations of the
-    readings' noise.
+    Violet is positive and orange is negative. If there are only motions, values are per degree, in standard deviations
+    of the reading noise.
     """
     found, tried = result.by_voltages, result.suggestions
     columns, many = len(result.keys), len(result.emitters) * len(result.receivers)
@@ -169,7 +173,7 @@ def slopes_figure(result: NetworkSensitivities) -> Figure:
 
 
 def _draw_changes(axes: Axes, result: NetworkSensitivities) -> None:
-    """Draw the change of every reading: per degree in units of its noise for motions alone, else per step."""
+    """Draw each reading's change: per degree in units of its noise for motions alone, otherwise per step."""
     by_noise = result.change_by_noise if all(key.startswith("network.motion") for key in result.keys) else None
     found = result.slope * result.step[:, None, None] if by_noise is None else by_noise
     changes = found.reshape(len(result.keys), -1).T
@@ -190,7 +194,7 @@ def _draw_changes(axes: Axes, result: NetworkSensitivities) -> None:
 
 
 def _draw_combinations(axes: Axes, found: Determination) -> None:
-    """Draw the fractions of the motions in each combination, and how well it is determined."""
+    """Draw the fraction of each motion in each combination, and how well each combination is determined."""
     rows = np.array([list(combination.shares.values()) for combination in found.combinations])
     axes.imshow(rows, cmap="PuOr", vmin=-1.0, vmax=1.0, aspect="auto")
     for (row, column), share in np.ndenumerate(rows):
@@ -207,7 +211,7 @@ def _draw_combinations(axes: Axes, found: Determination) -> None:
 
 
 def _draw_suggestions(axes: Axes, now: Determination, tried: Sequence[Suggestion]) -> None:
-    """Draw the worst standard deviation of a motion for the network as it is, and with each suggested part."""
+    """Draw the largest standard deviation of any motion for the present network and with each suggested part."""
     rows = [("as it is", now), *((f"{one.part} at {one.place}", one.by_voltages) for one in tried)]
     most = max((found.worst_sd_deg for _, found in rows if math.isfinite(found.worst_sd_deg)), default=1.0)
     for place, (name, found) in enumerate(rows):
@@ -224,13 +228,13 @@ def _draw_suggestions(axes: Axes, now: Determination, tried: Sequence[Suggestion
 
 
 def _numbers(result: NetworkSensitivities) -> list[str]:
-    """Return the keys with their steps, short enough for an axis."""
+    """Return the keys and their steps as text short enough for an axis."""
     short = (key.removeprefix("network.") for key in result.keys)
     return [f"{key} +{step:.3g}" for key, step in zip(short, result.step.tolist(), strict=True)]
 
 
 def figures(study: NetworkStudy) -> dict[str, str]:
-    """Return the figures of a study as SVG text, by name."""
+    """Return a study's figures as SVG text, by name."""
     draws: dict[str, Callable[[], Figure]] = {"rays": partial(rays_of, study.sensors)}
     if study.sweeps:
         draws["response"] = partial(network_figure, study)
@@ -240,7 +244,7 @@ def figures(study: NetworkStudy) -> dict[str, str]:
 
 
 def csv_table(study: NetworkStudy) -> str:
-    """Return a CSV row for each state, emitter and receiver; readings without a value are empty."""
+    """Return a CSV table with a row for each state, emitter and receiver; readings without a value are empty."""
     heads = [text for name in study.at_rest.readings for text in (name, f"u_{name}")]
     motions = (f"{name}_deg" for name in study.at_rest.motions)
     rows: list[list[str | float]] = []
@@ -270,7 +274,7 @@ def _receivers(sensor: Sensor) -> list[str]:
 
 
 def _extent(body: Body) -> tuple[FloatArray, FloatArray]:
-    """Return least and greatest x and z of a body and its emitter, with some margin."""
+    """Return the smallest and largest x and z of a body and its emitter, with a margin."""
     points = np.vstack([body.outline(1e-2), [body.emitter.point]])
     low, high = points.min(axis=0), points.max(axis=0)
     room = 0.06 * float((high - low).max())

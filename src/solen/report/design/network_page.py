@@ -1,4 +1,4 @@
-"""The report of a network: its powers by emitter and receiver, its light, and its response over each motion."""
+"""The report on a network: powers by emitter and receiver, light, and the response over each motion."""
 
 import numpy as np
 
@@ -27,7 +27,7 @@ def html(study: NetworkStudy, drawn: dict[str, str], solid: SolidFiles = NO_SOLI
 
 
 def expected(study: NetworkStudy) -> list[tuple[str, str]]:
-    """Return the response in words, by heading: the received light, and the reading that changes most per motion."""
+    """Describe the response by heading: the received light, and the reading that changes most over each motion."""
     rest = study.at_rest
     rows = []
     for number, name in enumerate(rest.emitters):
@@ -41,7 +41,7 @@ def expected(study: NetworkStudy) -> list[tuple[str, str]]:
 
 
 def _with_u(response: NetworkResponse) -> list[list[float | None]]:
-    """Return the readings of a response's first state and their uncertainties, None for missing values."""
+    """Return the readings and uncertainties in a response's first state, with None for missing values."""
     sides = (response.reading[0], response.u_reading[0])
     return [[number if np.isfinite(number) else None for number in side.tolist()] for side in sides]
 

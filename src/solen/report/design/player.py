@@ -23,7 +23,7 @@ LARGEST = 32_000
 
 
 def html(found: Sliders) -> str:
-    """Return the page of a grid of sliders."""
+    """Return the page for a grid of slider positions."""
     pictures = [picture for point in found.points if point is not None for picture in point.pictures]
     reach = max(
         float(np.abs(part).max())
@@ -61,7 +61,7 @@ def _point(point: Slid, step_mm: float, whole: list[np.ndarray[Any, Any]]) -> di
 
 
 def _picture(one: Picture, step_mm: float, whole: list[np.ndarray[Any, Any]]) -> dict[str, Any]:
-    """Return the header of a picture (outline, emitter, rays with their ends); its values are added to the others."""
+    """Return the header of a drawing (outline, emitter, rays with their ends) and add its values to the others."""
     rays = np.column_stack([np.round(one.rays[:, :4] / step_mm), one.rays[:, 5]])
     whole += [np.round(one.outline / step_mm).ravel(), np.round(one.emitter / step_mm).ravel(), rays.ravel()]
     return {"faces": one.faces, "ends": one.ends, "rays": len(rays)}

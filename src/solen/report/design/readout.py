@@ -1,4 +1,4 @@
-"""The figure of a readout: voltage over the motion with the range of parts, and the resolution of the angle."""
+"""The readout figure: voltage over the motion with the spread between parts, and angular resolution."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +12,7 @@ from solen.sensor.readings import DesignReadings
 
 
 def readout_figure(readings: DesignReadings) -> Figure:
-    """Draw volts on the left and resolution on the right; marked as simulated."""
+    """Draw voltage on the left and resolution on the right, marked as simulated."""
     figure = Figure(figsize=(8.2, 3.7))
     volts_axes, angle_axes = figure.subplots(1, 2)
     _volts(volts_axes, readings)
@@ -22,7 +22,7 @@ def readout_figure(readings: DesignReadings) -> Figure:
 
 
 def network_volts_figure(volts: NetworkVolts) -> Figure:
-    """Draw voltages over each motion, a panel for each emitter, and the resolution of that motion alone."""
+    """Draw voltages over each motion in a panel for each emitter, and the resolution of each motion taken alone."""
     rest, count = volts.at_rest, len(volts.by_motion)
     if not count:
         raise SpecError("network.motion", limit="has no motions to draw", remedy="add [[network.motion]]")

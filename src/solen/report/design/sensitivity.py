@@ -1,4 +1,4 @@
-"""The figure of sensitivities: derivatives of the contrast with respect to each parameter, a panel for each unit."""
+"""The sensitivity figure: derivatives of the contrast with respect to each parameter, a panel for each unit."""
 
 from collections.abc import Sequence
 
@@ -12,11 +12,11 @@ from solen.sensor.response import Sensitivity
 from solen.sensor.traced import Sensitivities, where
 
 UNITS = {"_mm": "mm", "_deg": "deg", "_per_mm": "1/mm", "_MPa": "MPa"}
-"""Units by the suffix of keys; other keys have none."""
+"""Units by key suffix; other keys have none."""
 
 
 def sensitivities_figure(sensitivities: Sensitivities) -> Figure:
-    """Draw bars of d contrast per unit of each parameter, with uncertainty; parameters of one unit share a panel.
+    """Draw the contrast derivatives and their uncertainties as bars; parameters with the same unit share a panel.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def sensitivities_figure(sensitivities: Sensitivities) -> Figure:
 
 
 def unit_of(key: str) -> str:
-    """Return the unit of a key of the design, empty if it has none."""
+    """Return the unit of a design key; empty if it has none."""
     return next((unit for end, unit in sorted(UNITS.items(), key=lambda e: -len(e[0])) if key.endswith(end)), "")
 
 

@@ -1,4 +1,4 @@
-"""The summary of a design: what to expect, what matters, and what to do.
+"""The design summary: what to expect, what matters, and what to do.
 
 The command prints these lines and the report begins with them. Every value is computed, with as many digits as its
 uncertainty justifies.
@@ -25,7 +25,7 @@ NAMES = {
 ADVICE = {
     "emitter.offset_mm": "Centre the emitter under a microscope, then measure the null: an offset "
     "of {by} moves it by {null}.",
-    "emitter.width_mm": "Measure the chip of the LED: a change of its width by {by} changes the contrast by {change}.",
+    "emitter.width_mm": "Measure the LED chip: a width change of {by} changes the contrast by {change}.",
     "emitter.distance_mm": "Hold the emitter at its distance: an error of {by} changes the contrast by {change}.",
     "material.index": "Measure the index of the printed material: an error of {by} changes the contrast by {change}.",
     "material.absorption_per_mm": "Measure the loss of the print on guides: an absorption of {by} "
@@ -38,12 +38,12 @@ ADVICE = {
 }
 LENSES = {"cartesian-oval": "cylinder", "layered": "layered", "line-focus": "line focus"}
 WORTH = 0.005
-"""Change of the contrast, or a tenth of the change of light, above which advice is given."""
+"""Advice is given if the contrast changes by more than this, or the light by more than ten times this fraction."""
 MOST_ADVICE, MOST_DIGITS = 4, 4
 
 
 class Matter(NamedTuple):
-    """One parameter of the design that is off: its name, its deviation, and the effect on null, contrast and light."""
+    """A parameter that deviates: its name, its deviation, and the effect on null, contrast and light."""
 
     name: str
     by: str
@@ -53,7 +53,7 @@ class Matter(NamedTuple):
 
 
 def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
-    """Format a value with its uncertainty to one or two digits of the uncertainty; "about" if that is infinite."""
+    """Format a value with one or two digits of its uncertainty; write "about" if the uncertainty is infinite."""
     if value is None or not math.isfinite(value):
         return "none"
     if u == math.inf:
@@ -68,7 +68,7 @@ def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
 
 
 def expected(study: DesignStudy) -> list[tuple[str, str]]:
-    """Return the expected response by heading, with those without lens, as in the paper and as built."""
+    """Return the expected response by heading, including the responses without a lens, as in the paper and as built."""
     case, summary = study.case, study.case.summary
     light = measured(100 * summary.received_share, 200 * summary.u_power, sign=False)
     rows = [
@@ -92,7 +92,7 @@ def expected(study: DesignStudy) -> list[tuple[str, str]]:
 
 
 def matters(practice: Practice | None) -> tuple[list[float], list[Matter]]:
-    """Return angles, and the effect there of each parameter that is off by its tolerance, the largest first."""
+    """Return the angles and each parameter's effect there when it deviates by its tolerance, largest effect first."""
     if practice is None or not practice.effects:
         return [], []
     angles = sorted({float(angle) for effect in practice.effects for angle in effect.angle_deg})
@@ -101,7 +101,7 @@ def matters(practice: Practice | None) -> tuple[list[float], list[Matter]]:
 
 
 def advice(study: DesignStudy) -> list[str]:
-    """Return advice, the most important first."""
+    """Return advice in order of importance."""
     sentences = []
     summary = study.case.summary
     if study.practice is not None:
@@ -116,7 +116,7 @@ def advice(study: DesignStudy) -> list[str]:
 
 
 def lens_table(practice: Practice | None) -> list[tuple[str, ...]]:
-    """Return a table of the design with each kind of lens, headings first; empty without a comparison."""
+    """Return a table of the design with each kind of lens, headings first; return an empty one without a comparison."""
     choice = None if practice is None else practice.lenses
     if choice is None or len(choice.lenses) < 2:
         return []
@@ -131,7 +131,7 @@ def lens_table(practice: Practice | None) -> list[tuple[str, ...]]:
 
 
 def lens_words(practice: Practice | None) -> list[str]:
-    """State whether another lens is worthwhile; empty without a comparison."""
+    """Say whether another lens is worthwhile; return nothing without a comparison."""
     choice = None if practice is None else practice.lenses
     if choice is None or choice.layers_pay is None:
         return []
@@ -142,7 +142,7 @@ def lens_words(practice: Practice | None) -> list[str]:
 
 
 def emitter_words(study: DesignStudy) -> str:
-    """Describe the emitter of the sensor as built."""
+    """Describe the emitter in the sensor as built."""
     built = None if study.practice is None else study.practice.built
     if built is None:
         return "in the plane" if study.design.trace.dimension == "2d" else "in space"
@@ -154,7 +154,7 @@ def emitter_words(study: DesignStudy) -> str:
 
 
 def _ends(response: Response) -> str:
-    """Return the contrast at both ends of the motion."""
+    """Describe the contrast at both ends of the motion."""
     ends = sorted({0, len(response.angle_deg) - 1})
     values = [
         (measured(float(response.contrast[i]), float(response.u_contrast[i])), response.angle_deg[i]) for i in ends
@@ -199,7 +199,7 @@ def _lens_row(lens: LensFigures, places: list[int], own: str) -> tuple[str, ...]
 
 
 def _pays(choice: LensChoice, layered: LensFigures, cylinder: LensFigures) -> list[str]:
-    """State whether the layered lens is worthwhile, and what it requires."""
+    """Say whether the layered lens is worthwhile, and what it requires."""
     gain = measured(choice.gain, choice.u_gain, sign=False)
     values = f"contrast {abs(layered.off_contrast):.2f} instead of {abs(cylinder.off_contrast):.2f}"
     there = f"signal {gain} times the cylinder's ({values})"
@@ -215,7 +215,7 @@ def _pays(choice: LensChoice, layered: LensFigures, cylinder: LensFigures) -> li
 
 
 def _straight(layered: LensFigures, cylinder: LensFigures) -> str:
-    """State which response is more linear."""
+    """Say which response is more linear."""
     straight, other = sorted((cylinder, layered), key=lambda lens: lens.nonlinearity)
     by = f"deviation from a straight line {100 * straight.nonlinearity:.0f} % against {100 * other.nonlinearity:.0f} %"
     if other.nonlinearity - straight.nonlinearity <= other.u_nonlinearity + straight.u_nonlinearity:
@@ -250,7 +250,7 @@ def _name(effect: Effect) -> str:
 
 
 def _by(effect: Effect) -> str:
-    """Return the deviation of a parameter, in words."""
+    """Describe the deviation of a parameter."""
     if effect.tolerance is None:
         return "instead"
     unit, value = effect.key.rpartition(".")[2].rpartition("_")[2], effect.tolerance
@@ -272,5 +272,5 @@ def _advised(effect: Effect) -> str:
 
 
 def _unsigned(value: float, small: float) -> float:
-    """Return a value without the sign of a zero."""
+    """Return a value, with negative zero replaced by zero."""
     return 0.0 if abs(value) <= small else value

@@ -10,7 +10,7 @@ PLAIN = ("right", "left", "contrast")
 
 
 def csv_table(study: DesignStudy) -> str:
-    """Return one row per angle: right, left and contrast of every case in the order of the header; powers with u."""
+    """Return one row for each angle: right, left and contrast of every case in header order; powers with u."""
     columns = {"angle_deg": study.case.power.angle_deg}
     for name, case in study.cases.items():
         if case.count is not None:
@@ -20,7 +20,7 @@ def csv_table(study: DesignStudy) -> str:
 
 
 def csv_text(heads: Iterable[str], rows: Iterable[Iterable[str | float]]) -> str:
-    """Return a table as CSV: numbers with all their digits, unknown ones empty."""
+    """Return a table as CSV with all digits; unknown numbers are left empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(heads)

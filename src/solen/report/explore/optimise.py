@@ -1,4 +1,4 @@
-"""Figures of searches: responses before and after, the progress of the search, and the Pareto front of two goals."""
+"""Search figures: responses before and after, search progress, and the Pareto front of two goals."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,9 +15,9 @@ from solen.report.canvas import INK, LEFT, RIGHT
 
 
 def optimum_figure(result: Optimum) -> Figure:
-    """Draw the contrast before and after, the best value by number of designs tried, and prints of both designs.
+    """Draw the contrast before and after, the best value against designs tried, and prints of both designs.
 
-    For a network, every merit after, relative to its value before, replaces the contrast.
+    For a network, the final merits relative to their initial values replace the contrast.
     """
     has_prints = result.prints_before is not None and result.prints_after is not None
     rows = 3 if has_prints else 2
@@ -35,7 +35,7 @@ def optimum_figure(result: Optimum) -> Figure:
 
 
 def _merits(axes: Axes, result: Optimum) -> None:
-    """Draw merits after as fractions of those before, with uncertainties, if those before exceed theirs."""
+    """Draw final merits as fractions of initial values that exceed their uncertainties."""
     before, after = result.before.merits, result.after.merits
     names = [name for name in shown(before) if abs(before[name]) > before[f"u_{name}"] and np.isfinite(after[name])]
     part = np.array([after[name] / before[name] for name in names])
@@ -71,7 +71,7 @@ def _response(axes: Axes, angle_deg: FloatArray, contrast: FloatArray, colour: s
 
 
 def _shown(result: Optimum) -> list[str]:
-    """Return merits of which prints are drawn: the first of the goal, and the null or the light."""
+    """Return the merits whose print distributions are drawn: the first goal merit, and the null or the light."""
     names = shown(result.before.merits)
     of_goal = next((name for name in result.before.merits if name in result.goal), names[0])
     other = next(name for name in ("null_deg", "light", *names) if name in names and name != of_goal)
@@ -79,7 +79,7 @@ def _shown(result: Optimum) -> list[str]:
 
 
 def _prints(axes: Axes, result: Optimum, name: str) -> None:
-    """Draw histograms of a merit over the prints of both designs."""
+    """Draw histograms of a merit over simulated prints of both designs."""
     of = {"before": (result.prints_before, LEFT), "after": (result.prints_after, RIGHT)}
     values = {label: prints.merits[name] for label, (prints, _) in of.items() if prints is not None}
     finite = {label: column[np.isfinite(column)] for label, column in values.items()}
@@ -119,7 +119,7 @@ def _course(axes: Axes, result: Optimum) -> None:
 
 
 def front_figure(result: Front) -> Figure:
-    """Draw the Pareto front with its numbers, and the design before, all traced finely and with their uncertainties."""
+    """Draw the numbered Pareto front and the initial design, all traced finely and with their uncertainties."""
     figure = Figure(figsize=(7.0, 5.2))
     axes = figure.add_subplot()
     _designs(axes, result.designs, fmt="o-", color=RIGHT, ms=5, lw=1.2, label="front")
@@ -138,6 +138,6 @@ def front_figure(result: Front) -> Figure:
 
 
 def _designs(axes: Axes, designs: Sequence[FrontDesign], **look: Any) -> None:
-    """Return the goals of the given designs with their uncertainties."""
+    """Return the goals and their uncertainties for the given designs."""
     goals, u = (np.array([getattr(design, name) for design in designs]).T for name in ("goals", "u_goals"))
     axes.errorbar(goals[0], goals[1], xerr=u[0], yerr=u[1], capsize=2, ecolor=INK, elinewidth=1.0, **look)

@@ -1,4 +1,4 @@
-"""The figure of a sweep: merits over one parameter, as heat maps over two, or of samples against each parameter."""
+"""The sweep figure: merits over one parameter, heat maps over two, or samples against each parameter."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +12,7 @@ from solen.report.canvas import INK, RIGHT, SOFT, series
 MAP = "viridis"
 MOST_CURVES = 7
 COLUMNS, FEW, EXACT = 3, 5, 12
-"""Columns of panels, number of values up to which all are written along an axis, and digits of a merit on a map."""
+"""Number of panel columns, number of values up to which every value labels an axis, and digits of a merit on a map."""
 
 
 def sweep_figure(sweep: Sweep) -> Figure:
@@ -35,7 +35,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
 
 
 def plain_numbers(figure: Figure) -> None:
-    """Write numbers along axes in full, not as differences from an offset."""
+    """Write axis numbers in full, not as differences from an offset."""
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
             if isinstance(formatter := axis.get_major_formatter(), ScalarFormatter):
@@ -43,14 +43,14 @@ def plain_numbers(figure: Figure) -> None:
 
 
 def _fixed(sweep: Sweep) -> str:
-    """Describe the further keys of a map, which are fixed at their first value."""
+    """Describe the remaining keys of a map, which are fixed at their first values."""
     others = list(sweep.axes.items())[2:] if sweep.is_grid else []
     failed = ", grey: no response" if sweep.failures and len(sweep.values) > 1 and sweep.is_grid else ""
     return "".join(f", {key} = {values[0]}" for key, values in others) + failed
 
 
 def _label(values: list[object], few: int = FEW) -> tuple[np.ndarray, list[str] | None]:
-    """Return positions along an axis, and labels if the values are few or are not numbers."""
+    """Return axis positions, with labels if there are few values or they are not numbers."""
     if not all(isinstance(value, int | float) for value in values):
         return np.arange(len(values), dtype=float), [str(value) for value in values]
     return np.array(values, dtype=float), [f"{value:.4g}" for value in values] if len(values) <= few else None
@@ -68,7 +68,7 @@ def _curve(_: Figure, axes: Axes, sweep: Sweep, name: str, __: str) -> None:
 
 
 def _responses(axes: Axes, sweep: Sweep) -> None:
-    """Draw the contrast of the given points of a sweep over one key."""
+    """Draw the contrast at the given points of a one-key sweep."""
     ((key, values),) = sweep.values.items()
     chosen = np.unique(np.linspace(0, sweep.points - 1, MOST_CURVES).round().astype(int))
     for number, place in enumerate(chosen):

@@ -1,4 +1,4 @@
-"""The figure of tolerances: one page with the yield, its losses, and the variation of every merit between prints."""
+"""The tolerance figure: one page with the yield, its losses, and the variation of every merit between prints."""
 
 import math
 
@@ -16,7 +16,7 @@ COLUMNS, LEAST_BINS, MOST_UNKNOWN = 3, 8, 0.5
 
 
 def tolerance_figure(result: Tolerances) -> Figure:
-    """Draw yields; yield if each parameter were exact; causes of each merit's variance; histograms of the merits."""
+    """Draw yields, the yield with each parameter exact, the causes of variance, and histograms of the merits."""
     spreads = result.spreads
     rows = -(-len(spreads) // COLUMNS)
     adjusted = result.yields[0].adjusted_share if result.yields else None
@@ -41,19 +41,19 @@ def tolerance_figure(result: Tolerances) -> Figure:
     plain_numbers(figure)
     figure.suptitle(
         f"simulated: {result.name}, {result.prints} prints{_failed(result)}"
-        f"{', blue: those that meet all' if result.yields else ''}"
+        f"{', blue: prints that meet all' if result.yields else ''}"
     )
     return figure
 
 
 def _failed(result: Tolerances) -> str:
-    """State how many prints have no response and are missing from histograms."""
+    """Say how many prints have no response and are therefore missing from the histograms."""
     failed = int(np.isnan(result.merits["light"]).sum())
     return f" ({failed} without a response)" if failed else ""
 
 
 def _yields(axes: Axes, result: Tolerances) -> None:
-    """Draw bars of each requirement's yield, as printed, and below it calibrated and adjusted."""
+    """Draw the yield for each requirement as bars: as printed and, below it, calibrated and adjusted."""
     rows: list[tuple[str, float, float, str]] = []
     for one in result.yields:
         name = one.requirement or "all"
@@ -71,7 +71,7 @@ def _yields(axes: Axes, result: Tolerances) -> None:
 
 
 def _costs(axes: Axes, result: Tolerances) -> None:
-    """Draw the yield if each parameter alone were exact."""
+    """Draw the yield with each parameter in turn made exact."""
     rows = result.varied
     axes.barh(range(len(rows)), [100 * (row.share_if_exact or 0.0) for row in rows], color=SERIES[2], alpha=0.8)
     axes.axvline(100 * result.yields[-1].share, color=INK, lw=1.0)
@@ -82,14 +82,14 @@ def _costs(axes: Axes, result: Tolerances) -> None:
 
 
 def _deviations(axes: Axes, result: Tolerances) -> None:
-    """Draw the varied parameters if there is no requirement."""
+    """Draw the varied parameters if no requirement is specified."""
     axes.set_axis_off()
     rows = [f"{row.key}: {row.distribution} {row.deviation[0]:.3g}, {row.deviation[1]:.3g}" for row in result.varied]
     axes.text(0.0, 1.0, "\n".join(rows), va="top", transform=axes.transAxes)
 
 
 def _causes(figure: Figure, axes: Axes, result: Tolerances) -> None:
-    """Draw total Sobol' indices of each merit; grey where the surrogate is not valid."""
+    """Draw the total Sobol' indices of each merit, in grey where the surrogate is not valid."""
     keys = [row.key for row in result.varied]
     shares = np.array(
         [[spread.total[key] if spread.held_out < MOST_UNKNOWN else np.nan for spread in result.spreads] for key in keys]

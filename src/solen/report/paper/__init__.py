@@ -1,1 +1,1 @@
-"""The paper's figures from a run of solen, and the page that compares them with the paper's values."""
+"""The paper's figures as made by solen, and the page that compares their values with the paper's."""

@@ -1,4 +1,4 @@
-"""Figures of the paper: figures of results with the paper's values, letters, and a mark on simulated data.
+"""Figures of results in the paper's style, with its values and letters, and a mark on simulated data.
 
 The paper's values are violet diamonds, labelled as the paper's.
 """
@@ -33,7 +33,7 @@ LETTER: dict[str, Any] = {
 
 
 def layer_figure(index: LayerIndex) -> Figure:
-    """Draw T, absorbance and index of the simulated layer, with the paper's least T and its three indices."""
+    """Draw T, absorbance and index of the simulated layer, with the paper's minimum T and its three indices."""
     figure = index_figure(index)
     light, _, n = figure.axes
     low = 0.01 * stated("transmittance")
@@ -48,7 +48,7 @@ def layer_figure(index: LayerIndex) -> Figure:
 
 
 def working_curves(curve: MeasuredCurve) -> Figure:
-    """Draw working curves, and the depth that the paper states as a lower bound."""
+    """Draw working curves, and the depth that the paper reports as a lower bound."""
     figure = cure_figure(curve)
     axes, energy, depth = figure.axes[0], stated("cure-energy"), stated("cure-depth")
     axes.plot([energy], [depth], "^", **PAPER, label=f"the paper: above {depth:g} µm at about {energy:g} mJ/cm²")
@@ -57,7 +57,7 @@ def working_curves(curve: MeasuredCurve) -> Figure:
 
 
 def coupon_figure(measured: CouponMeasurement, key: str, letter: str) -> Figure:
-    """Draw a coupon as measured, with the paper's value: a line if it is a nominal size, else a note."""
+    """Draw a measured coupon with the paper's value, as a line if it is a nominal size and otherwise as a note."""
     figure = fidelity_figure(measured)
     lettered(figure.axes[0], letter)
     axes, um = figure.axes[-1], stated(key)
@@ -75,12 +75,12 @@ def coupon_figure(measured: CouponMeasurement, key: str, letter: str) -> Figure:
 
 
 def robot_figure(traced: NetworkTrace) -> Figure:
-    """Draw counted rays of each emitter of a network; they are never split, so the path of the light is visible."""
+    """Draw counted rays from each emitter of a network; these rays are never split, so the light paths are visible."""
     return rays_of([sensor.set({"trace.mode": "count"}) for sensor in traced.sensors])
 
 
 def rays_of_states(sensor: Sensor, angles_deg: Sequence[float], letters: str, zoom_mm: float | None = None) -> Figure:
-    """Draw rays of a sensor at some angles in the plane, lettered; ``zoom_mm`` limits the view about the lens."""
+    """Draw rays in a sensor at several angles in the plane, lettered; ``zoom_mm`` limits the view around the lens."""
     figure = rays_figure([sensor_view(sensor, angle, SHOWN_RAYS) for angle in angles_deg], zoom_mm)
     for axes, letter in zip(figure.axes, letters, strict=True):
         lettered(axes, letter)
@@ -93,7 +93,7 @@ def lettered(axes: Axes, letter: str) -> None:
 
 
 def marked(figure: Figure, words: str) -> Figure:
-    """Add a line at the foot of the figure that states what is simulated, by which model and seed."""
+    """Add a line at the foot of the figure that says what is simulated, with the model and seed."""
     if words:
         place = figure.suptitle if figure.legends else figure.supxlabel  # a legend of the figure is at its foot
         place(words, x=0.01, ha="left", fontsize=7, color="#8a2f00")

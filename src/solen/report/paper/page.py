@@ -1,4 +1,4 @@
-"""The page that compares the figures of a reproduction with the paper's values: one self-contained file."""
+"""The page that compares reproduced figures with the paper's values: one self-contained file."""
 
 import base64
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from solen.report.design.summary import measured
 
 
 def page(sections: Sequence[ReproducedFigure], missing: Sequence[str], folder: Path) -> str:
-    """Return the HTML text of the page; the pictures are read from a folder."""
+    """Return the page as HTML text; its images are read from a folder."""
     verdicts = [row.verdict for section in sections for row in section.comparisons]
     return rendered(
         "reproduction.html",
@@ -39,7 +39,7 @@ def number(row: Comparison) -> str:
 
 
 def paper_number(row: Comparison) -> str:
-    """Format the paper's value with its unit; a dash if it states only that there is no error or no difference."""
+    """Format the paper's value with its unit, or a dash if the paper reports only no error or no difference."""
     if not row.paper_value:
         return "–"
     u = f" ± {row.u_paper_value:.2g}" if row.u_paper_value else ""
@@ -51,7 +51,7 @@ def _unit(row: Comparison) -> str:
 
 
 def _picture(path: Path, one: Drawing) -> Markup:
-    """Return a picture to embed in the page: SVG as it is, pixels as data."""
+    """Return an image to embed in the page: SVG unchanged, raster images as encoded data."""
     if path.suffix == ".svg":
         return inline(path.read_text(encoding="utf-8"), path.stem, one.alt)
     data = base64.b64encode(path.read_bytes()).decode()

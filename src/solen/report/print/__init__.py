@@ -1,1 +1,1 @@
-"""Figures and pages of a print."""
+"""Figures and pages for a print."""

@@ -1,4 +1,4 @@
-"""The figure of a calibration: measured minus drawn sizes of features, with the model."""
+"""The calibration figure: measured minus drawn feature sizes, with the model."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from solen.report.canvas import INK, LOST, SERIES
 
 
 def calibration_figure(fit: PrinterCalibration) -> Figure:
-    """Draw measured and modelled minus nominal sizes, and the residuals, by kind."""
+    """Draw measured and modelled sizes minus nominal sizes, and the residuals, by kind."""
     figure = Figure(figsize=(9.6, 3.9))
     sizes, rest = figure.subplots(1, 2)
     kinds = dict.fromkeys(feature.kind for feature in fit.features)

@@ -1,4 +1,4 @@
-"""Plans of coupons, side by side: columns, holes, the marks for orientation, and the nominal sizes."""
+"""Coupon plans: columns, holes, orientation marks, and nominal sizes."""
 
 from collections.abc import Sequence
 
@@ -13,16 +13,14 @@ from solen.report.canvas import INK, LEFT, LOST, RIGHT, SOFT, SPACE
 COLOURS = {"mark": LEFT, "hole": "white"}
 WIDE_IN = 7.0
 INSIDE = 0.3
-"""Fraction of a coupon's depth above which a feature's number is written inside it."""
+"""A feature's number is written inside the feature if its depth exceeds this fraction of the coupon's depth."""
 LETTER, ABOVE = 0.02, 0.08
-"""Width of a letter, and room for a number above a feature, as fractions of the plan's width in the narrowest
-figure.
-"""
+"""Letter width, and room for a number above a feature, as fractions of the plan's width in the narrowest figure."""
 TITLE_IN, LEAST_IN, MOST_IN = 0.5, 0.5, 2.6
 
 
 def plans_figure(coupon_set: CouponSet) -> Figure:
-    """Draw a plan for each coupon, all as wide as the page, with the scale in mm below each."""
+    """Draw a plan of each coupon at page width, with the scale in mm below it."""
     coupons = coupon_set.layouts
     if len(coupons) == 1 and len(coupons[0].stages) > 1:
         return _sequence(coupons[0])
@@ -35,11 +33,9 @@ def plans_figure(coupon_set: CouponSet) -> Figure:
 
 
 def _sequence(coupon: Coupon) -> Figure:
-    """Draw a coupon printed in several runs, as side views: after each run, before the next, and separated.
+    """Draw side views of a coupon printed in several runs: after each run, before the next, and separated.
 
-    The last picture is the slab that the evaluation of the layer assumes.
-
-    Thicknesses are not to scale, but are labelled.
+    The last view is the slab assumed when the layer is evaluated. Thicknesses are labelled but not to scale.
     """
     base, layer = (
         next(feature for feature in coupon.features if feature.stage == stage.name) for stage in coupon.stages
@@ -63,7 +59,7 @@ def _sequence(coupon: Coupon) -> Figure:
 
 
 def _slab(axes: Axes) -> None:
-    """Draw rays through a slab of thickness h: reflected (R) and transmitted (T) sums over all passes."""
+    """Draw rays through a slab of thickness h: reflected (R) and transmitted (T) light, summed over all passes."""
     low, high, step, ends = 1.3, 2.3, 0.4, (0.6, 3.0)
     axes.add_patch(Rectangle((-1.2, low), 2.9, high - low, facecolor=RIGHT, alpha=0.25, lw=0))
     starts = [-0.5 + 2.0 * step * number for number in range(3)]
@@ -85,7 +81,7 @@ def _slab(axes: Axes) -> None:
 
 
 def _side_view(axes: Axes, parts: Sequence[tuple[str, str, str, float]], *, on_platform: bool) -> None:
-    """Draw a side view of the print, upside down below the build platform, or of the separated parts with the beam."""
+    """Draw a side view of the print, upside down below the build platform, or of the separated parts in the beam."""
     top = 2.6
     if on_platform:
         axes.add_patch(Rectangle((-1.3, top), 2.6, 0.5, facecolor=INK))
@@ -153,7 +149,7 @@ def _labels(coupon: Coupon) -> list[tuple[Feature, str]]:
 
 
 def _varied(feature: Feature) -> str:
-    """Return the number of a feature: its grey value if it has one, else its exposure or size."""
+    """Return a feature's number: its grey level if it has one, otherwise its exposure or size."""
     if feature.grey is not None:
         return f"{feature.grey:g}"
     return f"{feature.exposure_s:g} s" if feature.exposure_s else f"{feature.width_mm:g}"

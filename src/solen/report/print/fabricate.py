@@ -1,7 +1,7 @@
 """Figures of an exported part: oblique views of the solid from both ends, and its plan with the seats.
 
-The solid is drawn with a depth buffer: every triangle facing the viewer is filled pixel by pixel where nothing
-nearer was drawn, so hidden surfaces are removed exactly.
+The solid is drawn with a depth buffer: every triangle facing the viewer fills those pixels where nothing nearer was
+drawn, which removes hidden surfaces exactly.
 """
 
 import math
@@ -21,18 +21,18 @@ VIEWS = (("from the front", 35.0), ("from behind", 145.0))
 RISE_DEG = 38.0
 """Elevation of the viewer in degrees."""
 PIXELS = 900
-"""Pixels across the picture."""
+"""Width of the image in pixels."""
 LIGHT = (0.25, 0.75, 0.6)
 """Direction to the light: right, up, towards the viewer."""
 SHADE = 0.5
 """Brightness of surfaces facing away from the light."""
 BODY_COLOUR = "#8fb4d3"
 EDGE_DEG = 20.0
-"""An edge is drawn between neighbouring pixels whose surfaces differ by more."""
+"""An edge is drawn between neighbouring pixels whose surface orientations differ by more than this."""
 GRAZING = 1e-6
 """Cosine below which a triangle is treated as seen edge-on."""
 EDGE_STEP = 0.01
-"""Fraction of the picture's size by which depths must differ for an edge to be drawn."""
+"""An edge is drawn where depths differ by more than this fraction of the image size."""
 
 
 def solid_figure(solid: ExportedSolid) -> Figure:
@@ -74,7 +74,7 @@ def _view(turn_deg: float) -> FloatArray:
 
 
 def rendered(seen: FloatArray, triangles: NDArray[np.int64]) -> tuple[FloatArray, tuple[float, float, float, float]]:
-    """Return the picture (rows, columns, 4) of triangles seen along their third coordinate, and its lateral extent."""
+    """Return an image (rows, columns, 4) of triangles viewed along their third coordinate, and its lateral extent."""
     margin = 0.03 * float(np.ptp(seen[:, :2], axis=0).max())
     low, high = seen[:, :2].min(axis=0) - margin, seen[:, :2].max(axis=0) + margin
     pixel = float((high - low).max()) / PIXELS
@@ -91,7 +91,7 @@ def rendered(seen: FloatArray, triangles: NDArray[np.int64]) -> tuple[FloatArray
 
 
 def _fill(depth: FloatArray, owner: NDArray[np.int64], corners: FloatArray, number: int) -> None:
-    """Fill the pixels of one triangle, (column, row, depth) at its corners, where nothing nearer is."""
+    """Fill one triangle's pixels, from (column, row, depth) at its corners, where nothing nearer was drawn."""
     columns, rows = (
         np.arange(max(0, math.ceil(corners[:, axis].min())), math.floor(corners[:, axis].max()) + 1) for axis in (0, 1)
     )
@@ -109,7 +109,7 @@ def _fill(depth: FloatArray, owner: NDArray[np.int64], corners: FloatArray, numb
 
 
 def _coloured(depth: FloatArray, normals: FloatArray, width: float) -> FloatArray:
-    """Return shaded colours with edges; transparent where there is no surface."""
+    """Return shaded colours with edges; pixels without a surface are transparent."""
     seen = np.isfinite(depth)
     lit = np.clip(normals @ (np.array(LIGHT) / np.linalg.norm(LIGHT)), 0.0, 1.0)
     colour = np.array(mpl.colors.to_rgb(BODY_COLOUR)) * (SHADE + (1.0 - SHADE) * lit)[..., None]
@@ -119,7 +119,7 @@ def _coloured(depth: FloatArray, normals: FloatArray, width: float) -> FloatArra
 
 
 def _edges(depth: FloatArray, normals: FloatArray, step: float) -> NDArray[np.bool_]:
-    """Return the pixels whose right or upper neighbour belongs to another surface, or is at a different depth."""
+    """Return the pixels whose right or upper neighbour belongs to another surface or lies at a different depth."""
     edge = np.zeros(depth.shape, dtype=bool)
     for here, there in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         solid = np.minimum(depth[here], depth[there]) > -1e9
@@ -148,7 +148,7 @@ def _draw_plan(axes: Axes, part: Part) -> None:
 
 
 def _seats(part: Part) -> list[tuple[str, str, str]]:
-    """Return colour, name and heights of a part's kinds of seats."""
+    """Return colour, name and heights for each kind of seat in a part."""
     seats: dict[str, tuple[str, str, str]] = {}
     for cut in part.cuts:
         kind = cut.name.partition("-")[0]

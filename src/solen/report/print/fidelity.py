@@ -1,4 +1,4 @@
-"""The figure of a measured coupon: its picture with the measured features overlaid, and sizes against nominal."""
+"""The coupon figure: the image with the measured features overlaid, and measured against nominal sizes."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE
 WIDE_IN, PLOT_IN, HEAD_IN = 7.0, 2.6, 0.9
 MOST_PX = 1800
 MANY, WIDE = 6, 0.2
-"""Smallest number of sizes, and least relative range, that are drawn on a logarithmic axis."""
+"""An axis is logarithmic if there are more sizes than this, and the smallest is below this fraction of the largest."""
 TICKS_MM = (0.02, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0)
 NAMES = {
     "positive_diameter": "smallest pillar",
@@ -30,7 +30,7 @@ WHAT = {"pillar": "diameter of pillars", "hole": "diameter of holes", "gap": "ga
 
 
 def fidelity_figure(measurement: CouponMeasurement) -> Figure:
-    """Draw the picture in the layout's orientation, with circles and gaps over it, and deviations below."""
+    """Draw the image in the layout's orientation, with circles and gaps over it, and the deviations below."""
     kinds = _shown(measurement)
     picture, extent = _upright(measurement)
     high = min(max(WIDE_IN * (extent[3] - extent[2]) / (extent[1] - extent[0]), 1.0), 4.5) + HEAD_IN
@@ -56,14 +56,14 @@ def fidelity_figure(measurement: CouponMeasurement) -> Figure:
 
 
 def _shown(measurement: CouponMeasurement) -> list[str]:
-    """Return the kinds of features with varying sizes, which are drawn."""
+    """Return the kinds of features to draw: those whose sizes vary."""
     measured = {feature.kind for feature in measurement.measured if feature.measured_mm is not None}
     kinds = [kind for kind in WHAT if kind in measured]
     return [kind for kind in kinds if kind != "pillar" or not measured & {"gap", "step"}]
 
 
 def _limits(measurement: CouponMeasurement) -> str:
-    """Return the limits in words."""
+    """Describe the resolution limits."""
     shown = []
     for limit in measurement.limits:
         name = NAMES[limit.kind]
@@ -76,7 +76,7 @@ def _limits(measurement: CouponMeasurement) -> str:
 
 
 def _upright(measurement: CouponMeasurement) -> tuple[FloatArray, tuple[float, float, float, float]]:
-    """Return the picture (rows upwards) sampled along the layout's axes, and its extent in mm of the layout."""
+    """Return the image (rows upwards), sampled along the layout's axes, and its extent in layout mm."""
     from scipy import ndimage
 
     (width, depth, _), pose, grey = measurement.layout.size_mm, measurement.location.pose, measurement.picture.grey
@@ -125,7 +125,7 @@ def _note(axes: Axes, x: float, y: float, text: str) -> None:
 
 
 def _steps(axes: Axes, coupon: Coupon, features: Sequence[MeasuredSize]) -> None:
-    """Draw each step against the height it leads to; a dashed line for each nominal size."""
+    """Draw each step against the height reached, with a dashed line for each nominal size."""
     upper = {step.name: coupon.feature(step.between[1]).height_mm for step in coupon.steps}
     sizes = sorted({round(feature.nominal_mm, 6) for feature in features}, reverse=True)
     for number, size in enumerate(sizes):

@@ -1,4 +1,4 @@
-"""The figure of an inspection: the picture with the edge and the design overlaid, and the deviation between them."""
+"""The inspection figure: the image with the edge and the design overlaid, and the deviation between edge and design."""
 
 from typing import Any
 
@@ -14,19 +14,19 @@ from solen.metrology.inspection import FacesInspection, LensInspection
 from solen.report.canvas import INK, LINES, SERIES
 
 MOST_PX = 1400
-"""Longer side of the drawn picture, in pixels."""
+"""Longer side of the drawn image, in pixels."""
 MARGIN = 0.18
 MAP = "coolwarm"
 RIVALS = (*SERIES[4:6], SERIES[3])
 """Colours of the compared designs."""
 LENGTHS_UM = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
-"""Lengths of a scale bar."""
+"""Scale bar lengths."""
 PICTURE, BELOW = 5.2, 2.4
-"""Width of the picture and height of the graphs below it, in inches."""
+"""Width of the image and height of the graphs below it, in inches."""
 
 
 def inspect_figure(inspection: LensInspection) -> Figure:
-    """Draw the picture with the measured edge (coloured by its deviation) and the design's front; deviations below."""
+    """Draw the image with the measured edge, coloured by deviation, and the design's front; deviations below."""
     image, fit = inspection.image, inspection.outline.chosen.registration
     most = max(float(np.abs(fit.deviation_um).max()), 1e-3)
     norm = TwoSlopeNorm(0.0, -most, most)
@@ -47,7 +47,7 @@ def inspect_figure(inspection: LensInspection) -> Figure:
 
 
 def faces_figure(faces: FacesInspection) -> Figure:
-    """Draw the deviations along x of the first and of the last layer."""
+    """Draw the deviations along x for the first and the last layer."""
     figure = Figure(figsize=(6.4, 2.0 * BELOW))
     named = (("last layer", faces.last_layer), ("first layer", faces.first_layer))
     for axes, (name, one) in zip(figure.subplots(2, 1, sharex=True), named, strict=True):
@@ -60,7 +60,7 @@ def faces_figure(faces: FacesInspection) -> Figure:
 
 
 def _picture(axes: Axes, inspection: LensInspection) -> None:
-    """Draw the part of the picture around the lens, in grey, with the design's front and the rejected edge points."""
+    """Draw the image around the lens in grey, with the design's front and the rejected edge points."""
     image, outline = inspection.image, inspection.outline
     front = outline.chosen.registration.pose.to_px(inspection.nominal.front_mm)
     x0, x1, y0, y1 = _window(front, image.shape)
@@ -94,7 +94,7 @@ def _rivals(inspection: LensInspection) -> list[ComparedDesign]:
 
 
 def _own_name(inspection: LensInspection) -> str:
-    """Return the design's name, and its label in the comparison: its index, if the others differ in index."""
+    """Return the design's name and its label in the comparison, which is its index if the others have other indices."""
     rivals = {rival.name for rival in _rivals(inspection)}
     own = [name for name in inspection.designs if name not in rivals]
     return ", ".join(dict.fromkeys((inspection.nominal.name, *own)))
@@ -108,7 +108,7 @@ def _window(front: FloatArray, shape: tuple[int, int]) -> tuple[int, int, int, i
 
 
 def _scale_bar(axes: Axes, um_per_px: float, window: tuple[int, int, int, int]) -> None:
-    """Draw a scale bar of round length, about a quarter of the width."""
+    """Draw a scale bar of a round length, about a quarter of the image width."""
     x0, x1, _, y1 = window
     quarter = max(0.25 * (x1 - x0) * um_per_px, 1.0)
     length = max(size for size in LENGTHS_UM if size <= quarter)
@@ -132,7 +132,7 @@ def _coloured(axes: Axes, inspection: LensInspection, norm: TwoSlopeNorm) -> Lin
 
 
 def _deviations(axes: Axes, inspection: LensInspection, norm: TwoSlopeNorm) -> None:
-    """Draw the deviation along x with its 95 % band, and the deviations from the compared designs."""
+    """Draw the deviation along x with its 95 % band, and the deviations from the other designs."""
     fit = inspection.outline.chosen.registration
     x, deviation = fit.points_mm[:, 0], fit.deviation_um
     for number, design in enumerate(_rivals(inspection)):

@@ -1,4 +1,4 @@
-"""Figures of layers: some layer pictures, their pixels, the plate, and the extent over height."""
+"""Layer figures: some layer images, their pixels, the plate, and the extent over height."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,10 +12,10 @@ from solen.report.canvas import INK, LOST, RIGHT, series
 
 LIT = LinearSegmentedColormap.from_list("lit", ["#ffffff", RIGHT])
 SHOWN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
-"""Layers to draw, as fractions of their number."""
+"""Layers to draw, as fractions of the layer count."""
 COLUMNS = 3
 MOST_PIXELS = 900
-"""Number of pixels along a picture's longer side above which it is downsampled."""
+"""An image is downsampled if its longer side exceeds this number of pixels."""
 EDGE_PIXELS = 28
 """Number of pixels along each side of the close-up."""
 MOST_STEPS = 400
@@ -23,7 +23,7 @@ MOST_STEPS = 400
 
 
 def layers_figure(layered: LayeredPrint) -> Figure:
-    """Draw some layers of one copy, a close-up of edge pixels, the plate, and the extent over the height."""
+    """Draw some layers of one copy, a close-up of edge pixels, the plate, and the extent over height."""
     job, (rows, columns) = layered.job, layered.job.tile
     shown = sorted({round(share * (job.count - 1)) for share in SHOWN})
     wide = columns > rows
@@ -76,13 +76,13 @@ def _draw_edge(axes: Axes, job: Job, layer: int) -> None:
 
 
 def _from_origin(job: Job) -> tuple[float, float]:
-    """Return X and Y of the lower left corner of a copy's tile, from the part's own origin."""
+    """Return X and Y of the lower left corner of a copy's tile, relative to the part's origin."""
     (left, low), (x, y) = job.tile_from_mm, job.solid.origin_mm
     return left - x, low - y
 
 
 def _window(at: int, most: int) -> int:
-    """Return the first pixel of a range around a given one, kept inside the picture."""
+    """Return the first pixel of a range around the specified pixel, kept inside the image."""
     return max(0, min(at - EDGE_PIXELS // 2, most - EDGE_PIXELS))
 
 
@@ -99,7 +99,7 @@ def _draw_plate(axes: Axes, job: Job) -> None:
 
 
 def _draw_side(axes: Axes, job: Job) -> None:
-    """Draw the extent along X and Y of one part over the height."""
+    """Draw the extent of one part along X and Y over height."""
     numbers = np.unique(np.linspace(0, job.count - 1, min(job.count, MOST_STEPS)).round().astype(int))
     middles = (numbers + 0.5) * job.layer_mm
     sections = [job.solid.section(z)[1] for z in middles.tolist()]

@@ -13,7 +13,7 @@ _BAND = 0.2
 
 
 def printed_figure(prediction: PrintedDesign) -> Figure:
-    """Draw outline and deviation; walls or steps; contrast if it was traced."""
+    """Draw outline and deviation, walls or steps, and the contrast if it was traced."""
     figure = Figure(figsize=(9.6, 7.2))
     (outline, deviation), (through, response) = figure.subplots(2, 2)
     _outline(outline, prediction)

@@ -1,4 +1,4 @@
-"""The figure of a printed lens: its deviation from the design, and the effect on the response."""
+"""The printed-lens figure: deviation from the design, and the effect on the response."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,7 +11,7 @@ from solen.sensor import AsPrinted, Comparison
 PLACES = 400
 """Number of points across the lens at which its deviation is drawn."""
 MOST_DOTS = 400
-"""Largest number of points of a profile to draw."""
+"""Largest number of profile points drawn."""
 
 
 def printed_figure(as_printed: AsPrinted) -> Figure:
@@ -34,7 +34,7 @@ def printed_figure(as_printed: AsPrinted) -> Figure:
 
 
 def draw_deviation(axes: Axes, lens: MeasuredLens) -> None:
-    """Draw the deviation of a profile along the lens's normal, in µm: points, smoothed, with its uncertainty."""
+    """Draw a profile's deviation along the lens normal in µm: points, and a smoothed curve with its uncertainty."""
     fit, half_mm = lens.fit, lens.half_width_mm
     x = np.linspace(-half_mm, half_mm, PLACES)
     more = -1e3 * fit.deviation_mm(x) / np.hypot(1.0, lens.designed.slope(x))

@@ -9,11 +9,11 @@ from solen.fabricate.process.face_print import PrintedFace
 from solen.report.canvas import INK, LOST, series
 
 SHOWN_UM = 99.0
-"""Percentile of the deviations at which the colour scale ends; corners exceed it."""
+"""The colour scale ends at this percentile of the deviations; corners exceed it."""
 
 
 def layers_figure(prediction: PrintedLayers) -> Figure:
-    """Draw the deviation over the face as drawn and as compensated, and the contrast of all lenses."""
+    """Draw the deviation over the face, as drawn and as compensated, and the contrast for all lenses."""
     faces = [("printed", prediction.face, prediction.rms_um)]
     if prediction.compensated is not None and prediction.compensated_rms_um is not None:
         faces.append(("compensated", prediction.compensated, prediction.compensated_rms_um))
@@ -28,7 +28,7 @@ def layers_figure(prediction: PrintedLayers) -> Figure:
 
 
 def _draw_face(figure: Figure, axes: Axes, prediction: PrintedLayers, face: PrintedFace) -> None:
-    """Draw the deviation in colours over x and the height above the plate."""
+    """Draw the deviation as colours over x and the height above the plate."""
     model = prediction.model
     half, height = model.lens.half_width_mm, model.lens.thickness_mm
     um = np.concatenate([face.um[:, :0:-1], face.um], axis=1)
@@ -42,7 +42,7 @@ def _draw_face(figure: Figure, axes: Axes, prediction: PrintedLayers, face: Prin
 
 
 def _draw_responses(axes: Axes, prediction: PrintedLayers) -> None:
-    """Draw the contrast of every lens at the compared angles."""
+    """Draw the contrast for every lens at the compared angles."""
     if not prediction.responses:
         axes.set_axis_off()
         axes.text(0.5, 0.5, "no response traced", ha="center", va="center", color=LOST)

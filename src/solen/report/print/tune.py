@@ -1,4 +1,4 @@
-"""The figure of a tuning: deviation of the lens along x before and after, of all prints so far, and the responses."""
+"""The tuning figure: the lens deviation along x before and after, all prints so far, and the responses."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,7 +12,7 @@ BAND = 1.96
 
 
 def tune_figure(tuned: TunedPrint) -> Figure:
-    """Draw the deviation of this print and of the next, rms of all prints, and the change of the contrast."""
+    """Draw the deviation of this print and the next, the rms of all prints, and the change in contrast."""
     panels = 2 if tuned.response is None else 3
     figure = Figure(figsize=(3.5 * panels, 3.6))
     axes = figure.subplots(1, panels)
@@ -76,6 +76,6 @@ def _changes(axes: Axes, traced: Responses) -> None:
 
 
 def _change(one: TunedResponse, designed: TunedResponse) -> tuple[np.ndarray, np.ndarray]:
-    """Draw the contrast minus the designed one, with its 95 % band."""
+    """Draw the contrast minus the designed contrast, with its 95 % band."""
     change = np.array(one.contrast) - np.array(designed.contrast)
     return change, BAND * np.hypot(one.u_contrast, designed.u_contrast)

@@ -1,1 +1,1 @@
-"""Figures and pages of a resin."""
+"""Figures and pages for a resin."""

@@ -1,4 +1,4 @@
-"""The figure of a working curve: thickness against dose, and the dose inside a part compared with a single layer."""
+"""The working-curve figure: thickness against dose, and the dose inside a part compared with a single layer."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ _MARGIN = 1.15  # of the dose axis beyond the data
 
 
 def cure_figure(curve: MeasuredCurve) -> Figure:
-    """Draw discs and curve; if a part's layers are known, the dose inside it in a second panel."""
+    """Draw discs and curve, and the dose inside a part in a second panel if the part's layers are known."""
     figure = Figure(figsize=(5.4 if curve.stack is None else 9.6, 3.9))
     ratios = (1,) if curve.stack is None else (5, 4)
     panels = figure.subplots(1, len(ratios), width_ratios=ratios, squeeze=False)[0]
@@ -40,7 +40,7 @@ def cure_figure(curve: MeasuredCurve) -> Figure:
 
 
 def _side_by_side(axes: Axes, curve: MeasuredCurve) -> None:
-    """Draw line, 95 % band and discs of each table, discs of equal dose as mean ± SD."""
+    """Draw the line, 95 % band and discs of each table; discs of equal dose are shown as mean ± SD."""
     curves: tuple[MeasuredCurve | CurveBeside, ...] = (curve, *curve.beside)
     for number, one in enumerate(curves):
         look = series(number)
@@ -60,7 +60,7 @@ def _side_by_side(axes: Axes, curve: MeasuredCurve) -> None:
 
 
 def _named(curve: MeasuredCurve | CurveBeside) -> str:
-    """Return a table's name with Dp and Ec of its curve."""
+    """Return a table's name with Dp and Ec from its curve."""
     return f"{Path(curve.sources[0].file).stem}: Dp {curve.Dp_um:.3g} µm, Ec {curve.Ec_mJ_per_cm2:.3g} mJ/cm²"
 
 
@@ -96,14 +96,14 @@ def _curve(axes: Axes, curve: MeasuredCurve) -> None:
 
 
 def _plain_ticks(axis: Axis) -> None:
-    """Write numbers at 1, 2 and 5 of each decade."""
+    """Label 1, 2 and 5 in each decade."""
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 
 def _layer(axes: Axes, curve: MeasuredCurve) -> None:
-    """Draw the thickness of a layer, and the depth its exposure cures."""
+    """Draw the thickness of a layer and the cure depth from its exposure."""
     if curve.layer is not None:
         um = curve.layer.layer_um
         axes.axhline(um, color=SPACE, lw=1.2, ls=":", label=f"layer of {um:g} µm")
@@ -114,7 +114,7 @@ def _layer(axes: Axes, curve: MeasuredCurve) -> None:
 
 
 def _inside(axes: Axes, stack: StackDose) -> None:
-    """Draw the dose against height above the first layer, with that of a single layer."""
+    """Draw the dose against height above the first layer, together with the dose in a single layer."""
     count, h = len(stack.exposures_mJ_per_cm2), stack.layer_um
     edges = np.repeat(np.arange(count + 1) * h / 1e3, 2)[1:-1]
     high = np.repeat(stack.window_side_mJ_per_cm2, 2)

@@ -1,4 +1,4 @@
-"""The figure of a cut-back: level against length, the line, its band, and outliers."""
+"""The cut-back figure: level against length, the line with its band, and outliers."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,7 +14,7 @@ _BAND = 0.15
 
 
 def cutback_figure(loss: GuideLoss) -> Figure:
-    """Draw guides as dots, a colour for each orientation; levels are relative to the launched power if known."""
+    """Draw guides as dots coloured by orientation; levels are relative to the launched power if it is known."""
     zero = 0.0 if loss.launched_dB is None else loss.launched_dB
     source = loss.sources[0]
     figure = Figure(figsize=(5.4, 3.8))
@@ -40,7 +40,7 @@ def cutback_figure(loss: GuideLoss) -> Figure:
 
 
 def _label(way: str, line: Line | None, loss: GuideLoss) -> str:
-    """Return orientation, and the loss of the drawn line."""
+    """Return the orientation and the loss from the drawn line."""
     if line is None:
         return way
     low, high = line.interval95_loss_dB_per_cm

@@ -1,4 +1,4 @@
-"""The figure of layers against exposure: their transmittance over wavelength, and at some wavelengths over exposure."""
+"""The exposure figure: transmittance against wavelength, and against exposure at some wavelengths."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ _FEW_POINTS = 20
 
 
 def exposures_figure(trends: ExposureTrends) -> Figure:
-    """Draw spectra by exposure, repeats as mean ± SD; values at some wavelengths against exposure, with their line."""
+    """Draw spectra by exposure (repeats as mean ± SD), and values at some wavelengths against exposure."""
     figure = Figure(figsize=(9.0, 3.6))
     left, right = figure.subplots(1, 2)
     _spectra(left, trends.layers)

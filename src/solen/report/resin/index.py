@@ -1,4 +1,4 @@
-"""The figure of an index: transmittance, absorbance and index against wavelength, and the evaluation used."""
+"""The index figure: transmittance, absorbance and index against wavelength, and the evaluation used."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,13 +17,13 @@ TITLES = {
     "joint": "with that of its bare substrate, both measured",
     "fringes": "from levels and fringes of its spectra",
 }
-"""Titles of the modes."""
+"""Titles for the modes."""
 
 _NEAR = 0.2  # distance from n up to which a band is drawn
 
 
 def index_figure(index: LayerIndex) -> Figure:
-    """Draw T and R, absorbance and absorptance, n with its uncertainty and its masks in three panels."""
+    """Draw T and R, absorbance and absorptance, and n with its uncertainty and masks in three panels."""
     figure = Figure(figsize=(9.6, 3.4))
     light, loss, n = figure.subplots(1, 3)
     nm = index.wavelength_nm
@@ -39,7 +39,7 @@ def index_figure(index: LayerIndex) -> Figure:
 
 
 def _style(nm: FloatArray, place: int = 0) -> str:
-    """Return the style of a line, or of dots if there are few points; a second position selects another style."""
+    """Return the style of a line, or of dots if there are few points; a second position selects a different style."""
     return ("o", "s")[place] if nm.size < 12 else ("-", "--")[place]
 
 
@@ -94,7 +94,7 @@ def _draw_index(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
 
 
 def _draw_literature(axes: Axes, nm: FloatArray, index: LayerIndex) -> None:
-    """Draw the band of published indices, if near enough for the same axes."""
+    """Draw the band of published indices if it is close enough to share the axes."""
     known, (least, most) = index.literature, axes.get_ylim()
     if known is None:
         return

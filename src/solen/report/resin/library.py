@@ -1,4 +1,4 @@
-"""The figure of a resin: its index against wavelength with its uncertainty."""
+"""The resin figure: index against wavelength with its uncertainty."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from solen.report.canvas import INK, LEFT, RIGHT
 from solen.spec.strict import error_context
 
 SHOWN_NM = (400.0, 1000.0)
-"""Wavelengths drawn for an index without stated limits."""
+"""Wavelengths drawn if an index has no specified limits."""
 POINTS = 301
 
 

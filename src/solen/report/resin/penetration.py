@@ -14,7 +14,7 @@ _HIGHEST_UM = 2000.0
 
 
 def penetration_figure(penetration: Penetration) -> Figure:
-    """Draw absorbance against wavelength; for a known lamp, its light against depth in a second panel."""
+    """Draw absorbance against wavelength; if the lamp is known, draw its light against depth in a second panel."""
     decay, absorbance = penetration.attenuation, penetration.absorbance
     figure = Figure(figsize=(4.8 if decay is None else 9.0, 3.6))
     panels = figure.subplots(1, 1 if decay is None else 2, squeeze=False)[0]
@@ -41,7 +41,7 @@ def _lamp(axes: Axes, decay: Attenuation, highest: float) -> None:
 
 
 def _depth(axes: Axes, decay: Attenuation) -> None:
-    """Draw the fraction of the light against depth, with the exponential of equal initial slope."""
+    """Draw the remaining fraction of the light against depth, with the exponential that has the same initial slope."""
     surface = decay.local_um()
     um = np.linspace(0.0, min(_DEPTHS * surface, _HIGHEST_UM), 201)
     axes.plot(um, decay.share(um), color=RIGHT, lw=1.6, label="lamp's light")

@@ -1,4 +1,4 @@
-"""The figure of a refractometer's index: measurements, extended curve with its band, and literature."""
+"""The refractometer figure: measured indices, extended curve with its band, and literature."""
 
 from matplotlib.figure import Figure
 
@@ -8,7 +8,7 @@ from solen.report.canvas import LEFT, RIGHT, SOFT
 
 
 def refractometer_figure(index: RefractometerIndex) -> Figure:
-    """Draw index against wavelength with its 95 % band, over the band of the literature."""
+    """Draw index against wavelength with its 95 % band, over the literature band."""
     nm, interval = index.wavelength_nm, index.interval95_n
     polymers = index.options.polymers if index.options else RESINS
     literature = band(nm, polymers, package=False)

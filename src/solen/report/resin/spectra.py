@@ -1,4 +1,4 @@
-"""The figure of the spectra in a file, a panel for each quantity and unit."""
+"""The figure of a file's spectra, with a panel for each quantity and unit."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from solen.report.canvas import draw_repeats
 
 _NUMBER = re.compile(r"[\s_#-]*\d+$")
 _NAMED = 14
-"""Largest number of traces that a legend names; of more, it names the first and the last."""
+"""A legend names up to this many traces; if there are more, it names only the first and the last."""
 
 
 def spectra_figure(listing: Listing) -> Figure:
@@ -36,7 +36,7 @@ def spectra_figure(listing: Listing) -> Figure:
 
 
 def _labels(listing: Listing) -> list[str]:
-    """Return names of the traces, with their files if there are several, without repeat numbers."""
+    """Return the trace names without repeat numbers, with their files if there are several."""
     several = len(listing.sources) > 1
     names = [_NUMBER.sub("", trace.name) if listing.repeats else trace.name for trace in listing.traces]
     alone = len(set(names)) == 1  # a name common to all files is not informative
@@ -47,7 +47,7 @@ def _labels(listing: Listing) -> list[str]:
 
 
 def _draw(axes: Axes, traces: Mapping[str, Sequence[Spectrum]]) -> None:
-    """Draw traces of one kind by name; many traces are shades of one colour in order, to show a drift."""
+    """Draw traces of one kind by name; if there are many, use ordered shades of one colour to show drift."""
     many = len(traces) > _NAMED
     shades = mpl.colormaps["viridis"]
     for number, (name, alike) in enumerate(traces.items()):

@@ -16,7 +16,7 @@ _ACROSS, _RIVALS = 3, 2
 
 
 def stiffness_figure(stiffness: MeasuredStiffness) -> Figure:
-    """Draw curves of all specimens, and next to them the models of each fitted material."""
+    """Draw the curves of all specimens and, next to them, the models of each fitted material."""
     fitted = [material for material in stiffness.materials if material.fits]
     across = min(1 + len(fitted), _ACROSS)
     down = -(-(1 + len(fitted)) // across)
@@ -33,7 +33,7 @@ def stiffness_figure(stiffness: MeasuredStiffness) -> Figure:
 
 
 def _draw_curves(axes: Axes, materials: Sequence[MaterialStiffness]) -> None:
-    """Draw specimens of each material (several as mean ± SD over their common loading), and the modulus."""
+    """Draw each material's specimens (several as mean ± SD over their common loading) and its modulus."""
     down = all(each.test.loading == "compression" for material in materials for each in material.specimens)
     sign = -1 if down else 1
     for number, material in enumerate(materials):
@@ -56,7 +56,7 @@ def _draw_curves(axes: Axes, materials: Sequence[MaterialStiffness]) -> None:
 
 
 def _draw_slope(axes: Axes, material: MaterialStiffness, colour: str, sign: int) -> None:
-    """Draw the mean modulus as a dashed line from the origin, to the highest stress and slightly beyond its range."""
+    """Draw the mean modulus as a dashed line from the origin to beyond its strain range, below the highest stress."""
     first = material.specimens[0]
     if first.mode != "uniaxial" or material.modulus_MPa <= 0:
         return
@@ -67,14 +67,14 @@ def _draw_slope(axes: Axes, material: MaterialStiffness, colour: str, sign: int)
 
 
 def _name(material: MaterialStiffness) -> str:
-    """Return the label of a material with its modulus."""
+    """Return a material's label with its modulus."""
     sd = material.sd_modulus_MPa
     name = f"E = {material.modulus_MPa:.3g} ± {material.u_modulus_MPa if sd is None else sd:.2g} MPa"
     return f"{material.label}: {name}" if material.label else name
 
 
 def _draw_models(axes: Axes, material: MaterialStiffness) -> None:
-    """Draw the tests as points, the chosen model as a thick line and the next best as thin ones, coloured by mode."""
+    """Draw tests as points, the chosen model as a thick line and the next best as thin ones, coloured by mode."""
     shown = _shown(material)
     for colour, (mode, marker) in zip(SERIES, _MARKERS.items(), strict=False):
         tests = [each for each in material.specimens if each.mode == mode]

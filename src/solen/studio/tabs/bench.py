@@ -1,4 +1,4 @@
-"""The tab of the bench: runs a rig, real or simulated; turns recordings into responses, diagnoses and angles."""
+"""The bench tab: runs a real or simulated rig and converts recordings into responses, diagnoses and angles."""
 
 from pathlib import Path
 

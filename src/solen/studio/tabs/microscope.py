@@ -1,4 +1,4 @@
-"""The tab of the microscope: measures the edge and deviations of a printed lens in a picture, and its profile."""
+"""The microscope tab: measures the edge, deviations and profile of a printed lens in an image."""
 
 from pathlib import Path
 
@@ -27,5 +27,5 @@ OFFERS = (
 
 
 def commands_for(path: Path) -> tuple[str, ...]:  # noqa: ARG001  any file may be a picture; the command checks it
-    """Return the commands of the microscope that accept a picture."""
+    """Return the microscope commands that accept an image."""
     return ("print inspect", "print scale")

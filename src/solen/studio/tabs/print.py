@@ -1,4 +1,4 @@
-"""The tab of the print: the part, its layers, the predicted print, and the next drawing after a picture of a print."""
+"""The print tab: the part, its layers, the predicted print, and the next drawing based on an image of a print."""
 
 from pathlib import Path
 
@@ -46,7 +46,7 @@ OFFERS = (
 
 
 def commands_for(path: Path) -> tuple[str, ...]:
-    """Return the commands of the print that accept a file."""
+    """Return the print commands that accept a file."""
     if path.suffix.lower() in PICTURES:
         return ("print tune",)
     if path.suffix.lower() in {".toml", ".json"}:

@@ -1,4 +1,4 @@
-"""The tab of the resin: turns spectra, discs and guides into properties of a resin, and a resin file."""
+"""The resin tab: converts spectra, discs and guides into resin properties and a resin file."""
 
 from pathlib import Path
 
@@ -85,5 +85,5 @@ OFFERS = (
 
 
 def commands_for(path: Path) -> tuple[str, ...]:
-    """Return the evaluations of the resin that accept a file."""
+    """Return the resin evaluations that accept a file."""
     return tuple(f"resin {name}" for name in evaluations(read(path)))

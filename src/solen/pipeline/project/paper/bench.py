@@ -1,4 +1,4 @@
-"""Figures of the bench: voltage against angle, and over time, of the simulated rig (4D, S6)."""
+"""Bench figures: voltage against angle and over time for the simulated rig (4D, S6)."""
 
 from functools import lru_cache
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A figure of the paper as solen makes it: its pictures, ready to be drawn, and its comparisons with the paper."""
+"""A figure of the paper as made by solen: its drawings, ready to be rendered, and its comparisons with the paper."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Made:
-    """Pictures of a figure and its comparisons with the paper."""
+    """Drawings in a figure and its comparisons with the paper."""
 
     pictures: tuple[Picture, ...]
     comparisons: tuple[Comparison, ...]

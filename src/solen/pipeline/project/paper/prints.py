@@ -1,4 +1,4 @@
-"""Figures of prints: the one-layer sample, printed lenses with their ovals, resolution (S2, 3E–G, S5)."""
+"""Print figures: the one-layer sample, printed lenses with their ovals, and resolution (S2, 3E–G, S5)."""
 
 from functools import partial
 from pathlib import Path

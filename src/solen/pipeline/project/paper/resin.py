@@ -1,4 +1,4 @@
-"""Figures of the resin: spectra and index of a layer, stiffness, transparency, cure, exposure (2, S1)."""
+"""Resin figures: spectra and index of a layer, stiffness, transparency, cure, exposure (2, S1)."""
 
 from pathlib import Path
 
@@ -79,7 +79,7 @@ def _dispersion() -> Comparison:
 
 
 def _typical() -> list[Comparison]:
-    """Return the index that the paper calls typical, and its rise below 450 nm."""
+    """Return the index that the paper calls typical, and how much it rises below 450 nm."""
     own = [stated(f"index-{nm:g}") for nm in INDICES_NM]
     typical = compared("index-typical", *literature_between(*INDICES_NM), least=min(own), most=max(own))
     return [typical, compared("index-rise", *rise_of_literature(SHORTEST_NM, INDICES_NM[-1]))]

@@ -1,4 +1,4 @@
-"""The figure of the monolithic robot: a network whose members guide light from lenses to receivers (5)."""
+"""The figure of the monolithic robot, a network whose members guide light from lenses to receivers (5)."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Figures of lenses and rays: profiles, the rotation as simulated and as tested, other indices, no lens (3, 4, S4)."""
+"""Lens and ray figures: profiles, the rotation as simulated and as tested, other indices, no lens (3, 4, S4)."""
 
 from pathlib import Path
 
@@ -58,7 +58,7 @@ def _simulated(_: Path) -> Made:
 
 
 def _sizes(point: Sensor) -> list[Comparison]:
-    """Compare the sizes of the Y, its light and the centre of its rotation with the paper's."""
+    """Compare the sizes of the Y, its light and its centre of rotation with the paper's."""
     sizes = body_sizes(point)
     u = {"major-base": u_major_base_mm(sizes)}
     rows = [compared(key, size, u.get(key, 0.0)) for key, size in (sizes | source_of(point)).items()]
