@@ -213,9 +213,8 @@ def test_what_cannot_be_fitted_is_refused_in_one_line() -> None:
     assert "must be rows of equal length" in told("cauchy", NM, n[:-1])
     assert told("cauchy", NM, n, 0.0).startswith("u_n = 0.0; must be above 0")
     assert told("cauchy", -NM, n).startswith("wavelength = -900.0; must be above 0 nm")
-    line = (
-        "cauchy fit of 3 terms; has 2 different wavelengths but requires at least 4; use fewer terms or the other formula"
-    )
+    limit = "has 2 different wavelengths but requires at least 4"
+    line = f"cauchy fit of 3 terms; {limit}; use fewer terms or the other formula"
     assert told("cauchy", [500, 600, 500], [1.5, 1.49, 1.5], terms=3) == line
     assert "has 0 different wavelengths" in told("cauchy", NM, np.full(101, np.nan))
     assert "requires indices above 1, but one index is 0.9" in told("sellmeier", NM, np.where(NM < 401, 0.9, n))

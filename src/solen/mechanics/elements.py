@@ -203,7 +203,7 @@ class Elements:
         return self._with_pressure(local, state) if self.has_pressure else local
 
     def _moduli(self, state: _State) -> FloatArray:
-        """Return the moduli (elements, points, 3, 3) from strains xx, zz, 2 xz of the deformed body to Kirchhoff stress."""
+        """Return the moduli (elements, points, 3, 3) from strains xx, zz, 2 xz to Kirchhoff stress."""
         found = state.principal
         mean, half = found.stress.sum(axis=-1) / 2, (found.stress[..., 0] - found.stress[..., 1]) / 2
         slopes = self.material.slopes(self.plane, found.first, found.second)
