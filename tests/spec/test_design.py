@@ -134,8 +134,10 @@ def test_a_wrong_choice_is_reported_with_the_choices(table: str, key: str, value
 
 
 def test_material_gives_exactly_one_of_index_and_resin() -> None:
-    assert told(material={}).startswith("material; states neither index nor resin; add")
-    assert told(material={"index": 1.4, "resin": "pmma"}).startswith("material; states both index and resin; keep")
+    assert told(material={}).startswith("material; defines neither index nor resin; add")
+    both = told(material={"index": 1.4, "resin": "pmma"})
+    assert both.startswith("material; ")
+    assert "both index and resin" in both
 
 
 def test_a_table_alone_tells_its_dotted_key() -> None:

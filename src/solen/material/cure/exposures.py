@@ -328,8 +328,9 @@ def _warnings(
     if len(layers) < _FEW:
         warnings.append(
             look_at(
-                f"{len(layers)} samples leave only {max(len(layers) - 2, 0)} degrees of freedom "
-                "for a trend, so its interval is wide; measure several layers at each exposure"
+                f"{len(layers)} samples are few for a trend (degrees of freedom: "
+                f"{max(len(layers) - 2, 0)}), so its interval is wide; "
+                "measure several layers at each exposure"
             )
         )
     if kinds == 2:
