@@ -26,7 +26,7 @@ from solen.scene.sources import Source
 VARIANT = "llvm_ad_rgb"
 OLDEST = (3, 6)
 """Oldest supported version, whose Dr.Jit is the first with ``while_loop``."""
-MOST_HITS = 10_000
+MAX_HITS = 10_000
 HALF_DEPTH_MM = 1.0
 
 HOW = 'pip install "mitsuba>=3.6", and LLVM\'s shared library (tried with 15 and 19; Debian: libllvm19)'
@@ -138,7 +138,7 @@ def trace(made: Prism, source: Source, *, coherent: bool, watch: bool = False) -
         hits = dr.select(met, hits + 1, hits)
         if watch:
             lost |= (met & ~defined) | (going & ~met & inside)
-        goes_on = defined & ~receiver & (hits < MOST_HITS)
+        goes_on = defined & ~receiver & (hits < MAX_HITS)
         inside_next = inside ^ (goes_on & ~total)
         return hit.spawn_ray(direction), goes_on, inside_next, hits, detected | (receiver & inside), lost
 

@@ -32,7 +32,7 @@ OF_THE_COMPUTER = {"doctor", "completion"}
 """Commands whose output differs between computers; their pages show none."""
 ROUNDED = re.compile(r"(?<=adaptive with )\d+(?= rays)")
 """Numbers of rays of an integral to 1e-11: the last ones depend on rounding, which differs between systems."""
-MOST_LINES = 12
+MAX_LINES = 12
 PAGE_MM = 180.0
 
 
@@ -53,7 +53,7 @@ def calls() -> dict[str, tuple[list[str], list[str]]]:
 def head(printed: str) -> str:
     """Return the first lines of a command's output, with dots for the remaining ones."""
     lines = [line.rstrip() for line in ROUNDED.sub("...", printed.replace(os.sep, "/")).splitlines()]
-    return "\n".join(lines if len(lines) <= MOST_LINES else [*lines[: MOST_LINES - 2], "..."]) + "\n"
+    return "\n".join(lines if len(lines) <= MAX_LINES else [*lines[: MAX_LINES - 2], "..."]) + "\n"
 
 
 def picture(figure: bytes) -> bytes:

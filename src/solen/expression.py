@@ -18,7 +18,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 
-LONGEST, DEEPEST, LARGEST = 500, 20, 1e100
+MAX_LENGTH, MAX_DEPTH, MAX_NUMBER = 500, 20, 1e100
 _ARITHMETIC: Mapping[type, Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -68,8 +68,8 @@ class Grammar:
 
 def parsed(text: str, grammar: Grammar) -> ast.expr:
     """Return the syntax tree of a text; its names and operations are not yet checked."""
-    if len(text) > LONGEST:
-        raise grammar.refusal(f"is longer than {LONGEST} characters", "")
+    if len(text) > MAX_LENGTH:
+        raise grammar.refusal(f"is longer than {MAX_LENGTH} characters", "")
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
@@ -83,7 +83,7 @@ def parsed(text: str, grammar: Grammar) -> ast.expr:
 
 def names(node: ast.AST, grammar: Grammar, depth: int = 0) -> list[str]:
     """Return the names in a tree; raise the grammar's error for anything that an expression may not contain."""
-    if depth > DEEPEST:
+    if depth > MAX_DEPTH:
         raise grammar.refusal("has too many nested parentheses", "")
     if isinstance(node, ast.Name):
         grammar.check(node.id)
@@ -205,7 +205,7 @@ def _no_names(node: ast.Constant, grammar: Grammar) -> list[str]:
     """Return no names for a constant; raise an error if it is not a number or too large."""
     if isinstance(node.value, bool) or not isinstance(node.value, int | float):
         raise grammar.refusal(f"{ast.unparse(node)} is not allowed in an expression of {grammar.what}s", "")
-    if not abs(node.value) < LARGEST:
+    if not abs(node.value) < MAX_NUMBER:
         raise grammar.refusal("has too large a number", "")
     return []
 

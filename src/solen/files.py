@@ -21,7 +21,7 @@ from solen.errors import OutputError, SolenError
 
 DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{name}{digit}" for name in ("COM", "LPT") for digit in "0123456789¹²³")}
 """Names reserved by Windows, with any extension."""
-LONGEST_NAME = 200
+MAX_NAME_LENGTH = 200
 """Longest name in bytes, so that name and extension are valid on every system."""
 SIMULATED = "# simulated by solen, not measured\n"
 """First line of a table that solen computes from a model alone."""
@@ -259,8 +259,8 @@ def check_name(what: str, name: str, error: type[SolenError], remedy: str = "cho
         limit = "must not begin with a dot, or end in a dot or a space"
     elif name.partition(".")[0].rstrip().upper() in DEVICES:
         limit = f"is reserved for a device on Windows: {name.partition('.')[0]}"
-    elif (length := len(name.encode())) > LONGEST_NAME:
-        name, limit = f"{name[:20]}…", f"is {length} bytes long; at most {LONGEST_NAME} are allowed"
+    elif (length := len(name.encode())) > MAX_NAME_LENGTH:
+        name, limit = f"{name[:20]}…", f"is {length} bytes long; at most {MAX_NAME_LENGTH} are allowed"
     if limit:
         raise error(what, value=name, limit=limit, remedy=remedy)
 

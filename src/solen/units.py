@@ -10,7 +10,7 @@ from typing import Any
 
 NM_PER_UM = 1e3
 
-_LONGEST = 24  # characters of a unit: what is longer is a remark
+_MAX_UNIT_LENGTH = 24  # characters of a unit: what is longer is a remark
 _SPELLINGS = {"pct": "%", "percent": "%", "prozent": "%"} | dict.fromkeys(("%t", "%r", "%a"), "%")
 _SPELLINGS |= {
     "µ": "µm",
@@ -66,7 +66,7 @@ def _unit(text: str) -> Any:
     """Return the unit of a text, or None."""
     plain = text.strip().strip("[]").translate(_POWERS)
     plain = _SPELLINGS.get(plain.lower(), plain)
-    if len(plain) > _LONGEST or not _FORM.fullmatch(plain) or plain.lower() in _COUNTS:
+    if len(plain) > _MAX_UNIT_LENGTH or not _FORM.fullmatch(plain) or plain.lower() in _COUNTS:
         return None
     if plain == "1":
         return _registry().dimensionless

@@ -16,7 +16,7 @@ from scipy.stats import qmc
 S, F, HALF, TOP = 1.0, 20.0, 2.0, 2.0
 """From the emitter to the vertex, from there to the focus, half the aperture, half the thickness, mm."""
 CURVE, STEM, ARM, WIDE = 0.004, 16.2, 22.2, 3.0
-NEAREST, STEP, EPS, MOST_HITS = -0.1, 0.05, 1e-7, 300
+NEAREST, STEP, EPS, MAX_HITS = -0.1, 0.05, 1e-7, 300
 NETS, CHUNK = 16, 2**14
 RECEIVERS, TOP_OR_BOTTOM, STEM_SIDE, LENS_SIDE, FACE, NOTHING = (3, 7), 10, 11, 12, 13, -1
 """Numbers of surfaces; those below 8 are straight walls."""
@@ -168,7 +168,7 @@ class Sensor:
         turned = math.pi * u[:, 4:5]
         field = (np.cos(turned) * across + np.sin(turned) * np.cross(d, across)).astype(complex)
         inside, fates, chance = np.zeros(len(u), dtype=bool), np.zeros(4), u[:, 5]
-        for _ in range(MOST_HITS):
+        for _ in range(MAX_HITS):
             way, wall, normal = self._nearest(p, d, inside)
             met = wall != NOTHING
             right, left = (inside & (wall == number) for number in RECEIVERS)

@@ -13,7 +13,7 @@ from tests.agreement.random_scene_support import random_scene
 
 LIMITS: dict[Mode, Limits] = {"count": Limits(max_hits=60), "power": Limits(min_weight=1e-3, max_hits=60)}
 RAYS: dict[Mode, int] = {"count": 8, "power": 3}
-MOST_LEFT_OUT: dict[Mode, float] = {"count": 0.08, "power": 0.25}
+MAX_LEFT_OUT: dict[Mode, float] = {"count": 0.08, "power": 0.25}
 """Measured 0.03 and 0.14: light trapped in random bodies is chaotic, and in power mode every ray leaves some there."""
 
 Record = Callable[[str, object], None]
@@ -76,7 +76,7 @@ def test_same_hits_on_random_scenes(
     record_property("left out", line)
     with capsys.disabled():
         print(f"\n  engine = reference, {line}")
-    assert share < MOST_LEFT_OUT[mode]
+    assert share < MAX_LEFT_OUT[mode]
     assert sum(c.left_out == 0 for c in done) >= 5  # enough whole scenes to compare detectors and monitors
 
 
@@ -99,7 +99,7 @@ def test_same_hits_with_many_rays_side_by_side(mode: Mode) -> None:
     """The engine carries rays in blocks: more of them than any block holds, and branches that wait their turn."""
     limits = Limits(min_weight=1e-2, max_hits=30)
     share, _ = told(mode, [check_scene(random_scene(seed, 100), mode, limits) for seed in (200, 201)])
-    assert share < MOST_LEFT_OUT[mode]
+    assert share < MAX_LEFT_OUT[mode]
 
 
 @pytest.mark.evidence
@@ -107,4 +107,4 @@ def test_same_hits_with_many_rays_side_by_side(mode: Mode) -> None:
 def test_same_hits_on_a_thousand_scenes(mode: Mode) -> None:
     share, line = told(mode, run(mode, range(1000, 2000), RAYS[mode]))
     print(f"\n  engine = reference, {line}")
-    assert share < 1.5 * MOST_LEFT_OUT[mode]  # a few scenes of trapped light weigh much; 0.26 in power mode
+    assert share < 1.5 * MAX_LEFT_OUT[mode]  # a few scenes of trapped light weigh much; 0.26 in power mode

@@ -29,7 +29,7 @@ def no_grid(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 def without(patch: pytest.MonkeyPatch, scene: Scene, mode: Mode, limits: Limits = LIMITS) -> Trace:
     """The trace that looks at all curves."""
     with patch.context() as patched:
-        patched.setattr(grid, "FEWEST", NEVER)
+        patched.setattr(grid, "MIN_PIECES", NEVER)
         assert len(compile_scene(scene).grid_item) == 0
         return trace(scene, mode, limits, legs=True)
 
@@ -131,7 +131,7 @@ def test_one_curve_over_and_over_finds_the_nearest(no_grid: pytest.MonkeyPatch) 
 def timed(patch: pytest.MonkeyPatch, scene: Scene, fewest: int) -> tuple[float, float, Trace]:
     """Seconds to compile a scene, microseconds per hit, and the trace."""
     with patch.context() as patched:
-        patched.setattr(grid, "FEWEST", fewest)
+        patched.setattr(grid, "MIN_PIECES", fewest)
         start = time.perf_counter()
         tables = compile_scene(scene)
         compiled = time.perf_counter()
@@ -148,7 +148,7 @@ def test_five_thousand_curves_are_traced_the_same_and_much_faster(no_grid: pytes
         for rays in (400, 4000, 200_000)
     )
     check(no_grid, few, "roulette", 0.6)
-    compiling, fast, found = timed(no_grid, many, grid.FEWEST)
+    compiling, fast, found = timed(no_grid, many, grid.MIN_PIECES)
     _, slow, truth = timed(no_grid, less, NEVER)
     pieces = len(compile_scene(few).kind)
     print(
@@ -162,7 +162,7 @@ def test_five_thousand_curves_are_traced_the_same_and_much_faster(no_grid: pytes
 
 
 def test_few_curves_need_no_grid_and_many_have_one() -> None:
-    assert len(compile_scene(many_sided(grid.FEWEST - 2, 1, "polygon", 2)).grid_item) == 0
-    assert len(compile_scene(many_sided(grid.FEWEST - 1, 1, "polygon", 2)).grid_item) > 0
+    assert len(compile_scene(many_sided(grid.MIN_PIECES - 2, 1, "polygon", 2)).grid_item) == 0
+    assert len(compile_scene(many_sided(grid.MIN_PIECES - 1, 1, "polygon", 2)).grid_item) > 0
     nothing = Scene((AIR,), (), (Fan((0.0, 0.0), 0.0, 360.0, 3),))
     assert trace(nothing).ledger.escaped == pytest.approx(1.0)

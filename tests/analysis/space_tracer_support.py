@@ -19,7 +19,7 @@ from solen.curve import Curve
 from solen.sensor import Sensor
 
 SAGITTA_MM, BLOCK = 1e-5, 16
-LEAST, MOST_HITS, STACK = 1e-6, 400, 64
+LEAST, MAX_HITS, STACK = 1e-6, 400, 64
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ def _ray(  # noqa: C901  one loop
 ) -> Any:
     """Follow the ray in row 0 of ``state`` with all that it is divided into."""
     count, hits = 1, 0
-    while count > 0 and hits < 50 * MOST_HITS:
+    while count > 0 and hits < 50 * MAX_HITS:
         k = count - 1
         hits += 1
         if _power(state, k) < LEAST or count + 1 >= STACK:

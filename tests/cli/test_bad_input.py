@@ -307,7 +307,7 @@ def test_a_bad_option(refused: Refusal, arguments: list[str], word: str) -> None
 
 def test_sensitivities_need_an_integral_that_is_reached(refused: Refusal, monkeypatch: pytest.MonkeyPatch) -> None:
     """Here the budget of rays is cut; light that leaks from an air gap uses up the real one, in seconds."""
-    monkeypatch.setattr("solen.sensor.derivatives.MOST_LEGS", 4000)
+    monkeypatch.setattr("solen.sensor.derivatives.MAX_LEGS", 4000)
     gap = ("--set", "receivers.coupling=air-gap", "--set", "receivers.gap_mm=0.5")
     assert "the integral must reach 1e-09; try another angle" in refused("sensitivity", "sensor.toml", *gap)
 

@@ -279,7 +279,7 @@ def test_a_damaged_block_is_refused_by_name(tmp_path: Path) -> None:
 
 
 def test_many_small_blocks_become_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("solen.explore.store.MOST_BLOCKS", 8)
+    monkeypatch.setattr("solen.explore.store.MAX_BLOCKS", 8)
     point = Point(np.ones((3, 2)), np.zeros((3, 2)), np.zeros((1, 2)))
     store = Store(tmp_path)
     for number in range(9):

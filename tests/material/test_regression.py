@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from solen.material.regression import (
-    LEAST_DF,
+    MIN_DF,
     chance,
     f_tail,
     fitted,
@@ -145,14 +145,14 @@ def test_the_freedom_of_a_covariance_from_residuals_is_that_of_its_matrices() ->
     for contrast in (*BOTH, (1.0, 4.0)):
         shares = (np.array(contrast) @ rows) ** 2 / np.diag(left)
         expected = float(shares @ np.diag(residuals)) ** 2 / float(shares @ residuals**2 @ shares)
-        assert fit.df(contrast) == pytest.approx(max(expected, LEAST_DF * 4), rel=1e-9)
+        assert fit.df(contrast) == pytest.approx(max(expected, MIN_DF * 4), rel=1e-9)
 
 
 def test_a_covariance_from_residuals_keeps_some_freedom() -> None:
     design, y = np.tile(LINE, (2, 1)), np.concatenate([Y, Y + 0.1])
     weights = np.array([1e6] + [1.0] * 11)  # one point decides the value there nearly alone
     fit = fitted(design, y, weights=weights, guessed=True)
-    assert fit.df((1.0, 1.0)) == LEAST_DF * 10
+    assert fit.df((1.0, 1.0)) == MIN_DF * 10
 
 
 def test_bad_points_are_found_together_and_seldom_where_there_are_none() -> None:

@@ -159,11 +159,11 @@ def fuzzed(folder: Path, name: str, count: int, seed: int) -> tuple[int, list[fl
             read += 1
             assert np.isfinite(found.grey).all()
             assert found.grey.ndim == 2
-            assert found.grey.size <= MOST_LARGER * small_levels().size
+            assert found.grey.size <= MAX_LARGER * small_levels().size
     return read, seconds
 
 
-MOST_LARGER = 8
+MAX_LARGER = 8
 
 
 @pytest.mark.parametrize("name", originals())

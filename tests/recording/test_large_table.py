@@ -22,13 +22,13 @@ def table(separator: str = ",", mark: str = ".", header: str = "time_s,angle_deg
 
 @pytest.fixture(autouse=True)
 def _every_file_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fast, "LEAST_BYTES", 1000)
+    monkeypatch.setattr(fast, "MIN_BYTES", 1000)
 
 
 def both(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Read in both ways and compare."""
     quick = read(path)
-    monkeypatch.setattr(fast, "LEAST_BYTES", 10**9)
+    monkeypatch.setattr(fast, "MIN_BYTES", 10**9)
     slow = read(path)
     assert quick.names == slow.names
     assert quick.provenance == slow.provenance

@@ -9,7 +9,7 @@ import pytest
 
 from solen.errors import DataError
 from solen.recording import read
-from solen.recording.source import LARGEST_MB
+from solen.recording.source import MAX_MB
 from tests.recording.mutate import damaged
 from tests.recording.test_table import ROWS, workbook
 
@@ -35,8 +35,8 @@ def test_damage_never_ends_in_anything_but_numbers_or_one_line(tmp_path: Path, k
 def test_a_file_beyond_the_limit_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "long.csv"
     with path.open("wb") as file:
-        file.truncate(LARGEST_MB * 1_000_000 + 1)
-    with pytest.raises(DataError, match=f"limit is {LARGEST_MB} MB"):
+        file.truncate(MAX_MB * 1_000_000 + 1)
+    with pytest.raises(DataError, match=f"limit is {MAX_MB} MB"):
         read(path)
 
 
@@ -51,7 +51,7 @@ def archive(parts: dict[str, bytes]) -> bytes:
 def test_archives_that_are_no_workbooks_or_unpack_to_more_than_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("solen.recording.workbook.LARGEST_MB", 4)
+    monkeypatch.setattr("solen.recording.workbook.MAX_MB", 4)
     path = tmp_path / "book.xlsx"
     path.write_bytes(archive({"xl/workbook.xml": b"<workbook/>", "xl/worksheets/sheet1.xml": bytes(5_000_000)}))
     assert path.stat().st_size < 10_000

@@ -9,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-LEAST_PT = 6.0
+MIN_PT = 6.0
 TOUCH = 1.0  # pixels that boxes of texts may share: they hold some air
 DPI = 100.0
 PAINTS = {name for name in dir(RendererAgg) if name.startswith("draw_")} - {"draw_text"}
@@ -59,7 +59,7 @@ def faults(figure: Figure) -> list[str]:
         for one in recorder.written
         if one.box.x0 < -TOUCH or one.box.y0 < -TOUCH or one.box.x1 > width + TOUCH or one.box.y1 > height + TOUCH
     ]
-    found += [f"{one.size_pt:.1f} pt: {one.text!r}" for one in recorder.written if one.size_pt < LEAST_PT - 1e-6]
+    found += [f"{one.size_pt:.1f} pt: {one.text!r}" for one in recorder.written if one.size_pt < MIN_PT - 1e-6]
     for one, other in combinations(recorder.written, 2):
         shared = Bbox.intersection(one.box, other.box)
         if shared is not None and shared.width > TOUCH and shared.height > 2.0 * TOUCH:

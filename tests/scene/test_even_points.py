@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import qmc
 
-from solen.scene.sources.points import COPIES, DIGITS, MOST_DIMENSIONS, SCRAMBLED_DIGITS, copies, plain, points, sample
+from solen.scene.sources.points import COPIES, DIGITS, MAX_DIMENSIONS, SCRAMBLED_DIGITS, copies, plain, points, sample
 
 
-@pytest.mark.parametrize("dimensions", [3, 5, MOST_DIMENSIONS])
+@pytest.mark.parametrize("dimensions", [3, 5, MAX_DIMENSIONS])
 def test_a_net_is_the_sequence_of_sobol(dimensions: int) -> None:
     """SciPy numbers the same points in the order of a Gray code; the last of these needs three bytes."""
     index = np.arange(70_000)
@@ -17,7 +17,7 @@ def test_a_net_is_the_sequence_of_sobol(dimensions: int) -> None:
     assert np.array_equal(mine, qmc.Sobol(dimensions, scramble=False, bits=DIGITS).random(2**17)[: len(index)])
 
 
-@pytest.mark.parametrize("dimensions", [1, 2, 4, MOST_DIMENSIONS])
+@pytest.mark.parametrize("dimensions", [1, 2, 4, MAX_DIMENSIONS])
 def test_a_sample_is_scipy_s_to_the_last_bit(dimensions: int) -> None:
     """So it was drawn, and so a seed keeps its meaning; in stretches as in one."""
     mine, theirs = sample(dimensions, (7, 1, 5)), qmc.Sobol(dimensions, rng=np.random.default_rng((7, 1, 5)))

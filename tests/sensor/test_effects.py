@@ -85,7 +85,7 @@ def test_beside_a_stated_spectrum_the_wavelength_is_inert() -> None:
 def test_scattered_light_reaches_the_stated_tolerance_or_says_that_it_does_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("solen.sensor.sensor.MOST_SAMPLED", 2**17)
+    monkeypatch.setattr("solen.sensor.sensor.MAX_SAMPLED", 2**17)
     rough = Sensor.of(loads(template() + '\n[[wall]]\nface = "stem-*"\nscatter = "lambertian"\n'))
     loose, tight = (rough.power([3.0], tolerance=tolerance) for tolerance in (1e-2, 1e-7))
     (reached,), (missed,) = loose.traces, tight.traces

@@ -104,7 +104,7 @@ def test_where_the_same_index_touches_the_search_for_pieces_comes_to_an_end() ->
 
 
 def test_the_search_for_pieces_has_a_bound(paper: Sensor, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("solen.trace.cone.MOST_LEGS_AGAIN", 1000)
+    monkeypatch.setattr("solen.trace.cone.MAX_LEGS_AGAIN", 1000)
     assert not paper.derivative("body.arm_width_mm", ANGLE_DEG).reached
 
 

@@ -17,7 +17,7 @@ from solen.spec import template
 from solen.studio import tabs
 from solen.studio.calls import Call, perform
 from solen.studio.document import Document
-from solen.studio.live import MOST_POINTS, Angles, LiveCurve
+from solen.studio.live import MAX_POINTS, Angles, LiveCurve
 from solen.studio.workspace import Workspace
 
 PROTOCOL = """schema = 1
@@ -132,11 +132,11 @@ def test_a_recording_is_analysed_calibrated_and_decoded(workspace: Workspace, an
 def test_a_long_course_is_thinned_out_evenly() -> None:
     reported: list[Any] = []
     course = LiveCurve(lambda **news: reported.append(news))
-    for n in range(10 * MOST_POINTS):
+    for n in range(10 * MAX_POINTS):
         course.add((float(n), 2.0 * n), ("twice",), "twice")
     course.report(("twice",), "twice")
     time, twice = reported[-1]["live"]["columns"]
-    assert len(time) < MOST_POINTS
+    assert len(time) < MAX_POINTS
     steps = {b - a for a, b in pairwise(time)}
     assert len(steps) == 1
     assert twice == [2.0 * one for one in time]

@@ -21,7 +21,7 @@ from solen.errors import SpecError
 from solen.spec import load
 from solen.studio.document import Document
 from solen.studio.frames import decoded
-from solen.studio.server import LARGEST_MESSAGE, server_at
+from solen.studio.server import MAX_MESSAGE_BYTES, server_at
 
 DESIGN = """# kept
 schema = 1
@@ -195,11 +195,11 @@ def test_a_malformed_message_is_refused_and_the_session_goes_on(talk: ClientConn
 def test_a_message_of_100_MB_ends_its_own_connection_alone(served: Served, talk: ClientConnection) -> None:
     with served.join() as other:
         head = bytes([0x81, 0xFF, *(100_000_000).to_bytes(8), 0, 0, 0, 0])
-        other.socket.sendall(head + b" " * LARGEST_MESSAGE)
+        other.socket.sendall(head + b" " * MAX_MESSAGE_BYTES)
         with pytest.raises(ConnectionClosed):
             until(other, lambda _: False)
     assert ask(talk, 1, view={"angle_deg": -1.0})["angle_deg"] == -1.0
-    assert LARGEST_MESSAGE < 100_000
+    assert MAX_MESSAGE_BYTES < 100_000
 
 
 CROWD = 1000
@@ -220,7 +220,7 @@ def test_a_thousand_connections_leave_a_session_alone(served: Served, talk: Clie
 
 
 def test_pages_are_few(served: Served, talk: ClientConnection, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("solen.studio.server.MOST_PAGES", 1)
+    monkeypatch.setattr("solen.studio.server.MAX_PAGES", 1)
     with pytest.raises(InvalidStatus):
         served.join()
     assert ask(talk, 1)["kind"] == "drawn"

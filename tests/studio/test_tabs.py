@@ -237,7 +237,7 @@ def test_dropped_files_are_kept_whole_or_not_at_all(tmp_path: Path, monkeypatch:
     assert keep("a.csv", b"1", b"2") == "a.csv"
     assert keep("../a.csv", b"12") == "a.csv", "the same content"
     assert keep("a.csv", b"3") == "a-2.csv"
-    monkeypatch.setattr(storage, "LARGEST_FILE", 3)
+    monkeypatch.setattr(storage, "MAX_FILE_BYTES", 3)
     with pytest.raises(SolenError, match="larger"):
         keep("b.csv", b"12", b"34")
     assert sorted(path.name for path in (tmp_path / "kept").iterdir()) == ["a-2.csv", "a.csv"]

@@ -10,7 +10,7 @@ from solen.curve import Segment
 from solen.errors import DesignError
 from solen.scene import Beam, Chip, Fan, Interface, Rays, Region, Scene, Source
 from solen.trace import Limits, Mode, convergence, integrate
-from solen.trace.convergence import LEAST_RAYS, TIGHT
+from solen.trace.convergence import MIN_RAYS, TIGHT
 
 CONE_DEG = 60.0
 SHARES = {
@@ -43,7 +43,7 @@ def test_every_way_comes_to_the_closed_form(mode: Mode) -> None:
         assert found.reference.detectors[name].power == pytest.approx(share, abs=REACH)
     assert [series.method for series in found.series] == ["fan", "sobol", "adaptive"]
     fan, sobol, adaptive = found.series
-    powers_of_two = [2**k for k in range(int(math.log2(LEAST_RAYS)), int(math.log2(MOST)) + 1)]
+    powers_of_two = [2**k for k in range(int(math.log2(MIN_RAYS)), int(math.log2(MOST)) + 1)]
     assert list(fan.rays) == list(sobol.rays) == powers_of_two
     assert (fan.error <= 1.0 / fan.rays + TIGHT).all()  # one ray at each of two jumps, at most half of it lost
     assert (sobol.error <= 4.0 / sobol.rays**0.5).all()

@@ -72,7 +72,7 @@ CASES = {
     "power": Case(lambda: motley_scene(1, 8), "power", options=BINS),
     "power through a grid": Case(lambda: random_scene(0, 8), "power", Limits(min_weight=1e-4, max_hits=20)),
     "power, many rays a thread": Case(
-        lambda: motley_scene(1, 8), "power", options=BINS, kernel={"MOST_THREADS": 4, "ADDED": 2}, chunk=5
+        lambda: motley_scene(1, 8), "power", options=BINS, kernel={"MAX_THREADS": 4, "ADDED": 2}, chunk=5
     ),
     "single precision": Case(lambda: one_source(motley_scene(2, 8), 0, 16), "power", options={"precision": "single"}),
     "roulette": Case(lambda: one_source(motley_scene(2, 8), 1, 64), "roulette", options={"seed": 3}),

@@ -6,7 +6,7 @@ from solen.curve import Segment
 from solen.errors import SpecError
 from solen.scene import Fan, Interface, Monitor, Region, Scene
 from solen.trace import TraceOptions, integrate, trace, trace_with
-from solen.trace.options import MOST_PATHS, check_paths
+from solen.trace.options import MAX_PATHS, check_paths
 
 AIR = Region("air", 1.0)
 EYE = Interface("eye", Segment((1.0, 1.0), (-0.5, 1.0)), "air", "air", "receiver", "eye")
@@ -56,8 +56,8 @@ def test_what_has_no_effect_on_a_scene_is_refused() -> None:
         trace_with(scene(), TraceOptions(sampling="adaptive"), paths=True)
     with pytest.raises(SpecError, match="monitors"):
         trace_with(scene(monitors=(Monitor("m", (1.0, 0.5), (-1.0, 0.5)),)), TraceOptions(sampling="adaptive"))
-    with pytest.raises(SpecError, match=str(MOST_PATHS)):
-        check_paths(scene(MOST_PATHS + 1))
+    with pytest.raises(SpecError, match=str(MAX_PATHS)):
+        check_paths(scene(MAX_PATHS + 1))
 
 
 def test_a_trace_is_plain_data_without_its_legs() -> None:

@@ -19,7 +19,7 @@ from solen.arrays import FloatArray, IntArray
 from solen.errors import DataError
 from solen.results import Result
 
-LEAST_GROUPS = 3
+MIN_GROUPS = 3
 """Smallest number of groups from which a trend is computed."""
 
 
@@ -100,8 +100,8 @@ def ageing_of(
         If there are fewer than three groups.
     """
     groups = ways.cycles // every
-    if groups < LEAST_GROUPS:
-        limit = f"makes {groups} groups of {ways.cycles} cycles, but at least {LEAST_GROUPS} groups are needed"
+    if groups < MIN_GROUPS:
+        limit = f"makes {groups} groups of {ways.cycles} cycles, but at least {MIN_GROUPS} groups are needed"
         raise DataError("--every", value=every, limit=limit, remedy="use fewer cycles per group")
     volts = np.where(ways.clipped, np.nan, ways.volts).mean(axis=1)
     middle: FloatArray = np.asarray(every * (np.arange(groups) + 0.5), np.float64)

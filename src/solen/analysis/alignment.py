@@ -43,10 +43,10 @@ _ALIKE, _FINER = 0.02, 12  # tolerance of levels, in steps; most steps in the sm
 _PARTS = 8  # number of parts of the range for which separate lags are fitted
 _ROUNDS = 12
 _SLOW = 0.15  # smallest speed of a motion, relative to the usual speed
-_LEAST_CORRELATION = 0.3
+_MIN_CORRELATION = 0.3
 _RIVAL = 0.97  # ratio to the highest correlation above which another shift is also possible
 _AGREE_S = 1.0  # clocks that differ by less were synchronised
-_MOST = 1 << 20
+_MAX_GRID_POINTS = 1 << 20
 _INNER = 0.05  # fraction of the range at each end in which the slope of a curve is uncertain
 
 
@@ -143,7 +143,7 @@ def _coarse(
     """Return the shift with the highest cross-correlation, and other shifts with nearly as high a correlation."""
     spans = float(np.ptp(time_s)), float(np.ptp(log_s))
     steps = [float(np.median(np.diff(times))) for times in (time_s, log_s)]
-    even_s = max(*steps, max(spans) / _MOST, 1e-6)
+    even_s = max(*steps, max(spans) / _MAX_GRID_POINTS, 1e-6)
     ours = np.interp(np.arange(time_s[0], time_s[-1], even_s), time_s, signal)
     theirs = np.interp(np.arange(log_s[0], log_s[-1], even_s), log_s, log_deg)
     ours, theirs = ours - ours.mean(), theirs - theirs.mean()
@@ -152,7 +152,7 @@ def _coarse(
     height = np.abs(found) / norm if norm > 0.0 else np.zeros(found.size)
     best = int(np.argmax(height))
     overlap = math.sqrt(max(spans) / min(spans))
-    if height[best] * overlap < _LEAST_CORRELATION:
+    if height[best] * overlap < _MIN_CORRELATION:
         limit = f"does not match the voltages (the best correlation is {height[best]:.2f})"
         raise DataError("angle in the log", limit=limit, remedy="check that both files are of the same test")
     lags = (np.arange(found.size) - (ours.size - 1)) * even_s + log_s[0] - time_s[0]

@@ -16,7 +16,7 @@ from solen.errors import DataError, SolenError
 from solen.recording import read
 from solen.recording.column_roles import column_of, receiver_columns
 
-LARGEST_LOG, MOST_LOGS = 5_000_000, 40
+MAX_LOG_BYTES, MAX_LOGS = 5_000_000, 40
 """Maximum size in bytes of a file that may be a stage log, and maximum number of files inspected."""
 _SUFFIXES = frozenset({".csv", ".tsv", ".txt", ".dat", ".log", ".xls", ".xlsx", ".mat", ".tdms", ".lvm", ".h5", ".nc"})
 
@@ -31,9 +31,11 @@ def find_log(path: Path, others: Iterable[Path] = ()) -> Path | None:
     """
     taken = {path.resolve(), *(other.resolve() for other in others)}
     near = [one for one in sorted(path.parent.iterdir()) if one.suffix.lower() in _SUFFIXES]
-    small = [one for one in near if one.resolve() not in taken and one.is_file() and one.stat().st_size <= LARGEST_LOG]
+    small = [
+        one for one in near if one.resolve() not in taken and one.is_file() and one.stat().st_size <= MAX_LOG_BYTES
+    ]
     named = [one for one in small if path.stem.casefold() in one.stem.casefold()]
-    logs = [one for one in (*named, *(one for one in small if one not in named))[:MOST_LOGS] if _is_log(one)]
+    logs = [one for one in (*named, *(one for one in small if one not in named))[:MAX_LOGS] if _is_log(one)]
     named = [log for log in logs if log in named]
     if len(named or logs) > 1:
         names = ", ".join(one.name for one in named or logs)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _TURN_DEG = 360.0
 _FAR_DEG = 720.0  # an angle beyond two turns is not in degrees
 _OF_ANGLES = ("zero_deg", "flip_angle", "step_deg")
-_LARGEST_TARE = 1e-3
+_MAX_TARE = 1e-3
 """Standard error of a tare, as a fraction of the range, above which a warning is given."""
 
 
@@ -96,7 +96,7 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
         values = scale * (channel.values[base.order] - _tare(channel, options, base))
     if options.tare_s is not None:
         u, n = _u_tare(values, options.tare_s, base)
-        if u > _LARGEST_TARE * float(np.ptp(values[np.isfinite(values)])):
+        if u > _MAX_TARE * float(np.ptp(values[np.isfinite(values)])):
             doubt = f"has a standard uncertainty of {u:.1g} {stimulus.unit}, from {n} readings, which no band includes"
             warnings.append(of("the zero", look_at(f"{doubt}; tare for longer")))
     return Drive(stimulus, values, columns, cell)

@@ -20,7 +20,7 @@ from solen.plane import off_a_line
 from solen.recording.stimulus import NEAR_ZERO_DEG
 
 _END = 0.1  # fraction of the range at each end over which the levels of the swing are averaged
-_LEAST_POINTS = 3
+_MIN_POINTS = 3
 _ROUNDING = 1e-9  # smallest noise, as a fraction of full scale; smaller values are rounding errors
 
 
@@ -246,7 +246,7 @@ def line_slopes(angle_deg: FloatArray, cycle_V: FloatArray, where: BoolArray) ->
 
 def _slope(angle_deg: FloatArray, row: FloatArray, where: BoolArray) -> float:
     held = where & np.isfinite(row)
-    if held.sum() < _LEAST_POINTS:
+    if held.sum() < _MIN_POINTS:
         return math.nan
     weights = _weights(angle_deg[held])
     x = angle_deg[held] - weights @ angle_deg[held]
@@ -264,7 +264,7 @@ def _linearity(angle_deg: FloatArray, mean: FloatArray) -> tuple[float, float]:
     """Largest deviation in V of a curve from the line that minimises it, and from the least-squares line."""
     held = np.isfinite(mean)
     x, y = angle_deg[held], mean[held]
-    if x.size < _LEAST_POINTS:
+    if x.size < _MIN_POINTS:
         return math.nan, math.nan
     slope = _slope(x, y, np.ones(x.size, dtype=bool))
     weights = _weights(x)
@@ -311,7 +311,7 @@ def _repeatability(volts: FloatArray) -> float:
 
 def line_fit(x: FloatArray, y: FloatArray) -> Estimate:
     """Slope of a least-squares line, with its standard uncertainty from the residuals (n − 2)."""
-    if x.size < _LEAST_POINTS or not np.isfinite(y).all():
+    if x.size < _MIN_POINTS or not np.isfinite(y).all():
         return _UNKNOWN
     away = x - x.mean()
     slope = float(away @ y / (away @ away))

@@ -17,7 +17,7 @@ from typing import NoReturn
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
-from solen.analysis.timebase import LONGEST_GAP
+from solen.analysis.timebase import MAX_GAP_STEPS
 from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
 from solen.ranks import Caution, look_at
@@ -26,12 +26,12 @@ from solen.results import HIDDEN, Result
 
 _TENTH = 0.1
 """Fraction of the range that an excursion must exceed, and over which a ramp differs from a hold."""
-_SLOWEST = 0.1  # smallest speed of a ramp, relative to the fastest
-_MOST = 4_000_000  # largest number of points of the uniform grid for detecting edges
+_MIN_SPEED = 0.1  # smallest speed of a ramp, relative to the fastest
+_MAX_GRID_POINTS = 4_000_000  # largest number of points of the uniform grid for detecting edges
 _SIGMAS = 4.0
 _PEAKS = 5.0  # contribution of noise to the range of the angles after a median of five, in standard deviations
 _HIDING = 150.0  # noise larger than this part (1/150) of the range hides an edge
-_COARSEST = 1.0 / 8.0  # largest step of an encoder, as a fraction of the range; larger steps are set points
+_MAX_ENCODER_STEP = 1.0 / 8.0  # largest step of an encoder, as a fraction of the range; larger steps are set points
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def find_motion(time_s: FloatArray, angle_deg: FloatArray, stimulus: Stimulus = 
     clean = way[1]
     low, high = float(clean.min()), float(clean.max())
     noise, step = _noise(angle_deg), _finest(angle_deg)
-    if stops is None and step > _COARSEST * (high - low):
+    if stops is None and step > _MAX_ENCODER_STEP * (high - low):
         _refuse_jumps(0.0, name)
     if high - low <= max(20.0 * noise, 1e-9):
         limit = f"moves by only {high - low:.3g}{sign} with a noise of {noise:.2g}{sign}, so no cycle can be detected"
@@ -159,7 +159,7 @@ def _at_stops(time_s: FloatArray, angle_deg: FloatArray) -> tuple[FloatArray, Fl
     """
     steps, changes = np.diff(time_s), np.diff(angle_deg) != 0.0
     usual = float(np.median(steps))
-    gaps = steps > LONGEST_GAP * usual
+    gaps = steps > MAX_GAP_STEPS * usual
     if changes[~gaps].any() or not changes.any():
         return None
     time = np.asarray(time_s[0] + np.concatenate([[0.0], np.cumsum(np.where(gaps, usual, steps))]))
@@ -200,7 +200,7 @@ class _Edges:
     def __init__(self, time_s: FloatArray, clean: FloatArray, noise: float, step: float, reach: float) -> None:
         usual = np.diff(time_s)
         self._time_s = time_s
-        self._even_s = max(float(np.median(usual[usual > 0.0])), float(np.ptp(time_s)) / _MOST)
+        self._even_s = max(float(np.median(usual[usual > 0.0])), float(np.ptp(time_s)) / _MAX_GRID_POINTS)
         grid = np.arange(time_s[0], time_s[-1] + 0.5 * self._even_s, self._even_s)
         self._angle = np.interp(grid, time_s, clean)
         self._grid = grid
@@ -210,7 +210,7 @@ class _Edges:
         half = self.half_samples
         self._change[half:-half] = smooth[2 * half :] - smooth[: -2 * half]
         floor = _SIGMAS * noise * (2.0 / half) ** 0.5
-        self._least = max(_SLOWEST * _TENTH * reach, floor, 1.01 * step)
+        self._least = max(_MIN_SPEED * _TENTH * reach, floor, 1.01 * step)
 
     def _half(self, reach: float, noise: float) -> int:
         """Half the number of samples during which the angle, at its fastest, moves by a tenth of its range."""

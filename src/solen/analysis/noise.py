@@ -18,7 +18,7 @@ from solen.arrays import FloatArray
 
 SETTLE = 0.2
 """Fraction of an interval at rest, at its beginning, that is not used for the noise."""
-LEAST_READINGS = 8
+MIN_READINGS = 8
 Stretch = tuple[int, int]
 """Indices of the first and the last reading, minus one."""
 
@@ -39,7 +39,7 @@ def noise_of(time_s: FloatArray, values: FloatArray, stretches: Iterable[Stretch
     squares, freedom = np.zeros(values.shape[1]), np.zeros(values.shape[1])
     for start, stop in stretches:
         begin = start + math.ceil(SETTLE * (stop - start))
-        if stop - begin < LEAST_READINGS:
+        if stop - begin < MIN_READINGS:
             continue
         part = values[begin:stop]
         good = np.isfinite(part).all(axis=0)

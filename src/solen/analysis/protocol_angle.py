@@ -22,12 +22,12 @@ from solen.errors import DataError
 from solen.ranks import Caution, look_at, note
 from solen.recording.column_roles import left_right
 
-_MOST = 1 << 20
-_LEAST_AUTOCORRELATION = 0.5  # smallest autocorrelation after one cycle
-_LEAST_LIKENESS = 0.7  # smallest correlation of a cycle with the protocol, relative to the best
+_MAX_GRID_POINTS = 1 << 20
+_MIN_AUTOCORRELATION = 0.5  # smallest autocorrelation after one cycle
+_MIN_LIKENESS = 0.7  # smallest correlation of a cycle with the protocol, relative to the best
 _CELLS = 40
 _MEDIAN_OF_SQUARES = 0.4549  # of a normal variable of variance 1
-_MOST_UNEXPLAINED = 0.1  # largest fraction of a signal's variance that an angle may not explain
+_MAX_UNEXPLAINED = 0.1  # largest fraction of a signal's variance that an angle may not explain
 _SLACK = 0.05  # fraction by which the protocol may be longer than a cycle
 
 
@@ -84,7 +84,7 @@ def angle_by_protocol(
     """
     sides = left_right(receivers)
     signal = principal(volts) if sides is None else volts[:, sides[1]] - volts[:, sides[0]]
-    even_s = max(float(np.median(np.diff(time_s))), float(np.ptp(time_s)) / _MOST)
+    even_s = max(float(np.median(np.diff(time_s))), float(np.ptp(time_s)) / _MAX_GRID_POINTS)
     grid = np.arange(time_s[0], time_s[-1], even_s)
     even = np.interp(grid, time_s, signal)
     even -= np.polyval(np.polyfit(grid - grid[0], even, 1), grid - grid[0])
@@ -140,7 +140,7 @@ def _check_matches(signal: FloatArray, angle_deg: FloatArray, protocol: Protocol
     noise = float(np.median(np.diff(signal, 2) ** 2)) / (6.0 * _MEDIAN_OF_SQUARES)
     whole = float(signal.var()) - noise
     rest = float(apart @ apart) / signal.size - noise
-    if whole > 0.0 and rest > _MOST_UNEXPLAINED * whole:
+    if whole > 0.0 and rest > _MAX_UNEXPLAINED * whole:
         limit = (
             f"does not match ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of "
             f"{protocol.hold_s:g} s: that motion does not explain {100.0 * rest / whole:.0f} % of its variance"
@@ -163,7 +163,7 @@ def _period(even: FloatArray, even_s: float, protocol: Protocol) -> float:
     part = share[first:last]
     peaks = np.flatnonzero((part[1:-1] > part[:-2]) & (part[1:-1] >= part[2:])) + 1
     strong = peaks[part[peaks] >= 0.9 * part[peaks].max(initial=-1.0)] if peaks.size else peaks
-    if not strong.size or part[strong[0]] < _LEAST_AUTOCORRELATION:
+    if not strong.size or part[strong[0]] < _MIN_AUTOCORRELATION:
         limit = f"is not periodic with a period of {protocol.shortest_s:.3g} s or more"
         remedy = "check the receivers, and --amplitude-deg, --speed-deg-per-s and --hold-s"
         raise DataError("recording", limit=limit, remedy=remedy)
@@ -196,7 +196,7 @@ def _starts(even: FloatArray, even_s: float, corners: tuple[FloatArray, FloatArr
     for sign in (-1, 1):
         place = best
         while (near := _nearest(likeness, place + sign * step, step // 8)) is not None:
-            if likeness[near] < _LEAST_LIKENESS * likeness[best] or near in found:
+            if likeness[near] < _MIN_LIKENESS * likeness[best] or near in found:
                 break
             found.append(near)
             place = near

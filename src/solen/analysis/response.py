@@ -22,7 +22,7 @@ from solen.results import Result
 DIRECTIONS = ("rising", "falling")
 _STEPS_DEG = (1.0, 2.0, 5.0)
 _CELLS = 60  # approximate number in a whole range
-_MOST = 20_000  # largest number of points of a grid
+_MAX_GRID_POINTS = 20_000  # largest number of points of a grid
 _NEAR = 5.0  # largest distance of a cell from samples, in units of their usual distance
 _OUT = 0.25  # fraction of a step by which a point may be beyond the last sample
 
@@ -105,8 +105,8 @@ def grid_deg(low: float, high: float, step: float, sign: str = "°") -> FloatArr
     if last - first < 4:
         limit = f"of {step:.3g}{sign} leaves fewer than five points {between}"
         raise DataError("grid of angles", limit=limit, remedy="choose a smaller --step-deg")
-    if last - first > _MOST:
-        limit = f"of {step:.3g}{sign} leaves more than {_MOST:,} points {between}"
+    if last - first > _MAX_GRID_POINTS:
+        limit = f"of {step:.3g}{sign} leaves more than {_MAX_GRID_POINTS:,} points {between}"
         raise DataError("grid of angles", limit=limit, remedy="choose a larger --step-deg")
     return np.round(np.arange(first, last + 1) * step, 9) + 0.0  # avoids -0
 

@@ -15,10 +15,10 @@ from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
 from solen.ranks import Caution, look_at
 
-LONGEST_GAP = 5.0
+MAX_GAP_STEPS = 5.0
 """A step is a gap if it is at least this many times the usual step."""
 _FEW_STEPS, _SHARE = 10.0, 0.01  # limits (in steps, and as a fraction of the samples) of disorder without a reset clock
-_LEAST = 16
+_MIN_SAMPLES = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +64,8 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
     order = np.flatnonzero(np.isfinite(time_s))
     missing = time_s.size - order.size
     warnings = [look_at(f"{missing} samples without a time are omitted")] if missing else []
-    if order.size < _LEAST:
-        limit = f"has {order.size} samples with a time, but at least {_LEAST} are required"
+    if order.size < _MIN_SAMPLES:
+        limit = f"has {order.size} samples with a time, but at least {_MIN_SAMPLES} are required"
         raise DataError(name, limit=limit, remedy="name the time column with --time")
     steps = np.diff(time_s[order])
     if not (steps > 0.0).any():
@@ -108,7 +108,7 @@ def _repeated(ordered: FloatArray) -> list[Caution]:
 
 
 def _gaps(ordered: FloatArray, usual: float) -> FloatArray:
-    wide = np.flatnonzero(np.diff(ordered) > LONGEST_GAP * usual)
+    wide = np.flatnonzero(np.diff(ordered) > MAX_GAP_STEPS * usual)
     return np.column_stack([ordered[wide], ordered[wide + 1]])
 
 

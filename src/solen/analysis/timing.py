@@ -25,7 +25,7 @@ _APART = 1.2  # ratio above which two speeds are distinct
 _MEANT = 1.5  # ratio above which a second speed is intended, if the cycles of the first are alike
 _ALIKE = 1.1  # largest ratio of speeds that are alike
 _PARTS = 6  # number of parts of the range with separate lags
-_LEAST_CYCLES = 3  # smallest number for which the scatter about a line is defined
+_MIN_CYCLES = 3  # smallest number for which the scatter about a line is defined
 
 Source = Literal["recording", "log", "angle", "force", "depth"]
 
@@ -134,7 +134,7 @@ def _groups(speeds: FloatArray) -> list[FloatArray]:
 
 def _lag(apart: FloatArray, slope: FloatArray, speeds: FloatArray) -> tuple[float, float]:
     """Lag of the voltages and its uncertainty, from cycle differences projected on the slope; NaN if undetermined."""
-    if len(_distinct(speeds)) < 2 or speeds.size < _LEAST_CYCLES:
+    if len(_distinct(speeds)) < 2 or speeds.size < _MIN_CYCLES:
         return math.nan, math.nan
     held = np.isfinite(apart).all(axis=0) & np.isfinite(slope)
     scatter = np.sqrt(np.nanmean(np.nanvar(apart, axis=0, ddof=1), axis=0))

@@ -27,7 +27,7 @@ from solen.errors import SpecError
 from solen.ranks import Caution, look_at, note
 from solen.recording import Recording
 
-_WIDEST = 0.05  # largest fraction of a recording that a moving mean may span
+_MAX_MEAN_SPAN = 0.05  # largest fraction of a recording that a moving mean may span
 _FOLLOWS = 0.5  # smallest scatter of the difference, relative to that of either phase, for a sensor
 
 
@@ -172,7 +172,7 @@ def _smoothed(samples: Waveforms, options: SignalOptions, file: str) -> Waveform
     """Centred moving mean of each receiver, if requested."""
     if options.smooth_ms is None:
         return samples
-    most_ms = 1e3 * _WIDEST * float(samples.time_s[-1] - samples.time_s[0])
+    most_ms = 1e3 * _MAX_MEAN_SPAN * float(samples.time_s[-1] - samples.time_s[0])
     if options.smooth_ms > most_ms:
         limit = f"must be at most {most_ms:.4g}, a twentieth of the length of {file}"
         raise SpecError(

@@ -26,7 +26,7 @@ from solen.files import check_name, new_folder
 from solen.spec import load
 from solen.spec.strict import Options
 
-MOST_METADATA = 32 << 20
+MAX_METADATA_BYTES = 32 << 20
 MEGABYTE = 1_000_000
 AGAIN = "ask the sender to pack it again"
 
@@ -147,10 +147,10 @@ class _Source:
     def text(self, name: str) -> str:
         """Return the text of a file; raises `DataError` if it is too long or not UTF-8."""
         with self.open(name) as file:
-            data = file.read(MOST_METADATA + 1)
+            data = file.read(MAX_METADATA_BYTES + 1)
         try:
-            if len(data) > MOST_METADATA:
-                raise ValueError(f"is longer than {MOST_METADATA} bytes")
+            if len(data) > MAX_METADATA_BYTES:
+                raise ValueError(f"is longer than {MAX_METADATA_BYTES} bytes")
             return data.decode()
         except ValueError as bad:
             raise DataError(f"{self.archive}: {name}", limit=str(bad), remedy=AGAIN) from None

@@ -18,9 +18,9 @@ import numpy as np
 
 from solen.arrays import FloatArray
 
-LEAST_SPAN_S = 5.0
+MIN_SPAN_S = 5.0
 """Below this span in s, delays hide the rate, and the two clocks are assumed to run at the same rate."""
-MOST_PPM = 1000.0
+MAX_PPM = 1000.0
 """Largest relative error of a quartz in ppm."""
 USUAL_PPM = 50.0
 """Usual relative error of a quartz in ppm."""
@@ -62,7 +62,7 @@ def fit_clock(board_s: FloatArray, came_s: FloatArray, exchanges: FloatArray | N
         time in the answer, in s, (K, 3); NaN if the board did not state its time.
     """
     rate = 1.0
-    if len(board_s) > 2 and board_s[-1] - board_s[0] >= LEAST_SPAN_S:
+    if len(board_s) > 2 and board_s[-1] - board_s[0] >= MIN_SPAN_S:
         hull = _below(board_s, came_s)
         middle = 0.5 * (board_s[0] + board_s[-1])
         right = int(np.clip(np.searchsorted(board_s[hull], middle), 1, len(hull) - 1))
@@ -96,7 +96,7 @@ def _credible(rate: float, delay: FloatArray, edge_s: float) -> float:
     The weight depends on how far delays can tilt the edge.
     """
     u_ppm = 1e6 * float(np.median(delay) - delay.min()) / (np.sqrt(len(delay)) * edge_s)
-    off = float(np.clip(rate - 1.0, -1e-6 * MOST_PPM, 1e-6 * MOST_PPM))
+    off = float(np.clip(rate - 1.0, -1e-6 * MAX_PPM, 1e-6 * MAX_PPM))
     return float(1.0 + off * USUAL_PPM**2 / (USUAL_PPM**2 + u_ppm**2))
 
 

@@ -21,7 +21,7 @@ Switching = Literal["external", "counter", "lines"]
 Terminal = Literal["rse", "nrse", "differential"]
 
 OUTSIDE = 'switch them externally (switching = "external"), with a sync input if there are several'
-LEAST_IN_PHASE = 2
+MIN_IN_PHASE = 2
 """Minimum number of settled samples in an emitter phase."""
 ENDS = np.array([[-(1 << 15)], [(1 << 15) - 1]], np.int16)
 """Minimum and maximum count."""
@@ -268,10 +268,10 @@ class Setup:
     def _check_phase(self) -> None:
         phase_s = 0.5 / (self.switch_hz * self.emitters)
         settled = (phase_s - 1e-6 * self.settle_us) * self.rate_hz
-        if settled < LEAST_IN_PHASE:
+        if settled < MIN_IN_PHASE:
             limit = (
                 f"leaves {max(settled, 0.0):.1f} samples of a phase of {1e6 * phase_s:.0f} µs after "
-                f"{self.settle_us:g} µs of settling; {LEAST_IN_PHASE} are needed"
+                f"{self.settle_us:g} µs of settling; {MIN_IN_PHASE} are needed"
             )
             raise BenchError("daq.rate_hz", value=self.rate_hz, limit=limit, remedy="sample faster or settle less")
 

@@ -38,7 +38,7 @@ SAMPLES, ANSWER = 1, 2
 LATE, FAULT, ANEW = 1, 2, 4
 UNSOUND = LATE | FAULT
 """Periods with these flags give no readings."""
-LONGEST_PAYLOAD = 4096
+MAX_PAYLOAD_BYTES = 4096
 """Longest payload in bytes, more than 16 emitters and 64 receivers need; a longer length field is corrupt."""
 Other = tuple[int, bytes]
 """Kind and payload of a frame, unprocessed."""
@@ -67,10 +67,10 @@ class Layout:
         for name, value in (("emitters", self.emitters), ("receivers", self.receivers)):
             if not 1 <= value <= 255:
                 raise BenchError(name, value=value, limit="must be 1 to 255")
-        if self.payload_bytes > LONGEST_PAYLOAD:
+        if self.payload_bytes > MAX_PAYLOAD_BYTES:
             limit = (
                 f"with {self.receivers} receivers need {self.payload_bytes} bytes; a frame "
-                f"has at most {LONGEST_PAYLOAD}"
+                f"has at most {MAX_PAYLOAD_BYTES}"
             )
             raise BenchError("emitters", value=self.emitters, limit=limit, remedy="use fewer")
 
@@ -161,8 +161,8 @@ def checksum(data: bytes | memoryview) -> int:
 
 def frame(kind: int, number: int, payload: bytes) -> bytes:
     """Return a frame that contains this payload."""
-    if len(payload) > LONGEST_PAYLOAD:
-        raise BenchError("payload", value=len(payload), limit=f"a frame has at most {LONGEST_PAYLOAD} bytes")
+    if len(payload) > MAX_PAYLOAD_BYTES:
+        raise BenchError("payload", value=len(payload), limit=f"a frame has at most {MAX_PAYLOAD_BYTES} bytes")
     body = HEAD.pack(SYNC, VERSION, kind, len(payload), number % _WRAP) + payload
     return body + _CRC.pack(checksum(memoryview(body)[2:]))
 
@@ -248,7 +248,7 @@ class FrameReader:
             at = found
             _, version, kind, length, number = HEAD.unpack_from(data, at)
             end = at + HEAD.size + length + _CRC.size
-            if length > LONGEST_PAYLOAD:
+            if length > MAX_PAYLOAD_BYTES:
                 at = self._skip(at)
                 continue
             if end > len(data):

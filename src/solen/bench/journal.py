@@ -27,7 +27,7 @@ from solen.bench.records import END, EVENT, HEADER, MAGIC, MAGIC_1, ROWS, Record
 from solen.errors import BenchError, DataError
 
 SUFFIX = ".journal"
-FIRST_GAP, LONGEST_GAP = 1 << 14, 1 << 20
+FIRST_GAP, MAX_GAP_STEPS = 1 << 14, 1 << 20
 """Bytes after which the header is repeated: the first and the largest interval; the interval doubles each time."""
 RESERVE_BYTES = 1 << 16
 """Bytes kept free on the disk while a journal is written, so that the reason why a run ended can be written even if the
@@ -137,7 +137,7 @@ class Journal:
         self._write(self._next(kind, stream, payload))
         self._since += len(payload)
         if self._since >= self._gap:
-            self._since, self._gap = 0, min(2 * self._gap, LONGEST_GAP)
+            self._since, self._gap = 0, min(2 * self._gap, MAX_GAP_STEPS)
             self._write(self._next(HEADER, 0, self._header))
 
     def _write(self, data: bytes) -> None:

@@ -33,7 +33,7 @@ REACH = {"deg": 3.0, "mm": 2.0}
 """Largest distance from zero to which a simulated rig is traced if no protocol states one."""
 SHALLOW_MM = 0.1
 """The same distance for the depth of a finger: nothing presses on the sensor during live readings."""
-LEAST_PERIODS = 3.0
+MIN_PERIODS = 3.0
 """Number of switching periods from which the clock is determined: they contain two rises of a sync, and a fall after
 the first.
 """
@@ -125,7 +125,7 @@ class LiveReadings:
 
     def _of_samples(self, daq: Daq) -> InputReadings | None:
         samples, setup = self._with_kept(daq.read()), daq.setup
-        if len(samples.counts) < LEAST_PERIODS * daq.rate_hz / daq.switch_hz:
+        if len(samples.counts) < MIN_PERIODS * daq.rate_hz / daq.switch_hz:
             self._samples = samples
             return None
         taken_s = (samples.first + np.arange(len(samples.counts))) / daq.rate_hz

@@ -40,7 +40,7 @@ REACH = 0.09
 """Half-length of the profiles across a side, as a fraction of the side: less than the width of the black and of the
 white border.
 """
-LEAST_PX = 24.0
+MIN_PX = 24.0
 """Smallest length of a side in pixels; shorter sides have no border that could be located."""
 ROUNDS, FITTED = 6, 400
 """Rounds of the fit, and largest number of pictures to which the projection is fitted."""
@@ -82,7 +82,7 @@ def _line(picture: FloatArray, begin: FloatArray, end: FloatArray) -> tuple[Floa
     """Return a point on the line of a side, and its direction."""
     along = end - begin
     length = float(np.hypot(*along))
-    if length < LEAST_PX:
+    if length < MIN_PX:
         return None
     along = along / length
     inward = np.array([-along[1], along[0]])  # corners go clockwise in the picture

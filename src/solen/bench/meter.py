@@ -20,7 +20,7 @@ from solen.errors import BenchError, DataError, SolenError
 
 STOPS_S = 10.0
 """Longest time in s until a reading in progress ends."""
-MOST_MISSED = 5
+MAX_MISSED = 5
 """Number of consecutive failed readings that ends the run."""
 
 
@@ -130,7 +130,7 @@ class AskingMeter(ABC):
             except SolenError as bad:
                 missed += 1
                 self.losses.unreadable += 1
-                if not isinstance(bad, DataError) or missed >= MOST_MISSED:
+                if not isinstance(bad, DataError) or missed >= MAX_MISSED:
                     self._fault = bad
                     return
             except Exception as bad:  # otherwise the thread would end silently

@@ -48,9 +48,9 @@ FAULTS = {
     -88710: ("was unplugged or reset", "check its cable"),
 }
 """Meaning of other error codes, and remedies."""
-MOST_BITS = 16
+MAX_BITS = 16
 """Most bits of a converter; wider ones do not fit in the counts that are stored."""
-MOST_OVERRUNS, WITHIN_S = 3, 10.0
+MAX_OVERRUNS, WITHIN_S = 3, 10.0
 """Number of overruns, and the time in s within which they end the run."""
 
 
@@ -215,8 +215,8 @@ class NiDaq:
         return task
 
     def _check_bits(self, bits: list[float]) -> None:
-        if max(bits) > MOST_BITS:
-            limit = f"has a converter of {max(bits):g} bits; counts have at most {MOST_BITS} bits"
+        if max(bits) > MAX_BITS:
+            limit = f"has a converter of {max(bits):g} bits; counts have at most {MAX_BITS} bits"
             raise BenchError(self.name, limit=limit, remedy="use a device of 16 bits or less")
 
     def _converts(self, task: Any) -> float:
@@ -249,9 +249,9 @@ class NiDaq:
         self.losses.samples += lost
         self.losses.overruns += 1
         self._overruns_s = [at for at in self._overruns_s if now - at < WITHIN_S] + [now]
-        if len(self._overruns_s) >= MOST_OVERRUNS:
+        if len(self._overruns_s) >= MAX_OVERRUNS:
             self._off()
-            limit = f"{OVERRUNS[code]}, {MOST_OVERRUNS} times in {WITHIN_S:g} s"
+            limit = f"{OVERRUNS[code]}, {MAX_OVERRUNS} times in {WITHIN_S:g} s"
             raise BenchError(self.name, limit=limit, remedy="lower daq.rate_hz, or relieve the computer")
         with on_failure(self._off), self._translated("start"):
             for task in self._tasks[:-1]:

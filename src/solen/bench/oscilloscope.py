@@ -24,10 +24,10 @@ from solen.bench.phases import clock_of, states
 from solen.bench.visa import Scpi, all_or_none
 from solen.errors import DataError
 
-LOWEST, HIGHEST = 1, 255
+MIN_CODE, MAX_CODE = 1, 255
 """Bytes at and beyond which a sample is off the screen; 0 means no sample on a Keysight."""
 LOOK_S = 0.01
-LEAST_SAMPLES = 2
+MIN_SAMPLES = 2
 
 
 @dataclass(frozen=True)
@@ -136,8 +136,8 @@ class Oscilloscope(AskingMeter):
         t_s = self._clock.now_s()
         waves = [self._wave(channel) for channel in self._channels]
         sizes = [len(wave[0]) for wave in waves]
-        if len(set(sizes)) > 1 or sizes[0] < LEAST_SAMPLES:
-            limit = f"samples are in the records of its channels; equal numbers of at least {LEAST_SAMPLES} are needed"
+        if len(set(sizes)) > 1 or sizes[0] < MIN_SAMPLES:
+            limit = f"samples are in the records of its channels; equal numbers of at least {MIN_SAMPLES} are needed"
             raise DataError(self.name, value=", ".join(map(str, sizes)), limit=limit)
         time_s, volts = waves[0][0], np.stack([wave[1] for wave in waves], axis=1)
         clipped = np.array([wave[2].any() for wave in waves[: self.inputs]])
@@ -180,7 +180,7 @@ class Oscilloscope(AskingMeter):
             raise self._scope.refusal(limit, "see its programming guide, and check that the channel is on")
         data = np.frombuffer(self._scope.block(":WAV:DATA?"), np.uint8)
         volts = self._dialect.volts(data.astype(float), increment, origin, reference)
-        return np.asarray(step_s * np.arange(len(data))), np.asarray(volts), (data <= LOWEST) | (data >= HIGHEST)
+        return np.asarray(step_s * np.arange(len(data))), np.asarray(volts), (data <= MIN_CODE) | (data >= MAX_CODE)
 
     def _phases(self, time_s: FloatArray, volts: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the means with the emitters on and off, of each input."""

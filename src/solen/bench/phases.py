@@ -22,7 +22,7 @@ from solen.errors import DataError
 COUNTER_JITTER_US = 5.0
 """Time in µs that exceeds the difference between a counter's edge and a sample's clock edge; a sample at an edge is
 omitted."""
-LEAST_SYNC_V = 0.5
+MIN_SYNC_V = 0.5
 EDGE_SAMPLES, LOOSE_SAMPLES = 0.15, 0.55
 """Uncertainty of an edge in samples, on a fitted line and alone, in addition to the samples that `Clock.states`
 omits.
@@ -113,8 +113,8 @@ def _edges(time_s: FloatArray, volts: FloatArray) -> tuple[FloatArray, FloatArra
     The detection has a hysteresis.
     """
     low, high = float(volts.min()), float(volts.max())
-    if high - low < LEAST_SYNC_V:
-        limit = f"changes by only {high - low:.2g} V; {LEAST_SYNC_V:g} V are needed to distinguish on and off"
+    if high - low < MIN_SYNC_V:
+        limit = f"changes by only {high - low:.2g} V; {MIN_SYNC_V:g} V are needed to distinguish on and off"
         raise DataError("sync", limit=limit, remedy="check its wire")
     height = (volts - low) / (high - low)
     mark = np.where(height > 2.0 / 3.0, 1, np.where(height < 1.0 / 3.0, -1, 0))

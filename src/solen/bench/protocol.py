@@ -21,14 +21,14 @@ from solen.arrays import FloatArray
 from solen.bench.tables import BenchTable, load_table
 from solen.spec.strict import NotNegative, Number, Positive, Text, or_refuse, refused
 
-LONGEST_S = 7 * 86_400.0
+MAX_DURATION_S = 7 * 86_400.0
 """Longest duration of a protocol in s: more than a week is probably a typing error."""
 
 SLOW_SHARE = 1.0 / 3.0
 """Velocity of slow cycles as a fraction of that of the others."""
 
 
-MOST_STATES = 100_000
+MAX_STATES = 100_000
 """Largest number of states that a grid may visit."""
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53)
 """Bases of the Halton sequence, one for each motion."""
@@ -114,7 +114,7 @@ class Grid(BenchTable):
     to_mm: OfMotions[tuple[Shift, ...]] | None = Field(
         None, description="Positions of each linear stage's motion by name, in mm."
     )
-    scatter: Annotated[int, Field(strict=True, ge=0, le=MOST_STATES)] = Field(
+    scatter: Annotated[int, Field(strict=True, ge=0, le=MAX_STATES)] = Field(
         0,
         description="Number of states spread evenly over the ranges of the positions, visited after the combinations.",
     )
@@ -129,8 +129,8 @@ class Grid(BenchTable):
         for name, places in self._places.items():
             if not places:
                 raise refused(f"to_{self._unit}.{name}", "must be a list of positions")
-        if (states := math.prod(map(len, self._places.values()))) > MOST_STATES:
-            raise refused("", f"has {states} combinations; a protocol visits at most {MOST_STATES}")
+        if (states := math.prod(map(len, self._places.values()))) > MAX_STATES:
+            raise refused("", f"has {states} combinations; a protocol visits at most {MAX_STATES}")
         _ = self.steps[:1]  # a step rejects missing keys
         return self
 
@@ -222,7 +222,7 @@ class Protocol(BenchTable):
             raise refused("step", "must all name motions, or none may name one")
         if self.slow_share is not None and self.slow_cycles == 0:
             raise refused("slow_share", "does not apply without slow_cycles", value=self.slow_share)
-        if self.shortest_s > LONGEST_S:
+        if self.shortest_s > MAX_DURATION_S:
             days = self.shortest_s / 86_400.0
             raise refused("cycles", f"take {days:.3g} days; a protocol may take a week at most", value=self.cycles)
         return self

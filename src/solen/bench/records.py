@@ -25,7 +25,7 @@ from typing import BinaryIO, NamedTuple
 MAGIC, MAGIC_1 = b"SOLENJ2\n", b"SOLENJ1\n"
 HEADER, ROWS, EVENT, END = 1, 2, 3, 4
 SYNC = b"\xf5\x0dSJ"
-LONGEST = 1 << 26
+MAX_PAYLOAD_BYTES = 1 << 26
 """Longest payload in bytes; a greater length is damaged."""
 _HEAD, _HEAD_1 = struct.Struct("<4sBBIII"), struct.Struct("<BBII")
 _CHUNK = 1 << 20
@@ -90,7 +90,7 @@ def unfinished(file: BinaryIO, version: int, place: int, size: int) -> bool:
     if len(head) < form.size:
         return True
     length = form.unpack(head)[-2]
-    return bool(length <= LONGEST and place + form.size + length > size)
+    return bool(length <= MAX_PAYLOAD_BYTES and place + form.size + length > size)
 
 
 def _at(file: BinaryIO, version: int, place: int, size: int, number: int) -> tuple[Record, bytes] | None:
@@ -104,7 +104,7 @@ def _at(file: BinaryIO, version: int, place: int, size: int, number: int) -> tup
         _, kind, stream, number, length, crc = form.unpack(head)
     else:
         kind, stream, length, crc = form.unpack(head)
-    if length > min(LONGEST, size - place - form.size):
+    if length > min(MAX_PAYLOAD_BYTES, size - place - form.size):
         return None
     payload = file.read(length)
     summed = head[4:-4] if version == 2 else head[:-4]

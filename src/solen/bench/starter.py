@@ -38,7 +38,7 @@ def starter_files() -> dict[str, str]:
     return texts | designs
 
 
-MOST_STATES, SCATTER, VISITS = 25, 200, 12
+MAX_STATES, SCATTER, VISITS = 25, 200, 12
 """Largest number of combinations of positions in a plan for a calibration; states scattered between them; states of a
 second plan.
 """
@@ -120,7 +120,7 @@ def _numbered(names: list[str]) -> str:
 
 def _places(network: Network) -> list[str]:
     """Return positions of each motion over its range, both ends included, with a limited number of combinations."""
-    most = max(2, int(MOST_STATES ** (1.0 / len(network.motion)) + 1e-9))
+    most = max(2, int(MAX_STATES ** (1.0 / len(network.motion)) + 1e-9))
     rows = []
     for motion in network.motion:
         places = np.linspace(motion.from_deg, motion.to_deg, min(motion.steps + 1, most))

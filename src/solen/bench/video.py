@@ -29,7 +29,7 @@ from solen.ranks import Caution, do_not_use, look_at, note
 from solen.results import HIDDEN, Result
 from solen.spec.strict import Options
 
-LEAST = 16
+MIN_FRAMES = 16
 """Smallest number of pictures that show the marker."""
 GAP = 1.5
 """Multiple of the median interval above which pictures are missing."""
@@ -37,7 +37,7 @@ UNEVEN = 0.02
 """Fraction of the median interval by which intervals may vary without a warning."""
 BEGIN_S = 0.5
 """Initial duration whose mean angle is the zero."""
-_FEWEST = 4  # least number of pictures that show whether the marker is at rest
+_MIN_REST_FRAMES = 4  # least number of pictures that show whether the marker is at rest
 _MOVED = 3.0  # difference between both halves of the beginning, in uncertainties, above which it moves
 CONTRAST = 6.0
 """Smallest ratio of a glow to its noise."""
@@ -149,7 +149,7 @@ def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion
         warnings.append(
             note("a rolling shutter and the exposure delay the angle by up to one interval, which is a lag of the log")
         )
-    begin = slice(max(_FEWEST, int(np.sum(time_s <= time_s[0] + BEGIN_S))))
+    begin = slice(max(_MIN_REST_FRAMES, int(np.sum(time_s <= time_s[0] + BEGIN_S))))
     angle = found.angle_deg - np.median(found.angle_deg[begin])
     own_u_deg = max(found.u_angle_deg, _scatter(angle))
     interval = float(np.median(np.diff(stamped)))
@@ -226,7 +226,7 @@ def _looked(path: Path, options: VideoOptions) -> tuple[int, _Seen]:
             seen.places.append(len(seen.time_s) - 1)
             seen.corners.append(corners)
         seen.height = len(picture)
-    if one is None or len(seen.places) < LEAST:
+    if one is None or len(seen.places) < MIN_FRAMES:
         raise _not_seen(path, options, seen, numbers)
     return one, seen
 
@@ -240,7 +240,7 @@ def _only(path: Path, numbers: list[int]) -> int:
 
 def _not_seen(path: Path, options: VideoOptions, seen: _Seen, numbers: Counter[int]) -> DataError:
     what = f"marker {options.marker}" if options.marker is not None else f"{options.dictionary} marker"
-    limit = f"shows a usable {what} in {len(seen.places)} of {len(seen.time_s)} pictures; {LEAST} are needed"
+    limit = f"shows a usable {what} in {len(seen.places)} of {len(seen.time_s)} pictures; {MIN_FRAMES} are needed"
     others = ", ".join(str(number) for number in sorted(numbers) if number != options.marker)
     remedy = (
         f"it shows {others}"

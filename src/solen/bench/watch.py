@@ -21,7 +21,7 @@ from solen.errors import BenchError
 from solen.results import Result
 from solen.spec.strict import Options
 
-SHORTEST_S = 0.02
+MIN_INTERVAL_S = 0.02
 
 
 class WatchOptions(Options):
@@ -29,7 +29,7 @@ class WatchOptions(Options):
 
     seconds: Annotated[float, Field(gt=0)] | None = None
     """Stop after this time, but not before the first reading; default: until Ctrl-C."""
-    every_s: Annotated[float, Field(ge=SHORTEST_S, le=10)] = 0.1
+    every_s: Annotated[float, Field(ge=MIN_INTERVAL_S, le=10)] = 0.1
     """Interval between two readings in s; each shows the mean since the last."""
 
 
@@ -72,7 +72,7 @@ def watch(rig_file: Path, options: WatchOptions, show: Callable[[Seen], object])
         live, begun_s = LiveReadings(sampler, rig), clock.now_s()
         try:
             while (left_s := _left_s(options, clock.now_s() - begun_s)) > 0.0 or len(times) == 1:
-                clock.sleep(min(options.every_s, left_s) if left_s > 0.0 else SHORTEST_S)
+                clock.sleep(min(options.every_s, left_s) if left_s > 0.0 else MIN_INTERVAL_S)
                 if (levels := live.read()) is None:
                     if clock.now_s() - begun_s - times[-1] > SILENT_S + options.every_s:
                         raise BenchError(sampler.name, limit="says nothing", remedy="check the cable and the power")
@@ -88,7 +88,7 @@ def watch(rig_file: Path, options: WatchOptions, show: Callable[[Seen], object])
 def _left_s(options: WatchOptions, since_s: float) -> float:
     """Return the remaining time; 0 if it is too short for another reading."""
     left_s = math.inf if options.seconds is None else options.seconds - since_s
-    return left_s if left_s >= 0.1 * SHORTEST_S else 0.0
+    return left_s if left_s >= 0.1 * MIN_INTERVAL_S else 0.0
 
 
 def _by_sensor(rig: Rig, volts: FloatArray) -> dict[str, dict[str, float]]:

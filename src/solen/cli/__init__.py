@@ -24,9 +24,9 @@ from solen.errors import SolenError
 from solen.results import Outcome
 
 BAD_INPUT, INTERRUPTED = 2, 130
-LEAST_SIMILARITY = 0.75
+MIN_SIMILARITY = 0.75
 """Similarity above which a known option is suggested for an unknown one."""
-LEAST_BEGINNING = 3
+MIN_PREFIX = 3
 """Smallest number of letters of an option with which a longer, unknown one must begin for it to be suggested."""
 GC_THRESHOLDS = 20_000, 50, 50
 """Thresholds of Python's cyclic garbage collector. Its default of 700 new objects is exceeded all the time while
@@ -111,10 +111,8 @@ def _unknown_option(bad: cyclopts.UnknownOptionError) -> str:
         names |= dict.fromkeys(accumulate(name[2:].lower().split("-"), "{}-{}".format), name)
     names |= {name[2:].lower(): name for name in known}
     word = option.lstrip("-").lower()
-    begun = [short for short in names if word.startswith(short) and len(short) >= LEAST_BEGINNING]
-    near = max(begun, key=len, default="") or next(
-        iter(difflib.get_close_matches(word, names, 1, LEAST_SIMILARITY)), ""
-    )
+    begun = [short for short in names if word.startswith(short) and len(short) >= MIN_PREFIX]
+    near = max(begun, key=len, default="") or next(iter(difflib.get_close_matches(word, names, 1, MIN_SIMILARITY)), "")
     return f"Unknown option: {option}; " + (f"did you mean {names[near]}?" if near else "see the command's --help")
 
 

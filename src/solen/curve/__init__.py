@@ -14,7 +14,7 @@ Public names: `Curve` with its subclasses `Segment`, `Arc`, `Parabola`, `Conic`,
 from solen.curve.arc import Arc
 from solen.curve.base import (
     END_TOLERANCE_MM,
-    MOST_POINTS,
+    MAX_POINTS,
     ROUNDING,
     SMALL,
     Curve,
@@ -36,7 +36,7 @@ from solen.curve.spline import Bezier, Spline
 
 __all__ = [
     "END_TOLERANCE_MM",
-    "MOST_POINTS",
+    "MAX_POINTS",
     "ROUNDING",
     "SMALL",
     "Arc",

@@ -15,7 +15,7 @@ END_TOLERANCE_MM = 1e-11
 
 ROUNDING = 4e-16
 """Residual due to rounding, relative to the lengths from which it was computed."""
-MOST_POINTS = 2**16
+MAX_POINTS = 2**16
 SMALL = 1e-3
 """Largest constant term of a quadratic for which its root is corrected to first order."""
 
@@ -148,10 +148,8 @@ class Curve(ABC):
             coarse = sag > 0.8 * tolerance_mm
             if not coarse.any():
                 return ends
-            if len(u) > MOST_POINTS:
-                raise DesignError(
-                    "tolerance_mm", value=tolerance_mm, limit=f"would need more than {MOST_POINTS} points"
-                )
+            if len(u) > MAX_POINTS:
+                raise DesignError("tolerance_mm", value=tolerance_mm, limit=f"would need more than {MAX_POINTS} points")
             u = np.sort(np.concatenate([u, 0.5 * (u[:-1] + u[1:])[coarse]]))
 
     def velocity_at(self, u: float) -> Point:

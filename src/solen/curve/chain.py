@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve.base import END_TOLERANCE_MM, MOST_POINTS, SMALL, Curve
+from solen.curve.base import END_TOLERANCE_MM, MAX_POINTS, SMALL, Curve
 from solen.curve.cubic import (
     Control,
     Piece,
@@ -158,10 +158,8 @@ class CubicChain(Curve):
                 found.append(control[3])
             else:
                 waiting += reversed(cut(control, 0.5))
-            if len(found) + len(waiting) > MOST_POINTS:
-                raise DesignError(
-                    "tolerance_mm", value=tolerance_mm, limit=f"would need more than {MOST_POINTS} points"
-                )
+            if len(found) + len(waiting) > MAX_POINTS:
+                raise DesignError("tolerance_mm", value=tolerance_mm, limit=f"would need more than {MAX_POINTS} points")
         return np.array(found)
 
     def normal_at(self, point: Point) -> Point:

@@ -79,7 +79,7 @@ class Parabola(Curve):
         return replace(self, from_mm=self.to_mm, to_mm=self.from_mm)
 
 
-WIDEST = 1e-6
+MIN_UNDER_ROOT = 1e-6
 """Minimum 1 − (1 + K) c² r² at an end of a conic; closer to the widest point, r is ambiguous."""
 SHEET = -1e-9
 """Minimum 1 − (1 + K) c w that rounding may cause at the widest point of a conic; beyond that point the value is
@@ -113,11 +113,11 @@ class Conic(Curve):
         if self.from_mm == self.to_mm:
             raise DesignError("conic", value=f"from {self.from_mm} mm to itself", limit="must have a length above 0")
         for name, end_mm in (("from_mm", self.from_mm), ("to_mm", self.to_mm)):
-            if not self._under_root(end_mm) >= WIDEST:
+            if not self._under_root(end_mm) >= MIN_UNDER_ROOT:
                 raise DesignError(
                     f"conic {name}",
                     value=end_mm,
-                    limit=f"must be at most {math.sqrt(1.0 - WIDEST) * self.half_width_mm:.9g} mm from the axis",
+                    limit=f"must be at most {math.sqrt(1.0 - MIN_UNDER_ROOT) * self.half_width_mm:.9g} mm from the axis",
                     remedy="end it nearer to the axis, or make the curvature or the conic constant smaller",
                 )
 

@@ -5,7 +5,7 @@ position along it. Both are stored as a value at v = 0 and three *rises*, the co
 (from each control point to the next). Differences of rises are independent of the large absolute coordinates, so if the
 value at v = 0 is known to be 0, the root there is divided out exactly and the next one is accurate to all digits.
 
-A *simple* piece has no inflection and turns by less than `MOST_TURN_DEG`. All its tangents are within a cone, so its
+A *simple* piece has no inflection and turns by less than `MAX_TURN_DEG`. All its tangents are within a cone, so its
 speed is nowhere 0, a line is parallel to it at most once, and the distance from a line has at most two roots.
 """
 
@@ -24,15 +24,15 @@ Rises = tuple[float, float, float]
 """Changes of a value over three successive steps."""
 Steps = tuple[Point, Point, Point]
 
-MOST_TURN_DEG = 60.0
+MAX_TURN_DEG = 60.0
 """Upper limit for the turn of a simple piece."""
-MOST_PIECES = 100
+MAX_PIECES = 100
 """Maximum number of simple pieces: far more than a cubic has unless it is nearly a cusp."""
-MOST_STEPS = 200
+MAX_STEPS = 200
 """Maximum number of steps: far more than bisection needs to find a root that is not next to 0 to the last digit."""
 CLEAR_TURN_DEG = 170.0
 """Largest turn for which the bisector of two tangents is a tangent between them."""
-SHORTEST = 1e-6
+MIN_FRACTION = 1e-6
 """Fraction of a piece below which no part is cut off: its bend would be a corner, and its inflection insignificant."""
 
 
@@ -55,9 +55,9 @@ def simple_pieces(control: Control, what: str = "bezier") -> list[Piece]:
     pieces: list[Piece] = []
     while waiting:
         piece = waiting.pop()
-        if turn_deg(steps_of(piece.control)) < MOST_TURN_DEG:
+        if turn_deg(steps_of(piece.control)) < MAX_TURN_DEG:
             pieces.append(piece)
-        elif piece.u_to - piece.u_from < SHORTEST or len(pieces) + len(waiting) > MOST_PIECES:
+        elif piece.u_to - piece.u_from < MIN_FRACTION or len(pieces) + len(waiting) > MAX_PIECES:
             x, z = piece.control[0]
             raise DesignError(
                 what,
@@ -89,7 +89,7 @@ def halves(piece: Piece) -> tuple[Piece, Piece]:
         between = (first[0] + last[0], first[1] + last[1])
         rises = (cross(between, d0), cross(between, d1), cross(between, d2))
         v = parallel_to_line(rises)
-        v = v if SHORTEST < v < 1.0 - SHORTEST else 0.5
+        v = v if MIN_FRACTION < v < 1.0 - MIN_FRACTION else 0.5
     left, right = cut(piece.control, v)
     middle = piece.u_from + v * (piece.u_to - piece.u_from)
     return Piece(left, piece.u_from, middle), Piece(right, middle, piece.u_to)
@@ -118,7 +118,7 @@ def inflections(control: Control) -> list[float]:
         return []  # straight
     values: list[float] = []
     for v in sorted(quadratic_roots(first + last - both, both - 2.0 * first, first, leaving=False)):
-        if (values[-1] if values else 0.0) + SHORTEST < v < 1.0 - SHORTEST:
+        if (values[-1] if values else 0.0) + MIN_FRACTION < v < 1.0 - MIN_FRACTION:
             values.append(v)
     return values
 
@@ -229,7 +229,7 @@ def solve(
     ``growing`` gives the sign of the value at the upper bound; the bounds themselves are never evaluated.
     """
     v, before = 0.5 * (low + high), high - low
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         error = value(v)
         if error == 0.0:
             return v

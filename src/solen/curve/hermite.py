@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.curve.base import MOST_POINTS, Curve
+from solen.curve.base import MAX_POINTS, Curve
 from solen.curve.chain import CubicChain
 from solen.curve.spline import Spline
 from solen.errors import DesignError
@@ -53,8 +53,8 @@ def fitted(
         if not rough.any():
             points = np.vstack([controls[0, :1], controls[:, 1:].reshape(-1, 2)])
             return Spline(tuple((float(x), float(z)) for x, z in points))
-        if len(ends) > MOST_POINTS:
-            raise DesignError("tolerance_mm", value=tolerance_mm, limit=f"would need more than {MOST_POINTS} segments")
+        if len(ends) > MAX_POINTS:
+            raise DesignError("tolerance_mm", value=tolerance_mm, limit=f"would need more than {MAX_POINTS} segments")
         ends = np.sort(np.concatenate([ends, (0.5 * (ends[:-1] + ends[1:]))[rough]]))
 
 

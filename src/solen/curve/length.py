@@ -9,7 +9,7 @@ from solen.curve.chain import CubicChain
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 ACCURACY = 1e-13
 """Maximum change caused by halving a panel, relative to the total length."""
-MOST_ROUNDS = 30
+MAX_ROUNDS = 30
 NEWTON_STEPS = 50
 
 
@@ -20,7 +20,7 @@ class Measure:
         self._curve = curve
         joints = len(curve.controls) if isinstance(curve, CubicChain) else 1
         ends = np.linspace(0.0, 1.0, joints + 1)
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MAX_ROUNDS):
             middles = 0.5 * (ends[:-1] + ends[1:])
             whole = self._lengths(ends[:-1], ends[1:])
             halves = self._lengths(ends[:-1], middles) + self._lengths(middles, ends[1:])

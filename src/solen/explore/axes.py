@@ -15,7 +15,7 @@ from solen.errors import SpecError
 from solen.explore.sobol import sobol
 from solen.spec import Design, parse_assignment, value_at
 
-MOST_POINTS = 1_000_000
+MAX_POINTS = 1_000_000
 """Largest number of points of a sweep, or of one part of it, whose responses fit in memory."""
 FORMS = "write KEY=FROM:TO:NUMBER, KEY=VALUE,VALUE,... or, with --samples, KEY=FROM:TO"
 
@@ -123,9 +123,9 @@ def _part(text: str, number: int) -> range:
 
 
 def _check_number(points: int) -> None:
-    if points > MOST_POINTS:
+    if points > MAX_POINTS:
         remedy = "use fewer values, --samples N with ranges, or --part 1/N and so on"
-        raise SpecError("points", value=f"{points:,}", limit=f"a sweep has at most {MOST_POINTS:,}", remedy=remedy)
+        raise SpecError("points", value=f"{points:,}", limit=f"a sweep has at most {MAX_POINTS:,}", remedy=remedy)
 
 
 def grid(axes: Sequence[Axis], points: range | None = None) -> Iterator[dict[str, Any]]:

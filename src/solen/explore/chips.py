@@ -18,7 +18,7 @@ from solen.sensor import Sensor
 from solen.spec import Design
 
 KEYS = ("emitter.width_mm", "emitter.offset_mm")
-MOST_REACH = 8.0
+MAX_REACH = 8.0
 """Longest range of positions, in widths of the narrowest chip, for which sharing rays saves time."""
 
 
@@ -31,7 +31,7 @@ def chips_of(design: Design, axes: Sequence[Axis]) -> tuple[Chip, ...]:
     if not all(isinstance(value, int | float) for value in (*widths, *offsets)):
         return ()
     chips = tuple((float(width), float(offset)) for width, offset in product(widths, offsets))
-    if len(chips) < 2 or min(widths) <= 0.0 or max(offsets) - min(offsets) + max(widths) > MOST_REACH * min(widths):
+    if len(chips) < 2 or min(widths) <= 0.0 or max(offsets) - min(offsets) + max(widths) > MAX_REACH * min(widths):
         return ()
     return chips
 

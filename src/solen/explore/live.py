@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from solen.errors import DesignError
-from solen.explore.merits import LEAST_ANGLES, Merits, merits_of, worst_resolution_deg
+from solen.explore.merits import MIN_ANGLES, Merits, merits_of, worst_resolution_deg
 from solen.results import Result
 from solen.sensor import Response, Sensor, respond, why_not_batched
-from solen.sensor.practice import MOST_ANGLES, MOVED, spread
+from solen.sensor.practice import MAX_ANGLES, MOVED, spread
 from solen.sensor.readings import readings_from
 from solen.sensor.response import shift
 
@@ -65,7 +65,7 @@ def coarse(sensor: Sensor, rays: int = COARSE_RAYS) -> Curve | None:
     sensor.check_pair()
     if why_not_batched(sensor):
         return None
-    response = batched_response(sensor, spread(sensor.design.motion.angles_deg(), MOST_ANGLES), rays)
+    response = batched_response(sensor, spread(sensor.design.motion.angles_deg(), MAX_ANGLES), rays)
     return curve_of(sensor, response, rays, finished=False)
 
 
@@ -150,7 +150,7 @@ def _integrated(sensor: Sensor, stop: Callable[[], bool]) -> Iterator[Curve]:
 
 def curve_of(sensor: Sensor, response: Response, rays: int | None, *, finished: bool) -> Curve:
     """Return a response with its merits; the resolution is computed only for a ``finished`` response."""
-    few = len(response.angle_deg) < LEAST_ANGLES
+    few = len(response.angle_deg) < MIN_ANGLES
     resolution = worst_resolution_deg(readings_from(sensor, response)) if not few and finished else (np.nan, np.nan)
     merits = None if few else merits_of(response, resolution)
     return Curve(response, merits, sensor.design.trace.dimension == "extruded", rays, finished)

@@ -11,7 +11,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import SpecError
-from solen.explore.merits import LEAST_ANGLES, MERITS, NAMES, merits_of, unresolved_change
+from solen.explore.merits import MIN_ANGLES, MERITS, NAMES, merits_of, unresolved_change
 from solen.explore.network_merits import NetworkMerits
 from solen.explore.store import Point
 from solen.spec import Design
@@ -57,8 +57,8 @@ class ContrastMerits:
     def __init__(self, design: Design) -> None:
         """Create the measure of a design; raise `SpecError` if it has too few angles."""
         self.angle_deg = np.array(design.motion.angles_deg())
-        if self.angle_deg.size < LEAST_ANGLES:
-            limit, remedy = f"merits need {LEAST_ANGLES}", "use a smaller motion.step_deg"
+        if self.angle_deg.size < MIN_ANGLES:
+            limit, remedy = f"merits need {MIN_ANGLES}", "use a smaller motion.step_deg"
             raise SpecError("motion", value=f"{self.angle_deg.size} angles", limit=limit, remedy=remedy)
 
     def merits(self, point: Point) -> dict[str, float]:

@@ -22,7 +22,7 @@ from solen.readout.advice import slopes_V_per_deg
 from solen.results import Result
 from solen.sensor.response import Response
 
-LEAST_ANGLES, DENSE = 3, 8
+MIN_ANGLES, DENSE = 3, 8
 COARSE_SHARE = 1 / 3
 """Error of the spline through all angles, as a fraction of its difference from the spline through every second
 angle.
@@ -33,11 +33,11 @@ apply to either side of the kink, and of the contrast between the angles, per st
 """
 KINK_NOISE = math.sqrt(28.0)
 """Standard deviation of the kink estimate times the step, per standard deviation of the contrast."""
-BEND, MOST_CHANGE = 0.5, 0.1
+BEND, MAX_CHANGE = 0.5, 0.1
 """Largest changes of slope between consecutive steps, relative to the steeper slope and to the range of the
 contrast. If both are exceeded, the angles are too coarse to resolve the curve.
 """
-MOST_CHANGE_OF_FEW = 0.5
+MAX_CHANGE_OF_FEW = 0.5
 """Largest accepted change of the contrast within a step if there are too few angles to compare steps."""
 
 
@@ -143,7 +143,7 @@ def _null(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> tuple[float
     near = int(np.argmin(np.abs(angle - null)))
     step = float(np.diff(angle).max())
     noise = float(u[max(0, near - 1) : near + 2].max())
-    if math.isnan(rough_null) or angle.size < 2 * LEAST_ANGLES:  # too few angles to compare
+    if math.isnan(rough_null) or angle.size < 2 * MIN_ANGLES:  # too few angles to compare
         rough_null, rough_slope = null + step, 2.0 * slope
     after = min(max(int(np.searchsorted(angle, null)), 1), angle.size - 1)
     kink = float(_kinks(angle, contrast, u)[max(0, after - 2) : after + 1].max())
@@ -160,7 +160,7 @@ def _null(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> tuple[float
 
 def _root(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
     """Return the zero nearest to 0 of the spline through a response and the slope there; NaN without a zero."""
-    if angle.size < LEAST_ANGLES:
+    if angle.size < MIN_ANGLES:
         return math.nan, math.nan
     spline = CubicSpline(angle, contrast)
     roots = np.asarray(spline.roots(extrapolate=False))
@@ -183,7 +183,7 @@ def _linearity(angle: FloatArray, contrast: FloatArray) -> tuple[float, float]:
         off_a_line(dense, PchipInterpolator(angle[part], contrast[part])(dense)) if len(part) > 1 else 0.0
         for part in (np.arange(angle.size), second)
     )
-    if second.size < LEAST_ANGLES:
+    if second.size < MIN_ANGLES:
         return fine, 0.5 * float(np.ptp(contrast)) / math.sqrt(3.0)
     return fine, COARSE_SHARE * abs(fine - coarse)
 
@@ -195,7 +195,7 @@ def _kinks(angle: FloatArray, contrast: FloatArray, u: FloatArray) -> FloatArray
     0. Neither a spline nor the comparison with every second angle reveals a kink at an angle, since both contain that
     angle.
     """
-    if angle.size < 2 * LEAST_ANGLES:  # too few to tell a kink from curvature
+    if angle.size < 2 * MIN_ANGLES:  # too few to tell a kink from curvature
         return np.zeros(angle.size - 1)
     change = np.pad(np.diff(np.diff(contrast) / np.diff(angle)), 2, mode="edge")
     noise = KINK_NOISE * np.maximum(u[1:], u[:-1]) / np.diff(angle)
@@ -212,9 +212,9 @@ def _unresolved(contrast: FloatArray, u: FloatArray) -> BoolArray:
     change = np.diff(contrast)
     steep = np.abs(change)
     bend, noise = np.abs(np.diff(change)), u[:-2] + 2.0 * u[1:-1] + u[2:]
-    most = np.maximum(BEND * np.maximum(steep[1:], steep[:-1]), MOST_CHANGE * float(np.ptp(contrast)))
+    most = np.maximum(BEND * np.maximum(steep[1:], steep[:-1]), MAX_CHANGE * float(np.ptp(contrast)))
     bends = bend > most + noise
-    few = (contrast.size < 2 * LEAST_ANGLES - 1) & (steep > MOST_CHANGE_OF_FEW)
+    few = (contrast.size < 2 * MIN_ANGLES - 1) & (steep > MAX_CHANGE_OF_FEW)
     return np.asarray(np.r_[False, bends] | np.r_[bends, False] | few)
 
 
@@ -226,7 +226,7 @@ def _largest_change(contrast: FloatArray, steps: BoolArray) -> float:
 def unresolved_change(response: Response) -> float:
     """Return the largest change of the contrast within an unresolved step; 0 if all steps are resolved."""
     contrast = response.contrast
-    if contrast.size < LEAST_ANGLES or not np.isfinite(contrast).all():
+    if contrast.size < MIN_ANGLES or not np.isfinite(contrast).all():
         return 0.0
     return _largest_change(contrast, _unresolved(contrast, response.u_contrast))
 

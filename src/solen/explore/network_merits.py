@@ -38,7 +38,7 @@ from solen.spec import Design
 from solen.spec.network import Network
 from solen.spec.placed import state_of
 
-LEAST_STEPS = 2
+MIN_STEPS = 2
 SLOPE_SHARE = 1 / 16
 """Step on either side of rest for the slopes, as a fraction of each motion's range: that of `solen sensitivity` with
 eight steps.
@@ -114,8 +114,8 @@ class NetworkMerits:
         self.network = design.network
         self.states, self.places, _ = states_of(self.network)
         for number, motion in enumerate(self.network.motion):
-            if motion.steps < LEAST_STEPS:
-                limit = f"merits require {LEAST_STEPS}"
+            if motion.steps < MIN_STEPS:
+                limit = f"merits require {MIN_STEPS}"
                 raise SpecError(f"network.motion[{number}].steps", value=motion.steps, limit=limit)
         twice = next((name for name, times in Counter(self._stated()).items() if times > 1), None)
         if twice is not None:
@@ -203,7 +203,7 @@ def _of_course(
         return ((math.nan, math.nan),) * 3
     second = every_second(angle.size)
     slope = float(CubicSpline(angle, value)(at_deg, 1))
-    rough = float(CubicSpline(angle[second], value[second])(at_deg, 1)) if second.size > LEAST_STEPS else 2.0 * slope
+    rough = float(CubicSpline(angle[second], value[second])(at_deg, 1)) if second.size > MIN_STEPS else 2.0 * slope
     step = float(np.diff(angle).max())
     near = int(np.argmin(np.abs(angle - at_deg)))
     u_slope = 1.5 * float(u[max(0, near - 1) : near + 2].max()) / step + COARSE_SHARE * abs(rough - slope)

@@ -17,7 +17,7 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import SpecError
 from solen.explore.merits import MERITS, worst_place
-from solen.expression import LONGEST, Grammar, missed, names, parsed, value
+from solen.expression import MAX_LENGTH, Grammar, missed, names, parsed, value
 from solen.spec.strict import nearest
 
 _BASE, _WORST = "base", "worst"
@@ -71,7 +71,7 @@ class Expression:
     @classmethod
     def refusal(cls, text: str, limit: str, remedy: str = "") -> SpecError:
         """Return the error of a malformed expression."""
-        text = text if len(text) <= LONGEST else f"{text[:20]}..."
+        text = text if len(text) <= MAX_LENGTH else f"{text[:20]}..."
         example = "abs(null_deg) < 0.3" if cls.is_condition else "linearity_percent"
         return SpecError(cls.option, value=text, limit=limit, remedy=remedy or f"use the form {example}")
 

@@ -17,7 +17,7 @@ from solen.explore.store import Accuracy, Point, Store, Variant, no_response
 from solen.progress import Progress, part_of
 from solen.spec.strict import Finite, Options
 
-MOST_REASONS = 3
+MAX_REASONS = 3
 LOT = 2**14
 """Number of points whose designs are in memory at the same time."""
 BLOCK_S, BLOCK_POINTS = 5.0, 256
@@ -125,8 +125,8 @@ def point_warnings(measure: Measure, points: Sequence[Point], failures: Mapping[
     """Return warnings about points without a response, and about those that did not reach the tolerance."""
     if failures:
         many, first = sum(failures.values()), next(iter(failures))
-        others = "".join(f"; {number} of them: {why}" for why, number in list(failures.items())[1:MOST_REASONS])
-        more = f"; and {len(failures) - MOST_REASONS} further reasons" if len(failures) > MOST_REASONS else ""
+        others = "".join(f"; {number} of them: {why}" for why, number in list(failures.items())[1:MAX_REASONS])
+        more = f"; and {len(failures) - MAX_REASONS} further reasons" if len(failures) > MAX_REASONS else ""
         yield f"{many} of {len(points)} points have no response: {first}{others}{more}"
     yield from measure.warnings(points)
     rough = [point.why for point in points if point.is_traced and point.why]

@@ -10,7 +10,7 @@ from solen.errors import SpecError
 from solen.explore.variations import deviation_of
 from solen.sensor import Sensor
 
-MOST_NUMBERS = 4
+MAX_NUMBERS = 4
 
 
 def cases_of(sensor: Sensor, texts: Sequence[str], *, mirrors: bool) -> Iterator[dict[str, float]]:
@@ -22,8 +22,8 @@ def cases_of(sensor: Sensor, texts: Sequence[str], *, mirrors: bool) -> Iterator
         If a text is malformed, a number is stated twice, or there are too many numbers.
     """
     deviations = dict(deviation_of(text, sensor, "--robust") for text in texts)
-    if len(deviations) < len(texts) or len(deviations) > MOST_NUMBERS:
-        limit = f"accepts each parameter once, and at most {MOST_NUMBERS} parameters"
+    if len(deviations) < len(texts) or len(deviations) > MAX_NUMBERS:
+        limit = f"accepts each parameter once, and at most {MAX_NUMBERS} parameters"
         raise SpecError("--robust", value=f"{len(texts)} numbers", limit=limit, remedy="omit one")
     mirrors = mirrors and sensor.is_symmetric
     yield {}

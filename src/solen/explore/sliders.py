@@ -14,11 +14,11 @@ from solen.explore.live import GOAL, Curve, batched_response, curve_of, largest_
 from solen.progress import Progress
 from solen.results import HIDDEN, Result, reported
 from solen.sensor import Picture, Sensor, in_plane, picture, why_not_batched
-from solen.sensor.practice import MOST_ANGLES, spread
+from solen.sensor.practice import MAX_ANGLES, spread
 from solen.spec import Design
 from solen.spec.strict import Options
 
-MOST_AXES, MOST_POINTS = 3, 125
+MAX_AXES, MAX_POINTS = 3, 125
 FIRST_RAYS, MORE_RAYS = 2**14, 2**17
 """Numbers of rays per angle: for the first trace, and for a second one if the first does not reach `GOAL`."""
 
@@ -134,7 +134,7 @@ def sliders(design: Design, options: SlidersOptions = SlidersOptions(), progress
         keys=tuple(one.key for one in axes),
         values=tuple(one.values for one in axes),
         in_space=design.trace.dimension == "extruded",
-        angle_deg=np.array(spread(design.motion.values(), MOST_ANGLES)),
+        angle_deg=np.array(spread(design.motion.values(), MAX_ANGLES)),
         points=tuple(found),
     )
 
@@ -142,11 +142,11 @@ def sliders(design: Design, options: SlidersOptions = SlidersOptions(), progress
 def _axes(design: Design, options: SlidersOptions) -> list[Axis]:
     axes = [axis(text, design) for text in options.over] or _usual(design)
     check_axes(axes, None)
-    if len(axes) > MOST_AXES:
-        raise SpecError("--over", value=len(axes), limit=f"at most {MOST_AXES} sliders", remedy="omit some")
+    if len(axes) > MAX_AXES:
+        raise SpecError("--over", value=len(axes), limit=f"at most {MAX_AXES} sliders", remedy="omit some")
     points = math.prod(len(one.values) for one in axes)
-    if points > MOST_POINTS:
-        limit = f"a page has at most {MOST_POINTS} points"
+    if points > MAX_POINTS:
+        limit = f"a page has at most {MAX_POINTS} points"
         raise SpecError("--over", value=points, limit=limit, remedy="use fewer values")
     for one in axes:
         if not all(isinstance(value, int | float) and not isinstance(value, bool) for value in one.values):
@@ -167,7 +167,7 @@ def _usual(design: Design) -> list[Axis]:
 
 
 def _point(sensor: Sensor, rays: int, progress: Progress) -> Slid:
-    angles = spread(sensor.design.motion.values(), MOST_ANGLES)
+    angles = spread(sensor.design.motion.values(), MAX_ANGLES)
     curve, flat = _curve(sensor, angles, progress), in_plane(sensor)
     words = ""
     if curve.in_space and not why_not_batched(flat):

@@ -35,7 +35,7 @@ from solen.spec import Design, dumps
 
 BLOCKS = "blocks"
 """Name of the folder of blocks within the folder of a sweep."""
-MOST_BLOCKS = 256
+MAX_BLOCKS = 256
 """Number of blocks above which they are merged on opening a folder, since a search writes many small ones."""
 OF_DESIGNS = (BODY_KINDS, FINISHES)
 """Groups of entry points whose code affects a response."""
@@ -95,7 +95,7 @@ class Store:
         blocks = [] if self.folder is None else sorted(self.folder.glob("*.npz"))
         for path in blocks:
             self.points |= _read(path)
-        if len(blocks) > MOST_BLOCKS:
+        if len(blocks) > MAX_BLOCKS:
             kept = self.add(dict(self.points))
             for path in blocks:
                 if path != kept:

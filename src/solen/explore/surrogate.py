@@ -17,7 +17,7 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.explore.variations import Variation
 
-HIGHEST_DEGREE, SAMPLES_A_TERM = 12, 3
+MAX_DEGREE, SAMPLES_A_TERM = 12, 3
 PATIENCE = 3
 """Number of degrees without improvement after which no higher degree is tried."""
 FOLDS = 8
@@ -84,7 +84,7 @@ def fit(variations: Sequence[Variation], deviations: FloatArray, values: FloatAr
     finite = np.isfinite(values)
     known, part = deviations[finite], part[finite]
     best: Surrogate | None = None
-    for degree in range(HIGHEST_DEGREE + 1):
+    for degree in range(MAX_DEGREE + 1):
         degrees = _degrees(len(variations), degree)
         last = best is not None and degree - best.degree > PATIENCE
         if last or (degree and SAMPLES_A_TERM * len(degrees) > values[finite].size):

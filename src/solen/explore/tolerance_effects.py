@@ -14,7 +14,7 @@ from solen.results import Result, reported
 from solen.sensor import Sensor, inert, respond, tolerance_of, why_not_batched
 from solen.sensor.effects import KEYS, off_by
 from solen.sensor.numbers import OF_THE_MATERIAL
-from solen.sensor.practice import MOST_ANGLES, spread
+from solen.sensor.practice import MAX_ANGLES, spread
 
 SEEDS, RAYS = 4, 2**12
 WIDENED = 1.2
@@ -68,7 +68,7 @@ def tolerance_effects(sensor: Sensor, stop: Callable[[], bool] = lambda: False) 
     """
     if why_not_batched(sensor):
         return
-    angles = spread(sensor.design.motion.angles_deg(), MOST_ANGLES)
+    angles = spread(sensor.design.motion.angles_deg(), MAX_ANGLES)
     for key in KEYS:
         if stop():
             return

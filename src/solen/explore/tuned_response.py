@@ -20,7 +20,7 @@ from solen.sensor.practice import spread
 from solen.sensor.response import Response
 from solen.trace.chunks import Sampling
 
-MOST_ANGLES, NEAR_DEG, MOST_NULL_DEG = 5, 0.4, 1.0
+MAX_ANGLES, NEAR_DEG, MAX_NULL_DEG = 5, 0.4, 1.0
 """Number of angles over the motion, distance from 0 for the slope, and largest distance of the null from 0."""
 
 
@@ -41,7 +41,7 @@ def responses(
     """
     sensor.check_pair()
     motion = sensor.design.motion.angles_deg()
-    angles = sorted({*spread(motion, MOST_ANGLES), -NEAR_DEG, 0.0, NEAR_DEG})
+    angles = sorted({*spread(motion, MAX_ANGLES), -NEAR_DEG, 0.0, NEAR_DEG})
     made = [_response(swept(sensor, angles), [])]
     for number, (best, *others) in enumerate((before, after)):
         sensors = [replace(sensor, cut=lens) for lens in (best, *others)]
@@ -71,7 +71,7 @@ def _response(best: Response, away: Sequence[FloatArray]) -> TunedResponse:
     bent = [float(one[high] - one[low]) / (2.0 * NEAR_DEG) for one in away] or [0.0]
     u_slope = float(np.hypot(np.sqrt(np.mean(np.square(bent))), best.u_contrast[here] / (np.sqrt(2.0) * NEAR_DEG)))
     null = -float(best.contrast[here]) / slope if slope else np.inf
-    has_null = abs(null) <= MOST_NULL_DEG
+    has_null = abs(null) <= MAX_NULL_DEG
     return TunedResponse(
         tuple(best.angle_deg.tolist()),
         tuple(np.round(best.contrast, 6).tolist()),

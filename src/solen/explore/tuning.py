@@ -41,7 +41,7 @@ from solen.sensor.as_printed import DRAWS
 SAMPLES, SEED = 2000, 1
 EVERY = 3
 """Every n-th point of the lens is used in the fit."""
-MOST_BLUR = 3.0
+MAX_BLUR_RATIO = 3.0
 """Largest increase of the printer's blur, in standard uncertainties."""
 UNLIKE = 20.0
 """Logarithm of a likelihood ratio above which a print is considered to be one of another drawing."""
@@ -168,7 +168,7 @@ class _Tuning:
     def settled(self) -> "_Tuning":
         """Return the tuning with the blur that the prints show, since its effect on pixels is not linear."""
         somewhere = np.array([0.5 * self.contour.length_mm])
-        blur = float(np.clip(self._learnt(self.number, somewhere).mean[BLUR], self.model.least_blur, MOST_BLUR))
+        blur = float(np.clip(self._learnt(self.number, somewhere).mean[BLUR], self.model.least_blur, MAX_BLUR_RATIO))
         return replace(self, model=self.model.blurred(blur), blur=blur)
 
     @cached_property

@@ -30,7 +30,7 @@ SMOOTH_RAD = 1e-9
 """Two segments that meet at a smaller angle count as smooth; the error at the joint is below this angle times the
 length of a handle.
 """
-FEWEST_SPANS, MOST_SPANS = 8, 4096
+MIN_SPANS, MAX_SPANS = 8, 4096
 CHECKS_PER_SPAN = 8
 """Number of points per span at which the distance from the curve is measured."""
 PANELS = 4096
@@ -78,7 +78,7 @@ def primitives(curve: Curve) -> tuple[Primitive, ...]:
     Raises
     ------
     DesignError
-        If no B-spline of up to `MOST_SPANS` spans approximates the curve within the tolerance.
+        If no B-spline of up to `MAX_SPANS` spans approximates the curve within the tolerance.
     """
     if isinstance(curve, Segment | Arc):
         return (curve,)
@@ -125,8 +125,8 @@ def _interpolated(curve: Curve) -> BSpline:
     parameter = _even_parameter(curve)
     ends = np.array([0.0, 1.0])
     tangents = curve.velocities(parameter(ends)) * parameter(ends, 1)[:, None]
-    spans = FEWEST_SPANS
-    while spans <= MOST_SPANS:
+    spans = MIN_SPANS
+    while spans <= MAX_SPANS:
         knots = np.linspace(0.0, 1.0, spans + 1)
         places: Any = curve.points(parameter(knots))
         at_ends: Any = ([(1, tangents[0])], [(1, tangents[1])])
@@ -136,7 +136,7 @@ def _interpolated(curve: Curve) -> BSpline:
         if off.max() <= FIT_TOLERANCE_MM:
             return spline
         spans += spans // 2
-    limit = f"no B-spline of up to {MOST_SPANS} spans approximates the curve within {FIT_TOLERANCE_MM:g} mm"
+    limit = f"no B-spline of up to {MAX_SPANS} spans approximates the curve within {FIT_TOLERANCE_MM:g} mm"
     raise DesignError(type(curve).__name__, limit=limit, remedy="divide the curve")
 
 

@@ -28,7 +28,7 @@ from solen.spec import Design, with_values
 
 BEFORE_MM, BESIDE_MM = 0.2, 0.02
 """Distance of the blank's front from the face, and overhang of the hollow beyond the sides and faces of the body."""
-FEWEST, MOST = 16, 2048
+MIN_SPANS, MAX_SPANS = 16, 2048
 GAUSS = 12
 """Number of heights at which the sections of a smooth lens are integrated for its volume."""
 
@@ -108,17 +108,17 @@ class Hollow:
         Raises
         ------
         SpecError
-            If this would require more than `MOST` grid points along a side.
+            If this would require more than `MAX_SPANS` grid points along a side.
         """
-        count = FEWEST
+        count = MIN_SPANS
         while True:
             x, y = (_reaching(np.linspace(-half, half, count + 1)) for half in self._halves)
             z = self._depth(*np.meshgrid(x, y, indexing="ij"))
             if self._off_mm(x, y, z) <= tolerance_mm:
                 return self._closed(x, y, z)
             count *= 2
-            if count > MOST:
-                limit = f"would require more than {MOST} grid points across the lens"
+            if count > MAX_SPANS:
+                limit = f"would require more than {MAX_SPANS} grid points across the lens"
                 raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit, remedy="make it larger")
 
     def fitted(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -127,10 +127,10 @@ class Hollow:
         Raises
         ------
         DesignError
-            If the face ends just beyond the aperture, or requires more than `MOST` control points along a side.
+            If the face ends just beyond the aperture, or requires more than `MAX_SPANS` control points along a side.
         """
-        count = FEWEST
-        while count <= MOST:
+        count = MIN_SPANS
+        while count <= MAX_SPANS:
             x, y = (np.linspace(-half - BESIDE_MM, half + BESIDE_MM, count + 1) for half in self._halves)
             z = self._continued(*np.meshgrid(x, y, indexing="ij"))
             along = make_interp_spline(x, z, k=3)
@@ -141,7 +141,7 @@ class Hollow:
             if np.max(np.abs(shown - self._continued(*np.meshgrid(*between, indexing="ij")))) <= FIT_TOLERANCE_MM:
                 return self._placed(control, along.t, y_knots), along.t, y_knots
             count *= 2
-        limit = f"no B-spline surface of up to {MOST} by {MOST} points approximates it within {FIT_TOLERANCE_MM:g} mm"
+        limit = f"no B-spline surface of up to {MAX_SPANS} by {MAX_SPANS} points approximates it within {FIT_TOLERANCE_MM:g} mm"
         raise DesignError("lens", limit=limit, remedy="export a mesh")
 
     def _placed(self, control: FloatArray, x_knots: FloatArray, y_knots: FloatArray) -> FloatArray:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
 
-FINEST_MM, COARSEST_MM = 1e-4, 1.0
+MIN_TOLERANCE_MM, MAX_TOLERANCE_MM = 1e-4, 1.0
 """Minimum and maximum tolerance of a mesh."""
 WELD_MM = 1e-5
 """Points closer together than this are merged; far from the origin, the limit is `WELD_ULPS` spacings of 32-bit
@@ -103,9 +103,9 @@ def mesh_of(part: Part, tolerance_mm: float) -> Mesh:
         If the tolerance is out of range, or so coarse that outlines would intersect.
     """
     weld_mm = _weld_mm(part)
-    finest_mm = max(FINEST_MM, 2.0 * weld_mm)
-    if not finest_mm <= tolerance_mm <= COARSEST_MM:
-        limit = f"must be from {finest_mm:g} to {COARSEST_MM:g} mm for this part"
+    finest_mm = max(MIN_TOLERANCE_MM, 2.0 * weld_mm)
+    if not finest_mm <= tolerance_mm <= MAX_TOLERANCE_MM:
+        limit = f"must be from {finest_mm:g} to {MAX_TOLERANCE_MM:g} mm for this part"
         raise SpecError("--tolerance-mm", value=tolerance_mm, limit=limit)
     solid = _joined([_manifold(prism, tolerance_mm, weld_mm) for prism in part.prisms])
     if isinstance(part, FacedPart):
@@ -125,7 +125,7 @@ def closed_mesh(solid: Any, tolerance_mm: float, name: str) -> Mesh:
 
 
 def _weld_mm(part: Part) -> float:
-    farthest = max(float(np.abs(prism.rings(COARSEST_MM)[0]).max()) for prism in part.prisms)
+    farthest = max(float(np.abs(prism.rings(MAX_TOLERANCE_MM)[0]).max()) for prism in part.prisms)
     return max(WELD_MM, WELD_ULPS * float(np.spacing(np.float32(farthest))))
 
 

@@ -31,7 +31,7 @@ from solen.plane import Point
 SCHEMA = "AP214IS"
 TIME = "1970-01-01T00:00:00"
 """Time in the header, which is mandatory; it is fixed because the same design must give the same file."""
-MOST_TEXT = 200
+MAX_TEXT_LENGTH = 200
 Named = list[tuple[Any, str]]
 """Kernel faces with their names."""
 
@@ -319,7 +319,7 @@ def _head(model: Any, label: Label) -> None:
 def _text(text: str) -> Any:
     from OCP.TCollection import TCollection_HAsciiString
 
-    return TCollection_HAsciiString(ascii_of(text, MOST_TEXT))
+    return TCollection_HAsciiString(ascii_of(text, MAX_TEXT_LENGTH))
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from solen.fabricate.meshfiles import STL_HEADER, TRIANGLE
 
 Corners = NDArray[np.float32] | NDArray[np.float64]
 
-LARGEST_MB = 500
+MAX_MB = 500
 """Maximum file size."""
 COUNT = STL_HEADER + 4
 VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
@@ -61,11 +61,11 @@ def _welded(corners: Corners) -> tuple[Corners, NDArray[np.int64]]:
 def _bytes(path: Path) -> bytes:
     try:
         size_mb = path.stat().st_size / 1e6
-        if size_mb > LARGEST_MB:
+        if size_mb > MAX_MB:
             raise DataError(
                 str(path),
                 value=f"{size_mb:.0f} MB",
-                limit=f"must be at most {LARGEST_MB} MB",
+                limit=f"must be at most {MAX_MB} MB",
                 remedy="reduce its triangles",
             )
         return path.read_bytes()

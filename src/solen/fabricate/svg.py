@@ -22,7 +22,7 @@ from solen.plane import Point
 MARGIN_MM = 1.0
 STROKE_MM = 0.1
 MARK_MM = 0.1
-LARGEST_ARC_DEG = 90.0
+MAX_ARC_DEG = 90.0
 """Maximum angle of an arc segment; the centre of a larger arc is less accurately determined by its ends."""
 
 
@@ -98,7 +98,7 @@ def _drawn(curve: Curve) -> Iterator[str]:
     if isinstance(curve, Segment):
         yield f"L{_at(curve.end)}"
     elif isinstance(curve, Arc):
-        pieces = math.ceil(abs(curve.sweep_deg) / LARGEST_ARC_DEG)
+        pieces = math.ceil(abs(curve.sweep_deg) / MAX_ARC_DEG)
         radius, clockwise = _number(curve.radius_mm), int(curve.sweep_deg < 0.0)
         for x, z in curve.points(np.linspace(0.0, 1.0, pieces + 1)[1:]).tolist():
             yield f"A{radius} {radius} 0 0 {clockwise} {_at((x, z))}"

@@ -21,9 +21,9 @@ from solen.fabricate.mesh import Mesh
 from solen.fabricate.meshfiles import CORE, MODEL
 
 MM = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
-LARGEST_MB = 500
+MAX_MB = 500
 """Maximum model size, checked before the model is unpacked."""
-DEEPEST, MOST_OBJECTS = 16, 10_000
+MAX_DEPTH, MAX_OBJECTS = 16, 10_000
 """Maximum nesting depth of objects, and maximum number of objects."""
 SPACE = f"{CORE} "
 PIECE = 1 << 20
@@ -122,9 +122,9 @@ def _model(path: Path) -> Model:
         with zipfile.ZipFile(path) as archive:
             names = [name for name in archive.namelist() if name.lower().endswith(".model")]
             name = MODEL if MODEL in names else min(names)
-            if archive.getinfo(name).file_size > LARGEST_MB * 1e6:
+            if archive.getinfo(name).file_size > MAX_MB * 1e6:
                 raise DataError(
-                    str(path), limit=f"contains a model of more than {LARGEST_MB} MB", remedy="reduce its triangles"
+                    str(path), limit=f"contains a model of more than {MAX_MB} MB", remedy="reduce its triangles"
                 )
             parser = expat.ParserCreate(namespace_separator=" ")  # expat limits the expansion of entities
             parser.StartElementHandler = _guarded(model, path)
@@ -160,7 +160,7 @@ def _gather(
 ) -> None:
     """Add the object of an item or component, transformed by its own and all outer transformations."""
     pieces.objects += 1
-    if depth > DEEPEST or pieces.objects > MOST_OBJECTS:
+    if depth > MAX_DEPTH or pieces.objects > MAX_OBJECTS:
         raise ValueError("its objects contain one another")
     mesh_object = objects[str(reference.get("objectid"))]
     moved = _transform(reference.get("transform")) @ outer

@@ -25,7 +25,7 @@ from solen.plane import Point, Rigid
 
 BEND_TOLERANCE_MM = 1e-9
 """Maximum deviation of the spline from a bent wall."""
-LARGEST_RADIUS_MM = 1000.0
+MAX_RADIUS_MM = 1000.0
 """Flatter arcs are represented by splines: their centres are too far away for exact end points."""
 LEVEL_MM = 1e-9
 """A curve that extends across a height by less than this counts as being on one side of it."""
@@ -252,7 +252,7 @@ def _arc(curve: Curve, bend: Bend) -> Arc | None:
     to_center_mm = (
         bend.length_mm / turn if turn else math.inf
     )  # from the fork to the right; a negligible rotation counts as 0
-    if abs(x - to_center_mm) > LARGEST_RADIUS_MM:
+    if abs(x - to_center_mm) > MAX_RADIUS_MM:
         return None
     start_deg, end_deg = (bend.angle_deg * (bend.to_mm - z) / bend.length_mm for z in (z_start, z_end))
     side_deg = 0.0 if x > to_center_mm else 180.0

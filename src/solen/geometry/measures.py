@@ -11,7 +11,7 @@ from solen.geometry.body import Face
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 ACCURACY = 1e-13
 """Tolerated change when a panel is halved, relative to the bounding box of the curve."""
-MOST_ROUNDS = 30
+MAX_ROUNDS = 30
 
 
 def area_mm2(outlines: Sequence[Sequence[Face]]) -> float:
@@ -36,7 +36,7 @@ def _swept(curve: Curve, origin: FloatArray) -> float:
         return _cross(np.array([curve.a]) - origin, np.array([curve.b]) - origin).item() / 2
     ends = np.linspace(0.0, 1.0, (len(curve.controls) if isinstance(curve, CubicChain) else 1) + 1)
     reach = np.abs(curve.points(np.linspace(0.0, 1.0, 9)) - origin).max()
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         middles = 0.5 * (ends[:-1] + ends[1:])
         whole = _panels(curve, origin, ends[:-1], ends[1:])
         halves = _panels(curve, origin, ends[:-1], middles) + _panels(curve, origin, middles, ends[1:])

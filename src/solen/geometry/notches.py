@@ -1,7 +1,7 @@
 """Notches closed by a load: two walls that intersect beyond their common corner are joined at the intersection.
 
 When a body is compressed, a sharp notch closes from its corner. The contact forces between its walls are not solved;
-the walls overlap by micrometres instead. Up to an overlap of `DEEPEST_MM` the outline is joined at the intersection, as
+the walls overlap by micrometres instead. Up to an overlap of `MAX_DEPTH_MM` the outline is joined at the intersection, as
 for soft walls in full contact. If the overlap is larger, or if walls meet away from their corner and enclose air, the
 outline still intersects itself and is rejected.
 """
@@ -19,12 +19,12 @@ from solen.plane import Point
 if TYPE_CHECKING:
     import shapely
 
-DEEPEST_MM = 0.02
+MAX_DEPTH_MM = 0.02
 """Maximum overlap of the walls of a closed notch."""
-SHORTEST_MM = 1e-6
+MIN_LENGTH_MM = 1e-6
 """An intersection closer to the corner than this counts as the corner."""
 FLAT_MM = 1e-6
-MOST_STEPS = 20
+MAX_STEPS = 20
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def close_notch(names: tuple[str, str], before: Curve, after: Curve) -> tuple[Sp
         return None
     first, second = (_start(line, length) for line, length in zip(lines, lengths, strict=True))
     overlap_mm = float(shapely.hausdorff_distance(shapely.LineString(first), shapely.LineString(second)))
-    if area(np.vstack([first[::-1], second[1:]])) <= 0.0 or overlap_mm > DEEPEST_MM:
+    if area(np.vstack([first[::-1], second[1:]])) <= 0.0 or overlap_mm > MAX_DEPTH_MM:
         return None
     u, v = _refined(before, after, Measure(before).length_mm - lengths[0], lengths[1])
     at = before.point_at(u)
@@ -73,7 +73,7 @@ def close_notch(names: tuple[str, str], before: Curve, after: Curve) -> tuple[Sp
 def _crossing(first: "shapely.LineString", second: "shapely.LineString") -> tuple[float, float] | None:
     """Return the lengths from the common corner at which two lines intersect; None unless they do so exactly once."""
     shared = first.intersection(second)
-    places = [p for p in getattr(shared, "geoms", [shared]) if first.project(p) > SHORTEST_MM]
+    places = [p for p in getattr(shared, "geoms", [shared]) if first.project(p) > MIN_LENGTH_MM]
     return (first.project(places[0]), second.project(places[0])) if len(places) == 1 else None
 
 
@@ -87,7 +87,7 @@ def _start(line: "shapely.LineString", length_mm: float) -> FloatArray:
 def _refined(before: Spline, after: Spline, first_mm: float, second_mm: float) -> tuple[float, float]:
     """Return the parameters at which two curves intersect, near given lengths along them, by Newton's method."""
     at = np.array([Measure(before).u_at(first_mm), Measure(after).u_at(second_mm)])
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         off = np.subtract(before.point_at(at[0]), after.point_at(at[1]))
         slopes = np.column_stack([before.velocity_at(at[0]), np.negative(after.velocity_at(at[1]))])
         step = np.linalg.solve(slopes, off)

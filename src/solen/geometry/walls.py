@@ -11,7 +11,7 @@ from solen.errors import DesignError
 from solen.geometry.body import Face
 from solen.spec import Wall
 
-SHORTEST_MM = 1e-6
+MIN_LENGTH_MM = 1e-6
 """Minimum length of a divided segment and of the range of a wall table."""
 DARK = ("receiver", "mirror", "black")
 """Parts whose faces are not walls."""
@@ -84,15 +84,13 @@ def _check_named(faces: tuple[Face, ...], number: int, wall: Wall) -> None:
         known = ", ".join(face.name for face in faces if face.part not in DARK)
         raise DesignError(f"wall[{number}].face", value=wall.face, limit=f"names no wall; the walls are {known}")
     longest_mm = max(face.begins_mm + Measure(face.curve).length_mm for face in named)
-    if wall.from_mm >= longest_mm - SHORTEST_MM:
+    if wall.from_mm >= longest_mm - MIN_LENGTH_MM:
         limit = f"must be below {longest_mm:.4g} mm, the length of {wall.face}"
         raise DesignError(f"wall[{number}].from_mm", value=wall.from_mm, limit=limit)
-    if wall.to_mm is not None and wall.to_mm - wall.from_mm < SHORTEST_MM:
-        limit = (
-            f"must be at least {SHORTEST_MM:g} mm above from_mm = {wall.from_mm:g}: a shorter range is due to rounding"
-        )
+    if wall.to_mm is not None and wall.to_mm - wall.from_mm < MIN_LENGTH_MM:
+        limit = f"must be at least {MIN_LENGTH_MM:g} mm above from_mm = {wall.from_mm:g}: a shorter range is due to rounding"
         raise DesignError(f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="make the range longer")
-    if wall.to_mm is not None and wall.to_mm > longest_mm + SHORTEST_MM:
+    if wall.to_mm is not None and wall.to_mm > longest_mm + MIN_LENGTH_MM:
         limit = f"must be at most {longest_mm:.4g} mm, the length of {wall.face}"
         raise DesignError(f"wall[{number}].to_mm", value=wall.to_mm, limit=limit, remedy="omit it to reach the end")
 
@@ -107,7 +105,7 @@ def _divided(face: Face, walls: Sequence[Wall]) -> list[Face]:
     limits = {place for _, wall in covering for place in (wall.from_mm, wall.to_mm) if place is not None}
     cuts = [begins]
     for place in sorted(limits):  # limits of two tables closer than that are merged
-        if cuts[-1] + SHORTEST_MM < place < ends - SHORTEST_MM:
+        if cuts[-1] + MIN_LENGTH_MM < place < ends - MIN_LENGTH_MM:
             cuts.append(place)
     cuts.append(ends)
     pieces = []

@@ -37,7 +37,7 @@ from solen.spec import Design, Join, Motion, Wall
 
 JOINS = ("join-right", "join-left")
 """Names of the join faces of a rotated lens."""
-SHORTEST_MM, STEP_MM = 1e-8, 1e-6
+MIN_LENGTH_MM, STEP_MM = 1e-8, 1e-6
 """A step between lens and stem shorter than the first value is replaced by a step along the stem with the second
 length. Such a step occurs if an edge has moved up by less than a few micrometres, as in a measured lens.
 """
@@ -214,7 +214,7 @@ class _Join:
                 remedy="reduce the rotation angle",
             )
         wall = replace(whole, from_mm=risen_mm)
-        if GAP_MM < math.dist(edge, wall.start) < SHORTEST_MM:  # the step is too short to be a face
+        if GAP_MM < math.dist(edge, wall.start) < MIN_LENGTH_MM:  # the step is too short to be a face
             return replace(wall, from_mm=risen_mm + STEP_MM)
         return wall
 

@@ -7,7 +7,7 @@ points from an image is unsuitable: half a micrometre of noise at points 2 µm a
 degrees, while a tenth of a degree already moves the focal spot by 10 µm.
 
 If the profile ends before the lens does, as in a cropped image, the design continues with the deviation of the last
-points; if more than `MOST_MISSING` of a half width is missing, the profile is rejected. Points beyond the lens belong
+points; if more than `MAX_MISSING` of a half width is missing, the profile is rejected. Points beyond the lens belong
 to the stem and are omitted.
 
 Public name: `FittedProfile`.
@@ -21,13 +21,13 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DesignError
-from solen.lens.profile import LEAST_POINTS, MeasuredProfile, scatter_mm
+from solen.lens.profile import MIN_POINTS, MeasuredProfile, scatter_mm
 from solen.lens.smoothing import Smooth, smoothed
 from solen.lens.spline import DesignedLens
 from solen.lens.track import Track
 from solen.results import HIDDEN, Result, reported, reported_once
 
-MOST_MISSING, WARNED_MISSING = 0.25, 0.02
+MAX_MISSING, WARNED_MISSING = 0.25, 0.02
 """Missing fractions of a half width above which a profile is rejected, or causes a warning."""
 FARTHEST = 0.5
 """Deviation from the design, as a fraction of the half width, above which a profile is assumed to belong to another
@@ -35,11 +35,11 @@ lens.
 """
 NEAREST = 0.9
 """Largest approach of a profile to the emitter, as a fraction of the emitter's distance."""
-LEAST_U_MM = 1e-6
+MIN_U_MM = 1e-6
 """Standard uncertainty assumed for exact points: 1 nm."""
 ROUGH = 1.3
 """Ratio of scatter to specified uncertainty above which a warning is given."""
-LONGEST_CORRELATION = 0.25
+MAX_CORRELATION = 0.25
 """Maximum correlation length of random errors, as a fraction of the half width."""
 NODES_PER_LENGTH = 3.0
 """Number of random values per correlation length of a random outline."""
@@ -155,7 +155,7 @@ class FittedProfile(Result, eq=True):
         It is the resolution of the smoothed profile: errors over shorter lengths are removed by smoothing, and errors
         over longer lengths rotate the normals less.
         """
-        return min(self.smooth.resolution_mm, LONGEST_CORRELATION * self.designed.half_width_mm)
+        return min(self.smooth.resolution_mm, MAX_CORRELATION * self.designed.half_width_mm)
 
     @cached_property
     def errors(self) -> tuple[FloatArray, FloatArray]:
@@ -248,7 +248,7 @@ class FittedProfile(Result, eq=True):
 
     def _scatter_warning(self) -> str:
         stated_um = 1e3 * float(np.median(self.profile.u_mm))
-        if self.scatter_um > ROUGH * max(stated_um, 1e3 * LEAST_U_MM):
+        if self.scatter_um > ROUGH * max(stated_um, 1e3 * MIN_U_MM):
             return (
                 f"neighbouring points scatter by {self.scatter_um:.2g} µm, more than their reported "
                 f"uncertainty of {stated_um:.2g} µm: the scatter is used as their uncertainty"
@@ -263,7 +263,7 @@ class FittedProfile(Result, eq=True):
     @cached_property
     def _point_u_mm(self) -> FloatArray:
         """Return the uncertainty of each profile point: the specified one, or the scatter if that is larger."""
-        stated = np.maximum(self.profile.u_mm, LEAST_U_MM)
+        stated = np.maximum(self.profile.u_mm, MIN_U_MM)
         return np.asarray(stated * max(1.0, 1e-3 * self.scatter_um / float(np.median(stated))))
 
     @cached_property
@@ -281,12 +281,12 @@ class FittedProfile(Result, eq=True):
     def _check_reach(self) -> None:
         half_mm = self.designed.half_width_mm
         x, low, high = self.points[0], *self.profile.width_mm
-        if x.size < LEAST_POINTS or max(low + half_mm, half_mm - high) > MOST_MISSING * half_mm:
-            need_mm = (1.0 - MOST_MISSING) * half_mm
+        if x.size < MIN_POINTS or max(low + half_mm, half_mm - high) > MAX_MISSING * half_mm:
+            need_mm = (1.0 - MAX_MISSING) * half_mm
             raise DesignError(
                 "lens.profile",
                 value=f"{x.size} points from {low:.4g} to {high:.4g} mm",
-                limit=f"a lens of {half_mm:g} mm half width needs at least {LEAST_POINTS} points, "
+                limit=f"a lens of {half_mm:g} mm half width needs at least {MIN_POINTS} points, "
                 f"which cover {-need_mm:.4g} to {need_mm:.4g} mm",
                 remedy="measure the entire lens, or narrow lens.half_width_mm",
             )

@@ -18,13 +18,13 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.files import read_text
-from solen.lens.layered import MOST_LAYERS, LayeredLens
+from solen.lens.layered import MAX_LAYERS, LayeredLens
 from solen.results import HIDDEN, reported
 from solen.spec.objects import made, parsed
 from solen.spec.strict import error_context
 
 KIND, SCHEMA = "layers of a lens", 1
-FEWEST_PLACES, MOST_PLACES = 9, 4001
+MIN_PLACES, MAX_PLACES = 9, 4001
 DIGITS = 9
 CLOSE_MM = 1e-6
 """Tolerance of the half width and thickness in a file relative to the design."""
@@ -59,13 +59,11 @@ class Profiles:
 
     def __post_init__(self) -> None:
         layers, places = self.z_mm.shape if self.z_mm.ndim == 2 else (0, 0)
-        if self.edges_mm.shape != (layers + 1,) or not 1 <= layers <= MOST_LAYERS:
-            limit = f"must be 2 to {MOST_LAYERS + 1} heights, one more than the rows of z_mm"
+        if self.edges_mm.shape != (layers + 1,) or not 1 <= layers <= MAX_LAYERS:
+            limit = f"must be 2 to {MAX_LAYERS + 1} heights, one more than the rows of z_mm"
             raise DataError("edges_mm", value=f"{self.edges_mm.size} heights and {layers} rows", limit=limit)
-        if not FEWEST_PLACES <= places <= MOST_PLACES:
-            raise DataError(
-                "z_mm", value=f"{places} places", limit=f"must be {FEWEST_PLACES} to {MOST_PLACES} in a row"
-            )
+        if not MIN_PLACES <= places <= MAX_PLACES:
+            raise DataError("z_mm", value=f"{places} places", limit=f"must be {MIN_PLACES} to {MAX_PLACES} in a row")
         if not np.all(np.diff(self.edges_mm) > 0.0):
             raise DataError("edges_mm", limit="must ascend")
 

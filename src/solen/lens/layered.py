@@ -29,7 +29,7 @@ PLACES, STEPS = 257, 4
 """Number of points of a profile from the axis to its edge, and of fourth-order Runge–Kutta steps between two of
 them.
 """
-MOST_LAYERS = 4000
+MAX_LAYERS = 4000
 EXACT = 1e-6
 """Difference, as a fraction of a layer, that rounding may cause."""
 
@@ -51,10 +51,10 @@ class LayeredLens(LensInSpace, eq=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("lens.layer_mm", self.layer_mm, above=0.0)
-        if self.thickness_mm > MOST_LAYERS * self.layer_mm:
+        if self.thickness_mm > MAX_LAYERS * self.layer_mm:
             limit = (
-                f"must be at least {self.thickness_mm / MOST_LAYERS:g} mm, because at most "
-                f"{MOST_LAYERS} layers are supported"
+                f"must be at least {self.thickness_mm / MAX_LAYERS:g} mm, because at most "
+                f"{MAX_LAYERS} layers are supported"
             )
             raise DesignError("lens.layer_mm", value=self.layer_mm, limit=limit)
         self._check_face()

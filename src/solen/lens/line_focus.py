@@ -27,7 +27,7 @@ SCAN, HALVINGS, STEPS = 64, 14, 5
 """Search for the face along z: number of sampled points, bisections of an interval, and steps of Newton's method."""
 FARTHEST_MM, CLOSENESS_MM = 1e4, 1e-3
 """Largest distance before the vertex at which a virtual focus is searched for, and the accuracy of that search."""
-LEAST_MM = 0.02
+MIN_MM = 0.02
 """Smallest distance from the virtual focus for which the bound of the second derivative holds."""
 ZERO_MM = 1e-15
 """Depth that rounding alone may cause."""
@@ -159,7 +159,7 @@ class LineFocusLens(LensInSpace, eq=True):
         It is n divided by the minimum distance from the circle.
         """
         farthest = math.hypot(self.half_width_mm, self.focus_mm - self.nearest_mm)
-        return self.design_index / max(self.focus_mm + self.y_focus_mm - farthest, LEAST_MM)
+        return self.design_index / max(self.focus_mm + self.y_focus_mm - farthest, MIN_MM)
 
     @cached_property
     def _steepest(self) -> float:

@@ -31,10 +31,10 @@ SCHEMA = 1
 EDGES = ("top", "bottom", "mean", "predicted")
 """Edge of the part on which points were measured: a thick transparent part shows two; a print model predicts one."""
 
-LEAST_POINTS, MOST_POINTS = 16, 100_000
-NARROWEST_MM, WIDEST_MM = 0.02, 200.0
+MIN_POINTS, MAX_POINTS = 16, 100_000
+MIN_WIDTH_MM, MAX_WIDTH_MM = 0.02, 200.0
 """Plausible widths of a lens; others suggest a wrong unit."""
-LARGEST_U_MM = 1.0
+MAX_U_MM = 1.0
 
 _GAUSS_MAD = 1.4826
 """Ratio of the standard deviation to the median absolute deviation of normally distributed numbers."""
@@ -241,16 +241,16 @@ def _check(x: FloatArray, z: FloatArray, u: FloatArray) -> None:
             raise DataError(
                 key, value=f"{column.size} numbers", limit=limit, remedy="restore the missing end of the file"
             )
-    if not LEAST_POINTS <= x.size <= MOST_POINTS:
-        limit = f"must be {LEAST_POINTS} to {MOST_POINTS:,} points"
+    if not MIN_POINTS <= x.size <= MAX_POINTS:
+        limit = f"must be {MIN_POINTS} to {MAX_POINTS:,} points"
         raise DataError(
             "x_mm", value=f"{x.size} points", limit=limit, remedy="sample the outline more finely or more coarsely"
         )
     _check_order(x)
     _check_size(x, z)
-    bad = np.flatnonzero((u < 0.0) | (u > LARGEST_U_MM))
+    bad = np.flatnonzero((u < 0.0) | (u > MAX_U_MM))
     if bad.size:
-        limit = f"must be 0 to {LARGEST_U_MM:g} mm"
+        limit = f"must be 0 to {MAX_U_MM:g} mm"
         raise DataError(f"u_mm[{int(bad[0])}]", value=float(u[bad[0]]), limit=limit, remedy="give it in mm")
 
 
@@ -273,12 +273,12 @@ def _check_order(x: FloatArray) -> None:
 
 def _check_size(x: FloatArray, z: FloatArray) -> None:
     width_mm = float(x[-1] - x[0])
-    if not NARROWEST_MM <= width_mm <= WIDEST_MM:
-        limit = f"must be {NARROWEST_MM:g} to {WIDEST_MM:g} mm wide"
+    if not MIN_WIDTH_MM <= width_mm <= MAX_WIDTH_MM:
+        limit = f"must be {MIN_WIDTH_MM:g} to {MAX_WIDTH_MM:g} mm wide"
         raise DataError("x_mm", value=f"{width_mm:.6g} mm wide", limit=limit, remedy="give it in mm")
     far = max(math.fabs(float(column[i])) for column in (x, z) for i in (column.argmin(), column.argmax()))
-    if far > WIDEST_MM:
-        limit = f"no point may be farther than {WIDEST_MM:g} mm from the designed vertex"
+    if far > MAX_WIDTH_MM:
+        limit = f"no point may be farther than {MAX_WIDTH_MM:g} mm from the designed vertex"
         raise DataError(
             "z_mm", value=f"{far:.6g} mm", limit=limit, remedy="specify the profile in mm, registered to the design"
         )

@@ -20,7 +20,7 @@ from solen.results import HIDDEN, Result, reported
 
 DEGREE, ORDER = 3, 3
 """Degree of the spline's pieces, and order of the penalised differences; a parabola is not penalised."""
-MOST_SPANS, POINTS_PER_SPAN = 200, 3
+MAX_SPANS, POINTS_PER_SPAN = 200, 3
 WEAKEST, STRONGEST, STEPS = -10.0, 10.0, 161
 """Base-10 logarithms of the weakest and the strongest penalty of the search, relative to the weight of the data;
 number of steps.
@@ -98,7 +98,7 @@ def smoothed(place: FloatArray, value: FloatArray, u: FloatArray) -> Smooth:
     from scipy.interpolate import BSpline
     from scipy.sparse import diags_array
 
-    spans = int(np.clip(place.size // POINTS_PER_SPAN, 4, MOST_SPANS))
+    spans = int(np.clip(place.size // POINTS_PER_SPAN, 4, MAX_SPANS))
     inner = np.linspace(place[0], place[-1], spans + 1)
     width = inner[1] - inner[0]
     knots = np.concatenate([inner[0] - width * np.arange(DEGREE, 0, -1), inner, inner[-1] + width * np.arange(1, 4)])

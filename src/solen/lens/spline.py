@@ -30,7 +30,7 @@ PLACES = 401
 """Number of points across half the aperture at which incidence and curvature are computed."""
 NEAREST = 0.9
 """Largest approach of the face to the emitter, as a fraction of the emitter's distance."""
-LEAST_HEIGHT_UM = 0.1
+MIN_HEIGHT_UM = 0.1
 """Height below which bumps and dimples are ignored."""
 DEFAULT_LEAST_FEATURE_UM = 130.0
 """Smallest width that prints well: an edge blur of 19 µm preserves 90 % of a wave with twice that period."""
@@ -137,7 +137,7 @@ class SplineLens(DeviatingLens, eq=True):
 
     @cached_property
     def features(self) -> tuple[Feature, ...]:
-        """Bumps and dimples of the deviation at x >= 0, from the axis outwards, higher than `LEAST_HEIGHT_UM`."""
+        """Bumps and dimples of the deviation at x >= 0, from the axis outwards, higher than `MIN_HEIGHT_UM`."""
         at = self.knots_at_mm
         bend = self._spline(at, 2)
         at, bend = at[bend != 0.0], bend[bend != 0.0]
@@ -145,7 +145,7 @@ class SplineLens(DeviatingLens, eq=True):
         inner = at[turns] - bend[turns] * (at[turns + 1] - at[turns]) / (bend[turns + 1] - bend[turns])
         ends = [-float(inner[0]) if inner.size else -self.half_width_mm, *inner.tolist(), self.half_width_mm]
         found = (self._feature(low, high) for low, high in pairwise(ends))
-        return tuple(feature for feature in found if abs(feature.height_um) >= LEAST_HEIGHT_UM)
+        return tuple(feature for feature in found if abs(feature.height_um) >= MIN_HEIGHT_UM)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 from solen.ranks import Caution, look_at
 
-MOST_ROWS = 64
+MAX_ROWS = 64
 """Largest number of wavelengths in a table of a resin."""
 WIDE_NM, WIDE_STEPS = 20.0, 5.0
 """A gap between known wavelengths causes a warning if it exceeds both this width and this multiple of the median
@@ -19,13 +19,13 @@ def thinned(rows: list[tuple[float, float, float | None]]) -> list[tuple[float, 
     Noise averages out; the uncertainty is not reduced, because errors shared by the entire spectrum would be lost. The
     first and the last wavelength are kept. A part has no uncertainty if any of its rows has none.
     """
-    if len(rows) <= MOST_ROWS:
+    if len(rows) <= MAX_ROWS:
         return _unique(rows)
     first, last = rows[0][0], rows[-1][0]
-    width = (last - first) / (MOST_ROWS - 2)
+    width = (last - first) / (MAX_ROWS - 2)
     parts: dict[int, list[tuple[float, float, float | None]]] = {}
     for row in rows[1:-1]:
-        parts.setdefault(min(int((row[0] - first) / width), MOST_ROWS - 3), []).append(row)
+        parts.setdefault(min(int((row[0] - first) / width), MAX_ROWS - 3), []).append(row)
     return _unique([rows[0], *(_mean(part) for _, part in sorted(parts.items())), rows[-1]])
 
 

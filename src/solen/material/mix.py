@@ -27,15 +27,15 @@ from solen.spec.strict import Options, nearest, refused
 WHOLE = 100.0
 OFF_WHOLE = 0.1
 """Largest deviation of the sum of fractions from 100 %, in per cent, that is attributed to rounding."""
-MOST_G, FINEST_G = 1e6, 1e-6
+MAX_G, MIN_G = 1e6, 1e-6
 
 
 class MixOptions(Options):
     """Amount to mix, and optional properties of the components."""
 
-    total_g: float | None = Field(None, gt=0.0, le=MOST_G)
+    total_g: float | None = Field(None, gt=0.0, le=MAX_G)
     """Mass of the complete mixture in g; default: 100."""
-    base_g: float | None = Field(None, gt=0.0, le=MOST_G)
+    base_g: float | None = Field(None, gt=0.0, le=MAX_G)
     """Mass of the available base in g, instead of --total-g."""
     density: tuple[str, ...] = ()
     """Density in g/mL of a component, "lauryl acrylate:0.884"; repeatable."""
@@ -43,7 +43,7 @@ class MixOptions(Options):
     """Index of a liquid component, written like a density; with both for all components, the mixture's index is
     estimated.
     """
-    resolution_g: float = Field(0.01, ge=FINEST_G)
+    resolution_g: float = Field(0.01, ge=MIN_G)
     """Step of the balance in g."""
 
     @model_validator(mode="after")

@@ -28,7 +28,7 @@ L = TypeVar("L", bound=Hashable)
 
 FALSE_ALARMS = 0.01
 """Fraction of data sets without a bad point in which `rosner_outliers` reports one."""
-LEAST_DF = 0.25
+MIN_DF = 0.25
 """Lower limit of the degrees of freedom of a covariance from residuals, as a fraction of n − p (decision 0028)."""
 _SCORINGS, _NOTHING, _TINY = 100, 1e-8, 1e-300
 _ALIKE = 1e-6  # smallest eigenvalue of the normalised overlap at which two effects are distinguishable
@@ -355,7 +355,7 @@ def _from_residuals(fit: LinearFit, x: FloatArray, each: FloatArray) -> LinearFi
     raised = 1.0 / np.maximum(1.0 - np.sum(x * rows.T, axis=1), _EXACT)
     covariance = (rows * (fit.residuals**2 * raised)) @ rows.T
     sandwich = Sandwich(x, rows, each, raised)
-    return replace(fit, covariance=covariance, known_by=sandwich, least_df=LEAST_DF * fit.error_df)
+    return replace(fit, covariance=covariance, known_by=sandwich, least_df=MIN_DF * fit.error_df)
 
 
 def _exact(squares: float, size: float, pulled: FloatArray) -> tuple[float, FloatArray]:

@@ -24,7 +24,7 @@ from solen.mechanics.mesh import BodyMesh
 from solen.mechanics.stretches import edge_shares, place_of
 from solen.plane import heading
 
-LEAST_SLANT = 0.1
+MIN_SLOPE = 0.1
 """Smallest cosine between the direction of a finger and the wall's inward normal."""
 OUTLINE_MM = 1e-4
 INTO_HELD_MM = 1e-6
@@ -100,7 +100,7 @@ def finger_of(body: Body, press: Press) -> Finger:
     at = np.array(face.curve.point_at(u))
     normal = np.array(face.curve.normal_at((float(at[0]), float(at[1]))))
     way = normal if press.direction_deg is None else np.array(heading(press.direction_deg))
-    if way @ normal < LEAST_SLANT:
+    if way @ normal < MIN_SLOPE:
         limit = f"does not point into {face.name} at {place_text((at[0], at[1]))}"
         raise DesignError(f"{press.name}.direction_deg", value=press.direction_deg, limit=limit)
     finger = Finger(press, face.name, at - press.radius_mm * normal, way, _through(body, at, way))

@@ -20,10 +20,10 @@ Plane = Literal["strain", "stress"]
 one.
 """
 
-LEAST_COMPLIANCE = 1e-8
+MIN_COMPLIANCE = 1e-8
 """Smallest compliance to pressure, relative to the shear compliance, for a material of constant area."""
 SIGNS = np.array([1.0, -1.0])
-LEAST_POISSON = 0.4
+MIN_POISSON = 0.4
 """Smallest Poisson's ratio, since the models apply to solids that nearly conserve their volume."""
 
 
@@ -49,8 +49,8 @@ class Material:
         names = model(self.kind).names
         if len(self.parameters) != len(names):
             raise DesignError("material.parameters", value=self.parameters, limit=f"{self.kind} takes {len(names)}")
-        if not LEAST_POISSON <= self.poisson <= 0.5:
-            limit = f"must be from {LEAST_POISSON} to 0.5: the models are those of rubbers, which conserve their volume"
+        if not MIN_POISSON <= self.poisson <= 0.5:
+            limit = f"must be from {MIN_POISSON} to 0.5: the models are those of rubbers, which conserve their volume"
             raise DesignError("mechanics.poisson", value=self.poisson, limit=limit)
         if not self.shear_modulus_MPa > 0.0:
             raise DesignError("material.shear_modulus_MPa", value=self.shear_modulus_MPa, limit="must be above 0")
@@ -68,7 +68,7 @@ class Material:
     @property
     def compliance_per_MPa(self) -> float:
         """Change of area per mean pressure in plane strain, (1 − 2ν)/μ, but always positive to be solvable."""
-        return max(1.0 - 2.0 * self.poisson, LEAST_COMPLIANCE) / self.shear_modulus_MPa
+        return max(1.0 - 2.0 * self.poisson, MIN_COMPLIANCE) / self.shear_modulus_MPa
 
     def stresses(self, plane: Plane, first: FloatArray, second: FloatArray) -> FloatArray:
         """Return Kirchhoff stresses (…, 2) in MPa at principal strains ln λ (…,), in plane strain without pressure."""

@@ -35,7 +35,7 @@ PER_RADIUS = 0.4
 """Element size relative to the radius of a curved wall."""
 ROUNDS = 8
 SAMPLES = 1025
-MOST_TRIANGLES = 200_000
+MAX_TRIANGLES = 200_000
 
 
 @dataclass(frozen=True)
@@ -158,10 +158,10 @@ def _refuse_many(body: Body, sizes: Sizes, stated_mm: float | None) -> None:
     """Raise `DesignError` if a mesh would be too large."""
     smallest = min(sizes.sizes, default=sizes.largest_mm)
     triangles = 2.3 * area_mm2(body.outlines) / sizes.largest_mm**2
-    if triangles > MOST_TRIANGLES or smallest < 1e-4 * sizes.largest_mm:
+    if triangles > MAX_TRIANGLES or smallest < 1e-4 * sizes.largest_mm:
         sized = f"elements of {min(smallest, sizes.largest_mm):.2g} to {sizes.largest_mm:.2g} mm"
-        limit = f"{sized} would need more than {MOST_TRIANGLES} triangles"
-        remedy = "raise it" if triangles > MOST_TRIANGLES else ("make the smallest radius of a wall or finger larger")
+        limit = f"{sized} would need more than {MAX_TRIANGLES} triangles"
+        remedy = "raise it" if triangles > MAX_TRIANGLES else ("make the smallest radius of a wall or finger larger")
         raise DesignError("mechanics.mesh_mm", value=stated_mm, limit=limit, remedy=remedy)
 
 

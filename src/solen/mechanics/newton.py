@@ -17,9 +17,9 @@ from solen.mechanics.elements import Elements
 from solen.mechanics.fingers import Finger, Pairs, Touch, touch_of
 from solen.mechanics.supports import Supports
 
-SMALLEST_SHARE = 1 / 64
+MIN_SHARE = 1 / 64
 """Smallest fraction of a step that is tried."""
-LARGEST_PUSH = 0.2
+MAX_PUSH = 0.2
 """Largest step of a finger as a fraction of its radius; in a larger step, nodes could pass behind the finger."""
 
 
@@ -152,7 +152,7 @@ def _shortened(
     count = problem.elements.displacements
     before = guess.unknowns[:count].reshape(-1, 2)
     radii = np.array([finger.press.radius_mm for finger in problem.fingers])
-    share = float(np.min(LARGEST_PUSH * radii / np.maximum(np.abs(solved.deeper), 1e-300), initial=1.0))
+    share = float(np.min(MAX_PUSH * radii / np.maximum(np.abs(solved.deeper), 1e-300), initial=1.0))
     while True:
         jumped = before + share * jump[:count].reshape(-1, 2)
         moves, angles = problem.supports.moved(jumped, share * solved.moves, guess.angles)
@@ -163,7 +163,7 @@ def _shortened(
         if not bad.any():
             break
         share *= 0.5
-        if share < SMALLEST_SHARE:
+        if share < MIN_SHARE:
             raise DivergedError(f"an element turns inside out at {_place(problem, bad)}")
     moved = float(np.abs(moves - before).max()) / share
     depth = guess.depth + share * solved.deeper

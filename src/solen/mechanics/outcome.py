@@ -17,7 +17,7 @@ from solen.plane import Point
 
 PULLED = 0.02
 """A sliding hold causes no warning if its pull is at most this fraction of its push."""
-MOST_OF_IT = 0.9
+BULGE_FRACTION = 0.9
 """Fraction of the area in which walls bulge by at most the reported value; at sharp corners the bulge is unbounded."""
 FAINT = 1e-6
 """A node does not count as loaded by the finger if its force is below this fraction of the largest force."""
@@ -96,7 +96,7 @@ class Outcome:
         slopes = np.hypot(*np.linalg.solve(sides, steps)[..., 0].T)
         order, areas = np.argsort(slopes), elements.weights.sum(axis=1)
         reached = np.cumsum(areas[order])
-        most = slopes[order[np.searchsorted(reached, MOST_OF_IT * reached[-1])]]
+        most = slopes[order[np.searchsorted(reached, BULGE_FRACTION * reached[-1])]]
         return float(self.thickness_mm**2 / 8.0 * most)
 
     @cached_property

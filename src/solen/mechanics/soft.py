@@ -25,18 +25,18 @@ from solen.mechanics.fingers import Finger, contact_sizes, finger_of, pairs_of
 from solen.mechanics.load import Hold, Load, Press, Pull, Turn
 from solen.mechanics.material import Material, Plane
 from solen.mechanics.mesh import BodyMesh, MeshOptions, mesh_of
-from solen.mechanics.newton import LARGEST_PUSH, Demand, DivergedError, Factors, Guess, Problem, step
+from solen.mechanics.newton import MAX_PUSH, Demand, DivergedError, Factors, Guess, Problem, step
 from solen.mechanics.outcome import Outcome
 from solen.mechanics.stretches import cuts_of, edge_shares, nodes_on
 from solen.mechanics.supports import supports_of
 
 EXACT_MM = 1e-8
 """Accuracy of the computed displacements."""
-MOST_STEPS = 25
+MAX_STEPS = 25
 SLOW = 0.3
 """A reused matrix is recomputed if a step leaves more than this fraction of the error."""
-MOST_HALVINGS = 5
-LARGEST_TURN_DEG = 12.0
+MAX_HALVINGS = 5
+MAX_TURN_DEG = 12.0
 """Largest rotation of a clamp in one step."""
 REMEMBERED = 4
 """Number of states from which the next one is extrapolated."""
@@ -214,7 +214,7 @@ class Path:
 
     def reach(self, values: FloatArray) -> Guess:
         """Return the equilibrium at the given load amounts, starting from the last state."""
-        state = self._reached(self.passed[-1], values, MOST_HALVINGS)
+        state = self._reached(self.passed[-1], values, MAX_HALVINGS)
         self.passed.append(state)
         held = self._points_held(state.guess)
         for k, finger in enumerate(self.problem.fingers):
@@ -246,7 +246,7 @@ class Path:
         pushed = np.abs(way[[kind is Press for kind in self.kinds]])
         radii = np.array([finger.press.radius_mm for finger in self.problem.fingers])
         turned = np.abs(way[[kind is Turn for kind in self.kinds]])
-        return bool((pushed > LARGEST_PUSH * radii)[~self.by_force].any() or (turned > LARGEST_TURN_DEG).any())
+        return bool((pushed > MAX_PUSH * radii)[~self.by_force].any() or (turned > MAX_TURN_DEG).any())
 
     def _unbearable(self, reached: FloatArray, tried: FloatArray, reason: str) -> DesignError:
         """Return an error about loads that the body cannot bear, with the loads that it can."""
@@ -281,11 +281,11 @@ class Path:
         demand = Demand(self.problem.supports.given(turns.tolist()), pulls @ self.spread, push)
         before: BoolArray | None = None
         errors: list[float] = []
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             guess, before, settled = self._stepped(guess, demand, before, errors)
             if settled:
                 return guess
-        raise DivergedError(f"no equilibrium after {MOST_STEPS} steps, the last of {errors[-1]:.2g} mm")
+        raise DivergedError(f"no equilibrium after {MAX_STEPS} steps, the last of {errors[-1]:.2g} mm")
 
     def _stepped(
         self, guess: Guess, demand: Demand, before: BoolArray | None, errors: list[float]

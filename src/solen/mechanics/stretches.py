@@ -13,7 +13,7 @@ from solen.geometry import Body, Face, called
 from solen.mechanics.load import Hold, Load, Press, Stretch
 from solen.mechanics.mesh import BodyMesh
 
-SHORTEST_MM = 1e-6
+MIN_LENGTH_MM = 1e-6
 """Smallest length of a stretch."""
 U_TOLERANCE = 1e-9
 
@@ -38,7 +38,7 @@ def parts_of(body: Body, stretch: Stretch, what: str) -> list[Part]:
     if not named:
         raise _unknown(body, stretch.face, what)
     longest_mm = max(face.begins_mm + Measure(face.curve).length_mm for face in named)
-    if stretch.to_mm is not None and stretch.to_mm > longest_mm + SHORTEST_MM:
+    if stretch.to_mm is not None and stretch.to_mm > longest_mm + MIN_LENGTH_MM:
         limit = f"must be at most {longest_mm:.4g} mm, the length of {stretch.face}"
         raise DesignError(f"{what}.to_mm", value=stretch.to_mm, limit=limit, remedy="omit it to reach the end")
     parts = [part for face in named if (part := _covered(face, stretch)) is not None]
@@ -104,7 +104,7 @@ def _covered(face: Face, stretch: Stretch) -> Part | None:
     measure = Measure(face.curve)
     low = max(0.0, stretch.from_mm - face.begins_mm)
     high = measure.length_mm if stretch.to_mm is None else min(measure.length_mm, stretch.to_mm - face.begins_mm)
-    if high - low < SHORTEST_MM:
+    if high - low < MIN_LENGTH_MM:
         return None
     ends = (measure.length_mm - high, measure.length_mm - low) if face.from_end else (low, high)
     u_from, u_to = (0.0 if u < U_TOLERANCE else 1.0 if u > 1.0 - U_TOLERANCE else u for u in map(measure.u_at, ends))

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from solen.arrays import BoolArray, FloatArray
-from solen.metrology.step_fit import MOST_BLUR_PX, StepPriors, Steps, fit_steps
+from solen.metrology.step_fit import MAX_BLUR_PX, StepPriors, Steps, fit_steps
 
 LINES = 5
 """Number of neighbouring lines, one pixel apart, whose grey values are averaged."""
@@ -25,21 +25,21 @@ BLURS = 5.0
 """Half length of a fitted line, in blurs."""
 FIRST_BLUR_PX = 2.0
 """Initial value of the blur, from which the image's own blur is determined."""
-LEAST_HALF_PX = 5.0
+MIN_HALF_PX = 5.0
 SOME, WIDER = 120, 1.25
 """Number of positions from which the blur is estimated, and the relative growth of the estimate below which search
 lines are long enough.
 """
-FEWEST = 20
+MIN_GOOD_FITS = 20
 """Minimum number of good fits for an estimate of typical parameters."""
 U_LOG_BLUR, U_SLOPE_SHARE = 0.2, 3e-3
 """Relative variation of the blur along a contour, and the background slope per px, as a fraction of the rise."""
 SATURATED = 0.5
 """Fraction of saturated pixels across a line above which it is rejected; noise alone saturates fewer."""
-MOST_U_PX = 1.0
-LEAST_SNR = 4.0
+MAX_U_PX = 1.0
+MIN_SNR = 4.0
 """Minimum ratio of a step's rise to the noise of a line."""
-LEAST_RISE = 0.25
+MIN_RISE = 0.25
 """Ratio to the median rise along the contour below which a step belongs to another edge or to none."""
 ODD_BLUR = 2.5
 ODD_SHAPE = 2.2
@@ -52,7 +52,7 @@ OFF_SIGMAS, OFF_PX = 5.0, 0.5
 ALONE_PLACES, ALONE_SHARE = 9, 0.4
 NOISE_PLACES, NEIGHBOURS_WEIGHT = 31, 4.0
 """Number of neighbours used for a point's noise, and their weight relative to its own residuals."""
-LEAST_TRIPLES = 40
+MIN_TRIPLES = 40
 """Number of comparisons with neighbours below which the scatter is not evaluated."""
 
 
@@ -236,11 +236,11 @@ class _View:
         part, at = self._sample(at)
         for _ in range(4):
             steps, inside, _ = part.fitted(at, guess_px)
-            good = steps.settled & inside & (np.abs(steps.rise[:, 0]) > LEAST_SNR * steps.noise)
+            good = steps.settled & inside & (np.abs(steps.rise[:, 0]) > MIN_SNR * steps.noise)
             found = float(np.median(steps.blur_px[good, 0])) if good.any() else guess_px
             if found < WIDER * guess_px:
-                return float(np.clip(found, 0.5, MOST_BLUR_PX))
-            guess_px = min(found, MOST_BLUR_PX)
+                return float(np.clip(found, 0.5, MAX_BLUR_PX))
+            guess_px = min(found, MAX_BLUR_PX)
         return guess_px
 
     def two_blurs(self, at: FloatArray, guess_px: float) -> FloatArray:
@@ -249,11 +249,11 @@ class _View:
         best, blurs = -np.inf, np.array([guess_px, guess_px])
         for factors in ((1.0, 1.0), (1.0, 2.0), (2.0, 1.0), (2.0, 2.0)):
             steps, inside, _ = part.fitted(at, guess_px * np.array(factors))
-            good = inside & steps.settled & (steps.u_at_px.max(axis=1) < MOST_U_PX)
+            good = inside & steps.settled & (steps.u_at_px.max(axis=1) < MAX_U_PX)
             merit = float(good.sum()) - 10.0 * _median(steps.noise, good) / max(_median(steps.noise, inside), 1e-12)
             if good.any() and merit > best:
                 best, blurs = merit, np.median(steps.blur_px[good], axis=0)
-        return np.asarray(np.clip(blurs, 0.5, MOST_BLUR_PX))
+        return np.asarray(np.clip(blurs, 0.5, MAX_BLUR_PX))
 
     def _sample(self, at: FloatArray) -> tuple["_View", FloatArray]:
         """Return a sample of points, evenly spaced along the contour, and their first guesses."""
@@ -266,7 +266,7 @@ class _View:
         A second fit uses parameters that the lines of the first have in common: if edges overlap or are faint, a single
         line cannot determine its own blur and slope.
         """
-        around = max(BLURS * float(np.max(blur_px)), LEAST_HALF_PX)
+        around = max(BLURS * float(np.max(blur_px)), MIN_HALF_PX)
         half = np.ceil(min(float(np.max(np.abs(at))) + around, self.half_px))
         t = np.arange(-half, half + 0.5)
         values, inside = profiles(self.grey, self.contour_px, self.normals, t, self.lines)
@@ -291,15 +291,15 @@ class _View:
         points = self.contour_px + self.normals * at[:, None]
         fit = inside & ~saturated
         noise = _median(steps.noise, fit)
-        strong = fit & (np.abs(rise) > LEAST_SNR * noise)
+        strong = fit & (np.abs(rise) > MIN_SNR * noise)
         usual = _median(rise, strong) if rising is None else (1.0 if rising else -1.0) * _median(np.abs(rise), strong)
-        weak = (rise * np.sign(usual) < LEAST_RISE * abs(usual)) | (np.abs(rise) < LEAST_SNR * noise) | (usual == 0.0)
+        weak = (rise * np.sign(usual) < MIN_RISE * abs(usual)) | (np.abs(rise) < MIN_SNR * noise) | (usual == 0.0)
         usual_blur = _median(blur, fit & ~weak)
         bad = {
             "outside the image": ~inside,
             "saturated": saturated,
             "low contrast": weak,
-            "no fit": ~steps.settled | ~(u < MOST_U_PX),
+            "no fit": ~steps.settled | ~(u < MAX_U_PX),
             "odd blur": (blur > ODD_BLUR * usual_blur) | (blur < usual_blur / ODD_BLUR),
             "odd shape": _near_outliers(steps.noise > np.maximum(ODD_SHAPE * noise, ODD_SHARE * abs(usual))),
         }
@@ -341,7 +341,7 @@ def scatter_over_u(
     bend = np.sum((points[here] - 0.5 * (points[before] + points[behind])) * normals[here], axis=1)
     sigma = np.sqrt(u[here] ** 2 + 0.25 * (u[before] ** 2 + u[behind] ** 2))
     known = kept[here] & kept[before] & kept[behind] & (sigma > 0.0)
-    if known.sum() < LEAST_TRIPLES:
+    if known.sum() < MIN_TRIPLES:
         return 1.0
     ratio = bend[known] / sigma[known]
     rest = ratio - ndimage.median_filter(ratio, 12 * lag + 1, mode="nearest")
@@ -351,9 +351,9 @@ def scatter_over_u(
 def _typical(steps: Steps, fit: BoolArray) -> StepPriors | None:
     """Return typical parameters of the good fits, or None if there are too few."""
     noise = _median(steps.noise, fit)
-    good = fit & steps.settled & (np.abs(steps.rise).min(axis=1) > LEAST_SNR * noise)
+    good = fit & steps.settled & (np.abs(steps.rise).min(axis=1) > MIN_SNR * noise)
     good &= steps.u_at_px.max(axis=1) < np.maximum(2.0 * float(np.median(steps.u_at_px)), 0.1)
-    if good.sum() < FEWEST:
+    if good.sum() < MIN_GOOD_FITS:
         return None
     rise = float(np.median(np.abs(steps.rise[good]).max(axis=1)))
     return StepPriors(

@@ -28,10 +28,10 @@ both sides of a narrow dark band.
 """
 FLANK = 3
 """Distance to each side, in pixels, at which the change must be smaller than on the path."""
-MOST_EDGES = 4
-LEAST_COVERED, LEAST_COVERED_FURTHER = 0.5, 0.35
+MAX_EDGES = 4
+MIN_COVERED, MIN_COVERED_FURTHER = 0.5, 0.35
 """Fraction of positions at which the first edge, and a further one, must be distinct; two edges may cross."""
-LEAST_SNR = 5.0
+MIN_SNR = 5.0
 FAINTEST = 0.15
 """Minimum change across a further edge, relative to that of the first."""
 
@@ -111,7 +111,7 @@ class TracedEdge:
     shown: BoolArray
 
 
-def trace_edges(band: Band, most: int = MOST_EDGES) -> list[TracedEdge]:
+def trace_edges(band: Band, most: int = MAX_EDGES) -> list[TracedEdge]:
     """Trace the edges along the front, the strongest first; the list is empty if nothing exceeds the noise."""
     if not band.seen.any():
         return []
@@ -121,10 +121,10 @@ def trace_edges(band: Band, most: int = MOST_EDGES) -> list[TracedEdge]:
     free = {rising: band.seen.copy() for rising in (True, False)}
     edges: list[TracedEdge] = []
     while len(edges) < most:
-        least = max(LEAST_SNR * noise, FAINTEST * edges[0].strength if edges else 0.0)
+        least = max(MIN_SNR * noise, FAINTEST * edges[0].strength if edges else 0.0)
         both = [_traced(band, rising, free[rising], scale, least) for rising in (True, False)]
         best = max(both, key=lambda edge: edge.covered * edge.strength)
-        if best.covered < (LEAST_COVERED_FURTHER if edges else LEAST_COVERED):
+        if best.covered < (MIN_COVERED_FURTHER if edges else MIN_COVERED):
             break
         edges.append(best)
         away = np.abs(band.offset_mm[None, :] - best.offset_mm[:, None])

@@ -13,7 +13,7 @@ from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront
 from solen.metrology.pose import Pose
 
-MOST_PLACES = 2500
+MAX_PLACES = 2500
 SPACING_PX = 3.0
 FIRST_BLUR_PX = (0.5, 2.0, 8.0)
 OVERLAP = 12.0
@@ -29,7 +29,7 @@ def edges_along(image: Image, pose: Pose, nominal: NominalFront, band: Band, tra
     the variance of the averaged lines; both shifts are corrected.
     """
     length = float(nominal.arc_mm[-1])
-    count = int(min(MOST_PLACES, max(100, length * pose.px_per_mm / SPACING_PX)))
+    count = int(min(MAX_PLACES, max(100, length * pose.px_per_mm / SPACING_PX)))
     arc = np.linspace(0.0, length, count)
     points, normals = nominal.at(arc)
     ways = pose.direction_px(normals)

@@ -29,7 +29,7 @@ from solen.spec import Design
 OTHER_SIZE, SURE_SIZE = 0.01, 3.0
 """Relative size difference that causes a warning if it also exceeds this multiple of its uncertainty."""
 FACES = {"sharper": "top", "softer": "bottom"}
-LEAST_STEP_MM = 1e-4
+MIN_STEP_MM = 1e-4
 """Distance in x below which points are treated as one."""
 
 
@@ -254,7 +254,7 @@ class LensInspection(Result):
         fit = chosen.registration
         order = np.argsort(fit.points_mm[:, 0], kind="stable")
         x, z = fit.points_mm[order].T
-        apart = np.concatenate([[True], np.diff(x) > LEAST_STEP_MM])
+        apart = np.concatenate([[True], np.diff(x) > MIN_STEP_MM])
         if apart.mean() < 0.5:
             limit = "the outline folds back on itself, so it has more than one z at the same x"
             raise DataError(self.image.provenance.file, limit=limit, remedy="omit --out")

@@ -25,7 +25,7 @@ from solen.ranks import Caution, look_at
 from solen.recording import Measured, Provenance
 from solen.spec.strict import Finite, Options
 
-FEWEST_LINES = 5
+MIN_LINES = 5
 STRIPS = 12
 TURNS = 3
 """Number of iterations that refine the direction across the lines from the line positions."""
@@ -37,11 +37,11 @@ UNEVEN = 0.015
 """Largest rms spacing error of the lines, as a fraction of the period, after a steady change across the image is
 removed.
 """
-MOST_OFFSET = 0.15
+MAX_OFFSET = 0.15
 """Largest displacement of a line, as a fraction of the period."""
 PROMINENT = 0.4
 """Minimum contrast of a line, as a fraction of that of the strongest line."""
-LEAST_PERIOD_PX = 4.0
+MIN_PERIOD_PX = 4.0
 STRETCH_SIGMAS = 3.0
 NORMAL = 1.96
 _CENTROID_ROUNDS = 3
@@ -175,9 +175,9 @@ def _ruler(grey: FloatArray, across: FloatArray, file: str) -> _Ruler:
     for _ in range(2):
         slope, start = np.polyfit(number, peaks, 1)
         number = np.rint((peaks - start) / slope).astype(np.int64)
-    on = np.abs(peaks - start - slope * number) < MOST_OFFSET * slope
+    on = np.abs(peaks - start - slope * number) < MAX_OFFSET * slope
     on &= np.append(True, np.diff(number) > 0)
-    if on.sum() < FEWEST_LINES:
+    if on.sum() < MIN_LINES:
         raise _no_lines(file, f"{int(on.sum())} even lines")
     strips, strip_at = _profiles(grey, across, STRIPS)
     places = np.array(
@@ -187,15 +187,13 @@ def _ruler(grey: FloatArray, across: FloatArray, file: str) -> _Ruler:
         ]
     )
     kept = np.isfinite(places).sum(axis=1) >= 2
-    if kept.sum() < FEWEST_LINES:
+    if kept.sum() < MIN_LINES:
         raise _no_lines(file, f"{int(kept.sum())} lines that cross the image")
     return _Ruler(number[on][kept], places[kept], strip_at)
 
 
 def _no_lines(file: str, value: str) -> DataError:
-    limit = (
-        f"must show at least {FEWEST_LINES} uniformly spaced parallel lines, at least {LEAST_PERIOD_PX:g} pixels apart"
-    )
+    limit = f"must show at least {MIN_LINES} uniformly spaced parallel lines, at least {MIN_PERIOD_PX:g} pixels apart"
     return DataError(
         file, value=value, limit=limit, remedy="take a sharp image of the finest division that the objective resolves"
     )
@@ -249,7 +247,7 @@ def _period(profile: FloatArray, file: str) -> tuple[float, float]:
     together = signal.correlate(line, line, method="fft")[len(line) - 1 :]
     together = together / np.arange(len(line), 0, -1)
     peaks, _ = signal.find_peaks(together[: len(line) // 2], prominence=0.2 * together[0])
-    peaks = peaks[peaks >= LEAST_PERIOD_PX]
+    peaks = peaks[peaks >= MIN_PERIOD_PX]
     if not len(peaks) or not together[0] > 0.0:
         raise _no_lines(file, "no period")
     strong = peaks[together[peaks] > 0.5 * together[peaks].max()]

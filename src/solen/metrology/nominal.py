@@ -38,7 +38,7 @@ NEAR_END = 0.25
 SYMMETRIC_MM = 1e-4
 FLATTEST = 0.01
 """Ratio of sag to chord below which a front cannot be registered."""
-LOWEST_OF = 2001
+VERTEX_SAMPLES = 2001
 """Number of points among which the vertex of a drawn front is searched for."""
 
 
@@ -265,7 +265,7 @@ def _drawn_front(name: str, body: Body) -> NominalFront:
     curve = fronts[0].curve
     (x0, z0), (x1, z1) = curve.start, curve.end
     level = curve.moved(Rigid.about((x0, z0), -math.degrees(math.atan2(z1 - z0, x1 - x0))))
-    lowest = float(level.points(np.linspace(0.0, 1.0, LOWEST_OF))[:, 1].min())
+    lowest = float(level.points(np.linspace(0.0, 1.0, VERTEX_SAMPLES))[:, 1].min())
     middle = 0.5 * (level.start[0] + level.end[0])
     return NominalFront.of(name, level.moved(Rigid(shift=(-middle, -lowest))))
 

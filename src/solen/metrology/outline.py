@@ -17,7 +17,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import DataError, SpecError
 from solen.metrology.edge import Edge
-from solen.metrology.edge_tracing import MOST_EDGES, Band, TracedEdge, trace_edges
+from solen.metrology.edge_tracing import MAX_EDGES, Band, TracedEdge, trace_edges
 from solen.metrology.front_edges import SHARPER, by_focus, edges_along, why_rejected
 from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront, SeenFrom
@@ -44,8 +44,8 @@ REACH = 0.08
 """Distance on each side of the design within which an edge is searched for, as a fraction of the lens width."""
 REACH_PX = 14.0
 """Minimum of this distance in pixels: image noise is estimated near the edge, not on it."""
-LEAST_SCORE = 0.08
-LEAST_KEPT = 0.4
+MIN_SCORE = 0.08
+MIN_KEPT = 0.4
 """Minimum fraction of the positions in the image that must have an edge."""
 RIVAL = 0.9
 SIDES = 0.8
@@ -162,14 +162,14 @@ def measure_outline(
     if not traced:
         raise no_lens(image, nominal, "there is no edge along its expected front")
     edges = edges_along(image, pose, nominal, band, traced)
-    walls = wall_edges(image, pose, nominal, 1 if len(edges) == 1 else MOST_EDGES)
+    walls = wall_edges(image, pose, nominal, 1 if len(edges) == 1 else MAX_EDGES)
     traced_side = pose.mirrored
     pose, side_warnings = _side(edges, pose, nominal, sides)
     walls = walls if pose.mirrored == traced_side else walls[::-1]
     width = part_width_mm([wall[0] if wall else None for wall in walls], pose, nominal)
     named = _named(edges, walls, image, _Prior(pose, nominal, priors))
     if not named:
-        why = f"less than {LEAST_KEPT:.0%} of its edge can be measured ({why_rejected(edges)})"
+        why = f"less than {MIN_KEPT:.0%} of its edge can be measured ({why_rejected(edges)})"
         raise no_lens(image, nominal, why)
     ordered, choice_warnings = _ordered(named, choice)
     chosen = ordered[0]
@@ -187,7 +187,7 @@ def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[
     """Return the location of the lens, and a warning about other candidates; ``sides`` are allowed mirror states."""
     matches = [one for side in sides for one in match_template(image.grey, image.um_per_px, nominal, mirrored=side)]
     matches.sort(key=lambda one: -one.score)
-    if not matches or matches[0].score < LEAST_SCORE:
+    if not matches or matches[0].score < MIN_SCORE:
         raise no_lens(image, nominal, "nothing in the image has the shape of the lens at this scale")
     best, far = matches[0], 0.5 * nominal.width_mm * 1e3 / image.um_per_px
     x, y = best.pose.origin_px
@@ -233,7 +233,7 @@ class _Prior:
 
 def _named(edges: list[Edge], walls: Sequence[list[Edge]], image: Image, prior: _Prior) -> list[NamedEdge]:
     """Return the edges, with names, of which a sufficient part can be measured."""
-    kept = [edge for edge in edges if edge.share_kept >= LEAST_KEPT]
+    kept = [edge for edge in edges if edge.share_kept >= MIN_KEPT]
     beside = [_walls_of(walls, edges.index(edge), len(edges)) for edge in kept]
     names: Iterable[str] = ("outer", *(f"middle {i}" for i in range(1, len(kept) - 1)), "inner")
     if len(kept) == 2 and (crossed := by_focus(*kept)) is not None:
@@ -265,7 +265,7 @@ def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[
     edge = max(edges, key=lambda one: one.share_kept)
     if nominal.is_symmetric:
         return pose, [UNKNOWN_SIDE] if len(sides) > 1 else []
-    if edge.share_kept < LEAST_KEPT:
+    if edge.share_kept < MIN_KEPT:
         return pose, []
     both = [pose, replace(pose, mirrored=not pose.mirrored)]
     best, other = sorted((register(*edge.measured, side, nominal) for side in both), key=lambda fit: fit.rms_um)

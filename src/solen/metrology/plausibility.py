@@ -22,25 +22,25 @@ from solen.ranks import Caution, look_at
 SIDES = ("left", "right")
 WALL_REACH = 0.3
 """Distance to each side within which a wall is searched for, as a fraction of the lens width."""
-MOST_WIDTH, ODD_WIDTH = 1.3, 0.03
+MAX_WIDTH, ODD_WIDTH = 1.3, 0.03
 """Width factor above which a part is not a print of the design, and relative difference that causes a warning."""
-MOST_RMS = 0.015
+MAX_RMS = 0.015
 """Ratio of the rms deviation to the lens width above which a part is not a print of the design."""
-MOST_MISSING = 0.1
+MAX_MISSING = 0.1
 """Fraction of the front without an edge at one end that causes a warning; at both ends, the image is rejected."""
-MOST_OF_PICTURE, LEAST_SHARE = 1.2, 0.1
+MAX_OF_IMAGE, MIN_SHARE = 1.2, 0.1
 """Limits of the ratio of lens width to image width; outside them the scale is probably in another unit."""
-COARSEST_PX = 60
+MIN_SPAN_PX = 60
 """Minimum number of pixels across the lens."""
 NEAR_PX = 4
 """Separation in pixels below which two edges cannot be resolved."""
 RESOLVED_PX = 200
 """Number of pixels across the lens above which both faces, if visible, usually appear as two edges."""
-WIDER, LEAST_PLACES = 1.3, 20
+WIDER, MIN_PLACES = 1.3, 20
 """Ratio of blurs above which an edge that is more blurred than a wall may be two edges, and the minimum number of
 points along the wall for this test.
 """
-LEAST_SEEN = 0.5
+MIN_VISIBLE = 0.5
 """Minimum fraction of the front that an image must show."""
 
 
@@ -68,9 +68,9 @@ def check_scale(image: Image, nominal: NominalFront) -> None:
     across = nominal.width_mm * 1e3 / image.um_per_px
     size = f"at {image.um_per_px:.4g} µm per pixel the lens of {nominal.width_mm:g} mm is {across:.0f} pixels wide"
     limit, change = "", ""
-    if across < COARSEST_PX:
-        limit, change = f"{size}; at least {COARSEST_PX} are needed", "magnify more"
-    elif across * LEAST_SEEN > np.hypot(*image.shape):
+    if across < MIN_SPAN_PX:
+        limit, change = f"{size}; at least {MIN_SPAN_PX} are needed", "magnify more"
+    elif across * MIN_VISIBLE > np.hypot(*image.shape):
         limit, change = f"{size}, and the image is {image.shape[1]} x {image.shape[0]}", "magnify less"
     if limit:
         raise DataError(image.provenance.file, limit=limit, remedy=f"{_other_unit(image, nominal)}, or {change}")
@@ -84,7 +84,7 @@ def _other_unit(image: Image, nominal: NominalFront) -> str:
     likely = [
         f"{stated:g} looks like {unit}: set --um-per-px {um:.4g}"
         for unit, um in units.items()
-        if max(COARSEST_PX, LEAST_SHARE * max(image.shape)) <= size / um <= MOST_OF_PICTURE * max(image.shape)
+        if max(MIN_SPAN_PX, MIN_SHARE * max(image.shape)) <= size / um <= MAX_OF_IMAGE * max(image.shape)
     ]
     return likely[0] if likely else "check the scale"
 
@@ -106,19 +106,19 @@ def of_pixels(image: Image, nominal: NominalFront) -> list[Caution]:
 
 def check_seen(image: Image, seen: float) -> None:
     """Raise `DataError` if too little of the front is in the image."""
-    if seen < LEAST_SEEN:
-        limit = f"shows {seen:.0%} of the front; at least {LEAST_SEEN:.0%} is needed for the registration"
+    if seen < MIN_VISIBLE:
+        limit = f"shows {seen:.0%} of the front; at least {MIN_VISIBLE:.0%} is needed for the registration"
         raise DataError(image.provenance.file, limit=limit, remedy="take an image of the entire lens")
 
 
 def check_shape(image: Image, nominal: NominalFront, edge: Edge, fit: Registration, width: float | None) -> None:
     """Raise `DataError` if the outline is too unlike the design to be a print of it at this scale."""
     missing = _missing(edge)
-    if width is not None and abs(np.log(width / nominal.width_mm)) > np.log(MOST_WIDTH):
+    if width is not None and abs(np.log(width / nominal.width_mm)) > np.log(MAX_WIDTH):
         why = f"the part is {width:.3g} mm wide behind the front, whereas the design is {nominal.width_mm:.3g} mm wide"
-    elif fit.rms_um > MOST_RMS * 1e3 * nominal.width_mm:
+    elif fit.rms_um > MAX_RMS * 1e3 * nominal.width_mm:
         why = f"the best registration has a residual of {fit.rms_um:.3g} µm (rms)"
-    elif min(missing) > MOST_MISSING:
+    elif min(missing) > MAX_MISSING:
         why = f"its edge ends {missing[0]:.0%} and {missing[1]:.0%} before the ends of the front"
     else:
         return
@@ -130,9 +130,9 @@ def wall_edges(image: Image, pose: Pose, nominal: NominalFront, most: int) -> tu
     edges: list[list[Edge]] = []
     for wall in nominal.walls:
         band = Band.of(image.grey, pose, wall, WALL_REACH * nominal.width_mm)
-        traced = trace_edges(band, most) if band.share_seen >= LEAST_SEEN else []
+        traced = trace_edges(band, most) if band.share_seen >= MIN_VISIBLE else []
         found = edges_along(image, pose, wall, band, traced) if traced else []
-        edges.append([edge for edge in found if edge.kept.sum() > LEAST_PLACES])
+        edges.append([edge for edge in found if edge.kept.sum() > MIN_PLACES])
     return tuple(edges)
 
 
@@ -165,7 +165,7 @@ def missing_ends(edge: Edge) -> list[Caution]:
     return [
         look_at(f"the last {share:.0%} of the front on the {side} is in the image but has no edge that can be measured")
         for share, side in zip(_missing(edge), SIDES, strict=True)
-        if share > MOST_MISSING
+        if share > MAX_MISSING
     ]
 
 

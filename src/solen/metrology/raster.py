@@ -20,9 +20,9 @@ from solen.extras import need
 from solen.metrology.scale import Tag
 from solen.ranks import Caution, look_at
 
-LARGEST_MB = 1_000
-LARGEST_PIXELS = 100_000_000
-SMALLEST = 32
+MAX_MB = 1_000
+MAX_PIXELS = 100_000_000
+MIN_PIXELS = 32
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 """Weights of red, green and blue in the luminance (ITU-R BT.709)."""
 COLOURED = 0.02
@@ -61,17 +61,19 @@ class Plane:
 
 
 def read_bytes(path: Path) -> bytes:
-    """Return the bytes of a file; `DataError` if it cannot be read, is empty or exceeds `LARGEST_MB`."""
-    return files.read_bytes(path, DataError, most_mb=LARGEST_MB, smaller="crop it to the part")
+    """Return the bytes of a file; `DataError` if it cannot be read, is empty or exceeds `MAX_MB`."""
+    return files.read_bytes(path, DataError, most_mb=MAX_MB, smaller="crop it to the part")
 
 
 def check_size(file: str, columns: int, rows: int) -> None:
     """Raise `DataError` if an image is too large to be decoded or too small to show anything."""
-    if columns * rows >= LARGEST_PIXELS:
+    if columns * rows >= MAX_PIXELS:
         limit = f"has {columns * rows / 1e6:.0f} megapixels ({columns} x {rows}); it must be below 100"
         raise DataError(file, limit=limit, remedy="crop it to the part, or bin it by two and double --um-per-px")
-    if min(columns, rows) < SMALLEST:
-        raise DataError(file, limit=f"has {columns} x {rows} pixels; at least {SMALLEST} in each direction are needed")
+    if min(columns, rows) < MIN_PIXELS:
+        raise DataError(
+            file, limit=f"has {columns} x {rows} pixels; at least {MIN_PIXELS} in each direction are needed"
+        )
 
 
 def check_vision(what: str) -> None:

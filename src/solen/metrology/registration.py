@@ -25,7 +25,7 @@ ROUNDS = 60
 HUBER = 2.5
 """Deviation, in robust standard deviations, above which a point is down-weighted."""
 CONVERGED_MM = 1e-8
-FEWEST = 4
+MIN_POINTS = 4
 """Minimum number of points to which a rotation and a shift are fitted."""
 
 
@@ -123,8 +123,8 @@ def register(
     """
     fit = _fit(pose.to_mm(points_px), nominal, np.ones(len(points_px), dtype=bool) if only is None else only)
     order = np.flatnonzero(fit.inside)
-    if len(order) < FEWEST:
-        what, limit = "image points near the designed lens", f"at least {FEWEST} are needed"
+    if len(order) < MIN_POINTS:
+        what, limit = "image points near the designed lens", f"at least {MIN_POINTS} are needed"
         raise DataError(what, value=len(order), limit=limit, remedy="check the scale (--um-per-px) and the design")
     order = order[np.argsort(fit.arc[order], kind="stable")]
     deviation, weights, jacobian = fit.deviation[order], fit.weights[order], fit.jacobian[order]

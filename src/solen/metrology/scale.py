@@ -38,11 +38,11 @@ SCALE_MIGRATIONS: Migrations = {}
 Count = Annotated[int, Field(strict=True, ge=1)]
 SAME = 0.01
 """Maximum relative difference of scales that count as equal."""
-COARSEST_TAG_UM = 20.0
+MAX_TAG_UM = 20.0
 """Pixel size above which a plain resolution tag (below 1,270 dpi) is meant for printing, not written by a
 microscope.
 """
-CLICK_PX, LEAST_BAR_PX = 1.0, 10.0
+CLICK_PX, MIN_BAR_PX = 1.0, 10.0
 """Standard uncertainty of a clicked position, and the shortest scale bar."""
 SQUARE = 1e-3
 """Maximum relative difference between the sides of a square pixel."""
@@ -156,8 +156,8 @@ def _of_bar(bar: Any) -> dict[str, float]:
     if length_um <= 0.0:
         return {}
     px = math.hypot(x1 - x0, z1 - z0)
-    if px < LEAST_BAR_PX:
-        limit = f"has ends {px:.3g} pixels apart; at least {LEAST_BAR_PX:g} are needed to determine the pixel size"
+    if px < MIN_BAR_PX:
+        limit = f"has ends {px:.3g} pixels apart; at least {MIN_BAR_PX:g} are needed to determine the pixel size"
         raise SpecError("--bar", limit=limit, remedy="use a longer bar, or marks farther apart")
     return {"um_per_px": length_um / px, "u_um_per_px": length_um / px * math.sqrt(2.0) * CLICK_PX / px}
 
@@ -213,7 +213,7 @@ class Tag:
             return f"{self.origin} is not a pixel size"
         if abs(self.x_um / self.y_um - 1.0) > SQUARE:
             return f"{self.origin} specifies pixels of {self.x_um:.6g} by {self.y_um:.6g} µm, which are not square"
-        if not self.calibrated and self.x_um > COARSEST_TAG_UM:
+        if not self.calibrated and self.x_um > MAX_TAG_UM:
             return (
                 f"{self.origin} specifies {25_400.0 / self.x_um:.4g} dpi, or {self.x_um:.4g} µm "
                 "per pixel: this is the print size, which office programs write into every file, "

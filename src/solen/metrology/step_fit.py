@@ -17,7 +17,7 @@ from solen.arrays import BoolArray, FloatArray
 ROUNDS = 40
 SETTLED_PX = 1e-4
 """Displacement of the edges below which a fit has converged."""
-LEAST_BLUR_PX, MOST_BLUR_PX = 0.35, 50.0
+MIN_BLUR_PX, MAX_BLUR_PX = 0.35, 50.0
 """Limits of the blur. A pixel integrates over its width, 0.29 px as a standard deviation, and interpolation between
 pixels blurs a little more: no image of an edge is sharper, and below the lower limit the position of an edge
 between two values is undetermined.
@@ -185,7 +185,7 @@ def _step(
     gradient = np.einsum("nmi,nm->ni", jacobian, residual) + stiff**2 * (expected - parameters)
     held = np.zeros(gradient.shape, dtype=bool)
     blur, way = parameters[:, 4::3], gradient[:, 4::3]
-    held[:, 4::3] = (blur <= np.log(LEAST_BLUR_PX)) & (way < 0.0) | (blur >= np.log(MOST_BLUR_PX)) & (way > 0.0)
+    held[:, 4::3] = (blur <= np.log(MIN_BLUR_PX)) & (way < 0.0) | (blur >= np.log(MAX_BLUR_PX)) & (way > 0.0)
     normal = _normal(np.where(held[:, None, :], 0.0, jacobian), damping, stiff)
     return np.asarray(np.linalg.solve(normal, np.where(held, 0.0, gradient)[..., None])[..., 0])
 
@@ -195,7 +195,7 @@ def _limited(parameters: FloatArray, step: FloatArray, t: FloatArray) -> FloatAr
     trial = parameters + step
     trial[:, 3::3] = np.clip(trial[:, 3::3], t[0], t[-1])
     narrow = np.clip(step[:, 4::3], -NARROWER, NARROWER)
-    trial[:, 4::3] = np.clip(parameters[:, 4::3] + narrow, np.log(LEAST_BLUR_PX), np.log(MOST_BLUR_PX))
+    trial[:, 4::3] = np.clip(parameters[:, 4::3] + narrow, np.log(MIN_BLUR_PX), np.log(MAX_BLUR_PX))
     return trial
 
 

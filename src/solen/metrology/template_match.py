@@ -24,7 +24,7 @@ from solen.metrology.pose import Pose
 
 ACROSS_PX = 70
 """Number of downsampled pixels across the lens."""
-MOST_PX = 512
+MAX_PX = 512
 """Maximum number of downsampled pixels along the longer side of the image."""
 STEP_DEG = 5.0
 FINE_DEG = (-2.0, -1.0, 0.0, 1.0, 2.0)
@@ -59,7 +59,7 @@ def match_template(grey: FloatArray, um_per_px: float, nominal: NominalFront, *,
         Whether the image shows the part from its other side.
     """
     across = nominal.width_mm * 1e3 / um_per_px
-    factor = max(1, math.floor(across / ACROSS_PX), math.ceil(max(grey.shape) / MOST_PX))
+    factor = max(1, math.floor(across / ACROSS_PX), math.ceil(max(grey.shape) / MAX_PX))
     gradients = _Gradients.of(binned(grey, factor))
     coarse_um = um_per_px * factor
     template = _Template.of(nominal, coarse_um)

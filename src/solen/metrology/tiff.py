@@ -33,7 +33,7 @@ UNIT_UM = {2: 25_400.0, 3: 10_000.0, 4: 1_000.0, 5: 1.0}
 """ResolutionUnit in µm: inch and centimetre of TIFF 6.0, millimetre and micrometre of later writers."""
 AXES = {"Z": "a z-stack of {} planes", "T": "{} times", "C": "{} channels", "Q": "{} pages", "I": "{} pages"}
 WHITE_IS_ZERO, PALETTE = 0, 3
-MOST_SAMPLES = 4
+MAX_SAMPLES = 4
 """Largest number of samples per pixel: red, green, blue and one more."""
 
 
@@ -59,7 +59,7 @@ def read_tiff(file: str, data: bytes) -> Plane:
         if not opened.series:
             raise DataError(file, limit="contains no image", remedy="export it again")
         page: Any = opened.pages.first
-        if page.samplesperpixel > MOST_SAMPLES:
+        if page.samplesperpixel > MAX_SAMPLES:
             raise DataError(file, limit=f"has {page.samplesperpixel} values per pixel", remedy="export one plane")
         _check_planes(file, opened, opened.series[0])
         grey, bits, warned = _grey(file, page, _decoded(file, data, page))

@@ -35,7 +35,7 @@ TEXT = (".csv", ".txt", ".tsv", ".asc", ".xyz")
 EMPTY = {"", "nan", "-", "--", "---", "***", "bad", "n/a", "null"}
 HEAD = 4000
 """Number of bytes at the start of a text table that are searched for a simulation mark."""
-LEAST_VALID = 0.2
+MIN_VALID = 0.2
 """Minimum fraction of the pixels that must have a height."""
 
 
@@ -140,7 +140,7 @@ def read_z_map(
             file, limit="is not a z map, which must be a TIFF or a table of numbers", remedy="export the heights"
         )
     valid = np.isfinite(levels)
-    if valid.mean() < LEAST_VALID:
+    if valid.mean() < MIN_VALID:
         limit = f"has heights in only {100 * valid.mean():.0f} % of its pixels"
         raise DataError(file, limit=limit, remedy="measure it again with more light, or crop it to the coupon")
     if float(np.nanmax(levels)) == float(np.nanmin(levels)):

@@ -21,12 +21,12 @@ from solen.results import Result
 from solen.spec.shipped import Library
 from solen.spec.strict import NotNegative, Positive
 
-MOST_PIXELS = 20_000
+MAX_PIXELS = 20_000
 """Maximum number of pixels along one side."""
 SURE = ("datasheet", "profile", "measured")
 
 Axis = Literal["none", "x", "y"]
-Count = Annotated[int, Field(strict=True, ge=1, le=MOST_PIXELS)]
+Count = Annotated[int, Field(strict=True, ge=1, le=MAX_PIXELS)]
 
 
 class Pixels(Sourced):

@@ -16,7 +16,7 @@ from solen.readout.emitter import REFERENCE_C
 from solen.readout.noise import Noise, noise
 from solen.results import Result, reported
 
-MOST_STEP = 0.25
+MAX_STEP = 0.25
 """Change in a reading between angles, as a fraction of its range, above which a slope counts as coarse."""
 
 
@@ -128,7 +128,7 @@ def coarse_steps(angle_deg: FloatArray, volts: FloatArray, remedy: str) -> Itera
         yield "a single angle gives no slope, and therefore no resolution"
         return
     moved, whole = np.abs(np.diff(volts, axis=0)), float(np.ptp(volts))
-    if whole > 0.0 and moved.max() > MOST_STEP * whole:
+    if whole > 0.0 and moved.max() > MAX_STEP * whole:
         row = int(np.argmax(moved.max(axis=1)))
         low, high = angle_deg[row], angle_deg[row + 1]
         yield (

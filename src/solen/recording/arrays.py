@@ -21,9 +21,9 @@ from solen.recording.source import Source
 from solen.recording.table import along_axes, stated_provenance, unique
 from solen.recording.words import heading
 
-MOST_COLUMNS = 1000
+MAX_COLUMNS = 1000
 """Largest number of columns of an array that become channels."""
-_LEAST = 2
+_MIN_LENGTH = 2
 _SINCE = re.compile(r"\s*(\w+) since .*")
 
 
@@ -58,7 +58,7 @@ def recorded(
     """
     held = _named(source, _plainly(arrays), names) if names else _plainly(arrays)
     columns = [column for array in held for column in _columns(array)]
-    lengths = Counter(values.size for _, _, values in columns if values.size >= _LEAST)
+    lengths = Counter(values.size for _, _, values in columns if values.size >= _MIN_LENGTH)
     if not lengths:
         raise source.refused("", "contains no array of numbers", "export the signals as a table (CSV)")
     length = max(lengths, key=lambda size: (lengths[size], size))
@@ -109,7 +109,7 @@ def _columns(array: Array) -> list[tuple[str, str, FloatArray]]:
     values = values.reshape(-1) if values.ndim < 2 or 1 in values.shape else values
     if values.ndim == 1:
         return [(array.name, array.unit, values.astype(np.float64))]
-    if values.ndim > 2 or min(values.shape) > MOST_COLUMNS:
+    if values.ndim > 2 or min(values.shape) > MAX_COLUMNS:
         return []
     table = values if values.shape[0] >= values.shape[1] else values.T
     names = array.columns if len(array.columns) == table.shape[1] else range(1, table.shape[1] + 1)

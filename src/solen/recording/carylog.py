@@ -19,7 +19,7 @@ from solen.recording import dates
 _WIDE = re.compile(r"(\S.*?)\s{2,}(\S.*)")
 _ANGLED = re.compile(r"([<\[].+?[>\]])\s*[,;\t]\s*(.+)")
 _COLON = re.compile(r"([^:]{2,40}?)\s*:\s+(.+)")
-_LONGEST = 500  # most letters of a line that is a setting
+_MAX_LINE_LENGTH = 500  # most letters of a line that is a setting
 _COLLECTED = "Collection Time"
 
 
@@ -76,7 +76,7 @@ def _blocks(lines: list[str], names: Sequence[str]) -> list[list[str]]:
         if before and line and trace < len(names) and line == names[trace].strip():
             current = rows[trace]
             trace += 1
-        elif current is not None and 0 < len(line) < _LONGEST:
+        elif current is not None and 0 < len(line) < _MAX_LINE_LENGTH:
             current.append(line)
         before = not line
     return rows

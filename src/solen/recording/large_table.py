@@ -21,7 +21,7 @@ from solen.recording.layout import Layout
 from solen.recording.model import Recording
 from solen.recording.source import Source
 
-LEAST_BYTES = 2_000_000
+MIN_BYTES = 2_000_000
 """Files below this size in bytes are read row by row."""
 _HEAD = 200  # lines from which a table is recognised
 _DIGITS = b"0123456789+-.eE\r\n"
@@ -29,7 +29,7 @@ _DIGITS = b"0123456789+-.eE\r\n"
 
 def read_large(source: Source, columns: Sequence[str] | None = None) -> Recording | None:
     """Read a large numeric table; return None for other files and for tables that must be read row by row."""
-    if len(source.data) < LEAST_BYTES or source.is_archive or b"\0" in source.data[:4096]:
+    if len(source.data) < MIN_BYTES or source.is_archive or b"\0" in source.data[:4096]:
         return None
     known = _head(source, columns)
     if known is None:

@@ -24,7 +24,7 @@ _SEARCHED = 1000
 _HEADER = "add a first line that names the columns, such as wavelength_nm,T,R or time_s,angle_deg,left_V"
 _SPECTRUM = (8, 150.0, 50_000.0)
 """Minimum number of rows of a spectrum without a header, and limits for its wavelengths in nm."""
-MOST_COLUMNS = 10_000
+MAX_COLUMNS = 10_000
 """Largest number of columns in a table."""
 
 
@@ -73,8 +73,8 @@ def find(grid: Grid, columns: Sequence[str] | None = None) -> Layout:
     place = filled.index(header)
     before, below = filled[:place], filled[place + 1 :]
     names = grid.rows[header][: grid.width(header)]
-    if len(names) > MOST_COLUMNS:
-        limit = f"has {len(names)} columns; at most {MOST_COLUMNS} are read"
+    if len(names) > MAX_COLUMNS:
+        limit = f"has {len(names)} columns; at most {MAX_COLUMNS} are read"
         raise grid.refused(header, None, limit, "split the table")
     units = _units_below(grid, filled, place)
     stated = [stated_unit(name) and not is_mode(name) for name in names]

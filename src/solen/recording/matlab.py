@@ -15,7 +15,7 @@ from solen.recording.source import Source
 
 _MAGIC = b"MATLAB 5.0 MAT-file"
 _OLD = 4  # bytes of the number type at the beginning of a file of version 4, which has no magic word
-_DEEPEST = 8
+_MAX_DEPTH = 8
 
 
 def is_matlab(source: Source) -> bool:
@@ -60,7 +60,7 @@ def _header(source: Source) -> dict[str, str]:
 
 def _leaves(name: str, value: Any, depth: int) -> Iterator[tuple[str, Any]]:
     """Return the texts and arrays in a variable; those in a structure are named by field."""
-    if isinstance(value, dict) and depth < _DEEPEST:
+    if isinstance(value, dict) and depth < _MAX_DEPTH:
         for key, one in value.items():
             yield from _leaves(f"{name}.{key}" if name else str(key), one, depth + 1)
     elif isinstance(value, str) or np.asarray(value).dtype.kind in "biuf":

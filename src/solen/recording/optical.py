@@ -22,8 +22,8 @@ _QUANTITIES = {"transmittance": "T", "reflectance": "R", "absorbance": "A", "abs
 _UNITS = {"%t": "T", "%r": "R", "abs": "A"}
 _ABSORBANCE_UNITS = ("abs", "au", "a.u.", "a")
 _SAME_NM = 0.01  # wavelengths that differ by less are the same
-_MOST_LISTED = 20  # most names in one line
-_MOST_FRACTION = 2.0  # a median above this is a percentage without its unit
+_MAX_LISTED = 20  # most names in one line
+_MAX_FRACTION = 2.0  # a median above this is a percentage without its unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +94,8 @@ def kind_of(channel: Channel) -> str | None:
 
 def listed(names: Sequence[str]) -> str:
     """Return the names on one line, shortened to the first few."""
-    more = len(names) - _MOST_LISTED
-    return ", ".join(names[:_MOST_LISTED]) + (f" and {more} more, which solen resin spectra lists" if more > 0 else "")
+    more = len(names) - _MAX_LISTED
+    return ", ".join(names[:_MAX_LISTED]) + (f" and {more} more, which solen resin spectra lists" if more > 0 else "")
 
 
 def _named(
@@ -159,7 +159,7 @@ def _numbers(kind: str, spectrum: Spectrum) -> FloatArray:
         return channel.values
     values = spectrum.ratio()
     middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
-    if kind != "A" and middle > _MOST_FRACTION:
+    if kind != "A" and middle > _MAX_FRACTION:
         limit, remedy = "a fraction is between 0 and 1", f"write the unit in the header: {channel.name} (%)"
         raise DataError(f"trace {channel.name}", value=f"its median is {middle:g}", limit=limit, remedy=remedy)
     return values

@@ -14,7 +14,7 @@ from pathlib import Path
 from solen.errors import DataError
 from solen.files import read_bytes
 
-LARGEST_MB = 100
+MAX_MB = 100
 """Largest file size in MB: no supported instrument exports a larger file, and reading one would exhaust a laptop's
 memory.
 """
@@ -138,8 +138,8 @@ class Source:
 
 
 def load(path: Path) -> Source:
-    """Read the bytes of a file; raise `DataError` if it is unreadable, empty or larger than `LARGEST_MB`."""
-    data = read_bytes(path, DataError, most_mb=LARGEST_MB, smaller="export fewer channels or a shorter period")
+    """Read the bytes of a file; raise `DataError` if it is unreadable, empty or larger than `MAX_MB`."""
+    data = read_bytes(path, DataError, most_mb=MAX_MB, smaller="export fewer channels or a shorter period")
     return Source(path, data)
 
 

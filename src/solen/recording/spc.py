@@ -28,7 +28,7 @@ _FLOAT = -128  # exponent of floating-point values
 _X = {1: "1/CM", 2: "MICROMETERS", 3: "NANOMETERS"}
 _Y = {2: "ABSORBANCE", 11: "%", 128: "TRANSMITTANCE", 129: "REFLECTANCE"}
 _FRACTIONS = {"TRANSMITTANCE", "REFLECTANCE"}
-_MOST_PERCENT = 2.0  # a larger fraction of light is in percent: programs also write %T as transmission
+_MAX_PERCENT = 2.0  # a larger fraction of light is in percent: programs also write %T as transmission
 
 
 @dataclass(frozen=True)
@@ -136,4 +136,4 @@ def _array(source: Source, head: _Head, kind: str, start: int) -> FloatArray:
 
 def _percent(unit: str, values: FloatArray) -> str:
     """Return the unit of the values: percent for transmittance or reflectance above 1, whatever the header says."""
-    return f"%{unit}" if unit in _FRACTIONS and np.median(values) > _MOST_PERCENT else unit
+    return f"%{unit}" if unit in _FRACTIONS and np.median(values) > _MAX_PERCENT else unit

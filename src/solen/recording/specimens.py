@@ -34,7 +34,7 @@ _SUMMARIES = {"mean", "average", "median", "maximum", "minimum", "max", "min", "
     *("std deviation", "std.dev", "standardabweichung", "mean + sd", "mean - sd", "mean + 1 sd", "mean - 1 sd"),
 }
 """Rows of a list that do not belong to a specimen."""
-_LEAST_ROWS = 2
+_MIN_ROWS = 2
 
 
 @dataclass(frozen=True)
@@ -95,12 +95,12 @@ def specimens(grid: Grid) -> list[Table]:
 def _stacked(grid: Grid) -> Iterator[_Block]:
     """Return the tables of a test, one below the other."""
     row = 0
-    while row < len(grid.rows) - _LEAST_ROWS:
+    while row < len(grid.rows) - _MIN_ROWS:
         end = row + 2
         if _heads(grid, row):
             while end < len(grid.rows) and not grid.is_blank(end) and _is_row(grid, end):
                 end += 1
-        if end - row - 2 < _LEAST_ROWS:
+        if end - row - 2 < _MIN_ROWS:
             row += 1
             continue
         above = [cell for cell in grid.rows[row - 1] if cell] if row else []

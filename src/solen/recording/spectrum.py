@@ -14,8 +14,8 @@ from solen.ranks import Caution, of
 from solen.recording.model import Channel, Measured, Recording
 from solen.results import HIDDEN
 
-_MOST_RATIO = 2.0  # a larger ratio of light is in percent
-_MOST_NAMES = 4  # most traces that a warning names
+_MAX_RATIO = 2.0  # a larger ratio of light is in percent
+_MAX_NAMES = 4  # most traces that a warning names
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Spectrum:
         if channel.unit:
             return channel.to("1")
         top = float(np.nanmax(np.abs(channel.values), initial=0.0))
-        if channel.quantity in {"transmittance", "reflectance", "absorptance"} and top > _MOST_RATIO:
+        if channel.quantity in {"transmittance", "reflectance", "absorptance"} and top > _MAX_RATIO:
             remedy = f"write {channel.name} (%) in the header if the values are in percent"
             raise DataError(channel.name, value=top, limit="has no unit and is not a fraction", remedy=remedy)
         return channel.values
@@ -164,5 +164,5 @@ def _range(values: FloatArray) -> tuple[float, float] | None:
 
 
 def _listed(names: list[str]) -> str:
-    more = len(names) - _MOST_NAMES
-    return ", ".join(names[:_MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+    more = len(names) - _MAX_NAMES
+    return ", ".join(names[:_MAX_NAMES]) + (f" and {more} more" if more > 0 else "")

@@ -115,7 +115,7 @@ _IN_WORDS = (
     | {"nm.": "nm"}
 )
 """Units written in words by LabVIEW."""
-_LONGEST = 120  # most letters of a header; longer text is prose
+_MAX_HEADER_LENGTH = 120  # most letters of a header; longer text is prose
 _NO_UNIT = {"a.u.", "a. u.", "arb. units", "arb.", "arb. u.", "au"}
 _PURE = {"-", "–", "1", "–-", "frac", "fraction", "ratio"}
 
@@ -156,7 +156,7 @@ def heading(text: str, unit: str = "", *, optical: bool = False) -> Heading:
         Whether the axis is a wavelength, for which T, R and A have their optical meaning.
     """
     text = " ".join(text.split())
-    if len(text) > _LONGEST:
+    if len(text) > _MAX_HEADER_LENGTH:
         return Heading(text, unit, "")
     if unit:
         return _made(text, _unit_text(unit), optical)
@@ -200,7 +200,7 @@ def plain(name: str) -> str:
 def stated_unit(text: str) -> bool:
     """Whether a text is a unit used in measurements; pint alone would accept ``R`` and ``a.u.`` as units."""
     text = text.strip()
-    if len(text) > _LONGEST:
+    if len(text) > _MAX_HEADER_LENGTH:
         return False
     if text == "nm.":  # PerkinElmer's abbreviation
         return True

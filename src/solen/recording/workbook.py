@@ -21,9 +21,9 @@ from solen.recording.grid import Grid
 from solen.recording.numbers import is_number
 from solen.recording.source import Source
 
-LARGEST_MB = 500
+MAX_MB = 500
 """Largest total size of an unpacked workbook in MB."""
-MOST_CELLS = 2_000_000
+MAX_CELLS = 2_000_000
 """Largest number of cells in a worksheet."""
 
 
@@ -52,8 +52,8 @@ def _check_archive(source: Source) -> None:
             names = {member.filename for member in members}
             if "xl/workbook.xml" not in names:
                 raise source.refused("", "is an archive, but not an Excel workbook", "save the table as .xlsx or CSV")
-            if size > LARGEST_MB * 1_000_000:
-                limit = f"unpacks to {size / 1e6:.0f} MB; at most {LARGEST_MB} MB are read"
+            if size > MAX_MB * 1_000_000:
+                limit = f"unpacks to {size / 1e6:.0f} MB; at most {MAX_MB} MB are read"
                 raise source.refused("", limit, "save only the table, as CSV")
             for member in members:
                 with archive.open(member) as part:
@@ -126,11 +126,11 @@ def _texts(source: Source, sheet: Any) -> list[list[str]]:
     """Return the cells of a worksheet as a CSV would contain them."""
     sheet.reset_dimensions()  # the stated dimensions may be wrong
     rows: list[list[str]] = []
-    left = MOST_CELLS
+    left = MAX_CELLS
     for row in sheet.iter_rows():
         left -= len(row) + 1
         if left < 0:
-            limit = f"contains more than {MOST_CELLS} cells"
+            limit = f"contains more than {MAX_CELLS} cells"
             raise source.refused(f"sheet {sheet.title}", limit, "save only the table, as CSV")
         rows.append([_text(cell.value, getattr(cell, "number_format", "")) for cell in row])
     return rows
@@ -163,8 +163,8 @@ def _grid_of(source: Source, name: str, texts: list[list[str]]) -> Grid:
     while texts and not any(texts[-1]):
         texts.pop()
     width = max((n + 1 for row in texts for n, cell in enumerate(row) if cell), default=0)
-    if width * len(texts) > MOST_CELLS:
-        limit = f"extends to row {len(texts)} and column {width}: more than {MOST_CELLS} cells"
+    if width * len(texts) > MAX_CELLS:
+        limit = f"extends to row {len(texts)} and column {width}: more than {MAX_CELLS} cells"
         raise source.refused(f"sheet {name}", limit, "save only the table, as CSV")
     padded = [(row + [""] * width)[:width] for row in texts]
     return Grid(source, padded, list(range(1, len(padded) + 1)), "", name)

@@ -30,14 +30,14 @@ from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator
 from matplotlib.transforms import Bbox, ScaledTranslation
 
 from solen.errors import SpecError
-from solen.report.options import LEAST_PT, FigureOptions
+from solen.report.options import MIN_PT, FigureOptions
 
 MM_PER_IN = 25.4
-NARROWEST_IN = 2.1
+MIN_WIDTH_IN = 2.1
 """Smallest width of a panel next to others, unless the panel was drawn narrower; narrower panels are stacked."""
 TALLEST = 0.75
 """Height of a graph on a page, as a multiple of its width; images keep their aspect ratio."""
-LOWEST_IN = 1.3
+MIN_HEIGHT_IN = 1.3
 PAGE_IN = 9.25
 """Page height; stacked panels shrink to fit as far as they stay legible."""
 _AIR_PX = 1.0
@@ -120,10 +120,10 @@ def _fit(figure: Figure, panels: list[list[Axes]], look: FigureOptions) -> None:
         return
     sizes = [_size_in(panel[0], (width, height)) for panel in panels]
     across = len({round(panel[0].get_subplotspec().get_position(figure).x0, 3) for panel in panels})  # type: ignore[union-attr]  # made by subplots
-    fits = max(1, math.floor(wide / min(NARROWEST_IN, *(w for w, _ in sizes))))
+    fits = max(1, math.floor(wide / min(MIN_WIDTH_IN, *(w for w, _ in sizes))))
     if not look.panels and across <= fits:
         shrink = wide / width
-        figure.set_size_inches(wide, max(height * shrink, min(height, 1.4 * LOWEST_IN * _down(panels, figure))))
+        figure.set_size_inches(wide, max(height * shrink, min(height, 1.4 * MIN_HEIGHT_IN * _down(panels, figure))))
         return
     across = min(across if not look.panels else len(panels), fits)
     if look.width_mm is None:
@@ -131,9 +131,9 @@ def _fit(figure: Figure, panels: list[list[Axes]], look: FigureOptions) -> None:
     each = wide / across
     tallest = [TALLEST * each if panel[0].get_aspect() == "auto" else math.inf for panel in panels]
     wanted = [min(h * min(1.0, each / w), most) for (w, h), most in zip(sizes, tallest, strict=True)]
-    heights = [max(LOWEST_IN, *wanted[at : at + across]) + 0.3 for at in range(0, len(panels), across)]
+    heights = [max(MIN_HEIGHT_IN, *wanted[at : at + across]) + 0.3 for at in range(0, len(panels), across)]
     lower = min(1.0, PAGE_IN / sum(heights))
-    heights = [max(LOWEST_IN, lower * height) for height in heights]
+    heights = [max(MIN_HEIGHT_IN, lower * height) for height in heights]
     grid = GridSpec(len(heights), across, figure=figure, height_ratios=heights)
     for number, panel in enumerate(panels):
         place = grid[divmod(number, across)] if len(panels) > 1 else grid[0, 0]
@@ -192,7 +192,7 @@ def _hide_titles(figure: Figure) -> None:
         title.set_visible(False)
         title.set_in_layout(False)
     if any("simulated" in title.get_text() for title in titles):
-        figure.supxlabel("simulated", x=1.0, ha="right", fontsize=LEAST_PT, color="0.4")
+        figure.supxlabel("simulated", x=1.0, ha="right", fontsize=MIN_PT, color="0.4")
 
 
 def _letter(panels: list[list[Axes]], first: str) -> None:
@@ -211,10 +211,10 @@ def _settle(figure: Figure, *, may_grow: bool) -> None:
     """Lay the figure out until every text fits and no legend covers data."""
     family = [*rcParams["font.sans-serif"][:1], "sans-serif"]  # the same font as for measuring
     for text in figure.findobj(Text):
-        text.set_fontsize(max(text.get_fontsize(), LEAST_PT))
+        text.set_fontsize(max(text.get_fontsize(), MIN_PT))
         text.set_fontfamily(family)
     for axes in figure.axes:
-        axes.tick_params(which="both", labelfontfamily=family, labelsize=max(rcParams["font.size"], LEAST_PT))
+        axes.tick_params(which="both", labelfontfamily=family, labelsize=max(rcParams["font.size"], MIN_PT))
     outside: set[Axes] = set()
     for axes in figure.axes:
         if (legend := axes.get_legend()) is not None:

@@ -12,7 +12,7 @@ from solen.spec.strict import Finite, Options, or_refuse
 
 PIXELS = (".png", ".tiff", ".tif")
 KINDS = (".svg", ".pdf", ".eps", *PIXELS)
-LEAST_PT = 6.0
+MIN_PT = 6.0
 """Smallest font size, as journals require."""
 LETTERS_LIMIT = "must be one letter: A, a or (a)"
 Limits = tuple[str | None, str, float, float]
@@ -34,7 +34,7 @@ class FigureOptions(Options):
     """Font of the lettering; by default the first installed of Helvetica Neue, Arial, Liberation Sans and DejaVu
     Sans.
     """
-    font_pt: Annotated[Finite, Ge(LEAST_PT), Le(24.0)] | None = None
+    font_pt: Annotated[Finite, Ge(MIN_PT), Le(24.0)] | None = None
     """Font size of the lettering; by default 9, or 8 with --width-mm. No lettering is smaller than 6."""
     no_titles: bool = False
     """Omit titles from the picture, except a note that data are simulated; the file's description keeps them."""

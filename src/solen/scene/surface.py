@@ -20,7 +20,7 @@ from typing import Literal
 from solen.curve import check_numbers, check_range
 from solen.errors import DesignError
 
-MOST_LAYERS = 64
+MAX_LAYERS = 64
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ class Coating:
     layers: tuple[Layer, ...]
 
     def __post_init__(self) -> None:
-        if not 1 <= len(self.layers) <= MOST_LAYERS:
-            raise DesignError("coating", value=f"{len(self.layers)} layers", limit=f"must be 1 to {MOST_LAYERS}")
+        if not 1 <= len(self.layers) <= MAX_LAYERS:
+            raise DesignError("coating", value=f"{len(self.layers)} layers", limit=f"must be 1 to {MAX_LAYERS}")
 
 
 @dataclass(frozen=True)

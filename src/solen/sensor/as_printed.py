@@ -27,7 +27,7 @@ from solen.sensor.sensor import Sensor
 from solen.spec import with_values
 from solen.trace.adaptive import is_extended
 
-MOST_ANGLES, MOST_ANGLES_IN_SPACE = 13, 5
+MAX_ANGLES, MAX_ANGLES_IN_SPACE = 13, 5
 """Maximum number of angles at which the two lenses are compared, in the plane and in space."""
 DRAWS = 8
 """Number of random outlines; eight determine a standard uncertainty to about 25 %."""
@@ -158,7 +158,7 @@ def as_printed(
     draws = draws if sensor.cut.fit.profile.u_mm.any() else 0
     scene = sensor.scene(float(own.angle_deg[0]))
     sampled = scene.is_random or scene.extrusion is not None
-    angles = spread(own.angle_deg.tolist(), MOST_ANGLES_IN_SPACE if sampled else MOST_ANGLES)
+    angles = spread(own.angle_deg.tolist(), MAX_ANGLES_IN_SPACE if sampled else MAX_ANGLES)
     is_point = sensor.light.width_mm == 0.0 and sensor.light.ray_file is None
     parts = 2 if is_point else 1
 

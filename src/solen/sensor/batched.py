@@ -21,7 +21,7 @@ from solen.trace.batch.places import Chips, Places
 
 RAYS = 2**12
 """Number of rays per angle, for a contrast accuracy of about 1e-3 with a chip of 0.2 mm."""
-FEWEST_RAYS = 16
+MIN_RAYS = 16
 """Minimum number of rays of one lattice."""
 
 
@@ -128,7 +128,7 @@ class _Batch:
         self.traced = np.flatnonzero(~opposite)
         lattices = places.lattices_for(self.width, self.offset, self.both)
         in_space = bool(self.numbers.thickness[:1].any())
-        each, most = max(math.ceil(rays / lattices), FEWEST_RAYS), int(self.numbers.body[:, -1].max(initial=0))
+        each, most = max(math.ceil(rays / lattices), MIN_RAYS), int(self.numbers.body[:, -1].max(initial=0))
         self.lattices, self.lots = lattices, local()
         self.places: dict[tuple[bytes, bytes], Places] = {}
         self.new_lot = partial(

@@ -15,14 +15,14 @@ from solen.sensor.response import Sensitivity, contrast_slope
 from solen.spec import with_values
 from solen.trace import Derivative, Mode, Slope, Trace, derivative, integrate
 from solen.trace.adaptive import POINT_TOLERANCE, default_tolerance, is_extended, why_not
-from solen.trace.derivative import EXTENDED_TOLERANCE, MOST_LEGS, SPACE_TOLERANCE, TOLERANCE
+from solen.trace.derivative import EXTENDED_TOLERANCE, MAX_LEGS, SPACE_TOLERANCE, TOLERANCE
 
 if TYPE_CHECKING:
     from solen.sensor.sensor import Sensor
 
 SAMPLED_TOLERANCE = 2e-4
 """Required standard error of sampled light (light in space, and scattered light)."""
-AROUND_ZERO, LEAST_STEP_MM = ("emitter.offset_mm", "emitter.y_mm"), 0.003
+AROUND_ZERO, MIN_STEP_MM = ("emitter.offset_mm", "emitter.y_mm"), 0.003
 """Numbers with values around 0, and the smallest step for their derivatives."""
 SLOPE_DEG, WIDE_SLOPE_DEG = 0.04, 0.2
 """Angle span of a slope: for a point emitter in the plane, whose response is steep, and for any other light."""
@@ -47,7 +47,7 @@ def derivative_of(sensor: "Sensor", key: str, angle_deg: float, mode: Mode, emit
     wide = sensor.is_loaded or (key.startswith("lens.knots_um") and _has_smooth_light(sensor, angle_deg))
     step = 0.5 * tolerance_of(sensor, key)[0] if wide else None  # well above the noise of a mesh or an integral
     if key in AROUND_ZERO and _has_smooth_light(sensor, angle_deg):
-        step = max(LEAST_STEP_MM, 0.01 * abs(value))
+        step = max(MIN_STEP_MM, 0.01 * abs(value))
     return derivative(scene_at, value, mode=mode, step=step)
 
 
@@ -82,7 +82,7 @@ def sensitivities(
             limit = f"its samples must reach {SAMPLED_TOLERANCE:g}"
             raise DesignError(f"light at {angle_deg:g} deg", value=f"{u:.1e}", limit=limit, remedy="use solen trace")
     else:
-        base = integrate(scene, "power", tolerance, most_legs=None if in_space else MOST_LEGS)
+        base = integrate(scene, "power", tolerance, most_legs=None if in_space else MAX_LEGS)
     if not base.reached:
         limit = f"the integral must reach {tolerance:g}"
         raise DesignError(f"light at {angle_deg:g} deg", value=base.why, limit=limit, remedy="try another angle")

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 LEVER_MM = 8.0
 """Distance from the pivot of the handle that turns the lens."""
-LEAST_MM = 1e-3
+MIN_MM = 1e-3
 STEP, ENOUGH, STEPS = 1e-4, 1e-3, 5
 """Parameters for a dragged node: derivative step, change that ends the iteration, and maximum number of iterations."""
 
@@ -117,7 +117,7 @@ def _emitter(design: Design, body: Body, table: str, along_side: tuple[str, floa
 
     def values(to: Point) -> Values:
         right, ahead = _parts(body, to)
-        distance = max(round(design.emitter.distance_mm - ahead, 3), LEAST_MM)
+        distance = max(round(design.emitter.distance_mm - ahead, 3), MIN_MM)
         return {key: round(place + sense * right, 3), f"{table}.distance_mm": distance}
 
     return Handle(body.emitter.point, values)
@@ -149,7 +149,7 @@ def _arm(design: Design, fork: Point, side: int) -> Handle:
         across, up = side * (to[0] - fork[0]), to[1] - fork[1]
         # the distance of the arm's axis from the fork is half its width: a right-angled triangle
         angle = math.atan2(across, up) + math.asin(min(half / max(math.hypot(across, up), half), 1.0))
-        length = math.sqrt(max(across**2 + up**2 - half**2, LEAST_MM))
+        length = math.sqrt(max(across**2 + up**2 - half**2, MIN_MM))
         limited = min(max(round(math.degrees(angle), 2), 0.01), 89.0)
         return {"body.arm_angle_deg": limited, "body.arm_length_mm": round(length, 2)}
 

@@ -28,7 +28,7 @@ SIXTHS, OFF_SIXTH = (1, 2, 3, 6), 2
 """Sixths of the distance from the null to an end of the motion: those compared, and the one with the emitter
 displaced.
 """
-Y_OFF_MM, LEAST_DEG = 0.1, 1e-6
+Y_OFF_MM, MIN_DEG = 0.1, 1e-6
 WORTH, RESOLVED = 1.1, 2.0
 """Gain of the signal above which another lens is worthwhile, and the margin required, in uncertainties of the gain."""
 
@@ -204,8 +204,8 @@ def _is_mirrored(sensor: Sensor, known: Response) -> bool:
 def _ends_deg(known: Response, null_deg: float, *, mirrored: bool) -> list[float]:
     """Return the ends of the motion used for the comparison, the farther one first; one end for a symmetric sensor."""
     first, last = float(known.angle_deg[0]), float(known.angle_deg[-1])
-    ends = [first] if mirrored and first < -LEAST_DEG else [first, last]
-    return sorted((end for end in ends if abs(end - null_deg) > LEAST_DEG), key=lambda end: -abs(end - null_deg))
+    ends = [first] if mirrored and first < -MIN_DEG else [first, last]
+    return sorted((end for end in ends if abs(end - null_deg) > MIN_DEG), key=lambda end: -abs(end - null_deg))
 
 
 def _figures(sensor: Sensor, null_deg: float, ends_deg: Sequence[float], known: Response | None) -> LensFigures:

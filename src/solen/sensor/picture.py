@@ -21,7 +21,7 @@ from solen.spec import with_values
 from solen.trace import Limits, Trace, trace
 from solen.trace.result import DETECTED, FATES, GOES_ON, TRUNCATED
 
-RAYS, MOST_RAYS = 200, 5000
+RAYS, MAX_RAYS = 200, 5000
 WEAKEST = 0.01
 """Fraction of its ray's power below which a branch is not drawn."""
 FLAT_MM = 2e-3

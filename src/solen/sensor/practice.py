@@ -27,7 +27,7 @@ from solen.trace import Slope
 
 CHIP_MM = 0.2
 """Width and height of a small LED chip, used if the design specifies no size."""
-MOST_ANGLES = 13
+MAX_ANGLES = 13
 """Maximum number of angles for tracing a sensor that differs from the design."""
 PAPER_TOLERANCE = 1e-5
 """Tolerance of the integrated response as in the paper."""
@@ -238,7 +238,7 @@ def as_built(sensor: Sensor) -> Sensor:
 
 def _built(sensor: Sensor, real: Sensor, own: Response, known: Slope | None) -> Built:
     same = real.light == sensor.light and sensor.design.trace.dimension == "extruded"
-    response = own if same else real.smooth(real.power(spread(own.angle_deg.tolist(), MOST_ANGLES)))
+    response = own if same else real.smooth(real.power(spread(own.angle_deg.tolist(), MAX_ANGLES)))
     null = response.null_deg()
     slope = known if same else None
     if slope is None and null is not None:

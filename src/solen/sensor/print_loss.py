@@ -22,7 +22,7 @@ from solen.sensor.sensor import Sensor
 from solen.spec import with_values
 
 RAYS = 2**14
-MOST_ANGLES = 13
+MAX_ANGLES = 13
 SLOPE_DEG = 0.1
 """Angle on either side of 0 for the slope about the null."""
 
@@ -120,7 +120,7 @@ def _compared(sensor: Sensor, profile: MeasuredProfile) -> EmitterLoss:
         limit = "only a designed lens of a Y can be replaced by a printed profile"
         raise DesignError("lens", value=sensor.design.lens.shape, limit=limit, remedy="omit the response")
     printed = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, profile))
-    angles = spread(sensor.design.motion.angles_deg(), MOST_ANGLES)
+    angles = spread(sensor.design.motion.angles_deg(), MAX_ANGLES)
     before, after = (one.power_of_rays(angles, RAYS) for one in (sensor, printed))
     return EmitterLoss(
         width_mm=sensor.light.width_mm,

@@ -22,7 +22,7 @@ from solen.progress import Progress, tracked
 from solen.scene import Scene, sensor_scene
 from solen.sensor.derivatives import SAMPLED_TOLERANCE, derivative_of, sensitivities, slope_per_deg
 from solen.sensor.response import Reading, Response, Sensitivity
-from solen.sensor.sweep import MOST_ANGLES, balanced, between, mirrored, readings_at
+from solen.sensor.sweep import MAX_ANGLES, balanced, between, mirrored, readings_at
 from solen.spec import Design, load, with_values
 from solen.spec.body import OF_SHAPES as KEYS_OF_SHAPES
 from solen.spec.placed import lit, state_of, states
@@ -31,7 +31,7 @@ from solen.trace.adaptive import default_tolerance, why_not
 from solen.trace.chunks import Sampling
 from solen.trace.nets import by_nets
 
-MOST_SAMPLED = 2**19
+MAX_SAMPLED = 2**19
 """Largest number of samples."""
 OF_SHAPES: dict[str, Any] = {f"lens.{key}": None for key, *_ in KEYS_OF_SHAPES}
 """Keys that lenses of another shape do not have, for removal with `solen.spec.with_values`."""
@@ -297,9 +297,9 @@ class Sensor:
         """Return the power from more and more Sobol' samples until all standard errors are within ``tolerance``.
 
         This is used for light scattered at random, and if `integrate` fails. It returns the last trace and the largest
-        error, which is above ``tolerance`` if `MOST_SAMPLED` rays do not suffice; ``reached`` is then False.
+        error, which is above ``tolerance`` if `MAX_SAMPLED` rays do not suffice; ``reached`` is then False.
         """
-        found = by_nets(self.scene(angle_deg), tolerance, most_rays=MOST_SAMPLED)
+        found = by_nets(self.scene(angle_deg), tolerance, most_rays=MAX_SAMPLED)
         return found, found.u_power
 
     @cached_property
@@ -324,7 +324,7 @@ class Sensor:
 
         The tolerance is that of `power`.
         """
-        while len(response.angle_deg) < MOST_ANGLES:
+        while len(response.angle_deg) < MAX_ANGLES:
             added = between(response)
             if not added:
                 break

@@ -10,7 +10,7 @@ from solen.progress import Progress, on_threads, part_of, tracked
 from solen.sensor.response import Reading, Response
 from solen.trace.result import Detected
 
-FEW_ANGLES, MOST_ANGLES = 5, 129
+FEW_ANGLES, MAX_ANGLES = 5, 129
 """Smallest (with both ends) and largest number of angles of a drawn curve."""
 BEND = 0.02
 """Contrast deviation from the line between its neighbours above which angles are added."""
@@ -70,5 +70,5 @@ def between(response: Response) -> list[float]:
         return [float(middle) for middle in middles]
     share = (angle[1:-1] - angle[:-2]) / (angle[2:] - angle[:-2])
     bends = np.abs(contrast[1:-1] - (1.0 - share) * contrast[:-2] - share * contrast[2:]) > BEND
-    wide = np.diff(angle) > (angle[-1] - angle[0]) / MOST_ANGLES
+    wide = np.diff(angle) > (angle[-1] - angle[0]) / MAX_ANGLES
     return [float(middle) for middle in middles[(np.append(bends, False) | np.append(False, bends)) & wide]]

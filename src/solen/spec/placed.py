@@ -18,7 +18,7 @@ OF_A_PART = ("wavelength_nm", "spectrum", "fwhm_nm", "width_mm", "height_mm", "c
 OF_A_SHAPE = ("knots_um", "least_feature_um")
 """Shared keys of ``[lens]`` that do not apply to a lens whose own table gives a shape."""
 
-MOST_TOGETHER = 6
+MAX_COMBINED = 6
 """Largest number of motions for which every combination of end positions is checked."""
 
 
@@ -81,7 +81,7 @@ def states(network: Network) -> Iterator[dict[str, float]]:
     yield {}
     for motion in network.motion:
         yield from ({motion.name: angle} for angle in motion.angles_deg())
-    if 1 < len(network.motion) <= MOST_TOGETHER:
+    if 1 < len(network.motion) <= MAX_COMBINED:
         names = [motion.name for motion in network.motion]
         for ends in product(*((motion.from_deg, motion.to_deg) for motion in network.motion)):
             yield dict(zip(names, ends, strict=True))

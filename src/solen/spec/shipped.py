@@ -16,7 +16,7 @@ from solen.spec.strict import Migrations, error_context, migrated, nearest, pars
 T = TypeVar("T")
 
 
-MOST_NAMES = 16
+MAX_NAMES = 16
 """Largest number of names that an error message lists."""
 
 
@@ -51,7 +51,7 @@ class Library(Generic[T]):
         names = self.names()
         if name not in names:
             near = nearest(name, names)
-            known = ", ".join(names) if len(names) <= MOST_NAMES else f"of {len(names)}"
+            known = ", ".join(names) if len(names) <= MAX_NAMES else f"of {len(names)}"
             raise DataError(
                 self.what,
                 value=name,

@@ -53,7 +53,7 @@ _LIMITS = {
     "unexpected_keyword_argument": "unknown name",
 }
 _BOUNDS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
-_LONGEST_VALUE = 60  # characters of a refused value shown in its line
+_MAX_VALUE_LENGTH = 60  # characters of a refused value shown in its line
 
 
 def refused(key: str, limit: str, *, value: object = None, remedy: str = "") -> PydanticCustomError:
@@ -87,19 +87,19 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 """A finite option value, which a command line may pass as text; `Number` is for files."""
 Above0 = Annotated[Finite, Field(gt=0)]
 NotBelow0 = Annotated[Finite, Field(ge=0)]
-SHORTEST_NM, LONGEST_NM = 100.0, 20_000.0
+MIN_NM, MAX_NM = 100.0, 20_000.0
 """Range of wavelengths accepted as an option; a smaller value is probably in µm."""
 
 
 def _in_nm(wavelength_nm: float) -> float:
-    if not SHORTEST_NM <= wavelength_nm <= LONGEST_NM:
+    if not MIN_NM <= wavelength_nm <= MAX_NM:
         nm = 1e3 * wavelength_nm  # of one in µm
-        remedy = f"did you mean {nm:g}?" if SHORTEST_NM <= nm <= LONGEST_NM else ""
-        raise refused("", f"must be {SHORTEST_NM:g} to {LONGEST_NM:g}, in nm", value=wavelength_nm, remedy=remedy)
+        remedy = f"did you mean {nm:g}?" if MIN_NM <= nm <= MAX_NM else ""
+        raise refused("", f"must be {MIN_NM:g} to {MAX_NM:g}, in nm", value=wavelength_nm, remedy=remedy)
     return wavelength_nm
 
 
-Wavelength = Annotated[float, AfterValidator(_in_nm), Ge(SHORTEST_NM), Le(LONGEST_NM)]
+Wavelength = Annotated[float, AfterValidator(_in_nm), Ge(MIN_NM), Le(MAX_NM)]
 """A wavelength in nm, as an option value."""
 
 
@@ -265,7 +265,7 @@ def _owner(model: type[Strict], loc: tuple[int | str, ...]) -> tuple[type[Strict
 def _shown(value: object) -> object:
     """Return a value as an error message shows it; long text is shortened."""
     text = value if isinstance(value, str) else str(value)
-    return value if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 3]}..."
+    return value if len(text) <= _MAX_VALUE_LENGTH else f"{text[: _MAX_VALUE_LENGTH - 3]}..."
 
 
 def _unknown(what: str, key: str, owner: type[Strict], root: type[Strict]) -> tuple[str, str]:

@@ -24,7 +24,7 @@ from solen.studio.jobs import Jobs
 if TYPE_CHECKING:
     from solen.studio.search import Search
 
-MOST_STATES = 500
+MAX_STATES = 500
 """Largest number of states kept for undo."""
 EXAMPLE = "solen-860"
 
@@ -113,7 +113,7 @@ class Document:
 
     def _push(self, state: State, gesture: str = "") -> State:
         same = gesture != "" and gesture == self.gesture and self.place > 0
-        first = max(0, self.place + 1 - MOST_STATES)
+        first = max(0, self.place + 1 - MAX_STATES)
         self.states = [*self.states[first : self.place + (0 if same else 1)], state]
         self.place, self.gesture = len(self.states) - 1, gesture
         self.version += 1

@@ -18,7 +18,7 @@ from typing import Any, Literal, Protocol
 
 from solen.errors import SolenError, SpecError
 
-MOST_RUNNING, MOST_KEPT = 3, 60
+MAX_RUNNING, MAX_KEPT = 3, 60
 """Largest number of jobs that run at a time, and of finished jobs whose results are still shown."""
 ENDED = "ended unexpectedly: see the terminal; files already written are kept"
 State = Literal["running", "done", "cancelled", "failed"]
@@ -174,10 +174,10 @@ class Jobs:
         """
         with self.lock:
             running = [one for one in self.all if one.state == "running"]
-            if len(running) >= MOST_RUNNING:
-                limit = f"{MOST_RUNNING} are running"
+            if len(running) >= MAX_RUNNING:
+                limit = f"{MAX_RUNNING} are running"
                 raise SpecError("work in the background", limit=limit, remedy=f"wait, or cancel {running[0].name}")
-            ended = [one for one in self.all if one.state != "running"][-MOST_KEPT:]
+            ended = [one for one in self.all if one.state != "running"][-MAX_KEPT:]
             job = Job(self.all[-1].number + 1 if self.all else 1, name, about, self)
             self.all = sorted([*ended, *running, job], key=lambda one: one.number)
         job.begin(work, given)
@@ -187,7 +187,7 @@ class Jobs:
         """Add a job that ended in an earlier session."""
         job = Job(self.all[-1].number + 1 if self.all else 1, name, about, self)
         job.news |= {**news, "state": "done", "share": 1.0}
-        self.all = [*self.all, job][-MOST_KEPT:]
+        self.all = [*self.all, job][-MAX_KEPT:]
 
     def of(self, number: int) -> Job:
         """Return a job by its number; raise `SpecError` if it does not exist."""

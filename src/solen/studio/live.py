@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from solen.bench.run import Tick
 from solen.studio.jobs import SendNews
 
-MOST_POINTS, LOOK_S = 600, 0.2
+MAX_POINTS, LOOK_S = 600, 0.2
 """Largest number of points shown on a curve, and the time between updates."""
 ENDS = ("from (95 %)", "to (95 %)")
 SHOWN = {"angle_deg": "angle / °", "force_N": "force / N", "depth_mm": "depth / mm"}
@@ -28,7 +28,7 @@ class LiveCurve:
         if self.seen % self.every == 0:
             self.rows.append(tuple(row))
         self.seen += 1
-        if len(self.rows) >= MOST_POINTS:
+        if len(self.rows) >= MAX_POINTS:
             self.rows, self.every = self.rows[::2], 2 * self.every
         if time.monotonic() - self.reported_s >= LOOK_S:
             self.reported_s = time.monotonic()

@@ -14,7 +14,7 @@ from solen.studio.workspace import Order, Workspace
 if TYPE_CHECKING:
     from fastapi import FastAPI, Response
 
-LARGEST_ORDER = 2**16
+MAX_REQUEST_BYTES = 2**16
 """Largest size in bytes of a request to a tab."""
 
 
@@ -91,6 +91,6 @@ async def _whole(parts: AsyncIterator[bytes]) -> bytes:
     message = b""
     async for some in parts:
         message += some
-        if len(message) > LARGEST_ORDER:
-            raise SpecError("message", limit=f"is longer than {LARGEST_ORDER} bytes")
+        if len(message) > MAX_REQUEST_BYTES:
+            raise SpecError("message", limit=f"is longer than {MAX_REQUEST_BYTES} bytes")
     return message

@@ -31,9 +31,9 @@ TYPES = {
     ".txt": "text/plain; charset=utf-8",
 }
 """Media types of the page's files, by suffix; no other file is served."""
-LARGEST_MESSAGE = 2**16
+MAX_MESSAGE_BYTES = 2**16
 """Largest page message in bytes; a longer one closes its connection."""
-MOST_PAGES, MOST_CONNECTIONS = 8, 64
+MAX_PAGES, MAX_CONNECTIONS = 8, 64
 UNSAVED_CHECK_S = 2.0
 """Time between checks for unsaved changes."""
 TRY_AGAIN = 1013
@@ -65,7 +65,7 @@ def application(workspace: Workspace, token: str, address: str, port: int) -> Gu
         return Response((PAGE / name).read_bytes(), media_type=kind)
 
     async def talk(socket: WebSocket) -> None:
-        if len(sessions) >= MOST_PAGES:
+        if len(sessions) >= MAX_PAGES:
             await socket.close(TRY_AGAIN)
             return
         await socket.accept()
@@ -168,10 +168,10 @@ def server_at(
         application(Workspace(document, shown), token, address, port),
         http="h11",
         ws="websockets-sansio",
-        ws_max_size=LARGEST_MESSAGE,
+        ws_max_size=MAX_MESSAGE_BYTES,
         ws_max_queue=8,
         ws_per_message_deflate=False,
-        limit_concurrency=MOST_CONNECTIONS,
+        limit_concurrency=MAX_CONNECTIONS,
         h11_max_incomplete_event_size=2**14,
         lifespan="on",
         log_level="warning",

@@ -24,7 +24,7 @@ from solen.studio.document import Document
 from solen.studio.frames import encoded
 from solen.studio.search import adopt, begin
 
-MOST_WAITING = 16
+MAX_PENDING = 16
 """Largest number of different requests that may wait; all requests from one drag count as one."""
 WATCHED_S = 0.2
 """Time between checks of background work."""
@@ -77,8 +77,8 @@ class Session:
         """Accept a message of the page; a malformed one is rejected, and the session continues."""
         try:
             waiting = merged(self.waiting, PageRequest(**request_of(message)))
-            if len(waiting) > MOST_WAITING:
-                raise SpecError("requests", limit=f"at most {MOST_WAITING} may wait", remedy="wait for an answer")
+            if len(waiting) > MAX_PENDING:
+                raise SpecError("requests", limit=f"at most {MAX_PENDING} may wait", remedy="wait for an answer")
         except SolenError as bad:
             await self.send(_refusal(0, bad))
             return

@@ -15,12 +15,12 @@ from typing import Any
 from solen.errors import OutputError, SpecError
 from solen.files import DEVICES, output_folder
 
-LARGEST_FILE = 2**28
+MAX_FILE_BYTES = 2**28
 """Largest size in bytes of a dropped file."""
 WRITTEN = {".json", ".toml", ".nc", ".journal"}
 """Suffixes of files written by jobs that other jobs accept."""
 _OTHER = re.compile(r"[^\w .,()+%°µ-]+")
-_LONGEST = 80
+_MAX_NAME_LENGTH = 80
 
 
 def safe_name(name: str) -> str:
@@ -28,7 +28,7 @@ def safe_name(name: str) -> str:
     cleaned = _OTHER.sub("_", name.replace("\\", "/").rpartition("/")[2]).strip(" .")
     stem, dot, ending = cleaned.rpartition(".")
     stem, ending = (stem, f".{ending[:12]}") if dot and stem else (cleaned, "")
-    stem = stem[:_LONGEST].strip(" .") or "file"
+    stem = stem[:_MAX_NAME_LENGTH].strip(" .") or "file"
     return f"{'_' if stem.partition('.')[0].strip().upper() in DEVICES else ''}{stem}{ending}"
 
 
@@ -57,8 +57,8 @@ class Storage:
                 with part.open("xb") as file:
                     async for some in parts:
                         size += len(some)
-                        if size > LARGEST_FILE:
-                            limit = f"is larger than {LARGEST_FILE // 2**20} MB"
+                        if size > MAX_FILE_BYTES:
+                            limit = f"is larger than {MAX_FILE_BYTES // 2**20} MB"
                             raise OutputError(safe_name(name), limit=limit, remedy="use it from the command line")
                         file.write(some)
                 return self._kept(part, safe_name(name))

@@ -38,16 +38,16 @@ from solen.trace.tail import Tail
 
 INNER_SHARE, OUTER_SHARE = 0.2, 0.6
 """Fractions of the tolerance: for the integral at one position of a source, and for the integral over all positions."""
-MOST_PLACES = 3000
+MAX_PLACES = 3000
 """Maximum number of positions at which the integral is evaluated, per initial panel."""
 CHANGE_SHARE = 0.5
 """Minimum error of each half of a panel, as a fraction of the change caused by halving the panel."""
-LEAST_SHARE = 0.01
+MIN_SHARE = 0.01
 EXACT_SHARE, NEGLIGIBLE = 0.7, 0.02
 """Fractions of the tolerance: allotted to the exactly followed light if a tail is sampled, and the power below which a
 tail is too weak to be worth sampling.
 """
-FEWEST_LEGS, LEGS_TOLERANCE, GREATEST_LEGS = 1_000_000, 1e-4, 20_000_000
+MIN_LEGS, LEGS_TOLERANCE, MAX_LEGS = 1_000_000, 1e-4, 20_000_000
 """Minimum number of ray segments, the tolerance to which it applies, and the maximum number. In between, the number of
 segments is proportional to the square root of 1/tolerance.
 """
@@ -59,7 +59,7 @@ several, the power of a trapped ray is chaotic, so sampling is more efficient.
 ROUGH = 3e-5
 """Tolerance at and above which light from an extended source may be sampled early."""
 TAIL_LEGS, TAIL_SHARE, LAST_EFFORT, MANY_HITS = 120_000_000, 120, 5, 10
-LEAST_TOLERANCE, MOST_TOLERANCE = 1e-12, 0.1
+MIN_TOLERANCE, MAX_TOLERANCE = 1e-12, 0.1
 POINT_TOLERANCE, EXTENDED_TOLERANCE = 1e-6, 1e-4
 """Default power tolerances: for a point source in the plane at one wavelength, and for any other source."""
 
@@ -122,14 +122,14 @@ def integrate_many(
 ) -> list[Trace]:
     """Apply `integrate` in parallel threads to many scenes, such as positions of a motion or variants of a design."""
     check_mode(mode)
-    if not LEAST_TOLERANCE <= tolerance <= MOST_TOLERANCE:
-        limit = f"must be from {LEAST_TOLERANCE:g} to {MOST_TOLERANCE:g}"
+    if not MIN_TOLERANCE <= tolerance <= MAX_TOLERANCE:
+        limit = f"must be from {MIN_TOLERANCE:g} to {MAX_TOLERANCE:g}"
         raise DesignError("tolerance", value=tolerance, limit=limit)
     if mode == "roulette":
         raise DesignError("mode", value=mode, limit="adaptive integration requires mode count or power")
     threads = (os.cpu_count() or 1) if threads is None else threads
     check_count("threads", threads, 1)
-    exact = limits or Limits(min_weight=LEAST_SHARE * tolerance)
+    exact = limits or Limits(min_weight=MIN_SHARE * tolerance)
     lights = [None if scene.front is not None else Lights.of(scene, mode, exact) for scene in scenes]
     side_by_side = len(scenes) > 1
 
@@ -162,7 +162,7 @@ class Points:
     def __init__(self, scene: Scene, tolerance: float = 1e-6) -> None:
         if len(scene.sources) != 1:
             raise DesignError("sources", value=len(scene.sources), limit="the scene must have exactly one source")
-        limits = Limits(min_weight=LEAST_SHARE * tolerance)
+        limits = Limits(min_weight=MIN_SHARE * tolerance)
         self._light = Lights.of(scene, "power", limits).in_plane
         self._tolerance = tolerance
         self._receivers = len(scene.receivers)
@@ -300,7 +300,7 @@ def default_tolerance(scene: Scene) -> float:
 
 def most_legs_for(tolerance: float) -> int:
     """Return the number of ray segments after which an integration to this tolerance ends."""
-    return int(min(FEWEST_LEGS * math.sqrt(max(LEGS_TOLERANCE / tolerance, 1.0)), GREATEST_LEGS))
+    return int(min(MIN_LEGS * math.sqrt(max(LEGS_TOLERANCE / tolerance, 1.0)), MAX_LEGS))
 
 
 def cause(found: Integral) -> str:
@@ -324,7 +324,7 @@ def over_places(at: Callable[[float], Integral], panels: int, tolerance: float) 
     """Integrate ``at`` over positions from 0 to 1, always halving the panel with the largest error."""
     cuts, rule = np.linspace(0.0, 1.0, panels + 1).tolist(), COARSE if tolerance >= COARSE_TOLERANCE else RULE
     done = [_panel(at, rule, low, high)._replace(error=math.inf) for low, high in pairwise(cuts)]
-    points, most = panels * len(rule.nodes), MOST_PLACES * panels
+    points, most = panels * len(rule.nodes), MAX_PLACES * panels
     while points < most and math.fsum(panel.error for panel in done) > OUTER_SHARE * tolerance:
         if math.fsum(panel.found.error + panel.found.gaps for panel in done) > tolerance:
             break  # halving panels would not help

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from solen.arrays import FloatArray, IntArray
-from solen.trace.kernel.cells import LEAST_SHARE, Rule
+from solen.trace.kernel.cells import MIN_SHARE, Rule
 from solen.trace.kernel.prism import MORE_COLUMNS
 
 LEARNED, PRIOR_RATIO = 4.0, 0.35
@@ -164,7 +164,7 @@ def refined(over: Over, first: Sequence[Cell], caution: float = CAUTION) -> Iter
         change = _most(cell.value - halves[0].value - halves[1].value)
         if cell.error > 0.0:
             ratios, many = ratios + (change / cell.error) ** 2, many + 1.0
-        q, t = (LEAST_SHARE * error for error in cell.errors)
+        q, t = (MIN_SHARE * error for error in cell.errors)
         if cell.errors[0] > cell.errors[1]:
             q = max(q, CHANGE_SHARE * change)
         else:

@@ -32,18 +32,18 @@ from solen.trace.kernel.tree import LEG_COLUMNS, STACK, Family
 from solen.trace.kernel.tree import WIDTH as STACK_WIDTH
 from solen.trace.tables import Tables
 
-FIRST_INTERVALS, LEAST_INTERVALS = 64, 4
+FIRST_INTERVALS, MIN_INTERVALS = 64, 4
 """Initial number of intervals for a complete cone, and minimum number for the part between two corners of an emission
 pattern.
 """
-NARROWEST_DEG = 1e-11
+MIN_WIDTH_DEG = 1e-11
 """Width of the narrowest interval that is cut: over a few mm, it corresponds to the distance
 `solen.curve.END_TOLERANCE_MM` within which a corner is undecided.
 """
 GAP_SHARE = 0.01
 """Width below which a gap is initially not cut further, as a fraction of the tolerance times the cone."""
-MOST_LEGS = 200_000
-MOST_LEGS_AGAIN = 20_000_000
+MAX_LEGS = 200_000
+MAX_LEGS_AGAIN = 20_000_000
 """Number of ray segments after which pieces count as lost; bisection of each edge takes about eighty rays."""
 SLIVER = 1e-10
 """Pieces narrower than this fraction of the cone result from extending curves beyond their ends, and are ignored."""
@@ -95,7 +95,7 @@ COARSE_TOLERANCE = 1e-5
 points.
 """
 DOUBLE = Precision.of(np.float64)
-MOST_SAMPLES, MOST_KEPT_LEGS, MOST_WAITING = 1 << 15, 1 << 22, 256
+MAX_SAMPLES, MAX_KEPT_LEGS, MAX_PENDING = 1 << 15, 1 << 22, 256
 
 
 class Parts(NamedTuple):
@@ -188,14 +188,14 @@ class Cone:
     ) -> Integral:
         """Integrate one interval of angles; return its contribution as a fraction of the source power."""
         samples, pieces = buffers_of(most_legs, self.columns)
-        total, narrowest = np.zeros(self.columns), math.radians(NARROWEST_DEG)
+        total, narrowest = np.zeros(self.columns), math.radians(MIN_WIDTH_DEG)
         here = family.high - family.low
         most = max(abs(family.base + family.slope * family.low), abs(family.base + family.slope * family.high))
         density, share = 0.25 * tolerance * (self.whole / width), here / width
         error, gaps, parts = adapt.integrate_cone(
             DOUBLE, self.tables, family, samples, pieces, self.ends, RULE, density,
             max(GAP_SHARE * tolerance * self.whole / most, narrowest), narrowest,
-            0.5 * tolerance * self.whole * share / most, max(math.ceil(FIRST_INTERVALS * share), LEAST_INTERVALS),
+            0.5 * tolerance * self.whole * share / most, max(math.ceil(FIRST_INTERVALS * share), MIN_INTERVALS),
             most_legs, np.zeros((len(NODES) + 1, self.columns)), total,
         )  # fmt: skip
         if kept is not None:
@@ -214,13 +214,13 @@ class Cone:
         return total / self.whole
 
     def _interval_again(self, family: Family, parts: Parts) -> np.ndarray | None:
-        samples, pieces = buffers_of(MOST_LEGS, self.columns)
+        samples, pieces = buffers_of(MAX_LEGS, self.columns)
         samples.counts[:] = 0
         for name in Parts._fields:
             getattr(pieces, name)[: len(getattr(parts, name))] = getattr(parts, name)
         total, here = np.zeros(self.columns), family.high - family.low
         gaps, found = adapt.integrate_again(
-            DOUBLE, self.tables, family, samples, pieces, len(parts.low), len(parts.part_low), RULE, MOST_LEGS_AGAIN,
+            DOUBLE, self.tables, family, samples, pieces, len(parts.low), len(parts.part_low), RULE, MAX_LEGS_AGAIN,
             np.zeros((len(NODES) + 1, self.columns)), total,
         )  # fmt: skip
         widths_before = here - float(np.sum(parts.high - parts.low))
@@ -248,7 +248,7 @@ def buffers_of(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Piece
 
 def _new_buffers(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pieces]:
     """Allocate working memory; unused pages do not occupy physical memory."""
-    n = MOST_SAMPLES
+    n = MAX_SAMPLES
 
     def whole() -> np.ndarray:
         return np.empty(n, np.int64)
@@ -263,7 +263,7 @@ def _new_buffers(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pie
         many=whole(),
         after=whole(),
         whole=np.empty(n, np.bool_),
-        legs=np.empty((min(most_legs, MOST_KEPT_LEGS), LEG_COLUMNS)),
+        legs=np.empty((min(most_legs, MAX_KEPT_LEGS), LEG_COLUMNS)),
         open=whole(),
         value=np.empty(columns),
         stack=np.empty((STACK, STACK_WIDTH)),
@@ -277,6 +277,6 @@ def _new_buffers(most_legs: int, columns: int) -> tuple[adapt.Samples, adapt.Pie
         part_low=real(),
         part_high=real(),
         part_of=whole(),
-        waiting=np.empty((MOST_WAITING, 2)),
+        waiting=np.empty((MAX_PENDING, 2)),
     )
     return samples, pieces

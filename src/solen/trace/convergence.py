@@ -21,7 +21,7 @@ from solen.trace.engine import trace
 from solen.trace.nets import with_rays
 from solen.trace.result import Limits, Method, Mode, Trace, check_mode
 
-LEAST_RAYS, MOST_RAYS = 2**4, 2**18
+MIN_RAYS, MAX_RAYS = 2**4, 2**18
 TIGHT = 1e-11
 """Tolerance of the reference value."""
 TOLERANCES = tuple(10.0**-k for k in range(1, 10))
@@ -53,7 +53,7 @@ def convergence(
     mode: Mode = "power",
     limits: Limits | None = None,
     *,
-    most_rays: int = MOST_RAYS,
+    most_rays: int = MAX_RAYS,
     seed: int = 0,
 ) -> Convergence:
     """Compute the error as a function of the ray count for fans, Sobol' samples and adaptive integration.
@@ -83,7 +83,7 @@ def convergence(
         For an unknown mode, too few rays, a scene without receivers, or a source that is a list of rays.
     """
     check_mode(mode)
-    check_count("most_rays", most_rays, LEAST_RAYS)
+    check_count("most_rays", most_rays, MIN_RAYS)
     if not scene.receivers:
         raise DesignError("convergence", value="no receiver", limit="the scene requires a receiver")
     if any(isinstance(source, Rays) for source in scene.sources):
@@ -94,7 +94,7 @@ def convergence(
     found = list(_integrals(scene, whole, limits))
     reference = _reference(scene, whole, limits, most_rays, found)
     found = [one for one in found if one is not reference]
-    numbers = [most_rays >> k for k in range(int(math.log2(most_rays / LEAST_RAYS)), -1, -1)]
+    numbers = [most_rays >> k for k in range(int(math.log2(most_rays / MIN_RAYS)), -1, -1)]
     scenes = [_with_rays(scene, rays) for rays in numbers]
     fans = [trace(variant, mode, limits, seed=seed) for variant in scenes]
     samples = [trace(variant, mode, limits, sampling="sobol", seed=seed) for variant in scenes]

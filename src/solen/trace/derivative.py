@@ -27,7 +27,7 @@ from solen.curve import check_numbers, check_range
 from solen.errors import DesignError, SolenError
 from solen.results import Result
 from solen.scene import Scene
-from solen.trace.adaptive import LEAST_SHARE, Lights, is_extended
+from solen.trace.adaptive import MIN_SHARE, Lights, is_extended
 from solen.trace.cone import Parts
 from solen.trace.engine import trace
 from solen.trace.nets import with_rays
@@ -37,9 +37,9 @@ from solen.trace.space import LightInSpace
 
 TOLERANCE, EXTENDED_TOLERANCE, SPACE_TOLERANCE = 1e-9, 1e-6, 1e-4
 RELATIVE_STEP, EXTENDED_STEP, CHIP_STEP = 2e-4, 1e-2, 2e-2
-MOST_HALVINGS = 6
-MOST_LEGS, SPACE_LEGS = 400_000, 15_000_000
-SEEDS, SAMPLES, MOST_DOUBLINGS = 8, 2**15, 4
+MAX_HALVINGS = 6
+MAX_LEGS, SPACE_LEGS = 400_000, 15_000_000
+SEEDS, SAMPLES, MAX_DOUBLINGS = 8, 2**15, 4
 """For sampled light: number of independent differences, number of rays at each end of a difference, and maximum
 number of times that the step is doubled.
 """
@@ -124,7 +124,7 @@ def derivative(
     in_space = scene.extrusion is not None
     if tolerance is None:
         tolerance = TOLERANCE if point else SPACE_TOLERANCE if in_space else EXTENDED_TOLERANCE
-    exact = limits or Limits(min_weight=LEAST_SHARE * tolerance)
+    exact = limits or Limits(min_weight=MIN_SHARE * tolerance)
 
     def at(value: float) -> Lights:
         return Lights.of(scene_at(value), mode, exact)
@@ -144,11 +144,11 @@ def _of_a_point(at: At, value: float, step: float, tolerance: float) -> Derivati
     """Differentiate for a point source at one wavelength, over pieces that are located again in each changed scene."""
     lights = at(value)
     parts: list[Parts] = []
-    base = lights.trace_of([lights.in_plane.cone().integral(tolerance, MOST_LEGS, parts)], tolerance)
+    base = lights.trace_of([lights.in_plane.cone().integral(tolerance, MAX_LEGS, parts)], tolerance)
     if not base.reached:
         raise DesignError("derivative", value=base.why, limit=f"the integral must reach {tolerance:g}")
     names = lights.scene.receivers
-    for _ in range(MOST_HALVINGS + 1):
+    for _ in range(MAX_HALVINGS + 1):
         wide = _difference(at, value, step, parts)
         close = _difference(at, value, 0.5 * step, parts) if wide is not None else None
         if wide is not None and close is not None:
@@ -174,7 +174,7 @@ def _of_integrals(at: At, value: float, step: float, tolerance: float) -> Deriva
     """Differentiate for extended sources and for several wavelengths, with differences of complete integrals."""
     differences, u = [], 0.0
     for half in (step, 0.5 * step):
-        low, high = (at(value + sign * half).trace(tolerance, MOST_LEGS) for sign in (-1.0, 1.0))
+        low, high = (at(value + sign * half).trace(tolerance, MAX_LEGS) for sign in (-1.0, 1.0))
         for end in (low, high):
             if not end.reached:
                 raise DesignError("derivative", value=end.why, limit=f"the integral must reach {tolerance:g}")
@@ -190,7 +190,7 @@ def _in_space(at: At, value: float, step: float) -> Derivative | None:
     best, bent, u = np.zeros(len(names)), np.zeros(len(names)), 0.0
     for source, lights in zip(ends[0].scene.sources, zip(*(end.each for end in ends), strict=True), strict=True):
         in_space = [light for light in lights if isinstance(light, LightInSpace)]
-        if len(in_space) < len(lights) or in_space[0].integral(ROUGH, rules, MOST_LEGS).u > ROUGH:
+        if len(in_space) < len(lights) or in_space[0].integral(ROUGH, rules, MAX_LEGS).u > ROUGH:
             return None
         weight = source.power / ends[0].scene.emitted
         found = slopes(in_space, step, len(names), rules, SPACE_LEGS)
@@ -222,7 +222,7 @@ def _of_samples(
 
     best: _Sampled | None = None
     near = difference(0.5 * step, SAMPLES)
-    for doubled in range((TRAPPED_DOUBLINGS if most else MOST_DOUBLINGS) + 1):
+    for doubled in range((TRAPPED_DOUBLINGS if most else MAX_DOUBLINGS) + 1):
         try:
             far = difference(step * 2.0**doubled, SAMPLES)
         except SolenError:

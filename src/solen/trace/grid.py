@@ -14,10 +14,10 @@ import numpy as np
 from solen.arrays import FloatArray, IntArray
 from solen.curve import Curve
 
-FEWEST = 40
+MIN_PIECES = 40
 """Number of curve pieces below which it is faster to test all of them for many rays at once."""
 CELLS_PER_PIECE = 2.0
-MOST_ALONG = 4096
+MAX_CELLS_ALONG = 4096
 SAG = 0.1
 
 
@@ -36,7 +36,7 @@ NO_GRID = Grid(np.zeros(2), np.ones(2), np.ones(2, dtype=np.int64), np.zeros(2, 
 
 def grid_of(pieces: Sequence[Curve]) -> Grid:
     """Return the grid over the curve pieces, or `NO_GRID` if there are few pieces."""
-    if len(pieces) < FEWEST:
+    if len(pieces) < MIN_PIECES:
         return NO_GRID
     ends = np.array([point for curve in pieces for point in (curve.start, curve.middle_point, curve.end)])
     size = np.ptp(ends, axis=0)
@@ -46,7 +46,7 @@ def grid_of(pieces: Sequence[Curve]) -> Grid:
     everything = np.vstack(lines)
     margin = SAG * cell + 1e-6 * widest
     low, high = everything.min(axis=0) - 2.0 * margin, everything.max(axis=0) + 2.0 * margin
-    many = np.clip(np.ceil((high - low) / cell), 1, MOST_ALONG).astype(np.int64)
+    many = np.clip(np.ceil((high - low) / cell), 1, MAX_CELLS_ALONG).astype(np.int64)
     cells = (high - low) / many
     piece, start, stop = _sides(lines, float(cells.min()))
     first = np.clip(np.floor((np.minimum(start, stop) - margin - low) / cells), 0, many - 1).astype(np.int64)

@@ -11,7 +11,7 @@ from solen.scene import Scene
 from solen.trace.engine import trace
 from solen.trace.result import Limits, Mode, Trace
 
-FIRST_RAYS, MOST_RAYS, TIMES = 2**15, 2**21, 4
+FIRST_RAYS, MAX_RAYS, TIMES = 2**15, 2**21, 4
 """Initial and maximum number of rays, and the factor between successive numbers."""
 
 
@@ -21,7 +21,7 @@ def by_nets(
     mode: Mode = "power",
     limits: Limits | None = None,
     *,
-    most_rays: int = MOST_RAYS,
+    most_rays: int = MAX_RAYS,
     most_legs: int | None = None,
     threads: int | None = None,
     first_rays: int = FIRST_RAYS,

@@ -7,12 +7,12 @@ from pydantic import Field, model_validator
 from solen.errors import SpecError
 from solen.scene import Scene
 from solen.spec.strict import Finite, Options, refused
-from solen.trace.adaptive import LEAST_TOLERANCE, MOST_TOLERANCE, default_tolerance, integrate
+from solen.trace.adaptive import MIN_TOLERANCE, MAX_TOLERANCE, default_tolerance, integrate
 from solen.trace.chunks import Digits
 from solen.trace.engine import trace
 from solen.trace.result import Mode, Trace
 
-MOST_PATHS = 100_000
+MAX_PATHS = 100_000
 """Maximum number of rays whose paths are stored."""
 
 
@@ -29,7 +29,7 @@ class TraceOptions(Options):
     """
     seed: Annotated[int, Field(ge=0, lt=2**63)] | None = None
     """Seed of sobol and roulette; equal seeds give identical results."""
-    tolerance: Annotated[Finite, Field(ge=LEAST_TOLERANCE, le=MOST_TOLERANCE)] | None = None
+    tolerance: Annotated[Finite, Field(ge=MIN_TOLERANCE, le=MAX_TOLERANCE)] | None = None
     """For adaptive sampling: maximum uncertainty of a power, as a fraction of the emitted power; default: 1e-6 for a
     point source of one wavelength, 1e-4 for other sources.
     """
@@ -103,8 +103,8 @@ def _check_adaptive(scene: Scene, paths: bool) -> None:
 
 def check_paths(scene: Scene) -> None:
     """Raise `SpecError` if the ray paths of a scene cannot be stored: too many rays, or rays in space."""
-    if scene.rays > MOST_PATHS:
-        raise SpecError("paths", value=f"{scene.rays} rays", limit=f"paths are written for at most {MOST_PATHS} rays")
+    if scene.rays > MAX_PATHS:
+        raise SpecError("paths", value=f"{scene.rays} rays", limit=f"paths are written for at most {MAX_PATHS} rays")
     if scene.extrusion is not None:
         limit = "paths are supported only in the plane, but these rays are in space"
         raise SpecError("paths", limit=limit, remedy="omit it, or trace in the plane")

@@ -17,7 +17,7 @@ from solen.geometry import Front
 from solen.lens import LayeredLens, LensInSpace, LineFocusLens
 
 Vector = tuple[float, float, float]
-PLACES, HALVINGS, LEAST_MM = 400, 60, 1e-9
+PLACES, HALVINGS, MIN_MM = 400, 60, 1e-9
 """Number of points along a ray at which a smooth face is tested, number of bisections, and smallest hit distance."""
 
 
@@ -68,7 +68,7 @@ class FrontInSpace:
 
     def _search_range(self, at: Vector, d: Vector) -> tuple[float, float]:
         """Return the distances along a ray between which it is inside or in front of the lens."""
-        low, high = LEAST_MM, math.inf
+        low, high = MIN_MM, math.inf
         box = (
             (-self.half_width, self.half_width),
             (-self.lens.half_height_mm, self.lens.half_height_mm),
@@ -123,7 +123,7 @@ class FrontInSpace:
             if len(changes):
                 k = changes[0]
                 way = _halved(outside, float(ways[k]), float(ways[k + 1]))
-                if way > 2.0 * LEAST_MM:
+                if way > 2.0 * MIN_MM:
                     yield FrontHit(way, _profile_normal(lens, int(layer), at[0] + way * d[0]), bool(sign[k]))
                     return
             if i + 1 < len(layers):
@@ -142,7 +142,7 @@ class FrontInSpace:
             way = (side * self.half_width - at[0]) / d[0]
             y, z = at[1] + way * d[1], at[2] + way * d[2]
             leaves, half = side * d[0] > 0.0, self.lens.half_height_mm  # like all walls, they extend above and below
-            if way <= LEAST_MM or (abs(y) > half and not leaves) or z >= self.base:
+            if way <= MIN_MM or (abs(y) > half and not leaves) or z >= self.base:
                 continue
             if z > self._depth(self.half_width, min(max(y, -half), half)):
                 yield FrontHit(way, (side, 0.0, 0.0), side * d[0] < 0.0)

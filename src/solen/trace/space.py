@@ -51,7 +51,7 @@ difference of the powers (six times the error of Simpson's rule) and the fractio
 longer refined; the second number limits both. The third is the fraction of the width below which the interval between
 two rays with equal trees is not searched.
 """
-DENSITY_SHARE, LEAST_DENSITY = 0.05, 1e-6
+DENSITY_SHARE, MIN_DENSITY = 0.05, 1e-6
 """Path resolution along the angle of a point: accepted second difference of the powers (six times the error of
 Simpson's rule) per unit of tolerance, and its minimum, because a path can store only a few thousand rays. The
 resulting error is a thousandth of the reported one.
@@ -158,7 +158,7 @@ class LightInSpace:
             across = along = COARSE if tolerance >= COARSE_TOLERANCE else FINE
         else:
             close = closeness * tolerance
-            steps = (max(DENSITY_SHARE * close, LEAST_DENSITY) * self.whole, NARROW_SHARE * close, SOFT_RAD)
+            steps = (max(DENSITY_SHARE * close, MIN_DENSITY) * self.whole, NARROW_SHARE * close, SOFT_RAD)
             across, along = POINT, FINE
         cosine, sine = math.cos(half), math.sin(min(half, 0.5 * math.pi))
         light = Light(family, self.ends, cosine, sine, width == 0.0, scale / (width or 1.0), *steps)

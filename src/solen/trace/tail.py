@@ -23,7 +23,7 @@ from solen.trace.kernel.family import FamilyInSpace
 from solen.trace.kernel.nearest import Walls
 
 SCRAMBLINGS, SEED = 16, 20260
-FIRST_SAMPLES, MOST_SAMPLES = 32, 1 << 22
+FIRST_SAMPLES, MAX_SAMPLES = 32, 1 << 22
 """Initial and maximum number of samples per scrambling."""
 WIDENED = 1.07
 """Standard deviation of Student's t distribution with 15 degrees of freedom."""
@@ -49,10 +49,10 @@ class Tail(NamedTuple):
         totals, done, many, legs = np.zeros((SCRAMBLINGS, self.columns)), 0, FIRST_SAMPLES, 0
         while True:
             for copy, at in enumerate(points):
-                legs += self._sum(at(done, many), copy * MOST_SAMPLES + done, most_hits, buffers, totals[copy])
+                legs += self._sum(at(done, many), copy * MAX_SAMPLES + done, most_hits, buffers, totals[copy])
             share, u = divided(totals / many, found.unfinished)
             hopeless = legs * (u / tolerance) ** 2 > 4.0 * most_legs
-            if u <= tolerance or 2 * many > MOST_SAMPLES or 2 * legs > (0.1 if hopeless else 1.0) * most_legs:
+            if u <= tolerance or 2 * many > MAX_SAMPLES or 2 * legs > (0.1 if hopeless else 1.0) * most_legs:
                 break
             done, many = many, 2 * many
         rays = np.array([SCRAMBLINGS * many, legs, 0, 0])

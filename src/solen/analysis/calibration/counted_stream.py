@@ -16,7 +16,7 @@ from solen.ranks import DO_NOT_USE, Caution, look_at, rank_of
 from solen.recording import Provenance
 
 _MILLI = 100.0  # ratio to the largest calibrated reading above which a reading is in another unit
-_LEAST_PERCENT = 0.5  # smallest percentage of the readings with a flag that causes a warning
+_MIN_PERCENT = 0.5  # smallest percentage of the readings with a flag that causes a warning
 
 
 class _Known(Protocol):
@@ -106,5 +106,5 @@ class CountedStream(Generic[K]):
         for name, meaning in meanings.items():
             count = self.counts[name]
             percent = 100.0 * count / max(self.counts["readings"], 1)
-            if count and (name in always or percent >= _LEAST_PERCENT):
+            if count and (name in always or percent >= _MIN_PERCENT):
                 yield look_at(f"{count} readings ({percent:.3g} %) {meaning}")

@@ -19,8 +19,8 @@ from solen.analysis.calibration.file import Part
 from solen.analysis.calibration.training import Samples, Training
 from solen.arrays import FloatArray, rows_of
 
-_MOST_FOLDS = 20
-_MOST_READINGS = 40_000
+_MAX_FOLDS = 20
+_MAX_READINGS = 40_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ def leave_one_cycle_out(training: Training) -> Check | None:
     """
     if training.cycles < 3:
         return None
-    folds = np.array_split(np.arange(training.cycles), min(training.cycles, _MOST_FOLDS))
+    folds = np.array_split(np.arange(training.cycles), min(training.cycles, _MAX_FOLDS))
     names, found = [], []
     for fold in folds:
         out = np.isin(np.arange(training.cycles), fold)
@@ -68,7 +68,7 @@ def leave_one_sensor_out(trainings: Sequence[Training], ones: Sequence[Calibrati
 
 
 def _thinned(samples: Samples, folds: int) -> Samples:
-    every = -(-samples.angle_deg.size * folds // _MOST_READINGS)
+    every = -(-samples.angle_deg.size * folds // _MAX_READINGS)
     return rows_of(samples, np.arange(samples.angle_deg.size) % max(every, 1) == 0)
 
 

@@ -30,12 +30,12 @@ OUTSIDE = 1e-3
 _DROP = 8.0  # largest difference from the maximum log-likelihood that is not negligible
 _POINTS = 64  # number of points of the grid of an interval
 _AT_ONCE = 512
-_MOST_PIECES = 4000
+_MAX_PIECES = 4000
 _FLAT = 0.1  # tolerance of the straight pieces, in standard deviations
 _COUNTS = 0.01  # smallest probability of an interval that is reported
 _TINY = 1e-6  # tolerance, as a fraction of a piece
 _SHORT = 1e-9  # smallest length of a piece, in standard deviations
-_DEEPEST = 200.0  # this far below the maximum log-likelihood, readings are on no piece and all pieces are used
+_MAX_LOG_DROP = 200.0  # this far below the maximum log-likelihood, readings are on no piece and all pieces are used
 _SURE = 1.0 - LEVELS[1]
 
 
@@ -220,7 +220,7 @@ class Decoder:
         square = (step**2).sum(axis=-1)
         across = np.stack([-step[..., 1], step[..., 0]], axis=-1) / np.sqrt(square)[..., None]
         along, aside = (self._form(one, whiten) for one in (step / square[..., None], across))
-        tops = np.linspace(constant.min() - _DEEPEST, constant.max(), 400)
+        tops = np.linspace(constant.min() - _MAX_LOG_DROP, constant.max(), 400)
         allowed = [self._allowed(np.array([top]), slice(None), constant, kept.size).max() for top in tops.tolist()]
         return _Metric(along, aside, square.ravel(), constant, int(kept.size), tops, np.array(allowed))
 
@@ -401,7 +401,7 @@ def _nodes(calibration: Calibration, total: FloatArray) -> FloatArray:
     sd = np.sqrt(np.diagonal(total, axis1=1, axis2=2))[1:-1]
     most = float(np.max(bend / (_FLAT * sd)))
     grid = calibration.angle_deg
-    parts = int(np.clip(math.ceil(math.sqrt(most)), 1, max(1, _MOST_PIECES // (grid.size - 1))))
+    parts = int(np.clip(math.ceil(math.sqrt(most)), 1, max(1, _MAX_PIECES // (grid.size - 1))))
     return np.linspace(grid[0], grid[-1], parts * (grid.size - 1) + 1)
 
 

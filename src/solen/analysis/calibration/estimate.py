@@ -22,13 +22,13 @@ from solen.arrays import FloatArray, rows_of
 from solen.errors import DataError
 
 _WIDTHS = (0.05, 0.1, 0.2, 1.0)  # fraction of the range, on each side, over which products are averaged
-_LEAST_SAMPLES = 30.0
-_MOST_CYCLES = 60  # largest number of cycles that are compared with the others
-_MOST_WEIGHT = 4.0  # largest weight of an angle with a long hold, in units of the usual number of samples
+_MIN_SAMPLES = 30.0
+_MAX_CYCLES = 60  # largest number of cycles that are compared with the others
+_MAX_WEIGHT = 4.0  # largest weight of an angle with a long hold, in units of the usual number of samples
 _FLOOR = 1e-9  # smallest variance, relative to the squared range
 _ENDLESS = 1e9
-_LEAST_FREEDOM = 2.0
-_LEAST_SHARE = 1e-6
+_MIN_FREEDOM = 2.0
+_MIN_SHARE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ class Calibration:
         for part, by in zip((self.noise, self.repeat, self.between), known, strict=True):
             share = np.einsum("gi,gij,gj->g", toward, part, toward) / size
             inverse += share**2 / np.maximum(by, 1.0)
-        freedom = np.maximum(1.0 / inverse, _LEAST_FREEDOM)
+        freedom = np.maximum(1.0 / inverse, _MIN_FREEDOM)
         return total * (freedom / (freedom - 1.0))[:, None, None], freedom - 1.0
 
 
@@ -143,7 +143,7 @@ def calibrated(training: Training) -> Calibration:
     cycles = training.cycles
     if cycles < 2:
         raise DataError(f"sensor {training.label}", limit="has only one cycle", remedy="use at least two")
-    chosen = np.unique(np.linspace(0, cycles - 1, min(cycles, _MOST_CYCLES)).round().astype(int))
+    chosen = np.unique(np.linspace(0, cycles - 1, min(cycles, _MAX_CYCLES)).round().astype(int))
     products, steps = np.zeros((0, 4)), np.zeros((0, 4))
     for cycle in chosen:
         rows = rows_of(training.samples, training.samples.cycle == cycle)
@@ -153,7 +153,7 @@ def calibrated(training: Training) -> Calibration:
         steps = np.vstack(
             [steps, np.column_stack([rows.angle_deg[moved], 0.5 * _squares(rest[moved] - rest[moved - 1])])]
         )
-    if len(steps) < _LEAST_SAMPLES:
+    if len(steps) < _MIN_SAMPLES:
         limit = f"has only {len(steps)} samples in the cycles used, too few to estimate their scatter"
         raise DataError(f"sensor {training.label}", limit=limit, remedy="sample faster, or record more cycles")
     floor = _FLOOR * float(np.nanmax(np.ptp(training.curves_V(), axis=1))) ** 2 * np.eye(2)
@@ -198,7 +198,7 @@ def _smooth(rows: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]
     place = np.clip(np.rint((rows[:, 0] - grid[0]) / (grid[1] - grid[0])).astype(int), 0, grid.size - 1)
     count = np.bincount(place, minlength=grid.size).astype(float)
     sums = np.column_stack([np.bincount(place, one, grid.size) for one in rows[:, 1:].T])
-    most = _MOST_WEIGHT * float(np.median(count[count > 0.0]))
+    most = _MAX_WEIGHT * float(np.median(count[count > 0.0]))
     weight = np.minimum(1.0, most / np.maximum(count, 1.0))
     sums, count = sums * weight[:, None], count * weight
     smooth, used = np.full((grid.size, 3), np.nan), np.zeros(grid.size)
@@ -208,7 +208,7 @@ def _smooth(rows: FloatArray, grid: FloatArray) -> tuple[FloatArray, FloatArray]
         if width == _WIDTHS[-1]:
             near = np.ones_like(near)
         total = near @ count
-        enough = ~np.isfinite(smooth[:, 0]) & ((total >= _LEAST_SAMPLES) | (width == _WIDTHS[-1]))
+        enough = ~np.isfinite(smooth[:, 0]) & ((total >= _MIN_SAMPLES) | (width == _WIDTHS[-1]))
         smooth[enough] = (near @ sums)[enough] / total[enough, None]
         used[enough] = total[enough]
     return smooth[:, [0, 1, 1, 2]].reshape(-1, 2, 2), used
@@ -220,7 +220,7 @@ def _split(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, FloatArray]
     inverse = np.linalg.inv(root)
     values, vectors = np.linalg.eigh(inverse @ part @ inverse.swapaxes(1, 2))
     axes = root @ vectors
-    share = np.clip(values, _LEAST_SHARE, 1.0 - _LEAST_SHARE)[:, None, :]
+    share = np.clip(values, _MIN_SHARE, 1.0 - _MIN_SHARE)[:, None, :]
     return (axes * share) @ axes.swapaxes(1, 2), (axes * (1.0 - share)) @ axes.swapaxes(1, 2)
 
 

@@ -17,7 +17,7 @@ from solen.arrays import FloatArray
 
 WINDOW_S = 0.05
 SURE = 0.975
-_LEAST = 3
+_MIN_POINTS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class Tracker:
         n = (last - first).astype(float)
         st, sy, stt, sty, variance = (sums[last] - sums[first]).T
         spread = stt - st * st / n
-        good = (n >= _LEAST) & (spread > 1e-12)
+        good = (n >= _MIN_POINTS) & (spread > 1e-12)
         with np.errstate(invalid="ignore", divide="ignore"):
             slope = np.where(good, (sty - st * sy / n) / spread, np.nan)
             u = np.sqrt(variance / n / spread)

@@ -28,7 +28,7 @@ from solen.spec.strict import Options
 
 TRIED = 20
 """Number of positions on each segment at which the table is compared with the full decoder."""
-MOST_OFF = 0.5
+MAX_DEVIATION = 0.5
 """Largest deviation from the full decoder that causes no warning, in standard uncertainties."""
 _PYTHON = '''"""{plural} of a calibrated sensor: {name}. Written by solen {version}.
 
@@ -220,7 +220,7 @@ class DecodingTable(Result):
     @reported
     def warnings(self) -> tuple[Caution, ...]:
         """Warning if the table is too coarse."""
-        if self.sigma <= MOST_OFF:
+        if self.sigma <= MAX_DEVIATION:
             return ()
         off = f"{self.off_deg:.2g}{STIMULI[self.stimulus].sign}"
         return (look_at(f"the table deviates by up to {off} from the full decoder; use more --points"),)

@@ -19,8 +19,8 @@ from solen.recording.column_roles import left_right
 
 _NEAR = 0.25  # fraction of a step by which a grid may miss the ends
 _WIDE = 5.0  # step in units of the extension of a noisy end; a sweep need not reach the last quarter of a step
-_FEWEST = 7  # points
-LEAST_CYCLES = 2
+_MIN_POINTS = 7  # points
+MIN_CYCLES = 2
 """Smallest number of cycles; a single cycle does not show how well cycles repeat."""
 
 
@@ -116,8 +116,8 @@ def training_of(sensor: SensorResponse, *, whole: bool = False) -> Training:
         remedy = "name them with --channel left=COLUMN right=COLUMN"
         raise DataError(f"sensor {sensor.label}", limit=limit, remedy=remedy)
     cycles = sensor.passes.cycles
-    if cycles < LEAST_CYCLES:
-        limit = f"has {cycles} usable cycle{'s' * (cycles != 1)}, but a calibration requires at least {LEAST_CYCLES}"
+    if cycles < MIN_CYCLES:
+        limit = f"has {cycles} usable cycle{'s' * (cycles != 1)}, but a calibration requires at least {MIN_CYCLES}"
         raise DataError(
             f"sensor {sensor.label}", limit=limit, remedy="record more cycles, or include the first cycle with --drop 0"
         )
@@ -151,7 +151,7 @@ def _to_the_ends(sensor: SensorResponse, u_end: float) -> Passes:
     if not u_end and (first, last) == (grid[0], grid[-1]):
         return sensor.passes
     size = min(grid.size, int((last - first) / (_WIDE * OUT * u_end))) if u_end else grid.size
-    own = np.linspace(first, last, max(size, _FEWEST))
+    own = np.linspace(first, last, max(size, _MIN_POINTS))
     parts = [
         passes(run.signals.angle_deg, run.signals.volts, run.motion, run.used, own, run.clipped) for run in sensor.runs
     ]

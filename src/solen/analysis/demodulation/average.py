@@ -15,7 +15,7 @@ from solen.analysis.demodulation.subtract import Demodulated, on_sd, slot_sd
 from solen.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from solen.errors import DataError
 
-MOST_READINGS = 1000
+MAX_READINGS = 1000
 NEAR = 0.02
 """Largest deviation of a block from a whole number of mains periods, as a fraction of one period."""
 
@@ -44,7 +44,7 @@ def readings_per_mains(period_s: float, mains_hz: float) -> int:
         raise DataError(
             "mains", value=mains_hz, limit="requires at least two readings from an emitter", remedy="omit it"
         )
-    for readings in range(1, MOST_READINGS + 1):
+    for readings in range(1, MAX_READINGS + 1):
         periods = readings * period_s * mains_hz
         if periods >= 1.0 - NEAR and abs(periods - round(periods)) <= NEAR:
             return readings

@@ -23,10 +23,10 @@ from solen.results import HIDDEN, Result
 
 On = Literal["low", "high"]
 
-LEAST_PERIODS, BLOCK_PERIODS = 8, 32
+MIN_PERIODS, BLOCK_PERIODS = 8, 32
 AT_EDGE = 0.45
 """Distance from an edge, in sample intervals, within which a sample may be on either side of the edge."""
-LEAST_SAMPLES = 6
+MIN_SAMPLES = 6
 """Smallest number of samples in a period: an edge, a settled and a spare sample in each phase."""
 SEARCHED_SHARE, SEARCHED_S = 0.05, 10.0
 """Half-width of the search range relative to the specified rate, and length of the part of the recording that is
@@ -37,7 +37,7 @@ CLEAR, CERTAIN = 6.0, 20.0
 """Ratio of modulation to noise above which a clock is detected, and ratio above which the clock is certain."""
 SMOOTH = 0.2
 """Transition time, as a fraction of a period, above which the modulation looks like flicker rather than a switch."""
-SLOWEST_HZ, TRIED = 15.0, 4
+MIN_HZ, TRIED = 15.0, 4
 """Lowest rate searched if none is specified, faster than any motion, and the number of spectral lines tried."""
 
 
@@ -162,11 +162,11 @@ def find_switching(time_s: FloatArray, values: FloatArray, on: On = "low") -> Cl
     lines are tried in order.
     """
     step = float(np.median(np.diff(time_s)))
-    if not step > 0.0 or 1.0 / step < LEAST_SAMPLES * SLOWEST_HZ:
+    if not step > 0.0 or 1.0 / step < MIN_SAMPLES * MIN_HZ:
         return None
     start = time_s - time_s[0]
     signal = -(values - values.mean(axis=0)).sum(axis=1)
-    for rate_hz in _lines(start, signal, 1.0 / step / LEAST_SAMPLES):
+    for rate_hz in _lines(start, signal, 1.0 / step / MIN_SAMPLES):
         try:
             clock = find_clock(time_s, values, rate_hz, on=on)
         except DataError:
@@ -181,7 +181,7 @@ def _lines(start: FloatArray, signal: FloatArray, fastest_hz: float) -> list[flo
     last = max(int(np.searchsorted(start, SEARCHED_S)), 2)
     frequency = np.fft.rfftfreq(last, float(start[last - 1]) / (last - 1))
     power = np.abs(np.fft.rfft((signal[:last] - signal[:last].mean()) * np.hanning(last)))
-    power[(frequency < SLOWEST_HZ) | (frequency > fastest_hz)] = 0.0
+    power[(frequency < MIN_HZ) | (frequency > fastest_hz)] = 0.0
     values: list[float] = []
     for _ in range(TRIED):
         place = int(np.argmax(power))
@@ -194,12 +194,12 @@ def _lines(start: FloatArray, signal: FloatArray, fastest_hz: float) -> list[flo
 
 def _check(time_s: FloatArray, rate_hz: float) -> None:
     length = float(time_s[-1] - time_s[0]) if len(time_s) > 1 else 0.0
-    if length * rate_hz < LEAST_PERIODS:
-        limit = f"must contain at least {LEAST_PERIODS} periods of {rate_hz:g} Hz to determine its clock"
+    if length * rate_hz < MIN_PERIODS:
+        limit = f"must contain at least {MIN_PERIODS} periods of {rate_hz:g} Hz to determine its clock"
         raise DataError("recording", value=f"{length:.3g} s", limit=limit)
     per_period = (len(time_s) - 1) / (length * rate_hz)
-    if per_period < LEAST_SAMPLES:
-        limit = f"samples in a period of {rate_hz:g} Hz, but at least {LEAST_SAMPLES} are needed to determine the edges"
+    if per_period < MIN_SAMPLES:
+        limit = f"samples in a period of {rate_hz:g} Hz, but at least {MIN_SAMPLES} are needed to determine the edges"
         raise DataError("recording", value=round(per_period, 2), limit=limit, remedy="add a state column (--state)")
 
 

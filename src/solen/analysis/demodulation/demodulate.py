@@ -24,7 +24,7 @@ from solen.results import HIDDEN, Result
 
 REPORTED_HZ = (1.0, 10.0, 50.0, 60.0, 100.0, 120.0)
 """Ambient light frequencies for which the rejection is reported."""
-SWAPPED, LEAST_TO_COMPARE = 2.0, 20
+SWAPPED, MIN_TO_COMPARE = 2.0, 20
 
 
 class EmitterReadings(Result):
@@ -293,7 +293,7 @@ def swapped(samples: Samples, readings: Demodulated) -> list[Caution]:
     """Warning if the "off" phases vary more than the "on" phases, as if the two were swapped."""
     with np.errstate(invalid="ignore"):
         off, on = (np.nanstd(one, axis=0) for one in (readings.ambient, readings.ambient + readings.signal))
-    if len(readings.time_s) < LEAST_TO_COMPARE or not (off > SWAPPED * on).all():
+    if len(readings.time_s) < MIN_TO_COMPARE or not (off > SWAPPED * on).all():
         return []
     remedy = "the state column" if samples.clock is None else "--on"
     varies = (

@@ -29,9 +29,9 @@ INDEX, LOSS = "material.index", "material.absorption_per_mm"
 STEP_U = 1.0
 """Step of a parameter, relative to its standard uncertainty."""
 LOSS_STEP = 0.01
-LEAST_SPREAD_MM2 = 0.02**2
+MIN_SPREAD_MM2 = 0.02**2
 """Spread below which the response is interpolated linearly between the response at this spread and that of a point."""
-LEAST_SHARE = 1e-9
+MIN_SHARE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,11 +164,11 @@ class Response:
         loss_per_mm
             Absorption coefficient in addition to the design's.
         """
-        if spread_mm2 >= LEAST_SPREAD_MM2:
+        if spread_mm2 >= MIN_SPREAD_MM2:
             return self._of_width(angle_deg, offset_mm, math.sqrt(spread_mm2), moved or {}, loss_per_mm)
-        least = self._of_width(angle_deg, offset_mm, math.sqrt(LEAST_SPREAD_MM2), moved or {}, loss_per_mm)
+        least = self._of_width(angle_deg, offset_mm, math.sqrt(MIN_SPREAD_MM2), moved or {}, loss_per_mm)
         point = self._of_width(angle_deg, offset_mm, 0.0, moved or {}, loss_per_mm)
-        return np.asarray(point + (least - point) * (spread_mm2 / LEAST_SPREAD_MM2))
+        return np.asarray(point + (least - point) * (spread_mm2 / MIN_SPREAD_MM2))
 
     def path_mm(self, angle_deg: FloatArray) -> float:
         """Mean path of the detected light in the material, from the derivative with respect to the absorption."""
@@ -184,7 +184,7 @@ class Response:
             if by:
                 found = found + self.changes[key].chip(angle_deg, offset_mm, width_mm, by)
         if loss_per_mm:
-            share = 1.0 + self.lossy.chip(angle_deg, offset_mm, width_mm) / np.maximum(found, LEAST_SHARE)
+            share = 1.0 + self.lossy.chip(angle_deg, offset_mm, width_mm) / np.maximum(found, MIN_SHARE)
             found = found * np.clip(share, 0.05, 1.0) ** (loss_per_mm / LOSS_STEP)
         return found
 

@@ -23,7 +23,7 @@ from solen.recording.column_roles import side_of
 from solen.results import HIDDEN, Result, reported
 from solen.sensor.acceptance import SIDES
 
-LEAST_ANGLES = 12
+MIN_ANGLES = 12
 ZERO_U_DEG, INDEX_U = 0.1, 0.003
 """Usual standard uncertainties of the zero angle and of the refractive index of a print."""
 BEYOND_DEG = 0.5
@@ -201,10 +201,9 @@ def spacing_deg(sensor: SensorResponse) -> float:
 def _check(sensor: SensorResponse, cycles: Cycles, places: Mapping[str, int]) -> None:
     for n, side in enumerate(places):
         valid = int(cycles.valid[:, n].sum())
-        if valid < LEAST_ANGLES:
+        if valid < MIN_ANGLES:
             limit = (
-                f"has {valid} angles that every cycle reaches unclipped, but a diagnosis requires "
-                f"at least {LEAST_ANGLES}"
+                f"has {valid} angles that every cycle reaches unclipped, but a diagnosis requires at least {MIN_ANGLES}"
             )
             remedy = "record a wider range or lower voltages, or use a smaller --step-deg"
             raise DataError(f"{sensor.label}: {side} receiver", limit=limit, remedy=remedy)

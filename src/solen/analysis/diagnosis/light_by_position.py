@@ -26,11 +26,11 @@ from solen.trace.adaptive import Points, integrate
 
 TOLERANCE = 1e-5
 """Integration tolerance for each point, as a fraction of the emitted power."""
-FIRST_MM, FIRST_CHANGE_MM, LEAST_MM = 0.05, 0.1, 0.0001
+FIRST_MM, FIRST_CHANGE_MM, MIN_MM = 0.05, 0.1, 0.0001
 """Initial spacing of the positions, also for changes in space, and the smallest spacing after halving in the plane."""
 BEND_MM = 3e-6
 """Deviation from the line between its neighbours, per unit spacing, above which positions about a point are refined."""
-STRIP_MM, LEAST_STRIP_MM = 2e-5, 0.002
+STRIP_MM, MIN_STRIP_MM = 2e-5, 0.002
 """Tolerance of a strip's integral over its positions, for an emitted power of 1, and the minimum strip width."""
 STRIP_BEND_MM, CHANGE_BEND_MM = 4e-5, 2e-5
 """Deviation of the integral at a strip's midpoint, or of its change, from the curve, above which the strip and its
@@ -38,7 +38,7 @@ neighbours are halved.
 """
 NEAR_MM, FAR = 0.35, 4.0
 """Distance from the axis beyond which the tolerance of integrals over positions is increased, and the factor."""
-MOST_TOLERANCE = 2e-3
+MAX_TOLERANCE = 2e-3
 MISSED = 10.0
 """Largest uncertainty of a strip whose integration ended early, as a multiple of the tolerance."""
 STRIPS, STRIPS_IN_SPACE = (0.01, 2**11), (0.05, 2**13)
@@ -136,7 +136,7 @@ class _Chip:
 
         places = self._first(FIRST_MM)
         shares, step, suspects = shares_at(places), FIRST_MM, np.arange(places.size - 1)
-        while suspects.size and step > LEAST_MM:
+        while suspects.size and step > MIN_MM:
             step *= 0.5
             middles = 0.5 * (places[suspects] + places[suspects + 1])
             between = shares_at(middles)
@@ -158,7 +158,7 @@ class _Chip:
         step, most = (FIRST_MM, STRIP_BEND_MM) if like is None else (FIRST_CHANGE_MM, CHANGE_BEND_MM)
         places = self._first(step)
         parts, suspects = self.parts(places[:-1], places[1:]), np.arange(places.size - 1)
-        while suspects.size and step > LEAST_STRIP_MM:
+        while suspects.size and step > MIN_STRIP_MM:
             step *= 0.5
             middles = 0.5 * (places[suspects] + places[suspects + 1])
             before, left = curve(places, parts), self.parts(places[suspects], middles)
@@ -174,7 +174,7 @@ class _Chip:
     def parts(self, low_mm: FloatArray, high_mm: FloatArray) -> FloatArray:
         """Integrals (n, 2) over strips between positions (n,)."""
         middles, widths = 0.5 * (low_mm + high_mm), high_mm - low_mm
-        tolerance = np.clip(STRIP_MM * _tolerance_factor(middles) / widths, 0.0, MOST_TOLERANCE)
+        tolerance = np.clip(STRIP_MM * _tolerance_factor(middles) / widths, 0.0, MAX_TOLERANCE)
         rows = zip(middles.tolist(), widths.tolist(), tolerance.tolist(), strict=True)
         shares = np.array([self._share(*row) for row in rows]).reshape(-1, len(SIDES))
         return np.asarray(shares * widths[:, None] * self.directional_factors(middles))

@@ -28,9 +28,9 @@ REACH_MM = 0.6
 """Range of traced positions on each side, in addition to the design's decentre and half of its chip width."""
 STEP_MM = 0.002
 """Step of the integral over position."""
-STEP_DEG, STEP_IN_SPACE_DEG, MOST_ANGLES = 0.125, 0.25, 81
+STEP_DEG, STEP_IN_SPACE_DEG, MAX_ANGLES = 0.125, 0.25, 81
 """Spacing of the traced angles in the plane and in space, and the maximum number of angles."""
-EDGE_MM, MOST_OFF_MM = 0.005, 0.05
+EDGE_MM, MAX_OFF_MM = 0.005, 0.05
 """Distance over which the slope of light against position is determined; largest deviation of the edge from a straight
 line.
 """
@@ -129,7 +129,7 @@ class Table:
 
 def angles_deg(low_deg: float, high_deg: float, step_deg: float = STEP_DEG) -> FloatArray:
     """Angles at which a response is traced: an odd number, so that every second angle includes both ends."""
-    half = int(np.clip(math.ceil(0.5 * (high_deg - low_deg) / step_deg), 4, MOST_ANGLES // 2))
+    half = int(np.clip(math.ceil(0.5 * (high_deg - low_deg) / step_deg), 4, MAX_ANGLES // 2))
     return np.linspace(low_deg, high_deg, 2 * half + 1)
 
 
@@ -167,4 +167,4 @@ def _edge(angles: FloatArray, rows: Sequence[Places], reach_mm: float) -> FloatA
     ]  # an emitter on the right illuminates the left receiver
     line = np.polyfit(angles, steepest, 1)
     off = np.abs(np.polyval(line, angles) - steepest).max()
-    return line if off < MOST_OFF_MM else np.zeros(1)
+    return line if off < MAX_OFF_MM else np.zeros(1)

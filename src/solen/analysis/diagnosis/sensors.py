@@ -41,7 +41,7 @@ from solen.sensor import Sensor
 from solen.spec import Design, load, loads
 from solen.spec.strict import Finite, Options, refused
 
-MOST_BEYOND_DEG = 0.5
+MAX_OUTSIDE_DEG = 0.5
 """Angle by which a recording may exceed the motion of its design without a warning."""
 FAR_OFF = 0.002
 """Misfit as a fraction of the swing above which a model in the plane is reported as a possible cause."""
@@ -321,7 +321,7 @@ def _bend(sensor: SensorResponse, design: Design, own: _Carried) -> Bend | None:
 def _motion_warnings(sensor: SensorResponse, design: Design) -> Iterator[Caution]:
     low, high = float(sensor.passes.angle_deg[0]), float(sensor.passes.angle_deg[-1])
     motion = design.motion
-    if low < motion.from_deg - MOST_BEYOND_DEG or high > motion.to_deg + MOST_BEYOND_DEG:
+    if low < motion.from_deg - MAX_OUTSIDE_DEG or high > motion.to_deg + MAX_OUTSIDE_DEG:
         yield look_at(
             f"the recording covers {low:.3g}° to {high:.3g}°, but the motion of the design covers "
             f"{motion.from_deg:g}° to {motion.to_deg:g}°; check that the motion is the same"

@@ -34,7 +34,7 @@ CHECKED_STATES = 200
 """Number of states in which the separation of the motions is checked."""
 WIDE = 4.0
 """A combination of motions is not separated if this many of its standard deviations exceed its range."""
-MOST_LOST, SOME_LOST = 0.5, 0.02
+MAX_LOST, SOME_LOST = 0.5, 0.02
 """Fraction of the states with unseparated motions above which the calibration is rejected, and above which a warning is
 given.
 """
@@ -114,7 +114,7 @@ def calibrated_network(recordings: Sequence[NetworkReadings]) -> NetworkCalibrat
     forward = ForwardMap.through(angle, signal)
     decoder = NetworkDecoder(forward, noise, len(angle) - len(first.motions) - 1)
     lost, worst = _lost(first.motions, forward, decoder)
-    if lost > MOST_LOST and worst is not None:
+    if lost > MAX_LOST and worst is not None:
         remedy = "add an emitter or a receiver that separates them; solen sensitivity shows what a design determines"
         raise DataError(file, limit=" and ".join(in_words(worst)), remedy=remedy)
     left_out = _left_out(alike, each, forward, noise)

@@ -20,7 +20,7 @@ from solen.analysis.network.forward import ForwardMap
 from solen.analysis.surface import Surface
 from solen.arrays import BoolArray, FloatArray
 
-NODES, MOST_NODES = 4096, 49
+NODES, MAX_NODES = 4096, 49
 """Maximum number of table nodes for all motions together, and for one motion."""
 STARTS, ROUNDS = 4, 8
 """Number of table nodes from which a reading is refined, and number of steps from each node."""
@@ -98,7 +98,7 @@ class NetworkDecoder:
     def __init__(self, forward: ForwardMap, noise: FloatArray, freedom: int, outside: float = 0.0) -> None:
         self.low_deg, self.high_deg = forward.low, forward.high
         motions = len(forward.low)
-        count = max(3, min(MOST_NODES, int(NODES ** (1.0 / motions) + 1e-9)))
+        count = max(3, min(MAX_NODES, int(NODES ** (1.0 / motions) + 1e-9)))
         nodes = [np.linspace(low, high, count) for low, high in zip(forward.low, forward.high, strict=True)]
         grid = np.stack(np.meshgrid(*nodes, indexing="ij"), axis=-1).reshape(-1, motions)
         self._shape, self._grid, self._noise, self._freedom = (count,) * motions, grid, noise, freedom

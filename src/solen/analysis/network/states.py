@@ -23,7 +23,7 @@ REST_ROWS = 5
 """Number of rows over which a motion at rest must not move."""
 REST_MOVEMENT, REST_NOISES = 1e-3, 5.0
 """Largest movement at rest, as a fraction of the motion's range, or relative to the noise of its angle."""
-SHORTEST, SETTLING = 8, 2
+MIN_STOP_ROWS, SETTLING = 8, 2
 """Smallest number of rows in a stop, and number of rows omitted at both ends."""
 PIECES = 6
 """Number of segments of a stop whose means show the correlation between its rows."""
@@ -145,9 +145,9 @@ def states_of(readings: NetworkReadings) -> States:
         limit = "contains no motion angles"
         raise DataError(file, limit=limit, remedy="add a column for each motion, as in index-bends_deg")
     flat = readings.signal.reshape(len(readings.signal), -1)
-    stops = [stop for stop in _stops(readings.angle_deg) if _held(flat[stop]) >= SHORTEST]
+    stops = [stop for stop in _stops(readings.angle_deg) if _held(flat[stop]) >= MIN_STOP_ROWS]
     if not stops:
-        limit = f"never rests with complete readings for {SHORTEST} switching cycles of the emitters"
+        limit = f"never rests with complete readings for {MIN_STOP_ROWS} switching cycles of the emitters"
         raise DataError(file, limit=limit, remedy="hold each state for longer")
     whole = [flat[stop][np.isfinite(flat[stop]).all(axis=1)] for stop in stops]
     apart = np.concatenate([rows - rows.mean(axis=0) for rows in whole])
@@ -209,7 +209,9 @@ def _stops(angle_deg: FloatArray) -> list[slice]:
     limit = np.maximum(REST_MOVEMENT * span, REST_NOISES * noise)
     at_rest: BoolArray = (np.abs(angle_deg[REST_ROWS:] - angle_deg[:-REST_ROWS]) <= limit + 1e-9).all(axis=1)
     bounds = [(begin, end + REST_ROWS) for begin, end in stretches(at_rest)]
-    return [slice(begin + SETTLING, end - SETTLING) for begin, end in bounds if end - begin >= SHORTEST + 2 * SETTLING]
+    return [
+        slice(begin + SETTLING, end - SETTLING) for begin, end in bounds if end - begin >= MIN_STOP_ROWS + 2 * SETTLING
+    ]
 
 
 def _noise_deg(angle_deg: FloatArray) -> FloatArray:

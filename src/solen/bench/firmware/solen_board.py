@@ -16,7 +16,7 @@ VERSION, SAMPLES, ANSWER = 1, 1, 2
 IDENTIFY, CONFIGURE, START, STOP, ALIVE, TIME, MOVE, HALT, WHERE, PLACE = range(16, 26)
 DONE, UNKNOWN, UNFIT, UNCONFIGURED, NO_MOTOR = 0, 1, 2, 3, 5
 LATE = 1
-HEAD_BYTES, PERIOD_BYTES, LONGEST_COMMAND = 10, 8, 64
+HEAD_BYTES, PERIOD_BYTES, MAX_COMMAND_LENGTH = 10, 8, 64
 FLAGS_AT = HEAD_BYTES + 6
 WATCHDOG_US = 800_000
 """Silence of the host in µs after which the emitters go off; together with the time of a loop, within a second."""
@@ -282,9 +282,9 @@ class Board:
             return False
         length = data[4] | data[5] << 8
         end = HEAD_BYTES + length
-        if length <= LONGEST_COMMAND and len(data) < end + 2:
+        if length <= MAX_COMMAND_LENGTH and len(data) < end + 2:
             return False
-        whole = length <= LONGEST_COMMAND and crc_on(0xFFFF, data, 2, end) == data[end] | data[end + 1] << 8
+        whole = length <= MAX_COMMAND_LENGTH and crc_on(0xFFFF, data, 2, end) == data[end] | data[end + 1] << 8
         if whole and data[2] == VERSION:
             self._do(data[3], bytes(data[HEAD_BYTES:end]))
         self._coming = data[end + 2 :] if whole else data[2:]

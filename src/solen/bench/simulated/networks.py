@@ -38,7 +38,7 @@ from solen.spec.toml import dumps
 Range = tuple[float, float]
 TRACED = 5e-4
 """Uncertainty of a traced power, as a fraction of the emitted power."""
-FEWEST, MOST = 6, 24
+MIN_STEPS, MAX_STEPS = 6, 24
 """Number of steps over the range of a motion, at first and at most."""
 NEAR = 4e-3
 """Largest difference between a state midway and the surface, as a fraction of the emitter's brightest power."""
@@ -191,7 +191,7 @@ def _nodes(wires: SensorOf, design: Design, name: str, ends: Range, middle: Mapp
     low, high = ends
     if low == high:
         return np.array([low])
-    motions, steps = list(middle), FEWEST
+    motions, steps = list(middle), MIN_STEPS
     column = motions.index(name)
 
     def along(angles: FloatArray) -> FloatArray:
@@ -210,7 +210,7 @@ def _nodes(wires: SensorOf, design: Design, name: str, ends: Range, middle: Mapp
         if off <= NEAR:
             return angles
         angles, found = np.concatenate([angles, between])[order], np.concatenate([found, more])[order]
-        if len(angles) > MOST:
+        if len(angles) > MAX_STEPS:
             return angles
 
 

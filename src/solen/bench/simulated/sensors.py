@@ -39,7 +39,7 @@ HALVINGS = 6
 """Largest number of times a step between two angles is halved, which limits the refinement at a jump."""
 BEYOND = 1.02
 """Traced range relative to the protocol's range, because a stage may overshoot."""
-MOST_DEG = 80.0
+MAX_DEG = 80.0
 """Largest angle in degrees at which a sensor can be traced."""
 Progress = Callable[[str], None]
 
@@ -156,8 +156,8 @@ def simulated_sensors(
     BenchError, SpecError, DataError, DesignError
         If a design cannot be read, cannot be built, or cannot vary as the rig states.
     """
-    if rig.stage.drives == "angle" and reach_deg > MOST_DEG:
-        limit = f"a simulated sensor is traced up to {MOST_DEG:g} deg"
+    if rig.stage.drives == "angle" and reach_deg > MAX_DEG:
+        limit = f"a simulated sensor is traced up to {MAX_DEG:g} deg"
         raise BenchError("the protocol's reach in deg", value=reach_deg, limit=limit, remedy="turn less far")
     made = []
     for wires in rig.sensor:

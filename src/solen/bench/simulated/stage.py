@@ -19,7 +19,7 @@ from solen.bench.clock import Clock
 from solen.errors import BenchError
 
 LIMITS = {"deg": (-180.0, 180.0), "mm": (-7.5, 7.5)}
-HIGHEST = {"deg": 20.0, "mm": 10.0}
+MAX_SPEED = {"deg": 20.0, "mm": 10.0}
 ACCELERATION = {"deg": 200.0, "mm": 50.0}
 
 
@@ -163,8 +163,8 @@ class SimulatedStage:
         if not low <= target <= high:
             limit = f"{target:g} {self.unit} is outside its limits {low:g} to {high:g}"
             raise BenchError(self.name, limit=limit, remedy="move less far")
-        if velocity > HIGHEST[self.unit]:
-            limit = f"{velocity:g} {self.unit}/s is above its highest velocity, {HIGHEST[self.unit]:g}"
+        if velocity > MAX_SPEED[self.unit]:
+            limit = f"{velocity:g} {self.unit}/s is above its highest velocity, {MAX_SPEED[self.unit]:g}"
             raise BenchError(self.name, limit=limit, remedy="move more slowly")
         self.axis.send(self._clock.now_s(), target, velocity)
 

@@ -8,7 +8,7 @@ from solen.pipeline.design.deform import deform as deform
 from solen.sensor.loaded import Deformation, LoadedStudy
 from solen.sensor.traced import where
 
-MOST_ROWS = 12
+MAX_ROWS = 12
 ROUND_OFF = 1e-9
 """Threshold, relative to the largest value of the same quantity or in mm, below which a value is a rounding error."""
 
@@ -52,7 +52,7 @@ def _(study: LoadedStudy) -> Iterator[str]:
     shown = {name: values for name, values in columns.items() if values is not None}
     yield f"{study.design.name}, against {study.drives}"
     yield "  " + "".join(f"{name:>10}" for name in shown)
-    every = max(1, math.ceil(len(study.values) / MOST_ROWS))
+    every = max(1, math.ceil(len(study.values) / MAX_ROWS))
     for row in range(0, len(study.values), every):
         cells = (short(values[row]) if name == "u" else f"{values[row]:.4g}" for name, values in shown.items())
         yield "  " + "".join(f"{cell:>10}" for cell in cells)

@@ -10,7 +10,7 @@ from solen.readout.advice import Advice
 from solen.sensor.network.volts import NetworkVolts
 from solen.sensor.readings import DesignReadings
 
-MOST_ROWS = 8
+MAX_ROWS = 8
 ANY_LOAD_OHM = 1e8
 """Load above which it is treated as unlimited."""
 
@@ -46,7 +46,7 @@ def _(volts: NetworkVolts) -> Iterator[str]:
     for motion, one in volts.by_motion.items():
         yield (f"  {motion}: resolution in deg of one reading of every receiver, if the other motions are known")
         yield f"  {'deg':>7}" + "".join(f"{name + ' lit':>12}" for name in rest.emitters) + f"{'all':>12}"
-        for row in range(0, len(one.angle_deg), max(1, (len(one.angle_deg) - 1) // MOST_ROWS)):
+        for row in range(0, len(one.angle_deg), max(1, (len(one.angle_deg) - 1) // MAX_ROWS)):
             sds = (*one.resolution_deg[row].tolist(), float(one.resolution_of_all_deg[row]))
             yield f"  {one.angle_deg[row]:7.3g}" + "".join(f"{_fine(sd):>12}" for sd in sds)
     yield f"  voltages {low:.3f} to {high:.3f} V, {100 * (high - low) / first.supply_V:.0f} % of the supply"
@@ -74,7 +74,7 @@ def _table(readings: DesignReadings) -> Iterator[str]:
     """Yield the rows of the table, at about nine angles."""
     names = "".join(f"  {name + ' V':>9}" for name in readings.circuit.names)
     yield f"  {'deg':>7}{names}  {'mV noise':>9}  {'deg':>9}"
-    for row in range(0, len(readings.angle_deg), max(1, (len(readings.angle_deg) - 1) // MOST_ROWS)):
+    for row in range(0, len(readings.angle_deg), max(1, (len(readings.angle_deg) - 1) // MAX_ROWS)):
         volts = "".join(f"  {value:9.4f}" for value in readings.voltage_V[row])
         noise, resolution = 1e3 * readings.noise.reading_V[row].max(), readings.resolution_of_all_deg[row]
         yield f"  {readings.angle_deg[row]:7.3g}{volts}  {noise:9.3f}  {_fine(float(resolution)):>9}"

@@ -8,7 +8,7 @@ from solen.explore.swept import Sweep
 from solen.pipeline.explore.sweep import sweep as sweep
 from solen.report.design.summary import measured
 
-MOST_ROWS = 40
+MAX_ROWS = 40
 
 
 @lines.register
@@ -29,11 +29,11 @@ def _(result: Sweep) -> Iterator[str]:
     heads = [*result.values, *shown(result.merits)]
     widths = [max(12, len(head)) for head in heads]
     yield "  ".join(f"{head:>{width}}" for head, width in zip(heads, widths, strict=True))
-    for place in range(min(result.points, MOST_ROWS)):
+    for place in range(min(result.points, MAX_ROWS)):
         cells = [*(_value(values[place]) for values in result.values.values()), *_merits(result, place)]
         yield "  ".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
-    if result.points > MOST_ROWS:
-        yield f"... {result.points - MOST_ROWS} more rows in the table"
+    if result.points > MAX_ROWS:
+        yield f"... {result.points - MAX_ROWS} more rows in the table"
 
 
 def _value(value: object) -> str:

@@ -9,7 +9,7 @@ from solen.explore.variations import STATED
 from solen.pipeline.explore.tolerance import tolerance as tolerance
 from solen.report.design.summary import measured
 
-SHOWN, MOST_UNKNOWN = 3, 0.5
+SHOWN, MAX_UNKNOWN = 3, 0.5
 """Number of parameters named per merit, and the unexplained fraction of its variance above which no causes are
 named.
 """
@@ -30,7 +30,7 @@ def _(result: Tolerances) -> Iterator[str]:
     for merit in result.spreads:
         causes = sorted(merit.total.items(), key=lambda item: item[1], reverse=True)[:SHOWN]
         due = ", ".join(f"{key} {100 * share:.0f} %" for key, share in causes if share > 0.005)
-        if merit.held_out > MOST_UNKNOWN:
+        if merit.held_out > MAX_UNKNOWN:
             due = "causes not resolved"
         base = measured(merit.base, merit.u_base, sign=False)
         yield f"  {merit.merit:{width}}  {base}; prints {merit.mean:.4g}, SD {merit.sd:.2g}; {due or 'constant'}"

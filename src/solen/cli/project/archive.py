@@ -7,7 +7,7 @@ from solen.cli.app import lines
 from solen.pipeline.project.archive import pack as pack
 from solen.pipeline.project.archive import unpack as unpack
 
-MOST_COLUMNS = 10
+MAX_COLUMNS = 10
 """Number of columns of a recording that are listed; the description has all."""
 
 
@@ -28,6 +28,6 @@ def _about(archive: Archive | Opened, items: Sequence[Item]) -> Iterator[str]:
     for item in items:
         columns = [f"{name} ({unit})" if unit else name for name, unit in item.quantities.items()]
         simulated = ", simulated" if item.simulated else ""
-        more = f" and {len(columns) - MOST_COLUMNS} more" if len(columns) > MOST_COLUMNS else ""
-        held = f": {', '.join(columns[:MOST_COLUMNS])}{more}" if columns else ""
+        more = f" and {len(columns) - MAX_COLUMNS} more" if len(columns) > MAX_COLUMNS else ""
+        held = f": {', '.join(columns[:MAX_COLUMNS])}{more}" if columns else ""
         yield f"{item.path:{wide}}  {item.size_bytes:>11,} bytes  {item.kind}{simulated}{held}"

@@ -8,7 +8,7 @@ from solen.material.index.layer import LayerIndex
 from solen.pipeline.resin.index import index as index
 from solen.results import plain
 
-MOST_ROWS = 12
+MAX_ROWS = 12
 """Largest number of wavelengths to print; JSON and files contain all."""
 
 
@@ -20,7 +20,7 @@ def _(index: LayerIndex) -> Iterator[str]:
         f"{count} wavelengths, masked: {index.masked_n} in n, {index.masked_k} in k"
     )
     yield f"  {'nm':>8}  {'n':<18} {'k':<22} {'lossless n':<10}"
-    yield from (_row(index, at) for at in range(0, count, max(1, -(-count // MOST_ROWS))))
+    yield from (_row(index, at) for at in range(0, count, max(1, -(-count // MAX_ROWS))))
     if (film := index.interference) is not None:
         optical = ""
         if film.optical_thickness_um is not None:

@@ -18,7 +18,7 @@ from solen.explore.tolerance import ToleranceOptions, Tolerances, tolerance
 from solen.progress import Progress, part_of
 from solen.sensor import Sensor
 
-FEWEST = 32
+MIN_PRINTS = 32
 OF_PRINTS = ("prints", "vary", "require")
 
 
@@ -41,8 +41,8 @@ def check_prints(subject: Subject, options: OptimiseOptions) -> bool:
         raise SpecError(
             "--prints", value=0, limit="contradicts --vary and --require, which describe prints", remedy="omit it"
         )
-    if 0 < options.prints < FEWEST:
-        raise SpecError("--prints", value=options.prints, limit=f"must be 0 or at least {FEWEST}")
+    if 0 < options.prints < MIN_PRINTS:
+        raise SpecError("--prints", value=options.prints, limit=f"must be 0 or at least {MIN_PRINTS}")
     if options.prints:
         asked = _of_prints(options)
         design = design_of(subject)

@@ -23,8 +23,8 @@ from solen.sensor import Sensor
 from solen.sensor.numbers import number
 from solen.spec import Design, with_values
 
-MOST_GOALS = 2
-FEWEST_TRIED = 10
+MAX_GOALS = 2
+MIN_TRIED = 10
 """Smallest number of designs tried for each design of a front."""
 FORMS = "write KEY=LOW:HIGH"
 
@@ -133,7 +133,7 @@ class Task(NamedTuple):
 
 def _check_goals(goals: Sequence[Goal], options: OptimiseOptions) -> None:
     both = "--minimise, --maximise"
-    if not 0 < len(goals) <= MOST_GOALS:
+    if not 0 < len(goals) <= MAX_GOALS:
         limit = "specify one goal, or two for a front"
         raise SpecError(
             both, value=f"{len(goals)} values", limit=limit, remedy="for example --minimise linearity_percent"
@@ -143,7 +143,7 @@ def _check_goals(goals: Sequence[Goal], options: OptimiseOptions) -> None:
     if len(goals) == 1 and "front" in options.model_fields_set:
         limit = "a front requires two goals, but only one is specified"
         raise SpecError("--front", value=options.front, limit=limit, remedy="specify another goal, or omit --front")
-    least = FEWEST_TRIED * options.front
+    least = MIN_TRIED * options.front
     if len(goals) > 1 and options.evaluations < least:
         limit = f"a front of {options.front} designs requires at least {least}"
         raise SpecError(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from solen.arrays import FloatArray, IntArray
 from solen.fabricate.mesh import Mesh
 
-MOST_SHELLS = 300
+MAX_SHELLS = 300
 """Maximum number of shells that are compared in pairs; if there are more, they are assumed to overlap."""
 
 
@@ -99,7 +99,7 @@ class Shells:
         """Whether the bounding boxes of two shells overlap; False if any shell bounds a cavity."""
         if len(self.volumes_mm3) < 2 or self.volumes_mm3.min() <= 0.0:
             return False
-        if len(self.volumes_mm3) > MOST_SHELLS:
+        if len(self.volumes_mm3) > MAX_SHELLS:
             return True
         reach = np.all(self.low[:, None] < self.high[None], axis=2)
         meet = np.asarray(reach & reach.T)

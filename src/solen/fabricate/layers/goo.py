@@ -31,7 +31,7 @@ SMALL, LARGE = 116, 290
 """Sides of the two preview images."""
 HEADER_BYTES = 195_477
 FULL_LIGHT = 255
-MOST_PIXELS = 2**16 - 1
+MAX_PIXELS = 2**16 - 1
 
 
 def write_goo(target: Path, job: Job, part: Printable | None = None, watch: Watch = lambda _: None) -> Stack:
@@ -64,8 +64,8 @@ def checked_for_goo(job: Job) -> Lift:
         limit = f"{printer.name} has not been proven to follow individual exposures of images"
         remedy = "use --format zip, or print each exposure separately"
         raise SpecError("--format", value="goo", limit=limit, remedy=remedy)
-    if max(printer.shape) > MOST_PIXELS:
-        raise SpecError("--format", value="goo", limit=f"a .goo file has at most {MOST_PIXELS} pixels along a side")
+    if max(printer.shape) > MAX_PIXELS:
+        raise SpecError("--format", value="goo", limit=f"a .goo file has at most {MAX_PIXELS} pixels along a side")
     return printer.lift
 
 

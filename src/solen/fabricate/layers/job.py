@@ -27,7 +27,7 @@ Bytes = NDArray[np.uint8]
 
 PAPER_MW_PER_CM2 = 13.0
 """Irradiance at which the working curve of the paper was measured."""
-MOST_NAMED = 3
+MAX_NAMED = 3
 """Maximum number of larger printers that an error message suggests, starting with the smallest."""
 GREY_STEPS = "all steps together"
 EXACT = 1e-6
@@ -331,7 +331,7 @@ def _remedy(size: tuple[float, float, float], build: tuple[float, float, float])
     larger = [name for name in printers() if _fits(size, library_printer(name).size_mm)]
     larger.sort(key=lambda name: math.prod(library_printer(name).size_mm))
     return (
-        f"choose a larger printer ({', '.join(larger[:MOST_NAMED])})"
+        f"choose a larger printer ({', '.join(larger[:MAX_NAMED])})"
         if larger
         else "make the part smaller, or divide it"
     )

@@ -13,7 +13,7 @@ from solen.ranks import Caution, do_not_use, look_at, note
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result
 
-SMALLEST_MM, LARGEST_MM = 0.5, 1000.0
+MIN_SIZE_MM, MAX_SIZE_MM = 0.5, 1000.0
 """A part outside these sizes was probably drawn in a different unit."""
 NARROW = 0.1
 """A part whose first layer has less than this fraction of the largest layer area requires a base or supports."""
@@ -156,7 +156,7 @@ def _of_process(job: Job) -> list[Caution]:
 
 def _of_size(job: Job) -> list[Caution]:
     warnings, longest_mm = [], max(job.solid.size_mm)
-    if not SMALLEST_MM <= longest_mm <= LARGEST_MM:
+    if not MIN_SIZE_MM <= longest_mm <= MAX_SIZE_MM:
         warnings.append(
             look_at(
                 f"the part is {longest_mm:.3g} mm long: an STL contains no unit and is read as "

@@ -35,7 +35,7 @@ INSEPARABLE = 0.9
 """Absolute correlation above which two parameters count as inseparable."""
 DETERMINED = 0.5
 """Fraction by which the coupons must reduce the prior variance of a parameter that counts as determined."""
-LEAST = 3
+MIN_FEATURES = 3
 _DOUBT = 2.0
 
 
@@ -150,8 +150,8 @@ def calibrated(process: Process, coupons: Sequence[MeasuredCoupon], name: str) -
         if feature.resolved and feature.measured_mm is not None and feature.u_measured_mm is not None
     )
     lateral = sum(feature.kind != "step" for _, feature in used)
-    if lateral < LEAST:
-        limit = f"must have at least {LEAST} pillars, holes or gaps with a measured size"
+    if lateral < MIN_FEATURES:
+        limit = f"must have at least {MIN_FEATURES} pillars, holes or gaps with a measured size"
         raise DataError("coupons", value=f"{lateral} of {len(features)} features", limit=limit)
     keys = (process.process.blur_key, *FITTED) + (("shrinkage_z_percent",) if lateral < len(used) else ())
     problem = CouponFit(process, used, Scales.among(coupons, used), keys)

@@ -28,10 +28,10 @@ from solen.fabricate.process.target import Deviation, Target
 from solen.geometry import Body
 from solen.results import HIDDEN, reported
 
-MOST_ROUNDS = 24
+MAX_ROUNDS = 24
 SETTLED_UM = 0.02
 """The iteration has converged when the rms printed error changes by less than this between rounds."""
-LEAST_SHARE = 0.1
+MIN_SHARE = 0.1
 """Smallest fraction of a correction that is tried."""
 
 
@@ -119,7 +119,7 @@ class Printing:
         drawn, share = start.drawn_um, 1.0
         best: Compensation | None = None
         rounds: list[float] = []
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MAX_ROUNDS):
             outlines = self.outlines(replace(start, drawn_um=drawn))
             deviation = Deviation(self.target, self.deviation_um(outlines) + offset_um)
             compensation = Compensation(outlines, drawn, start.wall_um, start.scale, deviation, ())
@@ -127,7 +127,7 @@ class Printing:
             best = compensation if best is None or gained > 0.0 else best
             rounds.append(best.printed.rms_um)
             share *= 1.0 if gained > 0.0 else 0.5  # halve the step if a pixel responds too strongly
-            if gained < SETTLED_UM and (gained > 0.0 or share < LEAST_SHARE):
+            if gained < SETTLED_UM and (gained > 0.0 or share < MIN_SHARE):
                 break
             drawn = best.drawn_um - share * self._smooth(best.printed.um)
         assert best is not None  # noqa: S101  there is at least one round

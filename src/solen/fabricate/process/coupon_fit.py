@@ -18,7 +18,7 @@ from solen.fabricate.process.settings import Settings
 
 WEAK = 3.0
 """Factor by which the reported uncertainty of the previous process is multiplied for the prior."""
-WIDEST_GROWTH = 10.0
+MAX_GROWTH = 10.0
 """Prior standard uncertainty of the wall growth, in pixels: practically no prior."""
 WIDE: dict[str, float] = {
     "sigma_um": 10.0,
@@ -77,7 +77,7 @@ class CouponFit:
         settings = process.process
         start = {key: float(getattr(settings, key)) for key in keys} | {"growth_um": growth_um(settings)}
         before = {key: WEAK * (process.uncertainty.get(key) or WIDE[key]) for key in keys}
-        before["growth_um"] = WIDEST_GROWTH * settings.pixel_um
+        before["growth_um"] = MAX_GROWTH * settings.pixel_um
         low, high = _ends(settings)
         self.low, self.high = (np.array([ends[key] for key in self.sought]) for ends in (low, high))
         self.start = np.clip([start[key] for key in self.sought], self.low, self.high)

@@ -22,7 +22,7 @@ FLAT_MM = 1e-4
 """Tolerance with which polylines approximate curves."""
 _PARALLEL = 1e-3
 _NEAREST_MM = 1e-6
-_LONGEST_MITER = 20.0
+_MAX_MITER = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ def _corner(before: FloatArray, after: FloatArray, name: str) -> FloatArray:
     if abs(sine) < _PARALLEL or math.hypot(*gap) < _NEAREST_MM:
         return np.asarray(0.5 * (a + b))
     along = float(gap[0] * tb[1] - gap[1] * tb[0]) / sine
-    if abs(along) > _LONGEST_MITER * math.hypot(*gap):
+    if abs(along) > _MAX_MITER * math.hypot(*gap):
         limit = "the moved walls have no common corner there: the angle is too sharp"
         raise DesignError(f"corner before {name}", value=f"{math.degrees(math.asin(sine)):.2g} deg", limit=limit)
     return np.asarray(a + along * ta)

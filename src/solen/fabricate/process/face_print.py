@@ -20,7 +20,7 @@ from scipy.ndimage import gaussian_filter
 from solen.arrays import FloatArray, IntArray
 from solen.errors import DataError
 from solen.fabricate.process.drawing import as_designed, lens_face, rings_of
-from solen.fabricate.process.flat import FEWEST_PIXELS
+from solen.fabricate.process.flat import MIN_PIXELS
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.solid import slabs
 from solen.fabricate.process.stack import Rings, Stack
@@ -35,7 +35,7 @@ POINTS = 401
 PLACES = 257
 """Number of points of a profile from the axis to the half width."""
 VERTEX = (0.0, 0.0)
-MOST_ROUNDS, SETTLED_UM, LEAST_SHARE = 12, 0.1, 0.2
+MAX_ROUNDS, SETTLED_UM, MIN_SHARE = 12, 0.1, 0.2
 """Maximum number of compensation rounds; change of the root mean square at convergence; minimum step fraction."""
 FAINT = 1e-3
 """Fraction of a layer's light below which the layer does not affect a wall."""
@@ -100,8 +100,8 @@ class FacePrint:
         if body.front is None:
             raise AssertionError("a prism has one outline")
         lens = body.front.lens
-        if 2.0 * lens.half_width_mm < FEWEST_PIXELS * 1e-3 * settings.pixel_um:
-            limit = f"the lens must be at least {FEWEST_PIXELS} pixels wide"
+        if 2.0 * lens.half_width_mm < MIN_PIXELS * 1e-3 * settings.pixel_um:
+            limit = f"the lens must be at least {MIN_PIXELS} pixels wide"
             raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy="use smaller pixels")
         return cls(body, lens, settings, phase)
 
@@ -150,18 +150,18 @@ class FacePrint:
     def compensated(self, start: PrintedFace, progress: Progress | None = None) -> PrintedFace:
         """Return the face printed from a drawing that is corrected by the print deviation until this stops changing."""
         best, share, rounds = start, 1.0, [self._inner_rms_um(start.printed)]
-        for number in range(MOST_ROUNDS):
+        for number in range(MAX_ROUNDS):
             drawn = (best.drawn - share * self._smooth(self._attributed(best)))[self._representative]
             um, z = self._printed(self._layers(self.drawn_body(drawn)), None)
             if progress is not None:
-                progress((number + 1) / MOST_ROUNDS)
+                progress((number + 1) / MAX_ROUNDS)
             gained = rounds[-1] - (rms := self._inner_rms_um(z))
             if gained > 0.0:
                 best = PrintedFace(self.y_mm, um, drawn, z)
             else:
                 share *= 0.5
             rounds.append(min(rms, rounds[-1]))
-            if gained < SETTLED_UM and (gained > 0.0 or share < LEAST_SHARE):
+            if gained < SETTLED_UM and (gained > 0.0 or share < MIN_SHARE):
                 break
         return replace(best, rounds_um=tuple(rounds))
 

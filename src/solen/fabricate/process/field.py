@@ -29,8 +29,8 @@ from solen.fabricate.raster import coverage
 Spectrum = NDArray[np.complex128]
 DARK = 1e-12
 """Fraction of the maximum dose below which its logarithm is cut off."""
-MOST_POINTS = 20_000_000
-MOST_LAYERS = 10_000
+MAX_POINTS = 20_000_000
+MAX_LAYERS = 10_000
 _FAR = 6.0  # widths of the halo that are kept free around the lens
 _DEEP = 3.0  # depth, in penetration depths, at which the halo's width is evaluated for this
 _REACH_UM = 300.0
@@ -150,12 +150,12 @@ def fine_dose(
 
 def _check_size(pixels: int, layers: int, settings: Settings) -> None:
     points = pixels * settings.pixel_light.fine**2
-    if points > MOST_POINTS:
-        limit = f"the part with {_FAR:g} halo widths requires {points:.2g} grid points; the limit is {MOST_POINTS:.1g}"
+    if points > MAX_POINTS:
+        limit = f"the part with {_FAR:g} halo widths requires {points:.2g} grid points; the limit is {MAX_POINTS:.1g}"
         remedy = "use larger pixels, a narrower halo or a smaller part"
         raise DataError("process.halo_um", value=settings.halo_um, limit=limit, remedy=remedy)
-    if layers > MOST_LAYERS:
-        limit = f"the part would have {layers:,} layers; the limit is {MOST_LAYERS:,}"
+    if layers > MAX_LAYERS:
+        limit = f"the part would have {layers:,} layers; the limit is {MAX_LAYERS:,}"
         raise DataError("process.layer_um", value=settings.layer_um, limit=limit, remedy="use thicker layers")
 
 

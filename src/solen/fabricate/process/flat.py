@@ -28,7 +28,7 @@ from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.target import Target, exits_um
 
 STEP_UM = 2.0
-FEWEST_PIXELS = 20
+MIN_PIXELS = 20
 """Minimum number of pixels across the lens width."""
 _GAUSS = ((0.5 - math.sqrt(0.15), 5 / 18), (0.5, 4 / 9), (0.5 + math.sqrt(0.15), 5 / 18))
 """Positions within a layer, from its window side, and weights of Gauss-Legendre quadrature."""
@@ -77,9 +77,9 @@ class FlatPrint:
             limit = f"a layer is {settings.layer_um:g} µm thick"
             raise DataError("body.thickness_mm", value=thickness_mm, limit=limit, remedy="increase it")
         width_mm = float(np.ptp(target.points_mm[:, 0]))
-        if width_mm < FEWEST_PIXELS * 1e-3 * settings.pixel_um:
-            limit = f"the lens, {width_mm:.3g} mm wide, must be at least {FEWEST_PIXELS} pixels wide"
-            remedy = f"use a printer with pixels below {1e3 * width_mm / FEWEST_PIXELS:.3g} µm"
+        if width_mm < MIN_PIXELS * 1e-3 * settings.pixel_um:
+            limit = f"the lens, {width_mm:.3g} mm wide, must be at least {MIN_PIXELS} pixels wide"
+            remedy = f"use a printer with pixels below {1e3 * width_mm / MIN_PIXELS:.3g} µm"
             raise DataError("process.pixel_um", value=settings.pixel_um, limit=limit, remedy=remedy)
         image = FlatImage.of(rings, target.points_mm, settings, layers, phase)
         return cls(settings, image, target)

@@ -31,7 +31,7 @@ GREYS = ("grey", "gray", "grey value", "gray value")
 U_THICKNESSES = tuple(f"u_{name}" for name in THICKNESSES)
 DISCS = ("disc", "disk", "sample", "specimen", "id", *REPEATS)
 _STEP_UM = 1e-3
-FEWEST = 4
+MIN_GREY_LEVELS = 4
 """Minimum number of grey levels for a curve, including the full level."""
 DARK = 0.5
 """A grey level below this should have been measured."""
@@ -121,8 +121,8 @@ def measured_greys(recording: Recording, process: Process, options: GreyOptions 
         raise DataError(
             "grey", limit="no disc with the full grey level was cured, although it is the reference for all others"
         )
-    if len(greys) < FEWEST:
-        limit = f"at least {FEWEST} grey levels, including the full level, must have cured a disc"
+    if len(greys) < MIN_GREY_LEVELS:
+        limit = f"at least {MIN_GREY_LEVELS} grey levels, including the full level, must have cured a disc"
         raise DataError("grey", value=len(greys), limit=limit, remedy="expose for longer")
     u_disc = _u_um(depth[set_at], which, None if stated is None else stated.to("um")[set_at], options)
     weight = np.bincount(which, u_disc**-2)

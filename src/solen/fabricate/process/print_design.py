@@ -31,7 +31,7 @@ from solen.ranks import Caution, do_not_use, look_at
 from solen.sensor import Sensor
 from solen.sensor.print_loss import print_loss
 
-_MOST = (2.5, 97.5)
+_CENTRAL_95_PERCENTILES = (2.5, 97.5)
 _TAPER_UM = 2.0
 """Taper of the walls above which a warning is given."""
 _WELL_KNOWN_UM = 3.0
@@ -238,7 +238,7 @@ def _shape(deviation: Deviation) -> Shape:
 def _ripple(lens: Prediction, orientation: Orientation) -> Ripple:
     if orientation == "flat":
         return Ripple("thickness", lens.ripple_through_um, None)
-    low, high = np.percentile(lens.ripple_um, _MOST)
+    low, high = np.percentile(lens.ripple_um, _CENTRAL_95_PERCENTILES)
     return Ripple("profile", float(high - low), _rms(lens.ripple_um))
 
 

@@ -33,19 +33,19 @@ Mixture = tuple[FloatArray, FloatArray]
 """Weights, some of them negative, and standard deviations in µm of Gaussians whose sum is a response."""
 
 PICTURES = (".png", ".tif", ".tiff", ".bmp")
-MOST_SAMPLES = 65_536
+MAX_SAMPLES = 65_536
 FAINTEST = 1e-6
 """Relative spectral amplitude of the narrowest blur at the highest frequency of the fine grid."""
 FAINT = 5e-5
 """Relative spectral amplitude of a measured response at the highest frequency of the fine grid."""
-LEAST_FINE, MOST_FINE = 3, 16
+MIN_SUBSAMPLES, MAX_SUBSAMPLES = 3, 16
 RIM = 0.01
 """Maximum mean of each side of a table's rim, as a fraction of the brightest sample."""
 NOISE = 0.05
 """Maximum depth of negative samples, as a fraction of the brightest sample."""
 HOT = 8.0
 """Ratio of a sample to its brightest neighbour above which it is probably a camera defect."""
-COARSEST = 4.0
+MIN_SAMPLES_PER_PIXEL = 4.0
 """Minimum number of samples along the side of a pixel."""
 _GREY = ("L", "F", "I", "I;16", "I;16B", "I;16L", "I;16N")  # image modes whose values are proportional to light
 _FULL_SCALES = (255, 1023, 4095, 16383, 65535)
@@ -78,8 +78,8 @@ class PixelResponse(Strict):
             raise refused(
                 "light", "must be at least 5 rows of at least 5 numbers, all of the same length", value=f"{rows} rows"
             )
-        if rows * columns > MOST_SAMPLES:
-            limit = f"at most {MOST_SAMPLES:,} samples"
+        if rows * columns > MAX_SAMPLES:
+            limit = f"at most {MAX_SAMPLES:,} samples"
             raise refused(
                 "light", limit, value=f"{rows} x {columns}", remedy="crop the table to the light, or average samples"
             )
@@ -135,13 +135,13 @@ class GaussianPixel:
         """Grid points per pixel that represent the response exactly to rounding; `DataError` if it is too sharp."""
         width, pixel_um = math.sqrt(-2.0 * math.log(FAINTEST)), max(self.pixels_um)
         needed = math.ceil(width * pixel_um / (math.pi * self.blur_um))
-        if needed > MOST_FINE:
-            least = width * pixel_um / (math.pi * MOST_FINE)
+        if needed > MAX_SUBSAMPLES:
+            least = width * pixel_um / (math.pi * MAX_SUBSAMPLES)
             limit = f"must be at least {least:.2g} µm for pixels of {pixel_um:g} µm"
             raise DataError(
                 "process.sigma_um", value=self.blur_um, limit=limit, remedy="no projector produces sharper pixels"
             )
-        return max(needed, LEAST_FINE)
+        return max(needed, MIN_SUBSAMPLES)
 
     def plane(self, shape: tuple[int, int], step_um: tuple[float, float]) -> FloatArray:
         """Spectrum on a periodic grid of rows and columns with steps along x and y, as for a real transform."""
@@ -211,9 +211,9 @@ class MeasuredPixel:
     def fine(self) -> int:
         """Grid points per pixel at which a spline represents the response: at most as fine as its samples."""
         pixel_um = max(self.pixels_um)
-        most = min(MOST_FINE, math.ceil(pixel_um / self.pitch_um))
+        most = min(MAX_SUBSAMPLES, math.ceil(pixel_um / self.pitch_um))
         k = math.pi / pixel_um * np.linspace(1.0, 2.0, 32)
-        for fine in range(LEAST_FINE, most):
+        for fine in range(MIN_SUBSAMPLES, most):
             if max(float(np.abs(self.along(fine * k, *way)).max()) for way in ((1.0, 0.0), (0.0, 1.0))) < FAINT:
                 return fine
         return most
@@ -269,8 +269,8 @@ def measured_pixel(response: PixelResponse, scale: float, pixels_um: tuple[float
     DataError
         If the samples are too coarse for the pixels, or the light is not about as wide as a pixel.
     """
-    if COARSEST * response.pitch_um > min(pixels_um):
-        limit = f"a pixel of {min(pixels_um):g} µm requires at least {COARSEST:g} samples"
+    if MIN_SAMPLES_PER_PIXEL * response.pitch_um > min(pixels_um):
+        limit = f"a pixel of {min(pixels_um):g} µm requires at least {MIN_SAMPLES_PER_PIXEL:g} samples"
         raise DataError(
             "process.response.pitch_um",
             value=response.pitch_um,

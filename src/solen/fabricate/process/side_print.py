@@ -26,14 +26,14 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.fabricate.grey import FULL
 from solen.fabricate.process.field import DARK
-from solen.fabricate.process.flat import FEWEST_PIXELS
+from solen.fabricate.process.flat import MIN_PIXELS
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.target import Target, exits_um
 from solen.fabricate.process.terms import FAINT
 
 Side = Literal["upright", "upright-lens-first", "on-edge"]
 STEP_UM = 1.0
-MOST_WORK = 2e10
+MAX_WORK = 2e10
 """Maximum number of products for a side view: about a minute of computing time."""
 SUBLAYERS = 5
 """Number of heights within a layer at which the dose is computed; its logarithm is interpolated linearly in between."""
@@ -173,8 +173,8 @@ def _pixel_um(settings: Settings, side: Side) -> float:
 
 def _check_fine(wanted: FloatArray, settings: Settings, pixel_um: float) -> None:
     size = np.ptp(wanted, axis=0)
-    if size[0] < FEWEST_PIXELS * pixel_um:
-        limit = f"the lens, {1e-3 * size[0]:.3g} mm along the pixels, must be at least {FEWEST_PIXELS} pixels wide"
+    if size[0] < MIN_PIXELS * pixel_um:
+        limit = f"the lens, {1e-3 * size[0]:.3g} mm along the pixels, must be at least {MIN_PIXELS} pixels wide"
         raise DataError("process.pixel_um", value=pixel_um, limit=limit, remedy="use a printer with smaller pixels")
     if size[1] < 2.0 * settings.layer_um:
         limit = f"the lens, {1e-3 * size[1]:.3g} mm along the layers, must be at least two layers high"
@@ -185,7 +185,7 @@ def _check_work(layers: int, columns: float, settings: Settings) -> None:
     """Raise `DataError` if the sums over later layers would take minutes."""
     later = min(layers, settings.deep_Dp_um * _DEPTHS / settings.layer_um)
     work = layers * later * columns * settings.pixel_light.fine * SUBLAYERS
-    if work > MOST_WORK:
+    if work > MAX_WORK:
         limit = (
             f"{layers:,} layers near the lens, each exposed through {later:,.0f} others, would take minutes to compute"
         )

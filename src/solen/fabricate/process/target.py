@@ -25,7 +25,7 @@ Field = Callable[[FloatArray], FloatArray]
 _DENSE = 4001
 _BISECTIONS = 30
 _AT_ONCE = 2_000_000  # points evaluated at a time
-FIRST_REACH_UM, MOST_REACH_UM = 200.0, 1600.0
+FIRST_REACH_UM, MAX_REACH_UM = 200.0, 1600.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ def exits_um(field: Field, target: Target, step_um: float) -> FloatArray:
         exits = _exits(field, target, reach, step_um)
         if not np.isnan(exits).any():
             return exits
-        if reach >= MOST_REACH_UM:
+        if reach >= MAX_REACH_UM:
             _refuse(target, exits)
         reach *= 2.0
 
@@ -120,7 +120,7 @@ def _refuse(target: Target, exits: FloatArray) -> None:
     raise DataError(
         "printed lens",
         value=f"no wall near x = {place[0]:.3g}, z = {place[1]:.3g} mm",
-        limit=f"the print has no wall within {MOST_REACH_UM:g} µm of the target face: it receives "
+        limit=f"the print has no wall within {MAX_REACH_UM:g} µm of the target face: it receives "
         "too little or too much light",
         remedy="check exposure_s, Ec_mJ_per_cm2, sigma_um and halo_um of the process",
     )

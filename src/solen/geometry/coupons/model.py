@@ -23,7 +23,7 @@ from solen.errors import DataError, SpecError
 from solen.spec.strict import option_refusal
 
 Kind = Literal["pillar", "hole", "mark", "disc", "layer", "cube", "guide", "ledge"]
-LARGEST_MM = 1e3
+MAX_SIZE_MM = 1e3
 TOUCH_MM = 1e-6
 """Features closer than this touch."""
 
@@ -260,8 +260,8 @@ class Coupon(_Table):
 
 def _check_sizes(what: str, *sizes_mm: float) -> None:
     for size in sizes_mm:
-        if not 0.0 < size <= LARGEST_MM:
-            limit = f"must be above 0 and at most {LARGEST_MM:g} mm"
+        if not 0.0 < size <= MAX_SIZE_MM:
+            limit = f"must be above 0 and at most {MAX_SIZE_MM:g} mm"
             raise SpecError(f"{what} size", value=size, limit=limit, remedy="check its dimensions")
 
 

@@ -58,7 +58,7 @@ NOTES = frozenset(
 )
 UPRIGHT = 1e-9
 JUST_INSIDE = 1.0 - 1e-12
-MOST_BLOCKS = 16
+MAX_BLOCKS = 16
 """Maximum nesting depth of blocks."""
 
 
@@ -107,8 +107,8 @@ class _Reader:
             if entity.dxftype() in NOTES or not self._visible(layer) or is_aside(face_name(layer)):
                 continue
             if entity.dxftype() in ("INSERT", "LWPOLYLINE", "POLYLINE"):
-                if depth > MOST_BLOCKS:
-                    raise DataError("drawing", value=layer, limit=f"blocks more than {MOST_BLOCKS} deep")
+                if depth > MAX_BLOCKS:
+                    raise DataError("drawing", value=layer, limit=f"blocks more than {MAX_BLOCKS} deep")
                 yield from self._shown(entity.virtual_entities(), layer, depth + 1)
             else:
                 yield entity, layer

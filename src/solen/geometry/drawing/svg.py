@@ -45,7 +45,7 @@ GROUPS = frozenset({"g", "a", "use"})
 LENGTH_MM = {"mm": 1.0, "cm": 10.0, "in": 25.4, "pt": 25.4 / 72, "pc": 25.4 / 6, "Q": 0.25}
 PIXEL_MM = 25.4 / 96
 """Length of a user unit in a drawing without a view box."""
-MOST_CLONES = 16
+MAX_CLONES = 16
 SMOOTH = 1e-3
 """Maximum angle in radians of a smooth joint between Bézier segments; smooth nodes written by programs are within
 it.
@@ -126,7 +126,7 @@ class _Reader:
     def _clone(self, element: ET.Element, onto: Affine, name: str, depth: int) -> None:
         target = next((element.get(key) for key in HREFS if element.get(key)), "")
         original = self._by_id.get((target or "").removeprefix("#"))
-        if original is None or depth > MOST_CLONES:
+        if original is None or depth > MAX_CLONES:
             raise DataError(f"{self._where}: use", value=target, limit="must refer to another element of the drawing")
         shift = Affine(1.0, 0.0, 0.0, 1.0, _number(element.attrib, "x"), _number(element.attrib, "y"))
         self._element(original, onto.after(shift), name, depth + 1)

@@ -18,7 +18,7 @@ from solen.arrays import FloatArray
 from solen.curve import Arc, Bezier, Curve, Function, Measure, Parabola, Segment, Spline, carried, fitted
 from solen.errors import DesignError
 from solen.geometry.bend import BEND_TOLERANCE_MM as WALL_TOLERANCE_MM
-from solen.geometry.bend import LARGEST_RADIUS_MM
+from solen.geometry.bend import MAX_RADIUS_MM
 from solen.plane import Point, Rigid, along, heading, left_of, minus, right_of, unit
 
 SAMPLES, PANELS = 257, 8
@@ -135,7 +135,7 @@ class Spine:
     def _beside_arc(self, offset: Offset, what: str) -> Curve:
         per_mm = math.radians(self.turn_deg) / self.length_mm
         self._check_fold(polynomial.polyval(np.linspace(0.0, self.length_mm, SAMPLES), offset), per_mm, what)
-        if len(offset) > 1 or abs(1.0 / per_mm) > LARGEST_RADIUS_MM:
+        if len(offset) > 1 or abs(1.0 / per_mm) > MAX_RADIUS_MM:
             return fitted(*self._beside(offset), WALL_TOLERANCE_MM)
         radius = 1.0 / per_mm  # positive towards the left
         center = along(self.start, left_of(self.direction), radius)

@@ -33,9 +33,9 @@ from solen.results import HIDDEN, Result, reported
 Scatter = Literal["auto", "proportional", "constant"]
 EXPONENTS = {"auto": (0.0, 0.5, 1.0), "proportional": (1.0,), "constant": (0.0,)}
 """Powers of the thickness that the scatter may follow."""
-THINNEST = 0.05
+MIN_SCATTER_THICKNESS = 0.05
 """Discs thinner than this fraction of the thickest disc are assumed to scatter like a disc of this thickness."""
-MOST_OUTLIERS = 0.2
+MAX_OUTLIERS = 0.2
 """Maximum fraction of the discs that may be excluded; one disc may always be excluded."""
 DOSES_MJ_PER_CM2, THICKEST_UM = (1e-6, 1e9), 1e6
 """Limits of doses and thicknesses."""
@@ -180,13 +180,13 @@ class WorkingCurve(Result, kw_only=True):
 
     def disc_sigma_um(self, depth_um: float) -> float:
         """Return the standard deviation of discs of a given thickness."""
-        thick = max(depth_um, THINNEST * max(disc.thickness_um for disc in self.used))
+        thick = max(depth_um, MIN_SCATTER_THICKNESS * max(disc.thickness_um for disc in self.used))
         return float(self.sd_thickness_um * (thick / self.mean_thickness_um) ** self.scatter_exponent)
 
     def dose_mJ_per_cm2(self, depth_um: float) -> float:
         """Return the dose that cures to a depth; infinite if it overflows."""
         ln_dose = (depth_um - self.fit.parameters[0]) / self.fit.parameters[1]
-        return math.exp(ln_dose) if ln_dose < _LARGEST_LN else math.inf
+        return math.exp(ln_dose) if ln_dose < _MAX_LN else math.inf
 
     def dose_interval95(self, depth_um: float) -> tuple[float, float] | None:
         """Return the 95 % interval of the dose that cures to a depth; None if the slope is too uncertain to have one.
@@ -204,11 +204,11 @@ class WorkingCurve(Result, kw_only=True):
         rest = (a - depth_um) ** 2 - t2 * covariance[0, 0]
         root = math.sqrt(max(half**2 - square * rest, 0.0))
         low, high = (-half - root) / square, (-half + root) / square
-        return (math.exp(low), math.exp(high)) if high < _LARGEST_LN else None
+        return (math.exp(low), math.exp(high)) if high < _MAX_LN else None
 
 
 _FLATTEST = 100.0  # largest magnitude of the logarithm of a critical dose in mJ/cm²
-_LARGEST_LN = 700.0  # above it a dose overflows
+_MAX_LN = 700.0  # above it a dose overflows
 
 
 def working_curve(
@@ -352,7 +352,7 @@ def _weights(x: FloatArray, y: FloatArray, exponent: float) -> FloatArray:
         total, mean = weights.sum(), weights @ x / weights.sum()
         slope = float(weights @ ((x - mean) * y) / (weights @ (x - mean) ** 2))
         line = weights @ y / total + slope * (x - mean)
-        weights = np.maximum(line, THINNEST * max(float(line.max()), float(y.max()))) ** (-2.0 * exponent)
+        weights = np.maximum(line, MIN_SCATTER_THICKNESS * max(float(line.max()), float(y.max()))) ** (-2.0 * exponent)
         if abs(slope - before) <= _SETTLED * abs(slope):
             break
         before = slope
@@ -379,7 +379,7 @@ def _fit(discs: tuple[Disc, ...], scatter: Scatter) -> tuple[LinearFit, float]:
 
 def _outliers(used: tuple[Disc, ...], scatter: Scatter) -> list[LeftOut]:
     """Return the outliers. If most discs at a dose deviate together, the line is at fault and the discs are kept."""
-    most = min(max(1, int(MOST_OUTLIERS * len(used))), len(used) - 4)
+    most = min(max(1, int(MAX_OUTLIERS * len(used))), len(used) - 4)
     if most < 1:
         return []
     x, y = _columns(used)

@@ -24,7 +24,7 @@ from solen.recording import Measured, Recording
 from solen.results import reported
 from solen.spec.strict import Finite, Wavelength, refused
 
-MOST_LAYERS = 100_000
+MAX_LAYERS = 100_000
 """Largest number of layers: more than any printer prints, 1 m in layers of 10 µm."""
 _APART = 0.2  # relative difference of penetration depths from discs and from absorbance above which to warn
 PLAUSIBLE_DP_UM = (1.0, 1e4)
@@ -42,7 +42,7 @@ class CureOptions(RowOptions):
     """Exposure time of a layer."""
     overcure: Finite = Field(2.0, gt=0.0)
     """Target cure depth for the required exposure, in layer thicknesses."""
-    layers: int | None = Field(None, gt=0, le=MOST_LAYERS)
+    layers: int | None = Field(None, gt=0, le=MAX_LAYERS)
     """Number of layers of the part; default: enough for its interior to reach a constant dose."""
     burn_in_layers: int = Field(0, ge=0)
     """Number of first layers that are exposed for --burn-in-s."""

@@ -28,21 +28,21 @@ from solen.results import HIDDEN, Result, reported
 Lines = tuple[tuple[float, float], ...]
 """For each line of a lamp, its fraction of the light at the surface, and its absorption over the mean there."""
 ONE_LINE: Lines = ((1.0, 1.0),)
-MOST_LINES = 48
+MAX_LINES = 48
 SURE = 2.0
 """The discs prefer a law if the logarithm of the likelihood ratio exceeds this value: 7 to 1."""
-_LEAST_DISCS = 5
+_MIN_DISCS = 5
 _POWERS = (0.0, 0.5, 1.0)  # powers of thickness with which the scatter of discs may grow
 _STEPS = 60
 
 
 def lamp_lines(decay: Attenuation) -> Lines:
-    """Return the lines of a lamp in a resin; similar lines are merged until at most `MOST_LINES` remain."""
+    """Return the lines of a lamp in a resin; similar lines are merged until at most `MAX_LINES` remain."""
     log = np.log(decay.per_um)
-    edges = np.linspace(log.min(), log.max() + 1e-9, MOST_LINES + 1)
-    bins = np.clip(np.digitize(log, edges) - 1, 0, MOST_LINES - 1)
-    share = np.bincount(bins, decay.weight, MOST_LINES)
-    taken = np.bincount(bins, decay.weight * decay.per_um, MOST_LINES)
+    edges = np.linspace(log.min(), log.max() + 1e-9, MAX_LINES + 1)
+    bins = np.clip(np.digitize(log, edges) - 1, 0, MAX_LINES - 1)
+    share = np.bincount(bins, decay.weight, MAX_LINES)
+    taken = np.bincount(bins, decay.weight * decay.per_um, MAX_LINES)
     total, mean = float(share.sum()), float(taken.sum() / share.sum())
     return tuple(
         (float(part) / total, float(loss / part) / mean) for part, loss in zip(share, taken, strict=True) if part > 0.0
@@ -144,8 +144,8 @@ def in_lamp(curve: WorkingCurve, lines: Lines, liquid_Dp_um: float, lamp: str) -
     """
     doses = np.array([disc.dose_mJ_per_cm2 for disc in curve.used])
     um = np.array([disc.thickness_um for disc in curve.used])
-    if len(um) < _LEAST_DISCS:
-        limit = f"at least {_LEAST_DISCS} discs are needed to distinguish two laws"
+    if len(um) < _MIN_DISCS:
+        limit = f"at least {_MIN_DISCS} discs are needed to distinguish two laws"
         raise DataError("--penetration", value=f"{len(um)} discs", limit=limit, remedy="cure more discs")
     start = (math.log(curve.Dp_um), math.log(curve.Ec_mJ_per_cm2))
     ours, jacobs = (_best(doses, um, law, start) for law in (lines, ONE_LINE))

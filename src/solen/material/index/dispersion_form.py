@@ -18,14 +18,14 @@ from scipy.interpolate import CubicSpline
 from solen.arrays import FloatArray
 
 Kind = Literal["cauchy", "sellmeier", "free"]
-LEAST_FRINGES = 20
+MIN_FRINGES = 20
 """Smallest number of fringes for which n can be free."""
-_PER_KNOT, _MOST_KNOTS, _TERMS = 4, 18, 3
+_PER_KNOT, _MAX_KNOTS, _TERMS = 4, 18, 3
 
 
 def free_knots(fringes: float) -> int:
     """Return the number of knots of a free index that the given number of fringes determines; 0 for too few."""
-    return 0 if fringes < LEAST_FRINGES else int(min(fringes // _PER_KNOT, _MOST_KNOTS))
+    return 0 if fringes < MIN_FRINGES else int(min(fringes // _PER_KNOT, _MAX_KNOTS))
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,15 +21,15 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.material.index.coherence import Blur
-from solen.material.index.dispersion_form import LEAST_FRINGES, Kind, free_knots
+from solen.material.index.dispersion_form import MIN_FRINGES, Kind, free_knots
 from solen.material.index.film_model import STEP, FilmModel, Measured
 from solen.material.index.fringes import Phase
 from solen.units import NM_PER_UM
 
 _EVIDENCE = 10.0  # required increase of the log-likelihood for a free index
-_ORDERS, _MOST_ORDERS = (-1.0, 1.0), 4  # shifts of the order to be tried, and number of rounds
+_ORDERS, _MAX_ORDERS = (-1.0, 1.0), 4  # shifts of the order to be tried, and number of rounds
 _CLEAN = 1.5  # largest variance factor from correlated neighbours at which a free index is accepted
-_FREE_ORDERS, _MOST_TRIED = tuple(np.arange(-6.0, 6.1)), 4  # shifts to be tried with a free index; number refined
+_FREE_ORDERS, _MAX_TRIED = tuple(np.arange(-6.0, 6.1)), 4  # shifts to be tried with a free index; number refined
 _APART = 12.0  # difference of χ² above which another solution has no weight
 
 
@@ -135,7 +135,7 @@ def _freed(
         if not asked:
             return model, p
         remedy = "use cauchy or sellmeier, or measure a thicker layer or a wider range, which has more fringes"
-        limit = f"has {model.fringes:.0f} fringes; a free index needs {LEAST_FRINGES}"
+        limit = f"has {model.fringes:.0f} fringes; a free index needs {MIN_FRINGES}"
         raise DataError("film", limit=limit, remedy=remedy)
     if not asked and not model.misfits(p):
         return model, p
@@ -160,7 +160,7 @@ def _free_best(model: FilmModel, p: FloatArray) -> tuple[FilmModel, FloatArray]:
         free.solve(_phase_matched(free, free.shifted_order(_phase_matched(free, moved), by)), 15) for by in _FREE_ORDERS
     ]
     best = []
-    for q, cost in sorted(tried, key=lambda one: one[1])[:_MOST_TRIED]:
+    for q, cost in sorted(tried, key=lambda one: one[1])[:_MAX_TRIED]:
         again, less = free.solve(_phase_matched(free, q), 10)
         best.append(free.solve(again if less < cost else q))
     return free, min(best, key=lambda one: one[1])[0]
@@ -186,7 +186,7 @@ def fit_levels(measured: Measured, level: float) -> Film:
 def _best_order(model: FilmModel, p: FloatArray) -> FloatArray:
     """Return the solution that no neighbouring order improves; adjacent orders differ very little in dispersion."""
     p, cost = model.solve(p, 6)
-    for _ in range(_MOST_ORDERS):
+    for _ in range(_MAX_ORDERS):
         beside = [model.solve(model.shifted_order(p, by), 4) for by in _ORDERS]
         better, less = min(beside, key=lambda one: one[1])
         if less > 0.999 * cost:

@@ -26,7 +26,7 @@ SLIT_SHARE = 0.1
 """Relative standard uncertainty of a specified slit width, which includes the uncertain shape of the slit function."""
 U_THICKNESS = 0.1
 """Relative standard uncertainty assumed for a thickness if none is specified."""
-_MOST_SPREAD, _MOST_SLIT_NM = 0.1, 20.0
+_MAX_SPREAD, _MAX_SLIT_NM = 0.1, 20.0
 _BEND = 0.01  # prior standard deviation of the third term of n at the ends of the range
 _ADDED = 0.01  # the same for each curve of a free index
 _OTHER = 0.02  # relative standard uncertainty of the contrast from other causes than slit and thickness
@@ -135,9 +135,9 @@ class FilmModel:
         low, high = np.full(self.size, -np.inf), np.full(self.size, np.inf)
         limits = {
             "n": (1.05, 4.5),
-            "slit": (0.0, _MOST_SLIT_NM),
-            "rough": (0.0, _MOST_SPREAD),
-            "wedge": (0.0, _MOST_SPREAD),
+            "slit": (0.0, _MAX_SLIT_NM),
+            "rough": (0.0, _MAX_SPREAD),
+            "wedge": (0.0, _MAX_SPREAD),
         }
         for name, (least, most) in limits.items():
             low[self.names[name]], high[self.names[name]] = least, most
@@ -197,13 +197,13 @@ class FilmModel:
         """Return the residuals of the priors, in standard uncertainties."""
         at = {name: p[place] for name, place in self.names.items()}
         bend = 1e-6 if self.form.kind == "sellmeier" else _BEND
-        rows = [at["bend"] / bend, *(p[self.added] / _ADDED), at["rough"] / _MOST_SPREAD, at["wedge"] / _MOST_SPREAD]
+        rows = [at["bend"] / bend, *(p[self.added] / _ADDED), at["rough"] / _MAX_SPREAD, at["wedge"] / _MAX_SPREAD]
         rows.append(at["other"] / _OTHER)
         if (thickness := self.measured.thickness) is not None:
             u = U_THICKNESS * thickness.um if thickness.u_um is None else max(thickness.u_um, 1e-4 * thickness.um)
             rows.append((self.thickness(p) - thickness.um) / u)
         slit = self.measured.slit_nm
-        rows.append(at["slit"] / _MOST_SLIT_NM if slit is None else (at["slit"] / slit - 1.0) / SLIT_SHARE)
+        rows.append(at["slit"] / _MAX_SLIT_NM if slit is None else (at["slit"] / slit - 1.0) / SLIT_SHARE)
         if "sheet_bend" in at:
             rows.append(at["sheet_bend"] / _BEND)
         elif "sheet" in at:

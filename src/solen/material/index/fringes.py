@@ -22,15 +22,15 @@ from solen.arrays import FloatArray
 from solen.ranks import Caution, do_not_use, look_at
 from solen.units import NM_PER_UM
 
-_FEWEST = 24  # smallest number of points for the detection of fringes
+_MIN_POINTS = 24  # smallest number of points for the detection of fringes
 _SMOOTH = 5  # degree of the smooth curve under the fringes
-_LEAST_FRINGES = 3.0  # smallest number of fringes in the range
+_MIN_FRINGES = 3.0  # smallest number of fringes in the range
 _RISES = tuple(np.linspace(0.0, 0.03, 7))
 _CHANCE = -4.0  # logarithm of the false-alarm probability
-_SAME_UM, _MOST_PHASES, _ORDERS = 0.15, 3, 6.0
-_MOST_RISE = 0.1
-_WINDOWS, _LEAST_WINDOWS = 12, 3  # parts of a spectrum, and number of them that must have fringes
-_LEAST_AMPLITUDE = 2e-5  # of T: below, rounding and the shape of the smooth curve look like fringes
+_SAME_UM, _MAX_PHASES, _ORDERS = 0.15, 3, 6.0
+_MAX_RISE = 0.1
+_WINDOWS, _MIN_WINDOWS = 12, 3  # parts of a spectrum, and number of them that must have fringes
+_MIN_AMPLITUDE = 2e-5  # of T: below, rounding and the shape of the smooth curve look like fringes
 
 
 def fringe_spacing_nm(n: ArrayLike, thickness_um: ArrayLike, wavelength_nm: ArrayLike) -> FloatArray:
@@ -80,7 +80,7 @@ def find_fringes(
         (T + R)/2, which absorption affects and fringes do not.
     """
     count = wavelength_nm.size
-    if count < _FEWEST:
+    if count < _MIN_POINTS:
         return []
     um = wavelength_nm / NM_PER_UM
     ends = um[-1] ** -2, um[0] ** -2
@@ -96,19 +96,19 @@ def find_fringes(
         if all(abs(one[1] - other[1]) > _SAME_UM for other in seen):
             seen.append(one)
     off = _level(values)
-    candidates = [_refined(um, u, off, optical, rise) for _, optical, rise in seen[:_MOST_PHASES]]
+    candidates = [_refined(um, u, off, optical, rise) for _, optical, rise in seen[:_MAX_PHASES]]
     candidates += [
         _shifted_order(um, u, off, candidates[0], by) for by in np.arange(-_ORDERS, _ORDERS + 0.1, 0.5) if by
     ]
     found: list[Phase] = []
     for candidate in sorted(candidates, key=lambda one: -one.share):
-        inside = optical_um[0] <= candidate.optical_um <= optical_um[1] and abs(candidate.rise) < _MOST_RISE
+        inside = optical_um[0] <= candidate.optical_um <= optical_um[1] and abs(candidate.rise) < _MAX_RISE
         apart = all(abs(candidate.optical_um - other.optical_um) > 0.1 for other in found)
-        if inside and apart and candidate.amplitude > _LEAST_AMPLITUDE:
+        if inside and apart and candidate.amplitude > _MIN_AMPLITUDE:
             found.append(candidate)
     if not found or not _are_fringes(um, u, off, None if beside is None else _level(beside), found[0]):
         return []
-    return [one for one in found if one.share > 0.5 * found[0].share][:_MOST_PHASES]
+    return [one for one in found if one.share > 0.5 * found[0].share][:_MAX_PHASES]
 
 
 def _are_fringes(um: FloatArray, u: FloatArray, off: FloatArray, beside: FloatArray | None, phase: Phase) -> bool:
@@ -120,9 +120,9 @@ def _are_fringes(um: FloatArray, u: FloatArray, off: FloatArray, beside: FloatAr
     parts = np.array_split(np.arange(um.size), _WINDOWS)
     here = np.array([abs(np.mean(off[part] * waves[part])) for part in parts])
     if beside is None:
-        return int((here > 0.3 * here.max()).sum()) >= _LEAST_WINDOWS
+        return int((here > 0.3 * here.max()).sum()) >= _MIN_WINDOWS
     there = np.array([abs(np.mean(beside[part] * waves[part])) for part in parts])
-    several = int((here > 0.15 * here.max()).sum()) >= _LEAST_WINDOWS - 1
+    several = int((here > 0.15 * here.max()).sum()) >= _MIN_WINDOWS - 1
     return several and float(np.sum(there**2)) < 0.25 * float(np.sum(here**2))
 
 
@@ -137,7 +137,7 @@ def _periodogram(
 ) -> list[tuple[float, float, float]]:
     """Return the log probability, n·h and rise of the strongest periods that noise does not explain."""
     span = abs(2.0 / um[0] - 2.0 / um[-1])
-    optical = np.arange(max(optical_um[0], _LEAST_FRINGES / span), optical_um[1], 0.2 / span)
+    optical = np.arange(max(optical_um[0], _MIN_FRINGES / span), optical_um[1], 0.2 / span)
     total, freedom = float(off @ off), (um.size - _SMOOTH - 3) / 2.0
     if not (optical.size and total > 0.0):
         return []

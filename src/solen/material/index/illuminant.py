@@ -23,7 +23,7 @@ from solen.parts.light import FWHM_OF_SIGMA
 from solen.recording import read, spectra
 from solen.recording.optical import listed
 
-MOST_OUTSIDE = 0.02
+MAX_OUTSIDE = 0.02
 """Largest fraction of the light that may be at wavelengths without a measurement."""
 NOISE = 0.01
 """Values of a measured spectrum below this fraction of the peak are treated as noise."""
@@ -175,7 +175,7 @@ def _inside(light: Illuminant, low_nm: float, high_nm: float, what: str) -> tupl
     """Return the light within a range and, if too much is outside, a result with a reason but no index."""
     inside = (light.wavelength_nm >= low_nm) & (light.wavelength_nm <= high_nm)
     outside = float(1.0 - light.share[inside].sum())
-    if outside > MOST_OUTSIDE:
+    if outside > MAX_OUTSIDE:
         reason = f"{outside:.0%} of the light is outside {low_nm:g} to {high_nm:g} nm, where {what}"
         return light, Evaluated(light.source, light.mean_nm, outside=outside, reason=reason)
     share = light.share[inside] / light.share[inside].sum()

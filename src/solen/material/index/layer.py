@@ -38,7 +38,7 @@ from solen.recording.optical import OPTIONS, OpticalSpectra, optical_spectra
 from solen.results import HIDDEN
 
 _ABOVE = 0.02  # fraction of wavelengths with T > 1 above which a substrate baseline is suspected
-_MOST_UNUSED = 3  # largest number of unused traces that are named
+_MAX_UNUSED = 3  # largest number of unused traces that are named
 
 
 class LayerIndex(Measured, kw_only=True):
@@ -420,6 +420,6 @@ def _about_instrument(
             warnings.append(look_at(f"{THICKNESS_NOT_IN_K} and not included in u_k: k is proportional to 1/thickness"))
     known = {*options.ignore, *options.bare_transmittance, *options.bare_reflectance}
     if others := [name for name in spectra.unused if name not in known]:
-        more = len(others) - _MOST_UNUSED
-        warnings.append(note(f"not used: {', '.join(others[:_MOST_UNUSED])}{f' and {more} more' if more > 0 else ''}"))
+        more = len(others) - _MAX_UNUSED
+        warnings.append(note(f"not used: {', '.join(others[:_MAX_UNUSED])}{f' and {more} more' if more > 0 else ''}"))
     return warnings

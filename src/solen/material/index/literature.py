@@ -49,7 +49,7 @@ TIMES = 2.0
 
 _SINGLE_NM = (400.0, 1000.0)  # range of extrapolation by an Abbe number or a formula
 _ENOUGH = 4  # points for a parabola
-_LEAST_SPAN_NM = 50.0  # smallest range of a dispersion to be tested
+_MIN_SPAN_NM = 50.0  # smallest range of a dispersion to be tested
 _TYPICAL_ABBE = 50.0  # for an entry that contains none; an error of 10 changes n at 860 nm by 0.002
 
 
@@ -344,7 +344,7 @@ def check_dispersion(
     low, high = float(nm.min()), float(nm.max())
     if nm.size >= _ENOUGH:
         low, high = max(low, 450.0), min(high, 860.0)
-    if high - low < _LEAST_SPAN_NM:
+    if high - low < _MIN_SPAN_NM:
         return []
     others = dispersions(low, high, package=package)
     if not others.size:

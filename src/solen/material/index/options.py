@@ -16,7 +16,7 @@ from solen.material.rows import RowOptions
 from solen.spec.strict import Above0, Finite, Wavelength, error_context, refused
 
 _NM_PER_MM = 1e6
-_MOST_U = 0.1  # an uncertainty of T above this is probably a percentage without the sign
+_MAX_U = 0.1  # an uncertainty of T above this is probably a percentage without the sign
 
 
 def _fraction(value: object) -> object:
@@ -28,8 +28,8 @@ def _fraction(value: object) -> object:
         fraction = float(digits) * (0.01 if percent else 1.0)
     except ValueError:
         fraction = np.nan
-    if rest or not 0.0 <= fraction <= _MOST_U:
-        limit = f"must be a fraction or a percentage, 0 to {_MOST_U:.0%}"
+    if rest or not 0.0 <= fraction <= _MAX_U:
+        limit = f"must be a fraction or a percentage, 0 to {_MAX_U:.0%}"
         raise refused("", limit, value=value, remedy="write 0.003 or 0.3%")
     return fraction
 

@@ -24,9 +24,9 @@ from solen.ranks import Caution, do_not_use, look_at, note
 from solen.recording import Measured
 from solen.results import HIDDEN, Result, reported
 
-MOST_OUTLIERS = 0.2
+MAX_OUTLIERS = 0.2
 """Maximum fraction of the pieces that may be excluded; one piece may always be excluded."""
-LARGEST_NUMBER = 10
+MAX_EXCLUDED = 10
 """Maximum number of pieces that may be excluded."""
 SIGNIFICANCE = 0.05
 """A difference or a curvature is reported if its p-value is below this probability."""
@@ -258,7 +258,7 @@ def _bad(table: Table) -> dict[int, float]:
     """Return outliers, each with its t, tested against lines with a slope for each orientation."""
     count = len(table.pieces)
     spare = count - table.separate_slopes(np.ones(count, bool)).shape[1]
-    most = min(max(1, int(MOST_OUTLIERS * count)), spare - 2, LARGEST_NUMBER)
+    most = min(max(1, int(MAX_OUTLIERS * count)), spare - 2, MAX_EXCLUDED)
     if most < 1:
         return {}
     found = rosner_outliers(lambda keep: table.fit(table.separate_slopes(keep), keep), count, most)

@@ -22,7 +22,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 
-_HIGHEST = 0.995
+_MAX_CORRELATION = 0.995
 _NEGLIGIBLE = 1e-10  # singular value, relative to the largest, below which a direction is due to rounding
 _SINGULAR = 1e14  # condition number above which an inverse has no correct digit
 
@@ -113,7 +113,9 @@ def _lag_one(basis: Sequence[FloatArray], residuals: Sequence[FloatArray]) -> fl
 
     if excess(0.0) >= 0:
         return 0.0
-    return _HIGHEST if excess(_HIGHEST) <= 0 else float(brentq(excess, 0.0, _HIGHEST, xtol=1e-6))
+    return (
+        _MAX_CORRELATION if excess(_MAX_CORRELATION) <= 0 else float(brentq(excess, 0.0, _MAX_CORRELATION, xtol=1e-6))
+    )
 
 
 def _expected(basis: Sequence[FloatArray], shifted: FloatArray, lag_one: float) -> float:

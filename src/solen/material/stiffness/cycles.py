@@ -30,7 +30,7 @@ from solen.results import HIDDEN, reported
 
 SWING = 0.1
 """Fraction of the strain range that a reversal must exceed."""
-MOST = 50
+MAX_FIT_POINTS = 50
 """Largest number of points on a curve used for fitting."""
 _UNLOADED = (0.01, 0.05)  # fractions of the first cycle's peak stress
 
@@ -256,12 +256,15 @@ def rereferenced(test: StressStrain) -> StressStrain:
 
 def _thinned(stretch: FloatArray, stress: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return means over steps of equal stretch, by rising stretch; the points themselves if they are few."""
-    if len(stretch) <= MOST:
+    if len(stretch) <= MAX_FIT_POINTS:
         order = np.argsort(stretch, kind="stable")
         return stretch[order], stress[order]
-    edges = np.linspace(stretch.min(), stretch.max(), MOST + 1)
-    step = np.clip(np.searchsorted(edges, stretch, side="right") - 1, 0, MOST - 1)
-    count = np.bincount(step, minlength=MOST)
+    edges = np.linspace(stretch.min(), stretch.max(), MAX_FIT_POINTS + 1)
+    step = np.clip(np.searchsorted(edges, stretch, side="right") - 1, 0, MAX_FIT_POINTS - 1)
+    count = np.bincount(step, minlength=MAX_FIT_POINTS)
     filled = count > 0
-    means = [np.bincount(step, weights=values, minlength=MOST)[filled] / count[filled] for values in (stretch, stress)]
+    means = [
+        np.bincount(step, weights=values, minlength=MAX_FIT_POINTS)[filled] / count[filled]
+        for values in (stretch, stress)
+    ]
     return means[0], means[1]

@@ -22,7 +22,7 @@ from solen.ranks import Caution, look_at
 from solen.results import HIDDEN, reported
 
 Loading = Literal["tension", "compression", "both"]
-_FEWEST = 5
+_MIN_POINTS = 5
 _SHOWN = 400  # number of points of a curve in a result
 _BOTH = 0.05  # fraction of the range beyond zero above which a test has both directions
 _STRAINS, _STRESSES_MPA = (1e-9, 1e3), (1e-12, 1e6)  # smallest change and largest magnitude
@@ -170,9 +170,9 @@ def _without_gaps(strain: FloatArray, stress: FloatArray, name: str) -> tuple[Fl
         row = int(np.flatnonzero(~there)[0]) + 1
         limit = f"has no value in {int((~there).sum())} of {last} rows, the first of which is row {row}"
         raise DataError(f"{name}: stress or strain", limit=limit, remedy="delete these rows, or export again")
-    if last < _FEWEST:
+    if last < _MIN_POINTS:
         raise DataError(
-            f"{name}: points", value=last, limit=f"at least {_FEWEST} are needed", remedy="export all of them"
+            f"{name}: points", value=last, limit=f"at least {_MIN_POINTS} are needed", remedy="export all of them"
         )
     _check_size(f"{name}: strain", strain, "", _STRAINS)
     _check_size(f"{name}: stress", stress, " MPa", _STRESSES_MPA)

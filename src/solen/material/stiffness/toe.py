@@ -29,9 +29,9 @@ from solen.material.stiffness.stress_strain import StressStrain
 _STEPS = 40  # number of equal stress steps of the loading branch
 _LOOKED = 20  # number of these steps that may belong to the toe
 _RISE = 1.05
-_FEWEST = 4  # smallest number of rows of a step
+_MIN_STEP_ROWS = 4  # smallest number of rows of a step
 _ROUNDS = 8
-_LEAST = 1e-5  # smallest shift of strain that is applied
+_MIN_SHIFT = 1e-5  # smallest shift of strain that is applied
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def _shifted(test: StressStrain, strain: FloatArray, stress: FloatArray, steps: 
             break
     assert at is not None  # noqa: S101  the loop has run
     at_zero = f"{100 * shift:.3g} ± {100 * u_shift:.1g} %"
-    if abs(shift) <= max(2 * u_shift, _LEAST) or stress[0] < -0.5 * shift * slope:
+    if abs(shift) <= max(2 * u_shift, _MIN_SHIFT) or stress[0] < -0.5 * shift * slope:
         return Toe(0.0, u_shift, 0.0, f"no toe: the first tangent meets zero stress at {at_zero} strain")
     end = max(float(strain[steps[at].start]) - shift, 0.0)
     note = f"strain is counted from {at_zero} in the file, where the tangent after the toe reaches zero stress"
@@ -105,7 +105,7 @@ def _steps(stress: FloatArray) -> list[slice]:
     edges = np.searchsorted(highest, np.linspace(0, float(highest[-1]), _STEPS + 1)[1 : _LOOKED + 4])
     steps, start = [], 0
     for edge in edges:
-        if edge - start >= _FEWEST:
+        if edge - start >= _MIN_STEP_ROWS:
             steps.append(slice(start, int(edge)))
             start = int(edge)
     return steps

@@ -16,18 +16,18 @@ from solen.metrology.image import binned
 
 LEVELS = (0.5, 0.35, 0.7, 0.25)
 """Thresholds, as fractions of the height of the highest blobs."""
-HIGHEST = 99.5
+HEIGHT_PERCENTILE = 99.5
 """Percentile that defines that height."""
 NOISE = 5.0
 """Minimum height of a blob, in standard deviations of the noise."""
-MOST_PIXELS = 600_000
-FEWEST_PX = 12
+MAX_PIXELS = 600_000
+MIN_PX = 12
 """Area in pixels below which the shape of a blob cannot be assessed."""
-LONGEST, COMPACT = 1.3, (0.8, 1.15)
+MAX_AXIS_RATIO, COMPACT = 1.3, (0.8, 1.15)
 """Maximum axis ratio, and limits of the area relative to the ellipse with the same second moments: 1 for a disc,
 0.955 for a square.
 """
-MOST = 150
+MAX_BLOBS = 150
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,22 +39,22 @@ class Blobs:
 
 
 def blobs(grey: FloatArray, window_px: float, *, bright: bool, most_rise: float = math.inf) -> Blobs:
-    """Return the largest `MOST` blobs that fit in a window and are brighter, or darker, than their surroundings.
+    """Return the largest `MAX_BLOBS` blobs that fit in a window and are brighter, or darker, than their surroundings.
 
     Rises above ``most_rise`` are clipped to it, so that blobs of different heights are segmented equally.
     """
-    step = max(1, int(np.ceil(np.sqrt(grey.size / MOST_PIXELS))))
+    step = max(1, int(np.ceil(np.sqrt(grey.size / MAX_PIXELS))))
     small = binned(grey if bright else -grey, step)
     small = np.asarray(ndimage.gaussian_filter(small, 1.0))
     window = max(3, round(window_px / step))
     hat = np.minimum(ndimage.white_tophat(small, size=(window, window)), most_rise)
-    highest = float(np.percentile(hat, HIGHEST))
+    highest = float(np.percentile(hat, HEIGHT_PERCENTILE))
     least = NOISE * _noise(small)
     found: list[tuple[float, float, float]] = []
     for share in LEVELS:
         if share * highest > least:
             found += [piece for piece in _pieces(hat > share * highest) if not _known(piece, found)]
-    found = sorted(found, key=lambda blob: -blob[2])[:MOST]
+    found = sorted(found, key=lambda blob: -blob[2])[:MAX_BLOBS]
     table = np.array(found).reshape(-1, 3)
     return Blobs(step * table[:, :2] + 0.5 * (step - 1), step * table[:, 2])
 
@@ -71,7 +71,7 @@ def _pieces(mask: BoolArray) -> list[tuple[float, float, float]]:
     areas = np.bincount(labels.ravel())
     pieces = []
     for number, window in enumerate(ndimage.find_objects(labels), 1):
-        if areas[number] < FEWEST_PX or _at_edge(window, mask.shape):
+        if areas[number] < MIN_PX or _at_edge(window, mask.shape):
             continue
         piece = np.argwhere(ndimage.binary_fill_holes(labels[window] == number)).astype(float)
         if _compact(piece):
@@ -88,7 +88,7 @@ def _at_edge(window: tuple[slice, ...], shape: tuple[int, ...]) -> bool:
 def _compact(piece: FloatArray) -> bool:
     moments = np.linalg.eigvalsh(np.cov(piece.T) + np.eye(2) / 12.0)
     share = len(piece) / (4.0 * np.pi * np.sqrt(moments.prod()))
-    return bool(np.sqrt(moments[1] / moments[0]) < LONGEST and COMPACT[0] < share < COMPACT[1])
+    return bool(np.sqrt(moments[1] / moments[0]) < MAX_AXIS_RATIO and COMPACT[0] < share < COMPACT[1])
 
 
 def _known(blob: tuple[float, float, float], result: list[tuple[float, float, float]]) -> bool:

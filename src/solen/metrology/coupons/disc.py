@@ -25,7 +25,7 @@ from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.metrology.coupons.least_squares import Fit, least_squares
 
 SECTORS = 24
-MOST_FITTED = 3000
+MAX_FITTED = 3000
 """Largest number of pixels used in the fit; the sectors use all pixels."""
 SMALL = 12.0
 """Ratio of radius to blur above which the edge is treated as a straight one with a shift."""
@@ -39,11 +39,11 @@ this value over √3.
 """
 PRESENT = 0.4
 """Minimum rise of a sector, as a fraction of the disc's rise, for its edge to count as present."""
-LEAST_BLUR_PX, MOST_BLUR_PX = 0.3, 30.0
-FEWEST_PIXELS = 24
+MIN_BLUR_PX, MAX_BLUR_PX = 0.3, 30.0
+MIN_PIXELS = 24
 NUDGE = 0.03
 """Step of the numerical derivatives in px."""
-LEAST_RADIUS_PX = 1.2
+MIN_RADIUS_PX = 1.2
 
 
 @dataclass(frozen=True)
@@ -211,13 +211,13 @@ def _fit(pixels: _Pixels, radius: float, blur: float, most: float, *, fixed: boo
     x0, y0 = (0.0, 0.0) if start is None else (float(start.values[0]), float(start.values[1]))
     distance = np.hypot(pixels.x - x0, pixels.y - y0)
     ring = pixels.of(np.abs(distance - radius) <= BLURS * blur + 2.0)
-    if len(ring.x) < FEWEST_PIXELS:
+    if len(ring.x) < MIN_PIXELS:
         return None
-    every = max(1, len(ring.x) // MOST_FITTED)
+    every = max(1, len(ring.x) // MAX_FITTED)
     ring = ring.of(slice(None, None, every))
     inside = share(np.hypot(ring.x - x0, ring.y - y0), radius, blur)
-    log_blur = min(max(math.log(blur), math.log(LEAST_BLUR_PX)), math.log(MOST_BLUR_PX))
-    blurs = (log_blur, log_blur) if fixed else (math.log(LEAST_BLUR_PX), math.log(MOST_BLUR_PX))
+    log_blur = min(max(math.log(blur), math.log(MIN_BLUR_PX)), math.log(MAX_BLUR_PX))
+    blurs = (log_blur, log_blur) if fixed else (math.log(MIN_BLUR_PX), math.log(MAX_BLUR_PX))
     shift, free = max(2.0, 0.4 * radius), [math.inf] * 4
     first = [x0, y0, radius, log_blur, *_levels(inside, ring)]
     low = [x0 - shift, y0 - shift, 0.5, blurs[0], *(-one for one in free)]
@@ -249,7 +249,7 @@ def _checked(pixels: _Pixels, fit: Fit, place: tuple[float, float], *, bright: b
     """Check the disc by its sectors and return it, or None if its contrast has the opposite sign."""
     p = fit.values
     radius, blur, rise = float(p[2]), math.exp(float(p[3])), float(p[5])
-    if rise * (1.0 if bright else -1.0) <= 0.0 or radius < LEAST_RADIUS_PX:
+    if rise * (1.0 if bright else -1.0) <= 0.0 or radius < MIN_RADIUS_PX:
         return None
     distance = np.hypot(pixels.x - p[0], pixels.y - p[1])
     ring = np.abs(distance - radius) <= BLURS * blur + 1.0

@@ -23,10 +23,10 @@ NEAR, FAR = 1.25, 2.2
 EDGE_MM = 0.03
 """Minimum distance of the evaluated ground from the edges of slab and blocks."""
 PIECES = 12
-FEWEST_PIECES = 6
+MIN_PIECES = 6
 VALID = 0.3
 """Minimum fraction of a top's pixels that must have a height."""
-FEWEST_PX = 24
+MIN_PX = 24
 FREEDOM = float(PIECES - 1)
 
 
@@ -55,14 +55,14 @@ def height_of(z_mm: FloatArray, coupon: Coupon, feature: Feature, pose: Pose) ->
     top = _within(dx, dy, feature, TOP)
     ground = _within(dx, dy, feature, FAR) & _free(x_mm, y_mm, coupon)
     valid = np.isfinite(z)
-    if np.count_nonzero(top & valid) < max(VALID * np.count_nonzero(top), FEWEST_PX):
+    if np.count_nonzero(top & valid) < max(VALID * np.count_nonzero(top), MIN_PX):
         return "too few heights were measured on its top"
-    if np.count_nonzero(ground & valid) < FEWEST_PX:
+    if np.count_nonzero(ground & valid) < MIN_PX:
         return "too few heights were measured on the ground around it"
     plane, u_ground = _plane(dx[ground & valid], dy[ground & valid], z[ground & valid])
     over = z - plane[0] - plane[1] * dx - plane[2] * dy
     pieces = _pieces(dx[top & valid], dy[top & valid], over[top & valid])
-    if len(pieces) < FEWEST_PIECES:
+    if len(pieces) < MIN_PIECES:
         return "too few heights were measured on its top"
     u_top = float(np.std(pieces, ddof=1)) / math.sqrt(len(pieces))
     return Height(feature.name, feature.height_mm, float(np.mean(pieces)), math.hypot(u_top, u_ground))

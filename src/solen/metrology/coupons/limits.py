@@ -28,7 +28,7 @@ from scipy.stats import t as student
 
 LEVEL = 0.05
 SAME_MM = 1e-6
-FEWEST_HOLES = 4
+MIN_HOLES = 4
 OUTSIDE = "not in the image"
 
 
@@ -131,7 +131,7 @@ def hole_variation(holes: Sequence[MeasuredSize]) -> Limit | None:
         if hole.resolved and hole.measured_mm is not None and hole.u_measured_mm is not None
     ]
     nominal, measured, u_each = np.array(rows, dtype=float).reshape(-1, 3).T
-    if len(rows) < FEWEST_HOLES or np.ptp(nominal) < SAME_MM:
+    if len(rows) < MIN_HOLES or np.ptp(nominal) < SAME_MM:
         return None
     slope, offset = np.polyfit(nominal, measured, 1)
     freedom = len(rows) - 2

@@ -27,7 +27,7 @@ WINDOW = 1.0
 """Window of the top hat, in diameters of the largest feature: a disc contains no square wider than 0.71 of its
 diameter.
 """
-LARGEST = 9
+TRIED_FEATURES = 9
 """Number of the largest features that are tried as the two blobs of a hypothesis."""
 SCALE = 0.06
 """Largest combined relative deviation of print and scale from the layout."""
@@ -51,8 +51,8 @@ PARAMETERS, MANY, PLACED_MM = 4, 8, 0.003
 """Number of pose parameters; number of further positions above which their scatter is reliable; and its minimum
 value.
 """
-MOST_GUESSES, FITTED = 4000, 40
-FEWEST = 3
+MAX_GUESSES, FITTED = 4000, 40
+MIN_FEATURES = 3
 AREA, SIDES = 0.15, 0.1
 """Largest relative deviations of a slab's area and side ratio from the layout."""
 
@@ -116,7 +116,7 @@ class _Search:
 
     def guesses(self) -> list[_Guess]:
         """Return fitted hypotheses of the coupon's pose."""
-        if len(self.blobs.diameter_px) < FEWEST:
+        if len(self.blobs.diameter_px) < MIN_FEATURES:
             return []
         return [self._refined(pose) for pose in self._rough()]
 
@@ -124,7 +124,7 @@ class _Search:
         """Return poses from pairs of blobs, those that explain the most features first."""
         at, seen = self.places_mm, self.blobs.places_px
         extent = float(np.ptp(at, axis=0).max())
-        order = np.argsort(-self.sizes_mm, kind="stable")[:LARGEST]
+        order = np.argsort(-self.sizes_mm, kind="stable")[:TRIED_FEATURES]
         apart = np.hypot(*(seen[None, :] - seen[:, None]).transpose(2, 0, 1))
         alike = self.alike(self.px_per_mm)
         pairs: list[tuple[int, int, int, int, bool]] = []
@@ -135,8 +135,8 @@ class _Search:
             near = np.abs(apart / (self.px_per_mm * distance) - 1.0) < SCALE
             both = np.argwhere(near & alike[i][:, None] & alike[k][None, :]).tolist()
             pairs += [(i, k, first, second, mirrored) for first, second in both for mirrored in (False, True)]
-        if len(pairs) > MOST_GUESSES:
-            pairs = pairs[:: len(pairs) // MOST_GUESSES + 1]
+        if len(pairs) > MAX_GUESSES:
+            pairs = pairs[:: len(pairs) // MAX_GUESSES + 1]
         poses = [Pose.fitted(at[[i, k]], seen[[first, second]], mirrored=m) for i, k, first, second, m in pairs]
         explained = [self._explained(pose, alike) for pose in poses]
         return _distinct([poses[k] for k in np.argsort(-np.array(explained, dtype=float), kind="stable")], extent)
@@ -226,8 +226,8 @@ def locate(grey: FloatArray, coupon: Coupon, px_per_mm: float, what: str, *, mos
         search = _Search(features, found, px_per_mm, grey.shape, bright)
         guesses += search.guesses()
     guesses.sort(key=lambda guess: guess.cost)
-    if not guesses or len(guesses[0].pairs) < FEWEST:
-        limit = f"shows no {coupon.name}: fewer than {FEWEST} of its features are at the expected positions"
+    if not guesses or len(guesses[0].pairs) < MIN_FEATURES:
+        limit = f"shows no {coupon.name}: fewer than {MIN_FEATURES} of its features are at the expected positions"
         remedy = "check --coupon and --um-per-px, and that the marks or the largest features are in the image"
         raise DataError(what, limit=limit, remedy=remedy)
     best = guesses[0]

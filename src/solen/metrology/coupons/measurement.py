@@ -9,7 +9,7 @@ import numpy as np
 
 from solen.errors import DataError
 from solen.geometry.coupons import Coupon, Feature, Gap
-from solen.metrology.coupons.disc import LEAST_RADIUS_PX, Disc, fit_disc
+from solen.metrology.coupons.disc import MIN_RADIUS_PX, Disc, fit_disc
 from solen.metrology.coupons.gap import DEEP, GapFit, fit_gap
 from solen.metrology.coupons.heights import Height, height_of, steps_of
 from solen.metrology.coupons.limits import OUTSIDE, Limit, MeasuredSize, limits_of
@@ -270,7 +270,7 @@ class _DiscFits:
 
     def _missing(self, feature: Feature, fit: Disc | None, typical: float) -> str:
         """Return the reason why a round feature counts as missing; empty if it exists."""
-        if 0.5 * feature.diameter_mm * self.pose.px_per_mm < LEAST_RADIUS_PX:
+        if 0.5 * feature.diameter_mm * self.pose.px_per_mm < MIN_RADIUS_PX:
             return TOO_SMALL
         if fit is None or fit.snr < SNR or abs(fit.rise) < RISE * typical:
             return "no edge"

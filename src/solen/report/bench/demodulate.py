@@ -9,7 +9,7 @@ from solen.analysis.demodulation.rejection import KERNELS, mean_gain
 from solen.report.canvas import INK, LOST, SERIES, receiver, series
 
 SHOWN_PERIODS = 12
-MOST_POINTS = 4000
+MAX_POINTS = 4000
 
 
 def demodulation_figure(result: Demodulation) -> Figure:
@@ -50,7 +50,7 @@ def _readings(axes: Axes, result: Demodulation) -> None:
     for place, channel in enumerate(samples.names):
         for emitter in result.readings.emitters:
             here = np.flatnonzero(kept.emitter == emitter)
-            here = here[:: max(1, len(here) // MOST_POINTS)]
+            here = here[:: max(1, len(here) // MAX_POINTS)]
             look = series(number) if many else receiver(channel, place)
             name = f"{channel}, emitter {emitter}" if many else channel
             axes.plot(kept.time_s[here], kept.signal[here, place], **look, lw=0.8, label=name)

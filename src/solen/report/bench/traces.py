@@ -14,20 +14,20 @@ from solen.report.bench.analyse import label_of, state_origin, title_of
 from solen.report.canvas import INK, LOST, SOFT, receiver
 
 _POINTS = 2400
-_MOST_ROWS = 12
-_MOST_HOLDS = 400
+_MAX_ROWS = 12
+_MAX_HOLDS = 400
 
 
 def traces_figure(study: Study) -> Figure:
     """Draw a row for each recording: voltages, with the angle above them, and the cycles and holds."""
     rows = [(sensor, run) for sensor in study.sensors.values() for run in sensor.runs]
-    shown = rows[:_MOST_ROWS]
+    shown = rows[:_MAX_ROWS]
     figure = Figure(figsize=(10.0, 2.5 * len(shown) + 0.4))
     axes = figure.subplots(len(shown), 1, squeeze=False, sharey=True).ravel()
     for panel, (one, run) in zip(axes, shown, strict=True):
         _draw(panel, one, run)
     axes[-1].set_xlabel("time (s)")
-    more = f"first {_MOST_ROWS} of {len(rows)} recordings" if len(rows) > _MOST_ROWS else ""
+    more = f"first {_MAX_ROWS} of {len(rows)} recordings" if len(rows) > _MAX_ROWS else ""
     state_origin(figure, study.simulated, study.remark, more)
     return figure
 
@@ -57,11 +57,11 @@ def _draw(axes: Axes, response: SensorResponse, run: Run) -> None:
 
 def _draw_motion(axes: Axes, run: Run) -> None:
     time_s = run.signals.time_s
-    for start, stop in run.motion.holds[:_MOST_HOLDS]:
+    for start, stop in run.motion.holds[:_MAX_HOLDS]:
         axes.axvspan(time_s[start], time_s[stop - 1], color=SOFT, alpha=0.7, lw=0, zorder=0)
     _, top = axes.get_ylim()
     cycles = run.motion.cycles
-    for place, cycle in enumerate(cycles[: _MOST_HOLDS // 2]):
+    for place, cycle in enumerate(cycles[: _MAX_HOLDS // 2]):
         axes.axvline(cycle.start_s, color=INK, lw=0.7, ls=":")
         if len(cycles) <= 30:
             axes.text(cycle.start_s, top, f" {place + 1}", va="top", color=INK)

@@ -23,10 +23,10 @@ from solen.sensor.network.motions import Determination, Suggestion
 from solen.sensor.network.slopes import NetworkSensitivities
 from solen.spec.placed import state_of
 
-MOST_COLUMNS = 3
+MAX_COLUMNS = 3
 DARK, BEYOND = 0.6, 1.05
 """Fraction above which a cell is dark, and the relative length of a bar without an end."""
-PANEL_ROW_IN, LEAST_BODY_IN, MOST_BODY_IN, NAMES_IN = 2.5, 4.2, 5.0, 1.4
+PANEL_ROW_IN, MIN_BODY_IN, MAX_BODY_IN, NAMES_IN = 2.5, 4.2, 5.0, 1.4
 """Row height of the panels, minimum height and maximum width of the body next to them, and space for names, in
 inches.
 """
@@ -34,7 +34,7 @@ NAME_PT, ACROSS = 6.0, 0.35
 """Distance between a name and its position, and the component of a direction above which it counts as being to that
 side.
 """
-PANEL_IN, LEAST_IN = 3.4, 2.2
+PANEL_IN, MIN_IN = 3.4, 2.2
 """Width of a ray panel, and its minimum height, in inches."""
 
 
@@ -45,10 +45,10 @@ def rays_in_turn(trace: NetworkTrace) -> Figure:
 
 def rays_of(sensors: Sequence[Sensor]) -> Figure:
     """Draw at most `SHOWN_RAYS` rays from every emitter, each in its own panel."""
-    columns = min(len(sensors), MOST_COLUMNS)
+    columns = min(len(sensors), MAX_COLUMNS)
     rows = math.ceil(len(sensors) / columns)
     low, high = _extent(sensors[0].body())
-    high_in = max(LEAST_IN, PANEL_IN * float((high[1] - low[1]) / (high[0] - low[0])) + 0.6)
+    high_in = max(MIN_IN, PANEL_IN * float((high[1] - low[1]) / (high[0] - low[0])) + 0.6)
     figure = Figure(figsize=(PANEL_IN * columns, high_in * rows))
     panels = np.ravel(figure.subplots(rows, columns, squeeze=False))
     for axes, sensor in zip(panels, sensors, strict=False):
@@ -72,9 +72,9 @@ def network_figure(study: NetworkStudy) -> Figure:
         return rays_of(study.sensors)
     rows, columns = len(study.sweeps), len(study.at_rest.emitters)
     low, high = _extent(study.sensors[0].body())
-    high_in = max(LEAST_BODY_IN, PANEL_ROW_IN * rows)
+    high_in = max(MIN_BODY_IN, PANEL_ROW_IN * rows)
     across = (high_in - NAMES_IN) * float((high[0] - low[0]) / (high[1] - low[1]))
-    wide_in = NAMES_IN + min(across, MOST_BODY_IN)
+    wide_in = NAMES_IN + min(across, MAX_BODY_IN)
     figure = Figure(figsize=(wide_in + max(4.6, 2.9 * columns), high_in))
     grid = figure.add_gridspec(1, 2, width_ratios=(wide_in, 2.9 * columns))
     every = colours_of(study.sensors[0].scene())

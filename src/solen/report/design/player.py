@@ -18,7 +18,7 @@ from solen.sensor import Picture
 
 PAGE = files("solen.report.design") / "player.html"
 DATA = "<!--data-->"
-LARGEST = 32_000
+MAX_INT16 = 32_000
 """Largest signed 16-bit number."""
 
 
@@ -32,14 +32,14 @@ def html(found: Sliders) -> str:
         if part.size
     )
     whole: list[np.ndarray[Any, Any]] = []
-    points = [None if point is None else _point(point, reach / LARGEST, whole) for point in found.points]
+    points = [None if point is None else _point(point, reach / MAX_INT16, whole) for point in found.points]
     head = {
         "solen": __version__,
         "name": found.name,
         "keys": found.keys,
         "values": found.values,
         "in_space": found.in_space,
-        "step_mm": reach / LARGEST,
+        "step_mm": reach / MAX_INT16,
         "points": points,
     }
     text = json.dumps(plain(head), allow_nan=False).replace("<", "\\u003c")

@@ -39,7 +39,7 @@ ADVICE = {
 LENSES = {"cartesian-oval": "cylinder", "layered": "layered", "line-focus": "line focus"}
 WORTH = 0.005
 """Advice is given if the contrast changes by more than this, or the light by more than ten times this fraction."""
-MOST_ADVICE, MOST_DIGITS = 4, 4
+MAX_ADVICE, MAX_DIGITS = 4, 4
 
 
 class Matter(NamedTuple):
@@ -61,7 +61,7 @@ def measured(value: float | None, u: float | None, *, sign: bool = True) -> str:
     if u is None or not u > 0.0 or not math.isfinite(u):
         return f"{_unsigned(value, 5e-5):{'+' if sign and abs(value) > 5e-5 else ''}.4g}"
     power = math.floor(math.log10(u))
-    digits = min(max(-power + (u / 10.0**power < 2.95), 0), MOST_DIGITS)
+    digits = min(max(-power + (u / 10.0**power < 2.95), 0), MAX_DIGITS)
     rounded = _unsigned(round(value, digits), 0.0)
     shown = f"{u:.{digits}f}" if u > 0.5 * 10.0**-digits else f"< {10.0**-digits:.{digits}f}"
     return f"{rounded:{'+' if sign and rounded else ''}.{digits}f} ± {shown}"
@@ -112,7 +112,7 @@ def advice(study: DesignStudy) -> list[str]:
     if summary.saturation_deg is not None:
         text = f"Use it within {summary.saturation_deg:.2g}° of the null: beyond it, only the direction is known"
         sentences.insert(0, f"{text}; a larger chip widens this range.")
-    return list(dict.fromkeys(sentences))[:MOST_ADVICE]
+    return list(dict.fromkeys(sentences))[:MAX_ADVICE]
 
 
 def lens_table(practice: Practice | None) -> list[tuple[str, ...]]:

@@ -10,7 +10,7 @@ from solen.explore.swept import Sweep
 from solen.report.canvas import INK, RIGHT, SOFT, series
 
 MAP = "viridis"
-MOST_CURVES = 7
+MAX_CURVES = 7
 COLUMNS, FEW, EXACT = 3, 5, 12
 """Number of panel columns, number of values up to which every value labels an axis, and digits of a merit on a map."""
 
@@ -70,7 +70,7 @@ def _curve(_: Figure, axes: Axes, sweep: Sweep, name: str, __: str) -> None:
 def _responses(axes: Axes, sweep: Sweep) -> None:
     """Draw the contrast at the given points of a one-key sweep."""
     ((key, values),) = sweep.values.items()
-    chosen = np.unique(np.linspace(0, sweep.points - 1, MOST_CURVES).round().astype(int))
+    chosen = np.unique(np.linspace(0, sweep.points - 1, MAX_CURVES).round().astype(int))
     for number, place in enumerate(chosen):
         value = values[place]
         label = f"{value:.4g}" if isinstance(value, float) else str(value)

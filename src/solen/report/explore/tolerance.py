@@ -12,7 +12,7 @@ from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SOFT
 from solen.report.design.summary import measured
 from solen.report.explore.sweep import plain_numbers
 
-COLUMNS, LEAST_BINS, MOST_UNKNOWN = 3, 8, 0.5
+COLUMNS, MIN_BINS, MAX_UNKNOWN = 3, 8, 0.5
 
 
 def tolerance_figure(result: Tolerances) -> Figure:
@@ -92,7 +92,7 @@ def _causes(figure: Figure, axes: Axes, result: Tolerances) -> None:
     """Draw the total Sobol' indices of each merit, in grey where the surrogate is not valid."""
     keys = [row.key for row in result.varied]
     shares = np.array(
-        [[spread.total[key] if spread.held_out < MOST_UNKNOWN else np.nan for spread in result.spreads] for key in keys]
+        [[spread.total[key] if spread.held_out < MAX_UNKNOWN else np.nan for spread in result.spreads] for key in keys]
     )
     axes.set_facecolor(SOFT)
     drawn = axes.pcolormesh(100 * np.ma.masked_invalid(shares), vmin=0, vmax=100, cmap="Blues", edgecolors="w", lw=0.8)
@@ -109,7 +109,7 @@ def _histogram(axes: Axes, result: Tolerances, spread: MeritSpread) -> None:
     values = result.merits[spread.merit]
     finite = np.isfinite(values)
     groups = [values[finite & result.met], values[finite & ~result.met]]
-    bins = max(LEAST_BINS, math.isqrt(int(finite.sum())))
+    bins = max(MIN_BINS, math.isqrt(int(finite.sum())))
     axes.hist(groups, bins=bins, stacked=True, color=[RIGHT, LOST])
     axes.axvline(spread.base, color=INK, lw=1.0)
     axes.set_xlabel(spread.merit)

@@ -16,7 +16,7 @@ INSIDE = 0.3
 """A feature's number is written inside the feature if its depth exceeds this fraction of the coupon's depth."""
 LETTER, ABOVE = 0.02, 0.08
 """Letter width, and room for a number above a feature, as fractions of the plan's width in the narrowest figure."""
-TITLE_IN, LEAST_IN, MOST_IN = 0.5, 0.5, 2.6
+TITLE_IN, MIN_IN, MAX_IN = 0.5, 0.5, 2.6
 
 
 def plans_figure(coupon_set: CouponSet) -> Figure:
@@ -99,7 +99,7 @@ def _side_view(axes: Axes, parts: Sequence[tuple[str, str, str, float]], *, on_p
 
 def _height_in(coupon: Coupon) -> float:
     width, depth, _ = coupon.size_mm
-    return min(max(WIDE_IN * depth / width, LEAST_IN), MOST_IN)
+    return min(max(WIDE_IN * depth / width, MIN_IN), MAX_IN)
 
 
 def _draw(axes: Axes, coupon: Coupon) -> None:

@@ -15,7 +15,7 @@ from solen.metrology.coupons import CouponMeasurement, MeasuredSize
 from solen.report.canvas import INK, LEFT, LOST, RIGHT, SERIES, SPACE
 
 WIDE_IN, PLOT_IN, HEAD_IN = 7.0, 2.6, 0.9
-MOST_PX = 1800
+MAX_PX = 1800
 MANY, WIDE = 6, 0.2
 """An axis is logarithmic if there are more sizes than this, and the smallest is below this fraction of the largest."""
 TICKS_MM = (0.02, 0.03, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0)
@@ -81,7 +81,7 @@ def _upright(measurement: CouponMeasurement) -> tuple[FloatArray, tuple[float, f
 
     (width, depth, _), pose, grey = measurement.layout.size_mm, measurement.location.pose, measurement.picture.grey
     half_x, half_y = 0.5 * width + 0.3, 0.5 * depth + 0.3
-    step = max(2.0 * half_x / MOST_PX, 1.0 / pose.px_per_mm)
+    step = max(2.0 * half_x / MAX_PX, 1.0 / pose.px_per_mm)
     x, y = np.arange(-half_x, half_x, step), np.arange(-half_y, half_y, step)
     seen = pose.to_px(np.stack(np.meshgrid(x, y), axis=-1))
     smooth = ndimage.gaussian_filter(grey, max(0.0, 0.4 * step * pose.px_per_mm))

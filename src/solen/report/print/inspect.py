@@ -13,7 +13,7 @@ from solen.metrology.comparison import ComparedDesign
 from solen.metrology.inspection import FacesInspection, LensInspection
 from solen.report.canvas import INK, LINES, SERIES
 
-MOST_PX = 1400
+MAX_PX = 1400
 """Longer side of the drawn image, in pixels."""
 MARGIN = 0.18
 MAP = "coolwarm"
@@ -64,7 +64,7 @@ def _picture(axes: Axes, inspection: LensInspection) -> None:
     image, outline = inspection.image, inspection.outline
     front = outline.chosen.registration.pose.to_px(inspection.nominal.front_mm)
     x0, x1, y0, y1 = _window(front, image.shape)
-    step = max(1, int(np.ceil(max(x1 - x0, y1 - y0) / MOST_PX)))
+    step = max(1, int(np.ceil(max(x1 - x0, y1 - y0) / MAX_PX)))
     part = image.grey[y0:y1:step, x0:x1:step]
     low, high = np.quantile(part, [0.002, 0.998])
     axes.imshow(

@@ -14,11 +14,11 @@ LIT = LinearSegmentedColormap.from_list("lit", ["#ffffff", RIGHT])
 SHOWN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 """Layers to draw, as fractions of the layer count."""
 COLUMNS = 3
-MOST_PIXELS = 900
+MAX_PIXELS = 900
 """An image is downsampled if its longer side exceeds this number of pixels."""
 EDGE_PIXELS = 28
 """Number of pixels along each side of the close-up."""
-MOST_STEPS = 400
+MAX_STEPS = 400
 """Number of heights at which the extent is drawn."""
 
 
@@ -48,7 +48,7 @@ def layers_figure(layered: LayeredPrint) -> Figure:
 def _draw_layer(axes: Axes, job: Job, layer: int) -> None:
     picture, (x, y) = job.copy_of_layer(layer), job.printer.pitches_mm
     rows, columns = picture.shape
-    step = max(1, max(rows, columns) // MOST_PIXELS)
+    step = max(1, max(rows, columns) // MAX_PIXELS)
     left, low = _from_origin(job)
     extent = (left, left + columns * x, low, low + rows * y)
     axes.imshow(picture[::step, ::step], cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent)
@@ -100,7 +100,7 @@ def _draw_plate(axes: Axes, job: Job) -> None:
 
 def _draw_side(axes: Axes, job: Job) -> None:
     """Draw the extent of one part along X and Y over height."""
-    numbers = np.unique(np.linspace(0, job.count - 1, min(job.count, MOST_STEPS)).round().astype(int))
+    numbers = np.unique(np.linspace(0, job.count - 1, min(job.count, MAX_STEPS)).round().astype(int))
     middles = (numbers + 0.5) * job.layer_mm
     sections = [job.solid.section(z)[1] for z in middles.tolist()]
     sizes = [np.ptp(np.vstack(rings), axis=0) if len(rings) else np.zeros(2) for rings in sections]

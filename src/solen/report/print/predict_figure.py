@@ -10,7 +10,7 @@ from solen.sensor import AsPrinted, Comparison
 
 PLACES = 400
 """Number of points across the lens at which its deviation is drawn."""
-MOST_DOTS = 400
+MAX_DOTS = 400
 """Largest number of profile points drawn."""
 
 
@@ -40,7 +40,7 @@ def draw_deviation(axes: Axes, lens: MeasuredLens) -> None:
     more = -1e3 * fit.deviation_mm(x) / np.hypot(1.0, lens.designed.slope(x))
     u = 1e3 * fit.u_mm(x)
     at, deviation = fit.points
-    thin = slice(None, None, max(1, at.size // MOST_DOTS))
+    thin = slice(None, None, max(1, at.size // MAX_DOTS))
     dots = -1e3 * deviation[thin] / np.hypot(1.0, lens.designed.slope(at[thin]))
     axes.plot(at[thin], dots, ".", color=LOST, ms=2.5, label="points")
     axes.fill_between(x, more - u, more + u, color=SOFT, lw=0, zorder=1, label="its uncertainty")

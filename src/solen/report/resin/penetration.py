@@ -10,7 +10,7 @@ from solen.report.canvas import INK, LEFT, LOST, RIGHT
 
 _BESIDE_NM = 60.0  # shown on both sides of the lamp's band
 _DEPTHS = 3.0  # penetration depths that are shown
-_HIGHEST_UM = 2000.0
+_MAX_DEPTH_UM = 2000.0
 
 
 def penetration_figure(penetration: Penetration) -> Figure:
@@ -43,7 +43,7 @@ def _lamp(axes: Axes, decay: Attenuation, highest: float) -> None:
 def _depth(axes: Axes, decay: Attenuation) -> None:
     """Draw the remaining fraction of the light against depth, with the exponential that has the same initial slope."""
     surface = decay.local_um()
-    um = np.linspace(0.0, min(_DEPTHS * surface, _HIGHEST_UM), 201)
+    um = np.linspace(0.0, min(_DEPTHS * surface, _MAX_DEPTH_UM), 201)
     axes.plot(um, decay.share(um), color=RIGHT, lw=1.6, label="lamp's light")
     axes.plot(um, np.exp(-um / surface), "--", color=LEFT, lw=1.2, label=f"Dp = {surface:.3g} µm, as at the surface")
     local = [decay.local_um(float(z)) for z in um]

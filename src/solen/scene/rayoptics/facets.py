@@ -17,7 +17,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.curve import Curve
 from solen.plane import Point, Rigid, cross, dot, left_of
-from solen.scene.rayoptics.fields import LARGEST, UnreadError
+from solen.scene.rayoptics.fields import MAX_NUMBER, UnreadError
 
 Blend = Literal["images", "lengths", "units"]
 
@@ -27,7 +27,7 @@ the end of the line.
 """
 UNLIKE = 10.0
 """Neighbouring chords of a parametric curve are not blended if the ratio of their lengths is at least this large."""
-MOST_CORNERS = 200_000
+MAX_CORNERS = 200_000
 
 
 @dataclass(frozen=True)
@@ -177,8 +177,8 @@ class Facets(Curve):
 
 def over_line(length: float, scale: float) -> list[float]:
     """Return the positions along a base at which ray-optics evaluates a formula, from one end to the other."""
-    if length / scale > MOST_CORNERS * STEP:
-        raise UnreadError("p2", f"would produce more than {MOST_CORNERS} facets")
+    if length / scale > MAX_CORNERS * STEP:
+        raise UnreadError("p2", f"would produce more than {MAX_CORNERS} facets")
     values, i = [], -STEP * scale
     while i < length + BEYOND * scale:
         values.append(min(max(i + FIRST * scale, 0.0), length))
@@ -188,8 +188,8 @@ def over_line(length: float, scale: float) -> list[float]:
 
 def along_parameter(low: float, high: float, step: float) -> list[float]:
     """Return the parameters at which ray-optics evaluates a parametric formula."""
-    if not step > 0.0 or (high - low) / step > MOST_CORNERS:
-        raise UnreadError("tStep", f"must be above 0 and give at most {MOST_CORNERS} facets, not {step:g}")
+    if not step > 0.0 or (high - low) / step > MAX_CORNERS:
+        raise UnreadError("tStep", f"must be above 0 and give at most {MAX_CORNERS} facets, not {step:g}")
     found, t = [low], low + step
     while t < high:
         found.append(t)
@@ -200,6 +200,6 @@ def along_parameter(low: float, high: float, step: float) -> list[float]:
 def sampled(at: Callable[[float], Point], places: list[float], key: str) -> list[Point]:
     """Return the points at these positions; raise `UnreadError` if the formula is undefined there."""
     points = [at(place) for place in places]
-    if not all(abs(x) <= LARGEST and abs(z) <= LARGEST for x, z in points):
-        raise UnreadError(key, f"is undefined or exceeds {LARGEST:g} in part of its range")
+    if not all(abs(x) <= MAX_NUMBER and abs(z) <= MAX_NUMBER for x, z in points):
+        raise UnreadError(key, f"is undefined or exceeds {MAX_NUMBER:g} in part of its range")
     return points

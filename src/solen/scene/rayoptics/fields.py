@@ -17,7 +17,7 @@ GREEN_NM = 540.0
 
 T = TypeVar("T")
 
-LARGEST = 1e12
+MAX_NUMBER = 1e12
 """Largest number in a file and largest coordinate from a formula; squares and products of such values remain finite."""
 
 
@@ -141,8 +141,8 @@ def finite(key: str, value: Any) -> float:
     number = number_in(value)
     if number is None:
         raise UnreadError(key, f"must be a number, not {shown(value)}")
-    if not abs(number) <= LARGEST:
-        raise UnreadError(key, f"must be a finite number of at most {LARGEST:g}, not {shown(value)}")
+    if not abs(number) <= MAX_NUMBER:
+        raise UnreadError(key, f"must be a finite number of at most {MAX_NUMBER:g}, not {shown(value)}")
     return number
 
 

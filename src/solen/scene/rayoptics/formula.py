@@ -23,9 +23,9 @@ Values = Mapping[str, float]
 Node = Callable[[Values], float]
 Function = Callable[..., float]
 
-MOST_TOKENS = 400
+MAX_TOKENS = 400
 """Maximum number of tokens in a formula."""
-DEEPEST = 60
+MAX_DEPTH = 60
 """Maximum nesting depth of brackets."""
 
 CONSTANTS = {"pi": math.pi, "e": math.e}
@@ -142,8 +142,8 @@ def _tokens(text: str) -> list[Token]:
         if kind != "space":
             tokens.append(Token(kind, value, at))
         at = match.end()
-        if len(tokens) > MOST_TOKENS:
-            _refuse(text, at, f"more than {MOST_TOKENS} tokens", "the formula is too long")
+        if len(tokens) > MAX_TOKENS:
+            _refuse(text, at, f"more than {MAX_TOKENS} tokens", "the formula is too long")
     return [*tokens, Token("end", "", len(text))]
 
 
@@ -255,8 +255,8 @@ class _Reader:
         if opened is None:
             self.refuse("must be a bracket")
         self.depth += 1
-        if self.depth > DEEPEST:
-            self.refuse(f"is nested in more than {DEEPEST} brackets")
+        if self.depth > MAX_DEPTH:
+            self.refuse(f"is nested in more than {MAX_DEPTH} brackets")
         node = self.binary()
         self.depth -= 1
         self.expect(CLOSING[opened])

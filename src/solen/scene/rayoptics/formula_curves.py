@@ -16,7 +16,7 @@ from solen.arrays import FloatArray
 from solen.curve import Arc, Bezier, Curve, Segment, Spline
 from solen.errors import DataError, DesignError
 from solen.plane import Point, cross, dot, minus
-from solen.scene.rayoptics.fields import LARGEST
+from solen.scene.rayoptics.fields import MAX_NUMBER
 
 At = Callable[[float], Point]
 Control = tuple[Point, Point, Point, Point]
@@ -26,9 +26,9 @@ EXACT = 1e-12
 TOLERANCE = 1e-7
 """Deviation of a chain of cubics, as a fraction of the curve size."""
 CHECKED = np.linspace(0.0, 1.0, 33)
-NARROWEST = 1e-9
+MIN_WIDTH = 1e-9
 """Fraction of the total range below which a part is no longer halved."""
-MOST_PIECES = 2000
+MAX_PIECES = 2000
 
 
 def fitted(at: At, start: float, end: float, what: str) -> list[Curve]:
@@ -40,8 +40,8 @@ def fitted(at: At, start: float, end: float, what: str) -> list[Curve]:
         With ``what`` as its subject, if the formula is undefined or constant, or would need too many pieces.
     """
     points = _sampled(at, start, end)
-    if not np.all(np.abs(points) <= LARGEST):
-        bad = start + (end - start) * float(CHECKED[int(np.argmin((np.abs(points) <= LARGEST).all(axis=1)))])
+    if not np.all(np.abs(points) <= MAX_NUMBER):
+        bad = start + (end - start) * float(CHECKED[int(np.argmin((np.abs(points) <= MAX_NUMBER).all(axis=1)))])
         raise DataError(what, value=f"no value at {bad:g}", limit="must be defined over its entire range")
     size = float(np.ptp(points, axis=0).max())
     if not size > 0.0:
@@ -130,9 +130,9 @@ def _pieces(at: At, start: float, end: float, size: float, what: str) -> list[Cu
     while waiting:
         low, high = waiting.pop()
         points = _sampled(at, low, high)
-        if not np.all(np.abs(points) <= LARGEST):
+        if not np.all(np.abs(points) <= MAX_NUMBER):
             raise DataError(what, value=f"no value near {low:g}", limit="must be defined over its entire range")
-        if high - low <= NARROWEST * (end - start):
+        if high - low <= MIN_WIDTH * (end - start):
             first, last = _point(points[0]), _point(points[-1])
             curves += [] if first == last else [Segment(first, last)]
             continue
@@ -142,8 +142,8 @@ def _pieces(at: At, start: float, end: float, size: float, what: str) -> list[Cu
         else:
             middle = 0.5 * (low + high)
             waiting += [(middle, high), (low, middle)]
-        if len(curves) + len(waiting) > MOST_PIECES:
-            raise DataError(what, value=f"more than {MOST_PIECES} pieces", limit="the curve requires too many segments")
+        if len(curves) + len(waiting) > MAX_PIECES:
+            raise DataError(what, value=f"more than {MAX_PIECES} pieces", limit="the curve requires too many segments")
     return curves
 
 

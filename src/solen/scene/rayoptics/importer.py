@@ -19,7 +19,7 @@ from solen.errors import DataError, DesignError, SolenError
 from solen.results import Result
 from solen.scene.model import Monitor, Scene
 from solen.scene.rayoptics.arrangement import Element, Glass, arranged
-from solen.scene.rayoptics.fields import GREEN_NM, LARGEST, Fields, NotUnderstood, UnreadError
+from solen.scene.rayoptics.fields import GREEN_NM, MAX_NUMBER, Fields, NotUnderstood, UnreadError
 from solen.scene.rayoptics.formula import number_in
 from solen.scene.rayoptics.modules import unfolded
 from solen.scene.rayoptics.objects import READERS
@@ -47,7 +47,7 @@ LIGHT = frozenset(
     | {"randomSeed", "maxRayDepth"}
 )
 MODES = ("rays", "extended", "images", "observer")
-MOST_MODULES_DEEP = 8
+MAX_MODULE_DEPTH = 8
 
 
 class Counted(Protocol):
@@ -273,7 +273,7 @@ class _Scene:
         name = item.get("module")
         modules = self.data.get("modules") or {}
         definition = modules.get(name) if isinstance(modules, dict) and isinstance(name, str) else None
-        if not isinstance(definition, dict) or depth > MOST_MODULES_DEEP:
+        if not isinstance(definition, dict) or depth > MAX_MODULE_DEPTH:
             self._miss(number, "ModuleObj", "module", f"there is no module {name!r}, or it contains itself")
             return
         try:
@@ -360,7 +360,7 @@ def _span(objects: list[Any]) -> float:
         if isinstance(item, dict):
             waiting += item.values()
             numbers = (number_in(item.get(key)) for key in ("x", "y"))
-            values += [x for x in numbers if x is not None and abs(x) <= LARGEST]
+            values += [x for x in numbers if x is not None and abs(x) <= MAX_NUMBER]
         elif isinstance(item, list):
             waiting += item
     return max(values) - min(values) if values else 0.0

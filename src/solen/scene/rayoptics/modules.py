@@ -15,9 +15,9 @@ from typing import Any
 from solen.errors import DataError
 from solen.scene.rayoptics.formula import Function, Values, number_in, parse
 
-MOST_TIMES = 1000
+MAX_TIMES = 1000
 """Default limit on the number of rounds of a loop; the module itself may set a limit up to a hundred times higher."""
-MOST_NUMBER = 1e300
+MAX_NUMBER = 1e300
 FUNCTION = re.compile(r"^\s*(\w+)\s*\(\s*([^)]*?)\s*\)\s*=(?!=)\s*(.+)$", re.DOTALL)
 VARIABLE = re.compile(r"^\s*(\w+)\s*=(?!=)\s*(.+)$", re.DOTALL)
 
@@ -91,9 +91,9 @@ def unfolded(definition: Mapping[str, Any], points: Any, parameters: Any) -> lis
     if not isinstance(parameters, dict):
         raise DataError("params", limit="must be an object of numbers")
     scope = _scope(definition, _items("points", points), parameters)
-    limit = definition.get("maxLoopLength", MOST_TIMES)
-    if not isinstance(limit, int) or not 1 <= limit <= 100 * MOST_TIMES:
-        raise DataError("maxLoopLength", value=limit, limit=f"must be an integer from 1 to {100 * MOST_TIMES}")
+    limit = definition.get("maxLoopLength", MAX_TIMES)
+    if not isinstance(limit, int) or not 1 <= limit <= 100 * MAX_TIMES:
+        raise DataError("maxLoopLength", value=limit, limit=f"must be an integer from 1 to {100 * MAX_TIMES}")
     objects = _items("objs", definition.get("objs", []))
     return [item for item in _list(objects, scope, limit) if isinstance(item, dict)]
 
@@ -124,8 +124,8 @@ def _number(what: str, value: Any) -> float:
     number = number_in(value)
     if number is None:
         raise DataError(what, value=value, limit="must be a number")
-    if not abs(number) < MOST_NUMBER:
-        raise DataError(what, limit=f"must have an absolute value below {MOST_NUMBER:g}")
+    if not abs(number) < MAX_NUMBER:
+        raise DataError(what, limit=f"must have an absolute value below {MAX_NUMBER:g}")
     return number
 
 

@@ -30,7 +30,7 @@ from solen.scene.rayoptics.outlines import (
 )
 from solen.scene.surface import Grating, Surface
 
-MOST_ORDERS, LEAST_ORDER = 1000, 1e-7
+MAX_ORDERS, MIN_ORDER = 1000, 1e-7
 """Maximum number of grating orders on either side, and the power fraction below which an order is omitted."""
 
 Reader = Callable[[Fields, str, "SceneSettings"], Sequence[Glass | Element]]
@@ -187,10 +187,10 @@ def _stated_orders(shares: Sequence[float]) -> list[tuple[int, float]]:
 def _of_slits(ratio: float) -> list[tuple[int, float]]:
     """Yield the orders of a wall whose slits cover the fraction ``ratio``: sin²(π m ratio) / (π m)² at any angle."""
     of_slits = [(0, ratio * ratio)]
-    for m in range(1, MOST_ORDERS + 1):
+    for m in range(1, MAX_ORDERS + 1):
         share = (math.sin(math.pi * m * ratio) / (math.pi * m)) ** 2
         of_slits += [(way * m, share) for way in (1, -1)]
-    return [(m, share) for m, share in of_slits if share > LEAST_ORDER]
+    return [(m, share) for m, share in of_slits if share > MIN_ORDER]
 
 
 READERS: dict[str, Reader] = {

@@ -16,9 +16,9 @@ from solen.plane import Point, minus
 from solen.scene.rayoptics.fields import GREEN_NM, Fields, UnreadError
 from solen.scene.rayoptics.seedrandom import drawn
 from solen.scene.sources import Rays
-from solen.scene.sources.base import LEAST_POWER
+from solen.scene.sources.base import MIN_POWER
 
-MOST_RAYS = 2_000_000
+MAX_RAYS = 2_000_000
 """Maximum number of rays in a scene, because each ray is listed individually."""
 PER_TURN = 500
 STEP = 1.0 / PER_TURN
@@ -59,7 +59,7 @@ class SourceSettings:
             while brightest(density) > 1.0:
                 density += STEP
                 steps += 1
-                if steps > MOST_RAYS:
+                if steps > MAX_RAYS:
                     raise UnreadError("brightness", "would require too many rays")
         return density
 
@@ -70,7 +70,7 @@ Emission = Callable[[Fields, SourceSettings], list[Placed]]
 def rays(fields: Fields, settings: SourceSettings) -> tuple[tuple[Rays, ...], tuple[bool, ...]]:
     """Return the sources of one object, each with rays of equal brightness, and which rays start a new sequence."""
     wavelength_nm = fields.number_of("wavelength", GREEN_NM, above=0.0)
-    placed = [ray for ray in EMISSIONS[fields.type](fields, settings) if ray.brightness >= LEAST_POWER]
+    placed = [ray for ray in EMISSIONS[fields.type](fields, settings) if ray.brightness >= MIN_POWER]
     spectrum = ((wavelength_nm, 1.0),) if settings.colours else ()
     groups = [list(group) for _, group in groupby(placed, key=lambda ray: ray.brightness)]
     sources = tuple(
@@ -87,8 +87,8 @@ def rays(fields: Fields, settings: SourceSettings) -> tuple[tuple[Rays, ...], tu
 
 def _per_turn(density: float) -> int:
     """Return the number of directions in 360 degrees."""
-    count = int(min(density * PER_TURN, MOST_RAYS + 1.0))
-    if not 0 < count <= MOST_RAYS:
+    count = int(min(density * PER_TURN, MAX_RAYS + 1.0))
+    if not 0 < count <= MAX_RAYS:
         raise UnreadError("brightness" if count else None, "the scene's ray density gives it no rays, or too many")
     return count
 
@@ -162,8 +162,8 @@ def _beam(fields: Fields, settings: SourceSettings) -> list[Placed]:
 
     density = settings.settled(lambda d: brightness * scale / d / fan(d))
     count = math.dist(a, b) * density / scale
-    if count * fan(density) > MOST_RAYS:
-        raise UnreadError(None, f"would have more than {MOST_RAYS} rays")
+    if count * fan(density) > MAX_RAYS:
+        raise UnreadError(None, f"would have more than {MAX_RAYS} rays")
     normal = math.atan2(b[0] - a[0], a[1] - b[1]) + math.pi / 2.0
     each = min(brightness * scale / density * (1.0 / fan(density)), 1.0)
 

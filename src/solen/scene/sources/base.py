@@ -19,7 +19,7 @@ from solen.plane import Point, heading
 from solen.scene.sources.pattern import AngleInterval, Pattern
 from solen.scene.sources.points import copies, points
 
-LEAST_POWER, MOST_POWER = 1e-12, 1e12
+MIN_POWER, MAX_POWER = 1e-12, 1e12
 """Limits of the power of a source, which even single precision can divide among any number of rays."""
 
 
@@ -149,8 +149,8 @@ class Source(ABC):
         """Raise `DesignError` if the source cannot launch its rays; each scene checks its sources."""
         check_count("source rays", self.rays, 1)
         check_numbers("source", self.power)
-        if not LEAST_POWER <= self.power <= MOST_POWER:
-            limit = f"must be from {LEAST_POWER:g} to {MOST_POWER:g}"
+        if not MIN_POWER <= self.power <= MAX_POWER:
+            limit = f"must be from {MIN_POWER:g} to {MAX_POWER:g}"
             raise DesignError("source power", value=self.power, limit=limit, remedy="only ratios of powers matter")
         check_range("source s_share", self.s_share, 0.0, 1.0)
         for line in self.spectrum:

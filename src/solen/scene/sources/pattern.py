@@ -19,7 +19,7 @@ from solen.arrays import FloatArray, IndexArray
 from solen.curve import check_numbers, check_range
 from solen.errors import DesignError
 
-MOST_EXPONENT = 10_000.0
+MAX_EXPONENT = 10_000.0
 SAME_ANGLE = 1e-15
 """Newton's method has converged if its step is below this angle in radians."""
 
@@ -114,7 +114,7 @@ class CosinePower(AngularPattern):
     kind: Literal["lambertian"] = "lambertian"
 
     def __post_init__(self) -> None:
-        check_range("pattern exponent", self.exponent, 0.0, MOST_EXPONENT)
+        check_range("pattern exponent", self.exponent, 0.0, MAX_EXPONENT)
 
     def intensity(self, angle: FloatArray) -> FloatArray:
         """See :meth:`AngularPattern.intensity`."""

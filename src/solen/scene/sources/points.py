@@ -30,7 +30,7 @@ POLYNOMIALS: tuple[tuple[int, int, tuple[int, ...]], ...] = (
 """Degree, inner coefficients and first direction numbers of the second and further coordinates: S. Joe and F. Y. Kuo,
 Constructing Sobol' sequences with better two-dimensional projections, SIAM J. Sci. Comput. 30 (2008), table D6.
 """
-MOST_DIMENSIONS = 1 + len(POLYNOMIALS)
+MAX_DIMENSIONS = 1 + len(POLYNOMIALS)
 SCRAMBLED_DIGITS = 30
 COPIES = 16
 DIGITS = 52
@@ -80,10 +80,10 @@ def _lattice(number: FloatArray, many: int, dimensions: int) -> FloatArray:
     return np.hstack([first, ((number + 0.5)[:, None] * powers + 0.5) % 1.0])
 
 
-@lru_cache(maxsize=MOST_DIMENSIONS)
+@lru_cache(maxsize=MAX_DIMENSIONS)
 def _shifts(dimensions: int) -> IntArray:
     """Return digital shifts (COPIES, dimensions); the raw numbers are the same in every version of numpy."""
-    raw = np.random.PCG64(31).random_raw((COPIES, MOST_DIMENSIONS))
+    raw = np.random.PCG64(31).random_raw((COPIES, MAX_DIMENSIONS))
     return np.asarray(raw[:, :dimensions] >> np.uint64(64 - DIGITS), dtype=np.int64)
 
 
@@ -122,7 +122,7 @@ def _table(directions: list[int]) -> IntArray:
     return np.array(table, dtype=np.int64)
 
 
-@lru_cache(maxsize=2 * MOST_DIMENSIONS)
+@lru_cache(maxsize=2 * MAX_DIMENSIONS)
 def plain(dimensions: int, digits: int) -> Net:
     """Return the unscrambled Sobol' net."""
     directions = np.array([_directions(i, digits) for i in range(dimensions)], dtype=np.int64)

@@ -29,7 +29,7 @@ TM25_HEADER = struct.Struct("<4siiffQ28siifffiii168s8i")
 TM25_TEXTS = 9 * 4000
 TM25_COLUMN = 512
 TM25_BLOCK = 32
-MOST_LINES = 32
+MAX_LINES = 32
 """Maximum number of spectral lines into which the wavelengths in a file are binned."""
 NOT_UNIT = 1e-3
 
@@ -195,10 +195,10 @@ def _ray_set(columns: _Columns, stated: tuple[Line, ...], what: str) -> RaySet:
 def _lines(nm: FloatArray, power: FloatArray) -> tuple[tuple[Line, ...], IntArray]:
     """Return spectral lines for the rays, binned in equal widths if there are many, and the line index of each ray."""
     values, line = np.unique(nm, return_inverse=True)
-    if len(values) > MOST_LINES:
-        edges = np.linspace(nm.min(), nm.max(), MOST_LINES + 1)
+    if len(values) > MAX_LINES:
+        edges = np.linspace(nm.min(), nm.max(), MAX_LINES + 1)
         _, line = np.unique(
-            np.clip(np.searchsorted(edges, nm, side="right") - 1, 0, MOST_LINES - 1), return_inverse=True
+            np.clip(np.searchsorted(edges, nm, side="right") - 1, 0, MAX_LINES - 1), return_inverse=True
         )
         weight = np.bincount(line, np.maximum(power, np.finfo(float).tiny))
         values = np.bincount(line, np.maximum(power, np.finfo(float).tiny) * nm) / weight
@@ -208,7 +208,7 @@ def _lines(nm: FloatArray, power: FloatArray) -> tuple[tuple[Line, ...], IntArra
 
 def _gathered(lines: tuple[Line, ...]) -> tuple[Line, ...]:
     """Return a spectrum with few lines, by binning if necessary."""
-    if len(lines) <= MOST_LINES:
+    if len(lines) <= MAX_LINES:
         return lines
     nm, weight = (np.array(column) for column in zip(*lines, strict=True))
     return _lines(nm, weight / weight.sum())[0]

@@ -18,7 +18,7 @@ from solen.progress import Progress, on_threads
 from solen.results import HIDDEN, Result
 from solen.scene.sources.points import COPIES
 from solen.sensor.network.readings import readings_of, without_value
-from solen.sensor.sensor import MOST_SAMPLED, Sensor
+from solen.sensor.sensor import MAX_SAMPLED, Sensor
 from solen.sensor.unused_keys import keys_without_effect
 from solen.spec import Design
 from solen.spec.placed import lit, state_of
@@ -29,7 +29,7 @@ from solen.trace.result import Ledger
 
 USUAL_TOLERANCE = 5e-4
 """Default uncertainty of a power, as a fraction of the emitted power."""
-ROUGH, RAYS_OF_ONE, FEWEST_RAYS = 2e-4, 0.03, 2**12
+ROUGH, RAYS_OF_ONE, MIN_RAYS = 2e-4, 0.03, 2**12
 """Tolerance from which powers are sampled, which is faster than integration; initial number of rays multiplied by the
 squared tolerance; minimum number of rays.
 """
@@ -193,10 +193,10 @@ def _traced(sensor: Sensor, tolerance: float, lattice: int) -> Trace:
     """Trace the powers from one emitter: sampled if the tolerance is large or integration fails, else integrated."""
     if tolerance < ROUGH:
         return sensor.reading(tolerance=tolerance)[0]
-    first = max(2 ** round(math.log2(RAYS_OF_ONE / tolerance**2)), FEWEST_RAYS)
+    first = max(2 ** round(math.log2(RAYS_OF_ONE / tolerance**2)), MIN_RAYS)
     scene = sensor.scene()
     return by_nets(
-        scene, tolerance / OF_NETS, "roulette", most_rays=MOST_SAMPLED, threads=1, first_rays=first, seed=lattice
+        scene, tolerance / OF_NETS, "roulette", most_rays=MAX_SAMPLED, threads=1, first_rays=first, seed=lattice
     )
 
 

@@ -18,10 +18,10 @@ from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.errors import DesignError
 from solen.trace.kernel.designs import Bins
 
-FEWEST_BINS, MOST_BINS = 16, 128
+MIN_BINS, MAX_BINS = 16, 128
 BINS_OF_A_CHIP = 16
-"""Number of bins across the narrowest chip at each position, up to a total of `MOST_BINS`."""
-MOST_ENDS = 32
+"""Number of bins across the narrowest chip at each position, up to a total of `MAX_BINS`."""
+MAX_ENDS = 32
 """Maximum number of chip ends for which every end coincides with a bin edge."""
 SAME_MM = 1e-9
 """Chip ends closer together than this are merged."""
@@ -59,14 +59,14 @@ def lattices_for(width: FloatArray, offset: FloatArray, both: bool) -> int:
     low, high = (offset - 0.5 * width).min(axis=1), (offset + 0.5 * width).max(axis=1)
     whole = 2.0 * np.maximum(np.abs(low), np.abs(high)) if both else high - low
     ends = 2 * width.shape[1] * (1 + both) + both
-    if ends > MOST_ENDS:
+    if ends > MAX_ENDS:
         rows = np.unique(np.stack([width, offset], axis=1), axis=0)
         needed = max(bins_upto(Chips(*row), ends_of(Chips(*row), both), both)[-1] for row in rows)
     else:
         needed = (BINS_OF_A_CHIP * whole / width.min(axis=1)).max()
     needed = math.ceil(needed - SAME_MM)
-    least = max(FEWEST_BINS, ends if ends <= MOST_ENDS else 0)
-    return 2 * SHIFTS * math.ceil(float(np.clip(needed, least, MOST_BINS)) / 2)
+    least = max(MIN_BINS, ends if ends <= MAX_ENDS else 0)
+    return 2 * SHIFTS * math.ceil(float(np.clip(needed, least, MAX_BINS)) / 2)
 
 
 def ends_of(chips: Chips, both: bool) -> FloatArray:
@@ -117,7 +117,7 @@ class Places(NamedTuple):
             own = np.eye(len(chips.offset), len(at))
             return cls._repeated(Bins(at, at), own, np.zeros_like(own), SHIFTS_OF_A_POINT)
         many, ends = lattices // SHIFTS, ends_of(chips, both)
-        if len(ends) > min(many + 1, MOST_ENDS):
+        if len(ends) > min(many + 1, MAX_ENDS):
             return cls._interpolated(chips, many, ends, both)
         shares = distributed(np.diff(ends[len(ends) // 2 :] if both else ends), many // 2 if both else many)
         shares = np.concatenate([shares[::-1], shares]) if both else shares

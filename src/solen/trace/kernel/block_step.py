@@ -55,11 +55,11 @@ ASIDE, LEFT = -1, -2
 """Marks for a ray that has not been treated here yet, and for a ray left to the loop over single rays, which treats
 both.
 """
-MOST_CURVES = 12
+MAX_CURVES = 12
 """Maximum number of curves per block that are treated in this way: neighbouring rays meet few curves."""
-FEWEST_RAYS = 4
+MIN_RAYS = 4
 """Minimum number of rays for which a curve is treated in this way."""
-MOST_HITS = 2**30
+MAX_HITS = 2**30
 NX, NZ, ON_X, ON_Z, BACK_X, BACK_Z, SHARE_S, SHARE_P, N_LEFT, N_RIGHT, WAY, FROM_RIGHT, KEPT = range(13)
 FIRST_BACK, OTHER_S, OTHER_P, TOO_WEAK = SHARE_S, SHARE_P, N_LEFT, N_RIGHT
 """Rows of working memory; the last ones reuse rows that are no longer needed."""
@@ -79,7 +79,7 @@ def pass_block(
     which, fate = buffers.found.curve, buffers.found.pick
     miss(k, tables, rules, n, carried, buffers, clear)
     first = 0
-    for _ in range(MOST_CURVES):
+    for _ in range(MAX_CURVES):
         while first < n and fate[first] != ASIDE:
             first += 1
         if first == n:
@@ -122,7 +122,7 @@ def enough(c: int, n: int, buffers: Buffers) -> bool:
     many, which, mine = 0, buffers.found.curve, as_in(buffers.found.curve[0], c)
     for i in range(n):
         many += which[i] == mine
-    return many >= FEWEST_RAYS
+    return many >= MIN_RAYS
 
 
 @compiled
@@ -265,7 +265,7 @@ def end(
     which, fate, way = buffers.found.curve, buffers.found.pick, buffers.found.work[WAY]
     receives, one = tables.behaviour[c] == RECEIVER, which[0]
     mine, detected = as_in(one, c), as_in(one, DETECTED)
-    approach(k, tables, c, n, rays, carried, buffers, MOST_HITS, DETECTED if receives else ABSORBED, ABSORBED)
+    approach(k, tables, c, n, rays, carried, buffers, MAX_HITS, DETECTED if receives else ABSORBED, ABSORBED)
     indices(tables, c, n, carried, buffers)
     if not clear:
         weaken(tables, c, n, carried, buffers)
@@ -306,7 +306,7 @@ def cross(
     """Refract and reflect the rays of a block that meet curve ``c``; return the number of waiting branches."""
     one, splits = buffers.found.curve[0], rules.splitting == BRANCHES
     mine, goes_on = as_in(one, c), as_in(one, GOES_ON)
-    approach(k, tables, c, n, rays, carried, buffers, min(rules.max_hits - 1, MOST_HITS), GOES_ON, GOES_ON)
+    approach(k, tables, c, n, rays, carried, buffers, min(rules.max_hits - 1, MAX_HITS), GOES_ON, GOES_ON)
     indices(tables, c, n, carried, buffers)
     if not clear:
         weaken(tables, c, n, carried, buffers)

@@ -20,7 +20,7 @@ from solen.trace.kernel.rows import Precision
 from solen.trace.kernel.surface import scrambled
 
 KEPT_NODES, SLOTS = 1 << 16, 1 << 17
-LEAST_SHARE = 0.05
+MIN_SHARE = 0.05
 """Minimum difference of two rules, as a fraction of the difference of the two coarser rules, because two rules may
 agree by chance.
 """
@@ -140,7 +140,7 @@ def rules_apart(rule: Rule, grid: FloatArray, scale: float, value: FloatArray, a
             least += rule.weights[2, n] * grid[n, d]
         value[d], apart[d] = scale * fine, scale * (fine - coarse)
         most, rough = max(most, abs(apart[d])), max(rough, abs(scale * (coarse - least)))
-    return max(most, LEAST_SHARE * rough)
+    return max(most, MIN_SHARE * rough)
 
 
 @called

@@ -43,10 +43,10 @@ from solen.trace.kernel.tally import (
 from solen.trace.result import ABSORBED, DETECTED, GOES_ON, KEPT_PLACES, TRUNCATED
 from solen.trace.tables import Tables
 
-MOST_THREADS = 2**16
+MAX_THREADS = 2**16
 BLOCK = 128
 """Threads per block: few, because each needs many registers."""
-FEWEST_BLOCKS = 128
+MIN_BLOCKS = 128
 """Minimum number of blocks, because numba warns of fewer; blocks without rays end immediately."""
 ROOM_BYTES = 2**29
 """Memory for columns and waiting branches; if these are large, fewer threads run."""
@@ -239,7 +239,7 @@ class Card:
         depth = 2 - math.floor(math.log2(min_weight)) if splitting == BRANCHES else 1
         floats, ints = (sum(getattr(like, name).size for name in names) for names in (_FLOATS, _INTS))
         bytes_each = 8 * (floats + ints + 4 * KEPT_PLACES) + depth * (8 * dtype.itemsize + 3 * 8)
-        most = min(MOST_THREADS, max(ROOM_BYTES // bytes_each, 1), max(rays, 1))
+        most = min(MAX_THREADS, max(ROOM_BYTES // bytes_each, 1), max(rays, 1))
         self._threads = 1 << math.floor(math.log2(most))
         self._k, self._like = k, like
         self._tables = Tables(*(_put(column) for column in tables))
@@ -314,7 +314,7 @@ _INTS = ("arrived", "crossings", "counts")
 
 
 def _blocks(threads: int) -> int:
-    return max(-(-threads // BLOCK), 1 if SIMULATED else FEWEST_BLOCKS)
+    return max(-(-threads // BLOCK), 1 if SIMULATED else MIN_BLOCKS)
 
 
 def _room(shape: tuple[int, ...], dtype: np.dtype[Any]) -> Any:

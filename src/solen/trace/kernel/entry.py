@@ -35,7 +35,7 @@ from solen.trace.kernel.space import (
 )
 from solen.trace.kernel.treated import Amplitudes
 
-MOST_STEPS = 500
+MAX_STEPS = 500
 """Maximum number of steps towards the face."""
 CLOSE_MM, INSIDE_MM, BESIDE_MM = 1e-13, 1e-7, 0.05
 """Accuracy of a hit on the face; depth inside the body at which entering rays start; distance from the lens at which
@@ -46,7 +46,7 @@ BEYOND_MM = 1e-3
 for errors of these points.
 """
 ROUNDING, LEAST = 1e-12, 1e-300
-MOST_BOUNCES = 1000
+MAX_BOUNCES = 1000
 
 PASSED, ENTERED, OVER = range(3)
 """Outcomes for a ray: passes beside the face; enters the body; passes above or below it."""
@@ -187,7 +187,7 @@ def reach(f: Face, layer: int, at: Vector, d: Vector, start: float, end: float) 
     Newton's method is used with the smallest possible second derivative, so that no step passes the first root.
     """
     bend, t = (f.bend * d.x * d.x if len(f.profiles) > 0 else f.bend), start
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         g, change = along(f, layer, at, d, t)
         g = max(g, 0.0)
         root = math.sqrt(change * change + 2.0 * bend * g)
@@ -387,7 +387,7 @@ def carried(f: Faced, rays: Passage, i: int, walk: Walk) -> Walk:
     at, beam, optical, _ = walk
     d, inside = beam.d, rays.inside[i]
     way = max((f.face.base - at.z) / d.z, 0.0) if d.z > 0.0 else 0.0
-    for _ in range(MOST_BOUNCES):
+    for _ in range(MAX_BOUNCES):
         over = max((math.copysign(f.face.half_height, d.y) - at.y) / d.y, 0.0) if d.y != 0.0 else math.inf
         side = max((math.copysign(f.face.half_width, d.x) - at.x) / d.x, 0.0) if d.x != 0.0 else math.inf
         to = min(way, over, side)

@@ -40,7 +40,7 @@ from solen.trace.tables import Tables
 
 SIDE_BY_SIDE = 8
 """Number of segments tested together; the segment count is padded to a multiple of this."""
-MOST_AT_ONCE = 64
+MAX_SIMULTANEOUS = 64
 """Maximum number of segments tested without a tree."""
 FEW = 4
 """Maximum number of other pieces tested one after another."""
@@ -181,7 +181,7 @@ class Walls(NamedTuple):
 def walls_of(tables: Tables) -> Walls:
     """Group the pieces of a scene for one thread; if few pieces are not segments, many segments also enter the tree."""
     lines = np.flatnonzero(tables.kind == SEGMENT)
-    lines = lines if len(lines) <= MOST_AT_ONCE else lines[:0]
+    lines = lines if len(lines) <= MAX_SIMULTANEOUS else lines[:0]
     width = len(Segment._fields)
     filled = -(-len(lines) // SIDE_BY_SIDE) * SIDE_BY_SIDE
     segment, piece = np.zeros((width, filled)), np.full(filled, -2)

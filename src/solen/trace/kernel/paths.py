@@ -22,7 +22,7 @@ from solen.trace.kernel.prism import NO_DRAW, STACK_IN_SPACE, WIDTH_IN_SPACE, tr
 from solen.trace.kernel.rows import Floats, Precision
 from solen.trace.kernel.space import Vector
 
-MOST_LEGS = 300
+MAX_LEGS = 300
 """Maximum number of legs of one ray with its branches, after which its remaining power is left to the tail."""
 FIRST, FIRST_ANGLES = 2, 32
 """Initial number of intervals in a path: over the positions on a chip, over the angles of a point."""
@@ -98,7 +98,7 @@ def trace_rays(
             d,
             sample,
             most_hits,
-            MOST_LEGS,
+            MAX_LEGS,
             buffers.value[n],
             buffers.legs[first:],
             buffers.stack,
@@ -240,7 +240,7 @@ def integrate_path(  # noqa: C901  one loop over intervals
         width = b - a
         hard = buffers.tree[i] != buffers.tree[j]
         full = n + 2 > len(buffers.u) or waiting + 4 > len(buffers.waiting)
-        full = full or buffers.counts[3] + 2 * MOST_LEGS > len(buffers.legs)
+        full = full or buffers.counts[3] + 2 * MAX_LEGS > len(buffers.legs)
         if full or width <= narrow:
             apart = 0.0
             for d in range(columns):

@@ -47,7 +47,7 @@ MORE_COLUMNS = 5
 """Number of values per ray in addition to the receiver powers: escaped, absorbed, missed, leaked and unfinished."""
 FAINT = 1e-12
 """Weight at which the tail ends."""
-MOST_BOUNCES = 10_000
+MAX_BOUNCES = 10_000
 """Maximum number of reflections at top and bottom between two walls, after which light is left to the tail."""
 NO_DRAW = -1
 """Sample number that denotes the exact part."""
@@ -228,7 +228,7 @@ def trace_prism(  # noqa: C901  one loop, as in `solen.trace.kernel.loop`
                         waiting += 1
                         light, least = scaled(light, 1.0 - share), least * (1.0 - share)
                 power, gone, kept = light.i1 + light.i2, 0.0, 1.0
-                lowest, worn = FAINT if tail else least, bounces > MOST_BOUNCES
+                lowest, worn = FAINT if tail else least, bounces > MAX_BOUNCES
                 if loss > 0.0:
                     first_low, first_high = (ya, yb) if rise > 0.0 else (-yb, -ya)
                     kept = mean_kept(loss, (half - first_high) / abs(d.y), (half - first_low) / abs(d.y))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from solen.arrays import FloatArray, IntArray
 from solen.geometry.body import GAP_MM
-from solen.geometry.y import SHORTEST_MM, STEP_MM
+from solen.geometry.y import MIN_LENGTH_MM, STEP_MM
 from solen.trace.kernel.compiled import called, compiled
 from solen.trace.kernel.rows import CONIC, CUBIC, OVAL, RECEIVER, REFRACTING, SEGMENT, Floats
 from solen.trace.tables import BOX_MARGIN, BOX_MARGIN_MM, Tables
@@ -23,11 +23,11 @@ AIR, BODY = range(2)
 WALLS = 13
 """Maximum number of pieces other than spline pieces: a lens, five on either side, and two receivers behind gaps."""
 FIT_POINTS = 17
-MOST_TURN, MOST_GAP = 0.3, 0.25
+MAX_TURN, MAX_GAP = 0.3, 0.25
 """Turning angle in radians, and gap between lens and stem divided by the half width, up to which joints need no
 search.
 """
-LEAST_MM = 0.01
+MIN_MM = 0.01
 """Lengths and gaps below which `solen.scene` must check for overlaps."""
 SOUND, UNSURE = 1, 0
 NO_JOIN, TOO_WIDE = -1, -2
@@ -276,7 +276,7 @@ def wall_start(y: Y, depth: float, edge_x: float, edge_z: float, side: float) ->
         return -1.0, 0.0
     start = side * (y.half_width + y.stem_curve * risen * risen)
     away = math.hypot(edge_x - start, edge_z - depth - risen)
-    if GAP_MM < away < SHORTEST_MM:
+    if GAP_MM < away < MIN_LENGTH_MM:
         risen += STEP_MM
         start = side * (y.half_width + y.stem_curve * risen * risen)
         away = math.hypot(edge_x - start, edge_z - depth - risen)
@@ -421,7 +421,7 @@ def is_sound(
     for p in range(first, first + (int(y.pieces) if y.lens == PIECES else 1)):
         lowest = min(lowest, t.box[p, 2])
     before_lens = pose.z < lowest
-    near = abs(turn.sin) <= MOST_TURN and gap <= MOST_GAP * y.half_width
+    near = abs(turn.sin) <= MAX_TURN and gap <= MAX_GAP * y.half_width
     above = crotch > max(edge_z, front.depth) + 0.1 * y.half_width
     slant, c = inner_x / (inner_z - crotch), y.stem_curve
     flares = c >= 0.0 and y.arm_angle < 1.5
@@ -429,6 +429,6 @@ def is_sound(
     low = crotch - front.depth
     at = min(max(slant / (2.0 * c), max(low, 0.0)), y.stem_length) if c > 0.0 else y.stem_length
     inside = low >= y.stem_length or y.half_width + c * at * at - slant * (at - low) > 1e-3
-    held = y.gap != y.gap or (y.turns_receivers == 0.0 and y.gap > LEAST_MM)
-    sized = min(min(y.half_width, y.stem_length), min(y.arm_length, y.arm_width)) > LEAST_MM
+    held = y.gap != y.gap or (y.turns_receivers == 0.0 and y.gap > MIN_MM)
+    sized = min(min(y.half_width, y.stem_length), min(y.arm_length, y.arm_width)) > MIN_MM
     return SOUND if before_lens and near and above and flares and inside and held and sized else UNSURE

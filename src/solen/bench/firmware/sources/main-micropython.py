@@ -17,7 +17,7 @@ GUARD_MS, GUARD_TURNS = 50, 17
 class Pins(Hardware):
     """Emitters, inputs and a motor on the pins of this board."""
 
-    most_steps_per_s = pins.MOST_STEPS_PER_S
+    most_steps_per_s = pins.MAX_STEPS_PER_S
 
     def __init__(self):
         self._emitters = [Pin(number, Pin.OUT, value=0) for number in pins.EMITTERS]

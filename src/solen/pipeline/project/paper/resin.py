@@ -40,7 +40,7 @@ LED_NM = 860.0
 CUBE = Dimensions(cube_mm=samples.CUBE_MM)
 PAPER_RATE, PAPER_S = paper_exposure()
 INDICES_NM = (860.0, 500.0, 450.0)
-SHORTEST_NM, LONGEST_EXPOSURE_S, PRINTER = 400.0, 7.0, "asiga-max-uv"
+MIN_NM, MAX_EXPOSURE_S, PRINTER = 400.0, 7.0, "asiga-max-uv"
 CUBES = tuple(f"cubes/{kind}-{number}.csv" for kind in samples.KINDS for number in range(1, samples.REPEATS + 1))
 LABELS = tuple(kind for kind in samples.KINDS for _ in range(samples.REPEATS))
 
@@ -82,7 +82,7 @@ def _typical() -> list[Comparison]:
     """Return the index that the paper calls typical, and how much it rises below 450 nm."""
     own = [stated(f"index-{nm:g}") for nm in INDICES_NM]
     typical = compared("index-typical", *literature_between(*INDICES_NM), least=min(own), most=max(own))
-    return [typical, compared("index-rise", *rise_of_literature(SHORTEST_NM, INDICES_NM[-1]))]
+    return [typical, compared("index-rise", *rise_of_literature(MIN_NM, INDICES_NM[-1]))]
 
 
 def _stiffness(folder: Path) -> Made:
@@ -120,7 +120,7 @@ def _cure(folder: Path) -> Made:
     look = COLUMN.model_copy(update={"letters": "C"})
     picture = Picture("S1C.svg", alt, lambda: working_curves(result), look, mark_of("discs/modified.csv"))
     depth = compared("cure-depth", *depth_at(result, energy), Dp=result.Dp_um, Ec=largest_Ec(result.Dp_um))
-    below = compared("cure-100", *depth_at(result, PAPER_RATE * LONGEST_EXPOSURE_S))
+    below = compared("cure-100", *depth_at(result, PAPER_RATE * MAX_EXPOSURE_S))
     projector = compared("projector", wavelength_nm(PRINTER))
     disc = compared("disc", size_of("cure-discs", "disc"))
     return Made(
