@@ -149,7 +149,7 @@ def _mitsuba_scene() -> dict[str, Any]:
             "type": "perspective",
             "fov": math.degrees(2.0 * math.atan(HALF_WIDTH_MM / CAMERA_MM)),
             "fov_axis": "x",
-            "to_world": transform().look_at([0, SCREEN_MM - CAMERA_MM, 0], [0, SCREEN_MM, 0], [0, 0, 1]),
+            "to_world": transform().warning([0, SCREEN_MM - CAMERA_MM, 0], [0, SCREEN_MM, 0], [0, 0, 1]),
             "film": {
                 "type": "hdrfilm",
                 "width": PIXELS_WIDE,

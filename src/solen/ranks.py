@@ -5,8 +5,8 @@ remarks with `NOTE`; all others mean that a number needs checking. The rank is p
 it too. A sentence about several things, such as specimens, is shown once with their count; warnings that differ only in
 numbers become one line that lists the numbers in order.
 
-Public names: `do_not_use`, `look_at`, `note`, `Caution`, `of` and `ranked`. A result with a field ``tuple[Caution,
-...]`` cannot contain a sentence without a rank: the type checker rejects it.
+Public names: `do_not_use`, `warning`, `note`, `Caution`, `prefixed` and `ranked`. A result with a field
+``tuple[Caution, ...]`` cannot contain a sentence without a rank: the type checker rejects it.
 """
 
 import re
@@ -14,8 +14,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NewType
 
-DO_NOT_USE, LOOK_AT, NOTE = "do not use", "warning", "note"
-RANKS = (DO_NOT_USE, LOOK_AT, NOTE)
+DO_NOT_USE, WARNING, NOTE = "do not use", "warning", "note"
+RANKS = (DO_NOT_USE, WARNING, NOTE)
 """The ranks, the most serious first; a sentence without a stated rank has the middle one."""
 _STATED = re.compile(rf"(?:(?<=: )|^)({DO_NOT_USE}|{NOTE}): ")
 _NUMBER = re.compile(r"[-+−]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?", re.IGNORECASE)
@@ -42,7 +42,7 @@ def do_not_use(text: str) -> Caution:
     return Caution(f"{DO_NOT_USE}: {text}")
 
 
-def look_at(text: str) -> Caution:
+def warning(text: str) -> Caution:
     """Make a warning that a number needs checking before use."""
     return Caution(text)
 
@@ -52,7 +52,7 @@ def note(text: str) -> Caution:
     return Caution(f"{NOTE}: {text}")
 
 
-def of(name: str, caution: Caution) -> Caution:
+def prefixed(name: str, caution: Caution) -> Caution:
     """Prefix a warning with the name of its subject; it is unchanged if the name is empty."""
     return Caution(f"{name}: {caution}") if name else caution
 
@@ -60,7 +60,7 @@ def of(name: str, caution: Caution) -> Caution:
 def rank_of(text: str) -> str:
     """Return the rank stated in a warning, at its beginning or after its names."""
     match = _STATED.search(text)
-    return match[1] if match else LOOK_AT
+    return match[1] if match else WARNING
 
 
 def unranked(text: str) -> str:

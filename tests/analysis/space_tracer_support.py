@@ -19,7 +19,7 @@ from solen.curve import Curve
 from solen.sensor import Sensor
 
 SAGITTA_MM, BLOCK = 1e-5, 16
-LEAST, MAX_HITS, STACK = 1e-6, 400, 64
+MIN_POWER, MAX_HITS, STACK = 1e-6, 400, 64
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ def _ray(  # noqa: C901  one loop
     while count > 0 and hits < 50 * MAX_HITS:
         k = count - 1
         hits += 1
-        if _power(state, k) < LEAST or count + 1 >= STACK:
+        if _power(state, k) < MIN_POWER or count + 1 >= STACK:
             count -= 1
             continue
         x, y, z = state[k, 0].real, state[k, 1].real, state[k, 2].real

@@ -14,12 +14,12 @@ from solen.spec import loads, template, with_values
 from solen.trace import Convergence, Mode, convergence
 from tests.report.test_figure_files import words
 
-MOST = 256
+MAX_RAYS = 256
 
 
 def found(mode: Mode = "power", **values: object) -> Convergence:
     design = with_values(loads(template("paper-860")), {key.replace("__", "."): value for key, value in values.items()})
-    return convergence(Sensor.of(design).scene(0.2), mode, most_rays=MOST)
+    return convergence(Sensor.of(design).scene(0.2), mode, most_rays=MAX_RAYS)
 
 
 @pytest.fixture(scope="module")

@@ -32,7 +32,7 @@ from solen.analysis.log_interpolation import LoggedAngle, logged_angle
 from solen.analysis.motion import Motion, find_motion
 from solen.arrays import BoolArray, FloatArray, IntArray
 from solen.errors import DataError
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording.stimulus import ANGLE, Stimulus
 from solen.results import HIDDEN, Result
 
@@ -383,11 +383,11 @@ def _warnings(
         f"speed, hysteresis and lag cannot be distinguished (1 ms corresponds to {speed}), so the "
         "reported hysteresis is only the part that no lag explains"
     )
-    warnings = [look_at(found)]
+    warnings = [warning(found)]
     if rivals:
         again = f"a lag of {rivals[0]:.6g} s fits the voltages nearly as well, because the motion is periodic"
-        warnings.append(look_at(again))
+        warnings.append(warning(again))
     missing = int(np.isnan(shown).sum())
     if missing:
-        warnings.append(look_at(f"{missing} of {time_s.size} samples are outside the log and are omitted"))
+        warnings.append(warning(f"{missing} of {time_s.size} samples are outside the log and are omitted"))
     return tuple(warnings)

@@ -20,7 +20,7 @@ from solen.analysis.load_cell import LoadCell, load_cell_of
 from solen.analysis.timebase import TimeBase
 from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError, SpecError
-from solen.ranks import Caution, look_at, note, of
+from solen.ranks import Caution, note, prefixed, warning
 from solen.recording import Channel, Recording
 from solen.recording.column_roles import column_of, existing, force_in_volts, named_column, unit_of
 from solen.recording.stimulus import ANGLE, FORCE, STIMULI, Stimulus
@@ -81,7 +81,7 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
     if stimulus is ANGLE:
         if volts is not None:
             unused = "is in volts from a load cell and is not used; to use it, specify --load-cell and --against force"
-            warnings.append(of(volts.name, look_at(unused)))
+            warnings.append(prefixed(volts.name, warning(unused)))
         angle = _degrees(recording, channel, options, warnings)[base.order]
         return Drive(ANGLE, angle, columns)
     file = recording.provenance.name
@@ -92,13 +92,13 @@ def driven(recording: Recording, options: "SignalOptions", base: TimeBase, warni
     else:
         if stimulus is FORCE and options.load_cell is not None:
             unused = f"is already in {channel.unit}, so only the uncertainties of --load-cell are used"
-            warnings.append(of(channel.name, note(unused)))
+            warnings.append(prefixed(channel.name, note(unused)))
         values = scale * (channel.values[base.order] - _tare(channel, options, base))
     if options.tare_s is not None:
         u, n = _u_tare(values, options.tare_s, base)
         if u > _MAX_TARE * float(np.ptp(values[np.isfinite(values)])):
             doubt = f"has a standard uncertainty of {u:.1g} {stimulus.unit}, from {n} readings, which no band includes"
-            warnings.append(of("the zero", look_at(f"{doubt}; tare for longer")))
+            warnings.append(prefixed("the zero", warning(f"{doubt}; tare for longer")))
     return Drive(stimulus, values, columns, cell)
 
 
@@ -244,7 +244,7 @@ def _check_degrees(channel: Channel, file: str, warnings: list[Caution]) -> None
         remedy = "specify the unit in the header: deg, mdeg, rad or mrad; or name another column with --angle"
         raise DataError(f"{file}: {channel.name}", limit=limit, remedy=remedy)
     if not plain(channel.name).endswith("deg"):
-        warnings.append(look_at(f"the header {channel.name} specifies no unit; degrees are assumed"))
+        warnings.append(warning(f"the header {channel.name} specifies no unit; degrees are assumed"))
 
 
 def _unwound(channel: Channel, scale: float, warnings: list[Caution]) -> FloatArray:
@@ -256,5 +256,5 @@ def _unwound(channel: Channel, scale: float, warnings: list[Caution]) -> FloatAr
         return angle
     unwound = np.unwrap(angle[held], period=_TURN_DEG)
     angle[held] = unwound - _TURN_DEG * np.round(np.median(unwound) / _TURN_DEG)
-    warnings.append(of(channel.name, note("jumps by a full rotation; the angle is continued across the jump")))
+    warnings.append(prefixed(channel.name, note("jumps by a full rotation; the angle is continued across the jump")))
     return angle

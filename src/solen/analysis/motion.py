@@ -20,7 +20,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from solen.analysis.timebase import MAX_GAP_STEPS
 from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording.stimulus import ANGLE, Stimulus
 from solen.results import HIDDEN, Result
 
@@ -373,13 +373,13 @@ def _cycles(
             name, limit="contains no complete cycle", remedy="record at least one complete cycle, from rest to rest"
         )
     warnings = [
-        look_at(f"the cycle that begins at {time_s[a]:.6g} s is incomplete and is omitted")
+        warning(f"the cycle that begins at {time_s[a]:.6g} s is incomplete and is omitted")
         for (a, _, _), ok in zip(spans, whole, strict=True)
         if not ok
     ]
     if abs(ramps[0].start_deg - rest) > far:
         begun = f"the recording begins during a motion: data before {time_s[starts[0][0]]:.6g} s are omitted"
-        warnings.insert(0, look_at(begun))
+        warnings.insert(0, warning(begun))
     return cycles, tuple(warnings)
 
 

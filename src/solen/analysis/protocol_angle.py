@@ -19,7 +19,7 @@ from scipy.signal import fftconvolve
 from solen.analysis.alignment import principal
 from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, note, warning
 from solen.recording.column_roles import left_right
 
 _MAX_GRID_POINTS = 1 << 20
@@ -105,18 +105,18 @@ def angle_by_protocol(
         f"from the protocol: ±{protocol.amplitude_deg:g}° at {protocol.speed_deg_per_s:g}°/s with holds of "
         f"{protocol.hold_s:g} s; range, sensitivity and hysteresis are only as good as that assumption"
     )
-    warnings = [look_at(unrecorded)]
+    warnings = [warning(unrecorded)]
     if rest > _SLACK * period:
         longer = (
             f"a cycle is {rest:.3g} s longer than the protocol; half of this time is assumed "
             "to be a rest at each return to 0"
         )
-        warnings.append(look_at(longer))
+        warnings.append(warning(longer))
     if sides is None:
         unnamed = (
             "the names do not distinguish a left from a right receiver: the first excursion is assumed to be positive"
         )
-        warnings.append(look_at(unnamed))
+        warnings.append(warning(unnamed))
     else:
         warnings.append(
             note(

@@ -15,7 +15,7 @@ import numpy as np
 from solen.analysis.figures_of_merit import Estimate, ReceiverResponse, over_cycles, receiver_response
 from solen.analysis.response import Passes
 from solen.arrays import FloatArray
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording.stimulus import NEAR_ZERO_DEG
 from solen.results import Result
 
@@ -183,7 +183,7 @@ def sign_warnings(
             "brighter is a lower voltage). Either the angle has the opposite sign, the receivers are swapped, or the "
             "voltage of the circuit rises with light. Nothing was changed: --flip-angle reverses the sign of the angle"
         )
-        return [look_at(reverse)]
+        return [warning(reverse)]
     if left.value * right.value > 0.0:
-        return [look_at(f"{changes}: both change in the same direction, so they do not distinguish the sides")]
+        return [warning(f"{changes}: both change in the same direction, so they do not distinguish the sides")]
     return []

@@ -15,7 +15,7 @@ from solen.analysis.run import Run
 from solen.analysis.signals import Signals
 from solen.analysis.timing import Timing, cycle_speeds, same_speed
 from solen.arrays import BoolArray
-from solen.ranks import Caution, do_not_use, look_at, note, of
+from solen.ranks import Caution, do_not_use, note, prefixed, warning
 from solen.recording.stimulus import ANGLE, FORCE, Stimulus
 
 _TENTH = 0.1
@@ -51,7 +51,7 @@ def timing_warnings(timing: Timing, receivers: dict[str, ReceiverResponse], sign
         f"{known} hysteresis cannot be separated from lag; the timing of the stage clocks and readings is known to "
         f"±{1e3 * timing.bound_s:.2g} ms, which may add up to {adds:.2g}{sign} between the directions: {remedy}"
     )
-    return [look_at(bound)]
+    return [warning(bound)]
 
 
 def other_speeds_left_out(run: Run) -> Iterator[Caution]:
@@ -62,7 +62,7 @@ def other_speeds_left_out(run: Run) -> Iterator[Caution]:
     lost = [one for one in speeds[: run.timed[0]].tolist() if not same_speed(timed, one).any()]
     if lost:
         used = float(np.median(speeds[list(run.used)]))
-        yield look_at(
+        yield warning(
             f"--drop {run.timed[0]} omits {len(lost)} cycle{'s' * (len(lost) != 1)} at {lost[0]:.3g}{sign}/s from the "
             f"beginning, which leaves too few at that speed; all figures are for {used:.3g}{sign}/s: "
             "record more cycles at each speed"
@@ -82,7 +82,7 @@ def clip_warnings(signals: Signals, marked: BoolArray) -> list[Caution]:
                 f"{int(flags.sum())} {what} {at} ({100.0 * flags.mean():.2g} %); angles at which a cycle is "
                 "clipped have no mean, and the figures of merit are computed from the other angles"
             )
-            warnings.append(of(name, look_at(marks)))
+            warnings.append(prefixed(name, warning(marks)))
     return warnings
 
 
@@ -99,7 +99,7 @@ def _rest_warnings(runs: Sequence[Run]) -> list[Caution]:
                 f"the {stimulus.name} rests at {motion.rest_deg:.4g}{stimulus.sign} and never passes 0, so there are "
                 f"no figures near zero; {zero} sets the zero there"
             )
-            return [look_at(rests)]
+            return [warning(rests)]
     return []
 
 
@@ -115,7 +115,7 @@ def _reach_warnings(ways: Passes, runs: Sequence[Run]) -> list[Caution]:
         f"the {stimulus.name} ranges from {low:.3g}{sign} to {high:.3g}{sign}, but the range common to all "
         f"used half-cycles is {first:.3g}{sign} to {last:.3g}{sign}: curves and figures refer to this range"
     )
-    return [look_at(part)]
+    return [warning(part)]
 
 
 def _drift_warnings(name: str, own: ReceiverResponse, runs: Sequence[Run]) -> list[Caution]:
@@ -129,7 +129,7 @@ def _drift_warnings(name: str, own: ReceiverResponse, runs: Sequence[Run]) -> li
         f"a drift of {drift:+.2g} {unit}/min separates rising and falling half-cycles by up to {apart:.2g} "
         f"{unit}, included in the hysteresis of {own.hysteresis_V:.2g} {unit}"
     )
-    return [of(name, look_at(part))]
+    return [prefixed(name, warning(part))]
 
 
 def cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequence[Run]) -> list[Caution]:
@@ -137,20 +137,20 @@ def cautions(receivers: dict[str, ReceiverResponse], ways: Passes, runs: Sequenc
     warnings, unit = _rest_warnings(runs) + _reach_warnings(ways, runs), runs[0].signals.unit
     if ways.cycles < 3:
         count = "one cycle is" if ways.cycles == 1 else "two cycles are"
-        warnings.append(look_at(f"{count} used: repeatability and drift cannot be judged"))
+        warnings.append(warning(f"{count} used: repeatability and drift cannot be judged"))
     for place, (name, own) in enumerate(receivers.items()):
         size, u = own.hysteresis_V, own.u_hysteresis_V
         if abs(own.swing_V) <= max(3.0 * own.u_swing_V, _ROUNDING_V):
             driven = runs[0].signals.stimulus.name
             swing = f"does not respond to the {driven} beyond its noise (swing {own.swing_V:.2g} {unit})"
-            warnings.append(of(name, do_not_use(swing)))
+            warnings.append(prefixed(name, do_not_use(swing)))
         if math.isfinite(u) and 1e-9 * own.range_V < size <= 3.0 * u:
             bound = (
                 f"the hysteresis of {size:.2g} {unit} is within three standard uncertainties ({u:.2g} "
                 f"{unit} each); it is a bound"
             )
-            warnings.append(of(name, note(bound)))
+            warnings.append(prefixed(name, note(bound)))
         warnings += _drift_warnings(name, own, runs)
         if not np.isfinite(ways.volts[..., place]).any():
-            warnings.append(of(name, do_not_use("contains no reading in the cycles used")))
+            warnings.append(prefixed(name, do_not_use("contains no reading in the cycles used")))
     return warnings

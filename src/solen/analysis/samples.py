@@ -15,7 +15,7 @@ from solen.analysis.signals import TIMES, AngleSource, SignalOptions, Waveforms
 from solen.analysis.timebase import TimeBase, time_base
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording import Channel, Recording
 from solen.recording.column_roles import (
     ENDS_IN_V,
@@ -108,8 +108,8 @@ def _complete(samples: Waveforms, file: str) -> Waveforms:
         kept &= np.isfinite(samples.angle_deg)
     if kept.all():
         return samples
-    warning = look_at(f"{int((~kept).sum())} of {kept.size} samples lack a number and are omitted")
-    return replace(samples.rows(kept), warnings=(*samples.warnings, warning))
+    caution = warning(f"{int((~kept).sum())} of {kept.size} samples lack a number and are omitted")
+    return replace(samples.rows(kept), warnings=(*samples.warnings, caution))
 
 
 def _clipped_flags(recording: Recording, channel: Channel) -> BoolArray:
@@ -170,7 +170,7 @@ def _seconds_assumed(channel: Channel, file: str, warnings: list[Caution]) -> fl
         limit = f"specifies no unit, and its steps of {usual:.3g} may be ms, s or samples"
         raise DataError(f"{file}: {channel.name}", limit=limit, remedy="use --time-unit ms, or --rate-hz")
     rate = f", which makes {1 / usual:.4g} samples per second" if usual else ""
-    warnings.append(look_at(f"the header {channel.name} specifies no unit; s is assumed{rate}"))
+    warnings.append(warning(f"the header {channel.name} specifies no unit; s is assumed{rate}"))
     return 1.0
 
 
@@ -198,7 +198,7 @@ def _passed_over(recording: Recording, channels: Iterable[str]) -> list[Caution]
         channel.name: _BRACKETED.search(channel.name) for channel in recording.channels if channel.name not in channels
     }
     return [
-        look_at(
+        warning(
             f'{name} is not used, because "{unit[1]}" is not a known unit; to use it, specify --channel NAME=COLUMN'
         )
         for name, unit in rest.items()
@@ -232,5 +232,5 @@ def receiver_scale(channel: Channel, unit: str, file: str, warnings: list[Cautio
         doubt = f"; values up to {largest:.4g} V are unusual, check whether they are in mV" if largest > _HIGH_V else ""
         unknown = _BRACKETED.search(channel.name)
         states = f'specifies "{unknown[1]}", which is not a known unit' if unknown else "specifies no unit"
-        warnings.append(look_at(f"the header {channel.name} {states}; V is assumed{doubt}"))
+        warnings.append(warning(f"the header {channel.name} {states}; V is assumed{doubt}"))
     return 1.0

@@ -24,7 +24,7 @@ from solen.analysis.sensor_response import AnalysisOptions, SensorGroup, SensorR
 from solen.analysis.signals import TIMES_OF_LOG, Signals, Switching, Waveforms
 from solen.analysis.waveforms import waveforms
 from solen.errors import DataError, SolenError, SpecError
-from solen.ranks import Caution, look_at, note, of
+from solen.ranks import Caution, note, prefixed, warning
 from solen.recording import Provenance, Recording, read, read_parts
 from solen.recording.column_roles import by_sensor
 from solen.recording.labels import has_lens, labels
@@ -189,7 +189,7 @@ def study(files: Sequence[Path], options: AnalysisOptions | None = None) -> Stud
         *found.warnings,
         *_pooling_warnings(options, sensors),
         *(
-            of(response.label if len(responses) > 1 else "", line)
+            prefixed(response.label if len(responses) > 1 else "", line)
             for response in responses.values()
             for line in response.warnings
         ),
@@ -235,7 +235,7 @@ def _read(files: Sequence[Path], options: AnalysisOptions) -> _Found:
             found.sensors.setdefault(signal.label, []).append(signal)
         found.provenances += [one.provenance for one in (part.recording, part.log) if one is not None]
         found.bare &= part.samples.ambient_subtracted
-        found.warnings += [of(path.name if len(files) > 1 else "", line) for line in part.samples.warnings]
+        found.warnings += [prefixed(path.name if len(files) > 1 else "", line) for line in part.samples.warnings]
         if part.alignment is not None:
             found.alignment[part.label] = part.alignment
         if part.samples.switching is not None:
@@ -311,8 +311,8 @@ def _with_angle(part: _Part, options: AnalysisOptions, number: int, files: Seque
     beside = find_log(files[number], files)
     if beside is None:
         reject_undriven(part.recording)
-    warning = look_at(f"{files[number].name} contains no angle: the angle in {beside.name}, next to it, is used")
-    part = replace(part, samples=replace(samples, warnings=(warning, *samples.warnings)))
+    caution = warning(f"{files[number].name} contains no angle: the angle in {beside.name}, next to it, is used")
+    part = replace(part, samples=replace(samples, warnings=(caution, *samples.warnings)))
     return replace(_by_log(part, beside, options), beside=beside)
 
 
@@ -339,7 +339,7 @@ def _aligned(samples: Waveforms, log: Recording, options: AnalysisOptions) -> tu
     alignment = align(
         samples.time_s, samples.volts, base.time_s[held], drive.values[held], samples.window_s, drive.stimulus
     )
-    return alignment, drive, [of(file, line) for line in (*base.warnings, *warnings)]
+    return alignment, drive, [prefixed(file, line) for line in (*base.warnings, *warnings)]
 
 
 def _signals(part: _Part, options: AnalysisOptions, path: Path, files: int) -> Iterator[Signals]:
@@ -409,9 +409,9 @@ def _pooling_warnings(options: AnalysisOptions, sensors: Mapping[str, Sequence[S
     if options.pattern is not None:
         return []
     return [
-        of(
+        prefixed(
             label,
-            look_at(
+            warning(
                 f"{len(signals)} recordings with the same name are pooled as one sensor; use --pattern to separate them"
             ),
         )

@@ -13,7 +13,7 @@ import numpy as np
 
 from solen.arrays import FloatArray, IndexArray
 from solen.errors import DataError
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 
 MAX_GAP_STEPS = 5.0
 """A step is a gap if it is at least this many times the usual step."""
@@ -63,7 +63,7 @@ def time_base(time_s: FloatArray, name: str = "time") -> TimeBase:
     """
     order = np.flatnonzero(np.isfinite(time_s))
     missing = time_s.size - order.size
-    warnings = [look_at(f"{missing} samples without a time are omitted")] if missing else []
+    warnings = [warning(f"{missing} samples without a time are omitted")] if missing else []
     if order.size < _MIN_SAMPLES:
         limit = f"has {order.size} samples with a time, but at least {_MIN_SAMPLES} are required"
         raise DataError(name, limit=limit, remedy="name the time column with --time")
@@ -94,7 +94,7 @@ def _disorder(time_s: FloatArray, order: IndexArray, steps: FloatArray, usual: f
         jump = f"jumps back {back.size} time{'s' * (back.size > 1)}, farthest at sample {row}"
         limit = f"{jump}: from {time_s[order[worst]]:.6g} s to {time_s[order[worst + 1]]:.6g} s"
         raise DataError(name, limit=limit, remedy="split the file there, or export it with a single continuous clock")
-    return look_at(
+    return warning(
         f"{back.size} samples were out of order by up to {-steps[worst]:.3g} s (first at sample {row}) and are sorted"
     )
 
@@ -104,7 +104,7 @@ def _repeated(ordered: FloatArray) -> list[Caution]:
     if not same:
         return []
     where = ordered[np.flatnonzero(np.diff(ordered) == 0.0)[0]]
-    return [look_at(f"{same} samples have the same time as the previous sample (first at {where:.6g} s); all are kept")]
+    return [warning(f"{same} samples have the same time as the previous sample (first at {where:.6g} s); all are kept")]
 
 
 def _gaps(ordered: FloatArray, usual: float) -> FloatArray:
@@ -118,4 +118,4 @@ def _gap_words(gaps: FloatArray) -> list[Caution]:
     longest = int(np.argmax(gaps[:, 1] - gaps[:, 0]))
     start, end = gaps[longest]
     count = f"{len(gaps)} gap{'s' * (len(gaps) > 1)} in the samples"
-    return [look_at(f"{count}, the longest {end - start:.3g} s from {start:.6g} s; they are not interpolated")]
+    return [warning(f"{count}, the longest {end - start:.3g} s from {start:.6g} s; they are not interpolated")]

@@ -24,7 +24,7 @@ from solen.analysis.signals import AngleSource, SignalOptions, Switching, Wavefo
 from solen.analysis.timebase import time_base
 from solen.arrays import IndexArray
 from solen.errors import SpecError
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, note, warning
 from solen.recording import Recording
 
 _MAX_MEAN_SPAN = 0.05  # largest fraction of a recording that a moving mean may span
@@ -71,11 +71,11 @@ def _by_emitter(whole: Waveforms, options: SignalOptions) -> dict[str, Waveforms
         on, clock = "high", find_clock(whole.time_s, whole.volts, rate_hz, on="high", emitters=options.emitters)
         by_emitter = _found(whole, options, clock)
     if detected and not _follows(by_emitter):
-        warning = look_at(
+        caution = warning(
             f"the voltages switch at {rate_hz:g} Hz, but by the same step at all positions of the sensor, so this is "
             f"assumed to be ambient light; use --on-off-hz {rate_hz:g} if it is the emitter"
         )
-        return {"": replace(whole, warnings=(*whole.warnings, warning))}
+        return {"": replace(whole, warnings=(*whole.warnings, caution))}
     state = _state(whole, by_emitter, rate_hz, on, detected=detected)
     part = replace(whole, switching=state, warnings=(*whole.warnings, *_warnings(by_emitter, state, clock)))
     names = {emitter: "" if options.emitters == 1 else f"E{emitter}" for emitter in by_emitter.readings.emitters}
@@ -154,7 +154,7 @@ def _warnings(result: Switched, state: Switching, clock: Clock) -> list[Caution]
     warnings = [note(subtracted)]
     missing = sum(result.readings.counts.missing.values())
     if missing:
-        warnings.append(look_at(f"{missing} on slots are missing from the recording"))
+        warnings.append(warning(f"{missing} on slots are missing from the recording"))
     if result.flicker is not None:
         lines = " and ".join(f"{n * result.flicker.mains_hz:.4g}" for n in result.flicker.multiples)
         size = f"{state.flicker_V:.2g} {result.samples.units[0]}"
@@ -164,7 +164,7 @@ def _warnings(result: Switched, state: Switching, clock: Clock) -> list[Caution]
     for name, resting in zip(result.samples.names, result.dark_at_limit, strict=True):
         if resting:
             unseen = "is at its limit in the dark, so weak light from the emitter or the room is not visible"
-            warnings.append(look_at(f"{name} {unseen}"))
+            warnings.append(warning(f"{name} {unseen}"))
     return warnings
 
 

@@ -14,7 +14,7 @@ from solen.files import check_seal
 from solen.material.resin import load_resin
 from solen.parts import load_part
 from solen.parts.printer import load_printer
-from solen.ranks import Caution, look_at, of
+from solen.ranks import Caution, prefixed, warning
 from solen.recording import Recording, read
 from solen.recording.column_roles import unit_of
 from solen.results import Result, reported
@@ -89,7 +89,7 @@ class Contents(Result):
     @reported
     def warnings(self) -> tuple[Caution, ...]:
         """Remarks on files that could not be read as the kind that their name suggests."""
-        return tuple(of(item.path, look_at(item.remark)) for item in self.items if item.remark)
+        return tuple(prefixed(item.path, warning(item.remark)) for item in self.items if item.remark)
 
 
 def described(file: Path, path: PurePosixPath) -> Item:

@@ -18,7 +18,7 @@ from typing import Any
 from solen import files
 from solen.bench.journal import SUFFIX as JOURNAL
 from solen.errors import DataError, OutputError, SolenError, SpecError
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.results import Result, reported
 
 NAME = "recordings.sqlite"
@@ -74,7 +74,7 @@ class RecordingList(Result):
     @reported
     def warnings(self) -> tuple[Caution, ...]:
         """Warn of each .nc file that is not a recording."""
-        return tuple(look_at(f"{name} is not a recording of solen bench run") for name in self.not_recordings)
+        return tuple(warning(f"{name} is not a recording of solen bench run") for name in self.not_recordings)
 
 
 def list_recordings(folder: Path, *, look: bool = False) -> RecordingList:

@@ -28,7 +28,7 @@ from solen.bench.live import InputReadings, LiveReadings, sampler_of, stage_of
 from solen.bench.rig import Rig, SensorOf, load_rig
 from solen.bench.rig_instruments import StageOf
 from solen.errors import BenchError, SpecError
-from solen.ranks import Caution, do_not_use, look_at, note, of
+from solen.ranks import Caution, do_not_use, note, prefixed, warning
 from solen.results import HIDDEN, Result, in_unit, reported
 from solen.spec.strict import Options
 
@@ -40,7 +40,7 @@ BOTTOM = 0.05
 """A receiver is saturated if its level is below this fraction of the level with the emitters off."""
 GROWS = 1.5
 """Minimum factor by which a receiver's light increases in a bent sensor; the shipped designs have 1.5 to 2.1."""
-WANTED, LEAST, MOST = 0.4, 0.12, (1.0 - BOTTOM) / GROWS
+DESIRED_SIGNAL, MIN_SIGNAL, MAX_SIGNAL = 0.4, 0.12, (1.0 - BOTTOM) / GROWS
 """Desired, minimum and maximum drop that light should cause at rest, as fractions of the level with the emitters off.
 
 Below the minimum, little of the range is used; above the maximum, the receiver saturates in any motion.
@@ -216,7 +216,7 @@ def _cell_faults(cell: CellCheck, levels: InputReadings) -> list[Caution]:
     if levels.low_V + near_V < cell.level_V < levels.high_V - near_V:
         return []
     end = "is at a limit of the input's range: check its wire, its amplifier and its zero"
-    return [of(f"load cell (input {cell.input})", do_not_use(end))]
+    return [prefixed(f"load cell (input {cell.input})", do_not_use(end))]
 
 
 def _input(rig: Rig, sensor: SensorOf, side: str, levels: InputReadings) -> InputCheck:
@@ -244,9 +244,9 @@ def _load_factor(sensor: SensorOf, off_V: float, signal_V: float) -> float | Non
 
     Without a lens, a receiver's light hardly changes as the sensor moves.
     """
-    if signal_V <= ANSWERS * off_V or LEAST <= signal_V / off_V <= (MOST if sensor.lens else 1.0 - BOTTOM):
+    if signal_V <= ANSWERS * off_V or MIN_SIGNAL <= signal_V / off_V <= (MAX_SIGNAL if sensor.lens else 1.0 - BOTTOM):
         return None
-    return WANTED * off_V / signal_V
+    return DESIRED_SIGNAL * off_V / signal_V
 
 
 def _noise(time_s: FloatArray, signal: FloatArray) -> float:
@@ -270,18 +270,18 @@ def _faults(
         mine, emitter = answers[:, own.input - 1], _brightest(sensor, own.input, mean)
         strongest = int(np.argmax(np.where(mine, np.abs(mean[:, own.input - 1]), 0.0))) + 1
         if circuit and own.on_V < short_V and own.off_V < short_V:
-            yield of(
+            yield prefixed(
                 what, do_not_use("is near 0 V with its emitter on and off: a short circuit, or far too much light")
             )
         elif not mine.any():
-            yield of(what, do_not_use("responds to no emitter; check its wire and its receiver"))
+            yield prefixed(what, do_not_use("responds to no emitter; check its wire and its receiver"))
         elif strongest not in sensor.lit_by.values():
             wires = f"responds to emitter {strongest}, not to {emitter}; check the rig file and the wires"
-            yield of(what, do_not_use(wires))
+            yield prefixed(what, do_not_use(wires))
         elif circuit and mean[emitter - 1, own.input - 1] < 0.0:
-            yield of(what, do_not_use("rises when its emitter is on: its load and its receiver are swapped"))
+            yield prefixed(what, do_not_use("rises when its emitter is on: its load and its receiver are swapped"))
         else:
-            yield from (of(what, line) for line in _settings(own, levels, emitter - 1, rig))
+            yield from (prefixed(what, line) for line in _settings(own, levels, emitter - 1, rig))
 
 
 def _settings(own: InputCheck, levels: InputReadings, emitter: int, rig: Rig) -> Iterator[Caution]:
@@ -290,23 +290,23 @@ def _settings(own: InputCheck, levels: InputReadings, emitter: int, rig: Rig) ->
     if clipped > 0.0:
         upper = levels.high_V - own.off_V < own.on_V - levels.low_V
         phase, end = ("off", "upper") if upper else ("on", "lower")
-        yield look_at(
+        yield warning(
             f"with its emitter {phase} it is at the {end} limit of the range in {100 * clipped:.3g} % of the "
             "readings; values beyond the limit are cut off"
         )
     ends = None if rig.daq is not None else rig.board.straight_v
     if ends is not None and not ends[0] <= own.on_V <= own.off_V <= ends[1]:
-        yield look_at(f"its levels extend beyond {ends[0]:g} to {ends[1]:g}, where the converter is not linear")
+        yield warning(f"its levels extend beyond {ends[0]:g} to {ends[1]:g}, where the converter is not linear")
     if rig.unit == "V" and own.on_V < BOTTOM * own.off_V:
-        yield look_at("is saturated with its emitter on; turn its trimmer to a smaller load")
+        yield warning("is saturated with its emitter on; turn its trimmer to a smaller load")
     elif own.load_factor is not None and own.load_factor < 1.0:
         bent = f"{GROWS:g} times the light, as in a bent sensor, would saturate it; turn its trimmer to a smaller load"
-        yield look_at(bent)
+        yield warning(bent)
     elif own.load_factor is not None:
-        yield note(f"light pulls it down by less than {100 * LEAST:.0f} %; a greater load would use more of the range")
+        yield note(f"light pulls it down by less than {100 * MIN_SIGNAL:.0f} %; a larger load uses more of the range")
     if own.room_V > ROOM * abs(own.signal_V) and own.room_V > 3.0 * own.noise_V:
         varies = f"varies by {of_noise(own.room_V, rig.unit)} with the emitters off; shade it, or switch lamps off"
-        yield look_at(varies)
+        yield warning(varies)
 
 
 class JogOptions(Options):

@@ -47,7 +47,7 @@ from solen.bench.readings import (
 from solen.bench.timing import Timing, came_by, exchanges, known_at_rest_alone, reach_of
 from solen.bench.waveform import Waveform, create_variable
 from solen.extras import need
-from solen.ranks import Caution, do_not_use, look_at, of
+from solen.ranks import Caution, do_not_use, prefixed, warning
 from solen.results import HIDDEN, Result, reported
 
 _NAMED = 5
@@ -99,10 +99,10 @@ class RecordedRun(Result):
         """Losses and remarks."""
         lost = [f"{number} {name}" for name, number in self.losses.items() if number]
         return (
-            *([look_at(f"lost {', '.join(lost)}")] if lost else []),
+            *([warning(f"lost {', '.join(lost)}")] if lost else []),
             *self.remarks,
             *(
-                [look_at(f"the last {self.lost_bytes} bytes of the journal were not complete")]
+                [warning(f"the last {self.lost_bytes} bytes of the journal were not complete")]
                 if self.lost_bytes
                 else []
             ),
@@ -133,7 +133,7 @@ def write_recording(journaled: JournalContent, path: Path) -> RecordedRun:
             time_s, readings, remarks = content(file, journaled)
             remarks += [line for view in views_of(journaled.header) for line in _clipped(file[view.name], view)]
             _positions(file, journaled)
-            remarks += [look_at(event["reason"]) for event in journaled.events if event["what"] == "remark"]
+            remarks += [warning(event["reason"]) for event in journaled.events if event["what"] == "remark"]
             remarks += _overloaded(file, journaled)
             remarks += [*_timing(file, journaled), *_damage(journaled), *_ended(journaled)]
             done.append(
@@ -186,7 +186,9 @@ def _bent(view: View, parts: Sequence[Columns], ends: Sequence[float] | None) ->
         outside.append(np.any([(level < ends[0]) | (level > ends[1]) for level in levels], axis=0))
     share = float(np.concatenate(outside).mean())
     beyond = f"levels beyond {ends[0]:g} to {ends[1]:g}, where the converter is not linear"
-    return [of(view.name, look_at(f"{100 * share:.3g} % of the readings depend on {beyond}"))] if share > 0.0 else []
+    return (
+        [prefixed(view.name, warning(f"{100 * share:.3g} % of the readings depend on {beyond}"))] if share > 0.0 else []
+    )
 
 
 def _clipped(group: Any, view: View) -> Iterator[Caution]:
@@ -194,12 +196,12 @@ def _clipped(group: Any, view: View) -> Iterator[Caution]:
     marks = {name: np.asarray(group[f"{name}_clipped"]) for name in view.inputs}
     shares = [f"{name} {100 * own.mean():.3g} %" for name, own in marks.items() if own.any()]
     if shares:
-        yield of(view.name, look_at(f"readings clipped at a limit of the converter's range: {', '.join(shares)}"))
+        yield prefixed(view.name, warning(f"readings clipped at a limit of the converter's range: {', '.join(shares)}"))
 
 
 def _unsound(board: Rows) -> list[Caution]:
     count = int(np.count_nonzero(board["flags"] & UNSOUND))
-    late = look_at(f"{count} periods that the board sampled late, or with a fault, gave no readings")
+    late = warning(f"{count} periods that the board sampled late, or with a fault, gave no readings")
     return [late] if count else []
 
 
@@ -342,7 +344,7 @@ def _ended(journaled: JournalContent) -> list[Caution]:
     ends = [event for event in journaled.events if event["what"] in {"stopped", "fault"}]
     if not ends or journaled.outcome == "done":
         return []
-    return [look_at(f"the run ended early: {ends[-1]['reason']}")]
+    return [warning(f"the run ended early: {ends[-1]['reason']}")]
 
 
 def _damage(journaled: JournalContent) -> list[Caution]:
@@ -353,7 +355,7 @@ def _damage(journaled: JournalContent) -> list[Caution]:
     more = f" and records in {len(journaled.missing) - _NAMED} more gaps" if len(journaled.missing) > _NAMED else ""
     lacks = f"missing: {places}{more}" if places else "the missing records are unknown"
     kept = f"the journal is damaged and kept: {journaled.damaged_bytes} bytes cannot be read as records; {lacks}"
-    return [look_at(kept)]
+    return [warning(kept)]
 
 
 def _timing(file: Any, journaled: JournalContent) -> list[Caution]:
@@ -368,7 +370,7 @@ def _timing(file: Any, journaled: JournalContent) -> list[Caution]:
             file.attrs[f"{motion} {name}" if motion else name] = value
         if not known_at_rest_alone(stage):
             remark = timing.remark(protocol.fastest, reach_of(stage["position"]), protocol.unit)
-            remarks += [] if remark is None else [of(motion, remark)]
+            remarks += [] if remark is None else [prefixed(motion, remark)]
     return remarks
 
 

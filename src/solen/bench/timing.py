@@ -20,7 +20,7 @@ from scipy.interpolate import PchipInterpolator
 from solen.arrays import BoolArray, FloatArray
 from solen.bench.clock_fit import ClockLine
 from solen.bench.journal_content import JournalContent, Rows
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 
 STAGE = np.dtype([("part", "<u2"), ("sent_s", "<f8"), ("t_s", "<f8"), ("position", "<f8")])
 """Part of the run; times of the query and of its answer, and the position in the answer."""
@@ -175,7 +175,7 @@ class Timing:
             if self.look_round_trip_s is None
             else (f" (a position query takes {1e3 * self.look_round_trip_s:.3g} ms)")
         )
-        return look_at(
+        return warning(
             f"angles and readings may be {1e3 * self.timing_bound_s:.3g} ms apart{trip}: at {speed:g} {unit}/s that "
             f"adds up to {adds:.2g} {unit}, {100.0 * adds / reach:.2g} % of full scale, to a hysteresis"
         )

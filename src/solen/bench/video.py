@@ -25,7 +25,7 @@ from solen.bench.marker import Dictionary, Finder, refined, turns
 from solen.errors import DataError, SpecError
 from solen.extras import need
 from solen.files import check_seal
-from solen.ranks import Caution, do_not_use, look_at, note
+from solen.ranks import Caution, do_not_use, note, warning
 from solen.results import HIDDEN, Result
 from solen.spec.strict import Options
 
@@ -156,7 +156,7 @@ def motion_of(path: Path, options: VideoOptions = VideoOptions()) -> VideoMotion
     missing = len(stamped) - len(seen.places) - seen.ambiguous
     if missing or seen.ambiguous:
         shown = f"{missing} pictures show no usable marker, {seen.ambiguous} show it twice"
-        warnings.append(look_at(shown))
+        warnings.append(warning(shown))
     glow_s = _glow(stamped, np.array(seen.glow)) if options.glow is not None else ()
     return VideoMotion(
         path,
@@ -268,7 +268,7 @@ def _times(stamps: FloatArray, warnings: list[Caution]) -> FloatArray:
     usual = float(np.median(steps))
     gaps = steps[steps > GAP * usual]
     if len(gaps):
-        warnings.append(look_at(f"{len(gaps)} gaps in the video, up to {gaps.max():.3g} s: pictures were dropped"))
+        warnings.append(warning(f"{len(gaps)} gaps in the video, up to {gaps.max():.3g} s: pictures were dropped"))
     spread = float(np.std(steps[steps <= GAP * usual]))
     if spread > UNEVEN * usual:
         vary = f"intervals vary by {1e3 * spread:.2g} ms about {1e3 * usual:.3g} ms"
@@ -334,7 +334,7 @@ def _offset(options: VideoOptions, glow_s: tuple[float, ...], interval_s: float,
                 f"{end_s - begin_s:.2f} s: check that it belongs to this video; "
                 "pictures dropped without a trace shift all later ones"
             )
-            warnings.append(look_at(longer))
+            warnings.append(warning(longer))
     return begin_s - glow_s[0]
 
 

@@ -24,7 +24,7 @@ from solen.bench.phases import clock_of, seen_by, states
 from solen.bench.readings import View, inputs_of
 from solen.bench.timing import came_by, exchanges
 from solen.errors import DataError
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 
 WINDOW_S = 10.0
 """Duration in s of the samples that are processed at once."""
@@ -154,7 +154,7 @@ class Waveform:
                 yield view, self._subtracted(volts, taken_s, clock, place, stretch.line, view)
         except DataError as bad:
             span = f"{self.time_s[begin]:.1f} to {self.time_s[end - 1]:.1f} s"
-            self.remarks.append(look_at(f"no readings from {span}: {bad}"))
+            self.remarks.append(warning(f"no readings from {span}: {bad}"))
 
     def _subtracted(
         self, volts: FloatArray, taken_s: FloatArray, clock: Clock, place: float, line: ClockLine, view: View

@@ -117,7 +117,7 @@ class Conic(Curve):
                 raise DesignError(
                     f"conic {name}",
                     value=end_mm,
-                    limit=f"must be at most {math.sqrt(1.0 - MIN_UNDER_ROOT) * self.half_width_mm:.9g} mm from the axis",
+                    limit=f"must be within {math.sqrt(1.0 - MIN_UNDER_ROOT) * self.half_width_mm:.9g} mm of the axis",
                     remedy="end it nearer to the axis, or make the curvature or the conic constant smaller",
                 )
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import SpecError
-from solen.explore.merits import MIN_ANGLES, MERITS, NAMES, merits_of, unresolved_change
+from solen.explore.merits import MERITS, MIN_ANGLES, NAMES, merits_of, unresolved_change
 from solen.explore.network_merits import NetworkMerits
 from solen.explore.store import Point
 from solen.spec import Design

@@ -34,7 +34,7 @@ from solen.lens.profile import MeasuredProfile
 from solen.metrology import LensInspection
 from solen.metrology.nominal import END_MM
 from solen.progress import Progress
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.sensor import Sensor
 from solen.sensor.as_printed import DRAWS
 
@@ -386,7 +386,7 @@ class _Tuning:
             after = [measured_lens(designed, self._profile(um, 0.0)) for um in outlines]
             return responses(self.sensor, before, after, progress), []
         except SolenError as bad:
-            return None, [look_at(f"no response: {bad}")]
+            return None, [warning(f"no response: {bad}")]
 
     def _entry(self, file: str, predicted: Residual, traced: Responses | None) -> LoggedPrint:
         """Return the log entry of this print."""

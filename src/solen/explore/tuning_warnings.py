@@ -7,7 +7,7 @@ from solen.explore.print_model import PrintModel
 from solen.explore.tuning_log import Residual, TuningLog
 from solen.fabricate.process import walls_um
 from solen.metrology import LensInspection
-from solen.ranks import Caution, do_not_use, look_at, note
+from solen.ranks import Caution, do_not_use, note, warning
 
 WORTH = 0.95
 """A correction is worthwhile if its predicted deviation is below this fraction of that of the unchanged drawing."""
@@ -32,7 +32,7 @@ def _defocus(inspection: LensInspection, model: PrintModel) -> list[Caution]:
     if blur_um <= printed_um:
         return []
     return [
-        look_at(
+        warning(
             f"the edge is blurred over {blur_um:.3g} µm, more than the {printed_um:.3g} µm of the "
             "printer: the image is out of focus or the wall is inclined. No drawing can correct "
             "this, and two faces may be measured as one. Focus on the upper rim"
@@ -44,7 +44,7 @@ def _side(inspection: LensInspection) -> list[Caution]:
     if inspection.mirrored is not None:
         return []
     return [
-        look_at(
+        warning(
             "it is unknown which face the image shows (--seen-from): only the symmetric part is "
             "corrected, since the remainder would be doubled if the image is mirrored"
         )
@@ -69,7 +69,7 @@ def _scale(inspection: LensInspection) -> list[Caution]:
     if inspection.scale.u_um_per_px is not None:
         return []
     return [
-        look_at(
+        warning(
             "the uncertainty of the scale is not specified (--u-um-per-px): a wrong scale cannot "
             "be distinguished from shrinkage. Overgrowth and form are corrected, but size is not; "
             "the predicted residual includes an error of 3 % in the scale"
@@ -97,7 +97,7 @@ def _gain(corrected: Residual, unchanged: Residual, kept: str) -> list[Caution]:
     if corrected.rms_um < WORTH * unchanged.rms_um:
         return []
     return [
-        look_at(
+        warning(
             f"a further correction brings no gain: a deviation of {corrected.rms_um:.2g} µm (rms) "
             f"is predicted, and {unchanged.rms_um:.2g} µm for the same drawing printed again. The "
             f"remainder varies from print to print or is not resolved{kept}"
@@ -115,7 +115,7 @@ def _missed(log: TuningLog) -> list[Caution]:
     if low - 2.0 * last.u_rms_um <= last.rms_um <= high + 2.0 * last.u_rms_um:
         return []
     return [
-        look_at(
+        warning(
             f"{last.rms_um:.3g} ± {last.u_rms_um:.2g} µm (rms) were measured, but {low:.2g} to "
             f"{high:.2g} µm were predicted: the printer, the resin, the cleaning or the scale of "
             "the image has changed, or --repeat-um is too small"

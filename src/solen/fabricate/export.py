@@ -23,7 +23,7 @@ from solen.fabricate.svg import as_svg
 from solen.files import Content
 from solen.geometry import Body
 from solen.geometry.measures import area_mm2
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, note, warning
 from solen.results import HIDDEN, Result
 from solen.sensor import Sensor
 from solen.spec import Design
@@ -199,20 +199,20 @@ def _warnings(export: Export, formats: Sequence[str]) -> list[Caution]:
     warnings = []
     if export.design.lens.shape == "measured":
         warnings.append(
-            look_at(
+            warning(
                 "the lens has its measured shape; "
                 f'set lens.shape = "{export.design.lens.designed_shape}" to export the lens to print'
             )
         )
     if (pieces := _pieces(export.body)) > 1:
-        warnings.append(look_at(f"the outlines form {pieces} separate parts"))
+        warnings.append(warning(f"the outlines form {pieces} separate parts"))
     if export.body.apart:
         names = ", ".join(face.name for face in export.body.apart)
         warnings.append(
             note(f"{names} are separate objects in air: the DXF and SVG drawings contain them, but the solid does not")
         )
     if export.part.cuts:
-        warnings.append(look_at("the ray trace ignores pockets and slots"))
+        warnings.append(warning("the ray trace ignores pockets and slots"))
         flat = [kind for kind in formats if FORMATS[kind].flat]
         if flat:
             warnings.append(note(f"the solid contains pockets and slots, but the drawings ({', '.join(flat)}) do not"))

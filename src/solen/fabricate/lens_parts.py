@@ -23,7 +23,7 @@ from solen.geometry import Body, fronted, section
 from solen.geometry.measures import area_mm2
 from solen.lens import LayeredLens, LensInSpace
 from solen.lens.build import DEFAULT_LAYER_MM
-from solen.ranks import Caution, do_not_use, look_at, note
+from solen.ranks import Caution, do_not_use, note, warning
 from solen.spec import Design, with_values
 
 BEFORE_MM, BESIDE_MM = 0.2, 0.02
@@ -57,7 +57,7 @@ def lies_flat(part: Part, rotation: FloatArray, layer_um: float) -> tuple[str | 
         )
     if isinstance(part, StackedPart):
         own_um = 1e3 * part.prisms[0].height_mm
-        say = note if math.isclose(own_um, layer_um, rel_tol=1e-6) else look_at
+        say = note if math.isclose(own_um, layer_um, rel_tol=1e-6) else warning
         profiles = f"the lens has {len(part.prisms)} profiles, each {own_um:.4g} µm high"
         warnings.append(say(f"{profiles}, but the printer's layers are {layer_um:g} µm (lens.layer_mm)"))
     return words, warnings
@@ -141,7 +141,7 @@ class Hollow:
             if np.max(np.abs(shown - self._continued(*np.meshgrid(*between, indexing="ij")))) <= FIT_TOLERANCE_MM:
                 return self._placed(control, along.t, y_knots), along.t, y_knots
             count *= 2
-        limit = f"no B-spline surface of up to {MAX_SPANS} by {MAX_SPANS} points approximates it within {FIT_TOLERANCE_MM:g} mm"
+        limit = f"needs more than {MAX_SPANS} by {MAX_SPANS} B-spline points to be within {FIT_TOLERANCE_MM:g} mm"
         raise DesignError("lens", limit=limit, remedy="export a mesh")
 
     def _placed(self, control: FloatArray, x_knots: FloatArray, y_knots: FloatArray) -> FloatArray:

@@ -1,9 +1,9 @@
 """Notches closed by a load: two walls that intersect beyond their common corner are joined at the intersection.
 
 When a body is compressed, a sharp notch closes from its corner. The contact forces between its walls are not solved;
-the walls overlap by micrometres instead. Up to an overlap of `MAX_DEPTH_MM` the outline is joined at the intersection, as
-for soft walls in full contact. If the overlap is larger, or if walls meet away from their corner and enclose air, the
-outline still intersects itself and is rejected.
+the walls overlap by micrometres instead. Up to an overlap of `MAX_DEPTH_MM` the outline is joined at the intersection,
+as for soft walls in full contact. If the overlap is larger, or if walls meet away from their corner and enclose air,
+the outline still intersects itself and is rejected.
 """
 
 from dataclasses import dataclass

@@ -20,7 +20,7 @@ from solen.curve import check_range
 from solen.errors import DesignError
 from solen.lens.face import Face
 from solen.lens.in_space import LensInSpace
-from solen.ranks import look_at
+from solen.ranks import warning
 from solen.results import reported
 
 SCAN, HALVINGS, STEPS = 64, 14, 5
@@ -122,7 +122,7 @@ class LineFocusLens(LensInSpace, eq=True):
             return ()
         limit = "light from the emitter's centre is too steep for top and bottom, and leaks there"
         return (
-            look_at(
+            warning(
                 f'lens.y_focus_mm = {self.y_focus_mm:.4g}: {limit}; "body" is the nearest focus that confines the light'
             ),
         )

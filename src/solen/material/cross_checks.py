@@ -16,7 +16,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.material.dispersion import Dispersion
 from solen.material.resin import Cure, Loss
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 
 SURE = 3.0
 """Two results are reported as different if they differ by more than this number of standard uncertainties."""
@@ -37,7 +37,7 @@ def loss_disagreement(rows: Sequence[Row], loss: Loss) -> list[Caution]:
         return []
     nm = loss.wavelength_nm
     if nm is None:
-        return [look_at("the cut-back specifies no wavelength, so the layer's k is not compared with it")]
+        return [warning("the cut-back specifies no wavelength, so the layer's k is not compared with it")]
     near = [row for row in rows if abs(row[0] - nm) <= NEAR_NM]
     guide, u_guide = (_DB_PER_CM * value for value in (loss.absorption_per_mm, loss.u_absorption_per_mm))
     measured = f"the cut-back gives {guide:.2g} ± {u_guide:.1g} dB/cm at {nm:g} nm"
@@ -47,7 +47,7 @@ def loss_disagreement(rows: Sequence[Row], loss: Loss) -> list[Caution]:
         if abs(layer - guide) <= SURE * math.hypot(u_layer, u_guide):
             return []
         return [
-            look_at(
+            warning(
                 f"{measured}, whereas the layer's k gives {layer:.2g} ± {u_layer:.1g} dB/cm: the "
                 "two disagree, and the cut-back is used; scattering in the layer, a baseline error "
                 "and fringes all resemble k"
@@ -57,7 +57,7 @@ def loss_disagreement(rows: Sequence[Row], loss: Loss) -> list[Caution]:
     if not bounds or guide - SURE * u_guide <= min(bounds):
         return []
     return [
-        look_at(
+        warning(
             f"{measured}, which is above the upper bound from the layer's spectra, {min(bounds):.2g} "
             "dB/cm: the two disagree"
         )
@@ -82,7 +82,7 @@ def index_disagreement(index: Dispersion, other: Dispersion, at_nm: Sequence[flo
         return []
     i = int(np.nanargmax(off))
     return [
-        look_at(
+        warning(
             f"n({inside[i]:g} nm) is {_pm(n[i], u_n[i])} from the spectra and {_pm(m[i], u_m[i])} from the "
             f"refractometer, {off[i]:.1f} standard uncertainties apart: one of them is wrong"
         )
@@ -100,7 +100,7 @@ def penetration_disagreement(cure: Cure, Dp_um: float, u_Dp_um: float | None) ->
     if abs(cure.Dp_um - Dp_um) <= max(SURE * u, DEFINITIONS * cure.Dp_um):
         return []
     return [
-        look_at(
+        warning(
             f"Dp is {cure.Dp_um:.3g} µm from the working curve and {Dp_um:.3g} µm from the absorbance: check the path "
             "length of the cell, the lamp's spectrum and the irradiance; bleaching and oxygen cause smaller differences"
         )

@@ -3,7 +3,7 @@
 import math
 from itertools import pairwise
 
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 
 MAX_ROWS = 64
 """Largest number of wavelengths in a table of a resin."""
@@ -48,7 +48,7 @@ def without_u(wavelengths_nm: list[float], of: int) -> tuple[Caution, ...]:
     if len(wavelengths_nm) in {0, of}:
         return ()
     return (
-        look_at(
+        warning(
             f"{len(wavelengths_nm)} of {of} indices have no uncertainty, the first at {wavelengths_nm[0]:g} "
             "nm: the resin's index is stored without uncertainty"
         ),
@@ -60,7 +60,7 @@ def gaps(wavelengths_nm: list[float]) -> tuple[Caution, ...]:
     steps = sorted(high - low for low, high in pairwise(wavelengths_nm))
     wide = max(WIDE_NM, WIDE_STEPS * steps[len(steps) // 2])
     return tuple(
-        look_at(f"no index is known from {low:g} to {high:g} nm: it is interpolated linearly there")
+        warning(f"no index is known from {low:g} to {high:g} nm: it is interpolated linearly there")
         for low, high in pairwise(wavelengths_nm)
         if high - low > wide
     )

@@ -21,7 +21,7 @@ from pydantic import Field, field_validator, model_validator
 from solen.errors import DataError, SolenError
 from solen.material.dispersion import KINDS, Covariance, Dispersion, Unknown, refuse_covariance
 from solen.parts import light_of
-from solen.ranks import Caution, do_not_use, look_at, of
+from solen.ranks import Caution, do_not_use, prefixed, warning
 from solen.results import HIDDEN, reported
 from solen.spec import Design, Material
 from solen.spec.shipped import Library
@@ -203,9 +203,9 @@ class Resin(Strict):
     def cautions(self, *tables: str) -> tuple[Caution, ...]:
         """Return warnings about the given tables: simulated data, and the warnings stored with each table."""
         simulated = [source.of for source in self.sources if source.simulated and source.of in tables]
-        warnings = [of(name, look_at("from simulated data, not measured")) for name in dict.fromkeys(simulated)]
+        warnings = [prefixed(name, warning("from simulated data, not measured")) for name in dict.fromkeys(simulated)]
         stated = {name: table.warnings for name in tables if (table := getattr(self, name)) is not None}
-        return (*warnings, *(of(name, Caution(text)) for name, texts in stated.items() for text in texts))
+        return (*warnings, *(prefixed(name, Caution(text)) for name, texts in stated.items() for text in texts))
 
 
 def _refuse_parts(parts: tuple[Part, ...]) -> None:
@@ -351,7 +351,7 @@ def distant_wavelength(loss: Loss, wavelength_nm: float) -> list[Caution]:
         return []
     apart_nm = abs(loss.wavelength_nm - wavelength_nm)
     return [
-        look_at(
+        warning(
             f"the loss was measured at {loss.wavelength_nm:g} nm, {apart_nm:g} nm from the emitter's "
             f"{wavelength_nm:g} nm; absorption changes with wavelength"
         )

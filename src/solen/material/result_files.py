@@ -19,7 +19,7 @@ from solen.material.dispersion import KINDS, Dispersion, Tabulated
 from solen.material.index_table import gaps, thinned, without_u
 from solen.material.resin import Cure, Interval, Loss, LossOf, Source, Stiffness
 from solen.material.warning_prefixes import BY_ORIENTATION, NOT_STORED
-from solen.ranks import Caution, look_at, unranked
+from solen.ranks import Caution, unranked, warning
 from solen.spec.objects import parsed
 from solen.spec.strict import NotNegative, Number, Options, Positive, Strict, Text, Wavelength, refused
 
@@ -178,7 +178,7 @@ class _Line(_Result):
             raise DataError("loss_dB_per_cm", value=self.loss_dB_per_cm, limit=limit, remedy=remedy)
         measured = f"the measured value is {self.loss_dB_per_cm:.2g} dB/cm, which is not a loss"
         possible = f"{measured}: 0 is used, but {interval[1]:.2g} per mm is possible"
-        return found | {"absorption_per_mm": 0.0}, [look_at(possible)]
+        return found | {"absorption_per_mm": 0.0}, [warning(possible)]
 
 
 class CutbackResult(_Line):
@@ -199,7 +199,7 @@ class CutbackResult(_Line):
         numbers, warnings = (lines[orientation] if orientation else self).numbers()
         kept = tuple(text for text in self.remarks if not (orientation and unranked(text).startswith(BY_ORIENTATION)))
         if wavelength_nm is None:
-            warnings.append(look_at("the wavelength of the measurement is not specified"))
+            warnings.append(warning("the wavelength of the measurement is not specified"))
         return Loss(
             **numbers,
             wavelength_nm=wavelength_nm,

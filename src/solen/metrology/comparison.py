@@ -20,7 +20,7 @@ from solen.metrology.nominal import NominalFront, SeenFrom, nominal_front
 from solen.metrology.outline import NamedEdge
 from solen.metrology.print_fit import PrintFit, PrintPriors, fit_print
 from solen.metrology.registration import Registration, register
-from solen.ranks import Caution, do_not_use, look_at
+from solen.ranks import Caution, do_not_use, warning
 from solen.results import HIDDEN, reported
 from solen.sensor import Sensor
 from solen.spec import Design, with_values
@@ -149,7 +149,7 @@ def comparison_warnings(designs: Sequence[ComparedDesign], form_um: float) -> li
         return []
     second = designs[1]
     return [
-        look_at(
+        warning(
             f"{first.name} and {second.name} cannot be distinguished: after fitting size and overgrowth, "
             f"the outline deviates from them by {first.size.form_um:.3g} and {second.size.form_um:.3g} "
             f"µm (rms), and neighbouring points are correlated ({first.size.independent_values:.0f} "

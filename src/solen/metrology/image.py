@@ -19,7 +19,7 @@ from solen.errors import DataError
 from solen.metrology.raster import Plane, read_bytes, read_raster
 from solen.metrology.scale import Scale, ScaleOptions, choose_scale
 from solen.metrology.tiff import MAGIC, read_tiff
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording import Provenance
 
 CLIPPED_SHARE = 1e-3
@@ -96,7 +96,7 @@ def read_image(
     warnings += [*given.rescaled(*plane.grey.shape), *plane.warnings]
     if np.isfinite(ceiling):
         share = float(np.mean(plane.grey >= ceiling))
-        warnings.append(look_at(f"{100.0 * share:.2g} % of the image is saturated: edges there are not measured"))
+        warnings.append(warning(f"{100.0 * share:.2g} % of the image is saturated: edges there are not measured"))
     return Image(plane.grey, scale, plane.bits, ceiling, source, tuple(warnings))
 
 

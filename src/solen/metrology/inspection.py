@@ -21,7 +21,7 @@ from solen.metrology.plausibility import of_pixels
 from solen.metrology.print_fit import EDGE_BIAS_PX, U_SCALE, PrintFit, PrintPriors
 from solen.metrology.raster import check_vision
 from solen.metrology.scale import Scale, ScaleOptions
-from solen.ranks import Caution, look_at, note, of
+from solen.ranks import Caution, note, prefixed, warning
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, plain, reported
 from solen.spec import Design
@@ -381,7 +381,7 @@ class FacesInspection(Result):
     def warnings(self) -> tuple[Caution, ...]:
         """Warnings about each face."""
         named = (("first layer", self.first_layer), ("last layer", self.last_layer))
-        return tuple(of(name, warning) for name, one in named for warning in one.warnings)
+        return tuple(prefixed(name, caution) for name, one in named for caution in one.warnings)
 
 
 def measure_faces(
@@ -413,7 +413,7 @@ def _size_warnings(scale: Scale, chosen: NamedEdge) -> list[Caution]:
     size, warnings = chosen.size, []
     if scale.u_um_per_px is None:
         warnings.append(
-            look_at(
+            warning(
                 "the scale uncertainty is not specified (--u-um-per-px): deviations exclude it, "
                 f"and an error of 1 % in the scale changes them by {chosen.registration.um_per_percent_of_scale:.2g} "
                 f"µm (rms); scale and shrinkage are separated as if it were known to {100.0 * U_SCALE:g} "
@@ -423,7 +423,7 @@ def _size_warnings(scale: Scale, chosen: NamedEdge) -> list[Caution]:
     off = size.size_factor - 1.0
     if abs(off) > OTHER_SIZE and abs(off) > SURE_SIZE * size.u_size_factor:
         warnings.append(
-            look_at(
+            warning(
                 f"apart from its overgrowth the outline is {100.0 * abs(off):.2f} % "
                 f"{'larger' if off > 0.0 else 'smaller'} than designed: the scale is wrong, the print has shrunk "
                 "or grown, or it was tilted; this image does not show which"

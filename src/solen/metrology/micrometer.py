@@ -21,7 +21,7 @@ from scipy import ndimage, signal, stats
 from solen.arrays import FloatArray, IntArray
 from solen.errors import DataError
 from solen.metrology.scale import ScaleFile
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording import Measured, Provenance
 from solen.spec.strict import Finite, Options
 
@@ -331,19 +331,19 @@ def _warnings(options: MicrometerOptions, number: IntArray, stretch_percent: flo
     warnings = []
     if options.u_spacing_mm is None:
         warnings.append(
-            look_at(
+            warning(
                 "the micrometer's own uncertainty is not specified (--u-spacing-mm), so the "
                 "scale uncertainty excludes it"
             )
         )
     if stretch_percent is not None:
         warnings.append(
-            look_at(
+            warning(
                 f"the scale changes by {stretch_percent:+.2g} % across the image, because of distortion "
                 "or a tilted micrometer; measure parts at the image's centre"
             )
         )
     missing = int(np.ptp(number)) + 1 - len(number)
     if missing:
-        warnings.append(look_at(f"{missing} lines between the first and the last were not detected"))
+        warnings.append(warning(f"{missing} lines between the first and the last were not detected"))
     return warnings

@@ -37,7 +37,7 @@ from solen.metrology.pose import Pose
 from solen.metrology.print_fit import PrintFit, PrintPriors, Traced, fit_print
 from solen.metrology.registration import Registration, register
 from solen.metrology.template_match import Match, match_template
-from solen.ranks import Caution, do_not_use, look_at
+from solen.ranks import Caution, do_not_use, warning
 
 EdgeChoice = Literal["auto", "outer", "inner", "sharper"]
 REACH = 0.08
@@ -52,7 +52,7 @@ SIDES = 0.8
 """Ratio of rms deviations above which the viewing side is uncertain."""
 
 
-UNKNOWN_SIDE = look_at(
+UNKNOWN_SIDE = warning(
     "the design is mirror-symmetric, so the image does not show which face is visible: left and "
     "right, and the sign of asymmetries, may be exchanged (--seen-from top or bottom)"
 )
@@ -195,8 +195,8 @@ def _match(image: Image, nominal: NominalFront, sides: Sequence[bool]) -> tuple[
         match.score > RIVAL * best.score and np.hypot(*np.subtract(match.pose.origin_px, (x, y))) > far
         for match in matches
     )
-    warning = f"{rivals + 1} regions look like the lens: the region with its vertex at ({x:.0f}, {y:.0f}) px is used"
-    return best, [look_at(warning)] if rivals else []
+    caution = f"{rivals + 1} regions look like the lens: the region with its vertex at ({x:.0f}, {y:.0f}) px is used"
+    return best, [warning(caution)] if rivals else []
 
 
 def _traced(image: Image, pose: Pose, nominal: NominalFront) -> tuple[Pose, Band, list[TracedEdge]]:
@@ -277,7 +277,7 @@ def _side(edges: list[Edge], pose: Pose, nominal: NominalFront, sides: Sequence[
     if len(sides) == 1 or best.rms_um <= SIDES * other.rms_um:
         return best.pose, []
     return best.pose, [
-        look_at(
+        warning(
             f"the front also fits the design's mirror image ({other.rms_um:.3g} and {best.rms_um:.3g} "
             "µm rms): the image may show it from either side (--seen-from)"
         )
@@ -288,7 +288,7 @@ def _ordered(named: list[NamedEdge], choice: EdgeChoice) -> tuple[list[NamedEdge
     """Return the chosen edge first, and warnings about the choice."""
     if len(named) == 1:
         without_choice = choice in {"inner", "sharper"}
-        return named, [look_at(f"only one edge is visible: --edge {choice} has no effect")] if without_choice else []
+        return named, [warning(f"only one edge is visible: --edge {choice} has no effect")] if without_choice else []
     by_name = {one.name: one for one in named}
     sharp = next((one for one in named if one.sharpest or one.name == "sharper"), None)
     if choice == "sharper" and sharp is None:
@@ -297,9 +297,9 @@ def _ordered(named: list[NamedEdge], choice: EdgeChoice) -> tuple[list[NamedEdge
     others = [one for one in named if one is not chosen]
     gaps = ", ".join(f"{np.median(np.abs(other.outside_um(chosen))):.0f} µm" for other in others)
     why = "the sharper" if chosen is sharp else f"the {chosen.name}"
-    warning = (
+    caution = (
         f"{len(named)} edges are visible ({', '.join(one.name for one in named)}; {gaps} apart): {why} edge is used"
     )
     if chosen is not sharp and choice == "auto":
-        warning += " because none is sharper; the image does not show to which face the edge belongs (--edge)"
-    return [chosen, *others], [look_at(warning)]
+        caution += " because none is sharper; the image does not show to which face the edge belongs (--edge)"
+    return [chosen, *others], [warning(caution)]

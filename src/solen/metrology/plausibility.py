@@ -17,7 +17,7 @@ from solen.metrology.image import Image
 from solen.metrology.nominal import NominalFront
 from solen.metrology.pose import Pose
 from solen.metrology.registration import Registration
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 
 SIDES = ("left", "right")
 WALL_REACH = 0.3
@@ -96,7 +96,7 @@ def of_pixels(image: Image, nominal: NominalFront) -> list[Caution]:
         return []
     near_um = NEAR_PX * image.um_per_px
     return [
-        look_at(
+        warning(
             f"the lens is {across:.0f} pixels wide: edges of the two lens faces that are less than "
             f"{near_um:.2g} µm apart are measured as a single edge between them; magnify it to "
             f"{RESOLVED_PX} pixels or more, or illuminate it from above"
@@ -152,7 +152,7 @@ def merged_edges(walls: Sequence[Edge | None], edge: Edge) -> list[Caution]:
     if not blurs or edge.blur < WIDER * min(blurs):
         return []
     return [
-        look_at(
+        warning(
             f"the edge of the front is blurred over {edge.blur:.2g} px, {edge.blur / min(blurs):.2g} "
             f"times the blur of a wall ({min(blurs):.2g} px): it is out of focus, or two edges "
             "closer than about two blurs were measured as one edge between them"
@@ -163,7 +163,7 @@ def merged_edges(walls: Sequence[Edge | None], edge: Edge) -> list[Caution]:
 def missing_ends(edge: Edge) -> list[Caution]:
     """Return warnings for ends of the front that are in the image but have no edge."""
     return [
-        look_at(f"the last {share:.0%} of the front on the {side} is in the image but has no edge that can be measured")
+        warning(f"the last {share:.0%} of the front on the {side} is in the image but has no edge that can be measured")
         for share, side in zip(_missing(edge), SIDES, strict=True)
         if share > MAX_MISSING
     ]
@@ -174,7 +174,7 @@ def odd_width(width: float | None, nominal: NominalFront) -> list[Caution]:
     if width is None or abs(width / nominal.width_mm - 1.0) < ODD_WIDTH:
         return []
     return [
-        look_at(
+        warning(
             f"the part is {width:.3f} mm wide just behind the front and the design {nominal.width_mm:.3f} mm "
             f"({100.0 * (width / nominal.width_mm - 1.0):+.1f} %): the scale or the size of the print is wrong"
         )
@@ -186,7 +186,7 @@ def cropped(seen: float, ends: tuple[float, float]) -> list[Caution]:
     if seen > 0.99:
         return []
     return [
-        look_at(
+        warning(
             f"the image shows {seen:.0%} of the front, which is measured only from x = {ends[0]:.2f} "
             f"to {ends[1]:.2f} mm"
         )

@@ -18,7 +18,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError, SolenError
 from solen.extras import need
 from solen.metrology.scale import Tag
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 
 MAX_MB = 1_000
 MAX_PIXELS = 100_000_000
@@ -101,8 +101,8 @@ def readable(file: str) -> Iterator[None]:
 def brightness(values: FloatArray) -> tuple[FloatArray, tuple[Caution, ...]]:
     """Return the luminance of (rows, columns, 3), and a warning if the image is coloured."""
     spread = float(np.mean(values.max(axis=2) - values.min(axis=2)))
-    warning = look_at("the image is coloured: its luminance is evaluated, and colour fringes of a lens can shift edges")
-    return values @ LUMINANCE, (warning,) if spread > COLOURED else ()
+    caution = warning("the image is coloured: its luminance is evaluated, and colour fringes of a lens can shift edges")
+    return values @ LUMINANCE, (caution,) if spread > COLOURED else ()
 
 
 def upright(grey: FloatArray, orientation: int) -> FloatArray:
@@ -140,7 +140,7 @@ def read_raster(file: str, data: bytes) -> Plane:
         words = (str(exif.get(tag, "")).strip() for tag in (ExifTags.Base.Make, ExifTags.Base.Model))
         if kind in LOSSY:
             lossy = f"{kind} compression is lossy: its blocks of 8 pixels shift edges; TIFF or PNG avoid this"
-            warned = (*warned, look_at(lossy))
+            warned = (*warned, warning(lossy))
         return Plane(
             upright(grey, int(exif.get(ExifTags.Base.Orientation, 1))),
             bits,

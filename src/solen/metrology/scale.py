@@ -18,7 +18,7 @@ from pydantic import Field, model_validator
 
 from solen.errors import DataError, SolenError, SpecError
 from solen.files import read_text
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.spec.strict import (
     Above0,
     Finite,
@@ -139,7 +139,7 @@ class ScaleOptions(Options):
         if columns == taken.columns or abs(rows / taken.rows / factor - 1.0) > SAME:
             return []
         return [
-            look_at(
+            warning(
                 f"the image has {columns} x {rows} pixels, and the scale was measured in an image "
                 f"of {taken.columns} x {taken.rows}: if it was binned or rescaled, a pixel is "
                 f"{taken.um_per_px / factor:.6g} µm"
@@ -252,7 +252,7 @@ def choose_scale(file: str, tags: Sequence[Tag], given: ScaleOptions) -> tuple[S
 
 def _contradictions(um_per_px: float, usable: Sequence[Tag]) -> list[Caution]:
     return [
-        look_at(
+        warning(
             f"--um-per-px {um_per_px:g} is used although {tag.origin} specifies {tag.x_um:.6g} "
             f"({100.0 * (um_per_px / tag.x_um - 1.0):+.1f} %): one of them is wrong"
         )
@@ -265,7 +265,7 @@ def _ambiguities(usable: Sequence[Tag]) -> list[Caution]:
     """Return warnings about the first tag, which is used."""
     first = usable[0]
     warnings = [
-        look_at(
+        warning(
             f"{other.origin} specifies {other.x_um:.6g} µm per pixel, whereas {first.origin} specifies "
             f"{first.x_um:.6g}: the latter is used"
         )
@@ -274,7 +274,7 @@ def _ambiguities(usable: Sequence[Tag]) -> list[Caution]:
     ]
     if not first.calibrated:
         warnings.append(
-            look_at(
+            warning(
                 f"{first.x_um:.6g} µm per pixel is taken from {first.origin}, which any program may have written: "
                 "check it against a scale bar, or set --um-per-px"
             )

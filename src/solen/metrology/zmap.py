@@ -27,7 +27,7 @@ from solen.metrology.image import Image, read_image
 from solen.metrology.raster import check_size, is_simulated, read_bytes
 from solen.metrology.scale import Scale, ScaleOptions, Tag, choose_scale
 from solen.metrology.tiff import MAGIC, opened_tiff, stated
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording import Provenance
 from solen.spec.strict import Finite
 
@@ -147,7 +147,7 @@ def read_z_map(
         raise DataError(file, limit="has the same height everywhere", remedy="export the heights, not a mask")
     scale, warnings = choose_scale(file, tags, given)
     if not valid.all():
-        warnings.append(look_at(f"{100.0 * (1.0 - valid.mean()):.2g} % of the pixels of the z map have no height"))
+        warnings.append(warning(f"{100.0 * (1.0 - valid.mean()):.2g} % of the pixels of the z map have no height"))
     size = {"rows": str(levels.shape[0]), "columns": str(levels.shape[1]), "z_um_per_level": f"{z_um:g}"}
     sha256 = hashlib.sha256(data).hexdigest()
     source = Provenance(file=path.name, sha256=sha256, format=kind, metadata=size, simulated=simulated)

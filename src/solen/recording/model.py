@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.ranks import NOTE, Caution, note, of, rank_of
+from solen.ranks import NOTE, Caution, note, prefixed, rank_of
 from solen.recording.words import plain
 from solen.results import Result, reported
 from solen.units import factor
@@ -63,7 +63,7 @@ class Channel(Result):
     @property
     def remark(self) -> Caution:
         """Return the note as a warning with the channel's name."""
-        return of(self.name, Caution(self.note))
+        return prefixed(self.name, Caution(self.note))
 
     def noted(self, *notes: str) -> "Channel":
         """Return a copy with further notes; empty notes are omitted."""

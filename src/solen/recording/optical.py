@@ -13,7 +13,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording.model import Channel, Recording
 from solen.recording.spectrum import Spectrum, spectra
 
@@ -77,7 +77,7 @@ def optical_spectra(recording: Recording, chosen: Mapping[str, Sequence[str]]) -
             what = (
                 "different wavelengths from the first trace: interpolated linearly, masked outside the measured range"
             )
-            warnings.append(look_at(f"{', '.join(moved)} has {what}"))
+            warnings.append(warning(f"{', '.join(moved)} has {what}"))
     rows = {kind: np.array([_on(nm, *trace) for trace in group]) for kind, group in traces.items()}
     used = {channel.name for channel in taken}
     others = [spectrum.channel for spectrum in available if spectrum.channel.name not in used]

@@ -10,7 +10,7 @@ import numpy as np
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.ranks import Caution, of
+from solen.ranks import Caution, prefixed
 from solen.recording.model import Channel, Measured, Recording
 from solen.results import HIDDEN
 
@@ -140,7 +140,7 @@ def _remarks(recording: Recording, chosen: Sequence[Spectrum]) -> list[Caution]:
     for channel in recording.channels:
         if channel.note and channel.name in used:
             remarks.setdefault(channel.note, []).append(channel.name)
-    return [of(_listed(channels), Caution(note)) for note, channels in remarks.items()]
+    return [prefixed(_listed(channels), Caution(note)) for note, channels in remarks.items()]
 
 
 def _trace(file: str, spectrum: Spectrum) -> Trace:

@@ -21,7 +21,7 @@ from solen.mechanics.deformed import Contact, Reaction
 from solen.mechanics.design import LoadedState, stiffness_cautions
 from solen.mechanics.outcome import LARGE
 from solen.progress import Progress
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.results import HIDDEN, Result, reported
 from solen.sensor.readings import readings_from
 from solen.sensor.response import Response
@@ -331,7 +331,7 @@ def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
     strain = max(abs(state.deformed.strain_largest) for state in states)
     if LARGE_STRAIN < strain <= LARGE:  # above LARGE the body warns itself
         found.append(
-            look_at(
+            warning(
                 f"strains reach {strain:.2f}: a modulus alone does not determine the "
                 "deformation of a rubber at these strains"
             )
@@ -339,7 +339,7 @@ def _cautions(states: Sequence[LoadedState]) -> list[Caution | str]:
     off_mm = max(state.displaced.off_mm for state in states)
     if off_mm > OFF_MM:
         limit = "the largest distance between an optical wall and the finite elements, between their nodes,"
-        found.append(look_at(f"{limit} is {off_mm:.1g} mm; set a smaller mechanics.mesh_mm"))
+        found.append(warning(f"{limit} is {off_mm:.1g} mm; set a smaller mechanics.mesh_mm"))
     notches = [one for state in states for one in state.displaced.closed if one.overlap_mm > SLIGHT_MM]
     return [*found, *([_of_notch(max(notches, key=lambda notch: notch.overlap_mm))] if notches else [])]
 
@@ -350,7 +350,7 @@ def _of_notch(notch: ClosedNotch) -> Caution:
         f"over {notch.length_mm:.2g} mm"
     )
     deep = f"would overlap by {1e3 * notch.overlap_mm:.2g} µm"
-    return look_at(
+    return warning(
         f"{where}, and {deep}: light passes between them as in one body, and their contact force is neglected"
     )
 
@@ -359,7 +359,7 @@ def _of_planes(sensor: Sensor, planes: PlaneSpread | None) -> list[Caution]:
     if planes is None or planes.apart is None or planes.apart <= APART:
         return []
     return [
-        look_at(
+        warning(
             f"plane strain and plane stress differ by up to {planes.apart:.2f} in the contrast: "
             f"a part {sensor.design.body.thickness_mm:g} mm thick lies between the two, and only "
             "a three-dimensional model could predict its response"

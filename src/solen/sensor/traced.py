@@ -7,7 +7,7 @@ from typing import Protocol
 
 from solen.errors import SpecError
 from solen.progress import Progress
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.results import HIDDEN, Result
 from solen.sensor.numbers import inert, usual_keys
 from solen.sensor.response import Sensitivity
@@ -209,7 +209,7 @@ def beyond(sensor: Sensor, value: float) -> tuple[Caution, ...]:
     low, high = motion.values()[0], motion.values()[-1]
     if low <= value <= high:
         return ()
-    return (look_at(f"{motion.drives} = {value:g} is outside the motion's range of {low:g} to {high:g} {motion.unit}"),)
+    return (warning(f"{motion.drives} = {value:g} is outside the motion's range of {low:g} to {high:g} {motion.unit}"),)
 
 
 class Driven(Protocol):

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from solen.errors import SpecError
 from solen.scene import Scene
 from solen.spec.strict import Finite, Options, refused
-from solen.trace.adaptive import MIN_TOLERANCE, MAX_TOLERANCE, default_tolerance, integrate
+from solen.trace.adaptive import MAX_TOLERANCE, MIN_TOLERANCE, default_tolerance, integrate
 from solen.trace.chunks import Digits
 from solen.trace.engine import trace
 from solen.trace.result import Mode, Trace

@@ -20,7 +20,7 @@ from solen.analysis.sensor_response import SensorResponse
 from solen.analysis.study import Study
 from solen.errors import DataError, SpecError
 from solen.files import check_name
-from solen.ranks import Caution, do_not_use, look_at, note, of
+from solen.ranks import Caution, do_not_use, note, prefixed, warning
 from solen.recording import Provenance
 from solen.recording.stimulus import ANGLE, FORCE, Stimulus
 from solen.results import HIDDEN, Result, plain
@@ -89,7 +89,7 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
     ones = [calibrated(training) for training in trainings]
     if options.pool:
         checks = [leave_one_sensor_out(trainings, ones)]
-        few = look_at(f"{len(ones)} prints: at least three are needed to check the calibration on a held-out print")
+        few = warning(f"{len(ones)} prints: at least three are needed to check the calibration on a held-out print")
         cautions = [] if checks[0] else [few]
         files = [_file(study, options, sensors, pooled(ones), checks[0], cautions)]
     else:
@@ -98,7 +98,7 @@ def calibrated_sensors(study: Study, options: CalibrationOptions | None = None) 
             _file(study, options, [sensor], one, check, _cautions(sensor, one, check))
             for sensor, one, check in zip(sensors, ones, checks, strict=True)
         ]
-    warnings += [of(file.sensor, line) for file in files for line in file.warnings]
+    warnings += [prefixed(file.sensor, line) for file in files for line in file.warnings]
     return SensorCalibrations(
         tuple(files), tuple(checks), study.simulated, study.sources, (*study.warnings, *warnings), study.remark
     )
@@ -187,12 +187,12 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
     warnings = []
     if check is None:
         warnings.append(
-            look_at("only two cycles: at least three are needed to check the calibration on a held-out cycle")
+            warning("only two cycles: at least three are needed to check the calibration on a held-out cycle")
         )
     elif check.whole.ambiguous > _MANY:
         share = 100 * check.whole.ambiguous
         several = f"several {sensor.stimulus.plural} that match them"
-        warnings.append(look_at(f"{share:.2g} % of the readings have {several}"))
+        warnings.append(warning(f"{share:.2g} % of the readings have {several}"))
     if check is not None and check.whole.within_95 < _FEW:
         few = f"only {100 * check.whole.within_95:.0f} % of the readings of held-out cycles lie within the 95 % bands"
         warnings.append(do_not_use(few))
@@ -205,7 +205,7 @@ def _cautions(sensor: SensorResponse, calibration: Calibration, check: Check | N
             f"both receivers have readings only from {first:g}{sign} to {last:g}{sign}, within "
             f"a range of {low:.3g} to {high:.3g}"
         )
-        warnings.append(look_at(part))
+        warnings.append(warning(part))
     return warnings
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError
 from solen.files import SIMULATED_DATA
-from solen.ranks import DO_NOT_USE, Caution, look_at, rank_of
+from solen.ranks import DO_NOT_USE, Caution, rank_of, warning
 from solen.recording import Provenance
 
 _MILLI = 100.0  # ratio to the largest calibrated reading above which a reading is in another unit
@@ -107,4 +107,4 @@ class CountedStream(Generic[K]):
             count = self.counts[name]
             percent = 100.0 * count / max(self.counts["readings"], 1)
             if count and (name in always or percent >= _MIN_PERCENT):
-                yield look_at(f"{count} readings ({percent:.3g} %) {meaning}")
+                yield warning(f"{count} readings ({percent:.3g} %) {meaning}")

@@ -21,7 +21,7 @@ from solen.analysis.calibration.heading import WINDOW_S, Headings, Tracker
 from solen.analysis.calibration.streams import Batch, Stream
 from solen.arrays import BoolArray, FloatArray
 from solen.errors import DataError, SpecError
-from solen.ranks import DO_NOT_USE, Caution, do_not_use, look_at, note, of, rank_of
+from solen.ranks import DO_NOT_USE, Caution, do_not_use, note, prefixed, rank_of, warning
 from solen.recording import Provenance
 from solen.recording.stimulus import ANGLE, STIMULI, Name
 from solen.results import Result
@@ -253,7 +253,7 @@ class StreamDecoder(CountedStream[CalibrationFile]):
 
 def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeOptions) -> Iterator[Caution]:
     """Warnings if the calibration must not be used, differs from the source, or cannot be compared with the source."""
-    yield from (of("calibration", line) for line in known.warnings if rank_of(line) == DO_NOT_USE)
+    yield from (prefixed("calibration", line) for line in known.warnings if rank_of(line) == DO_NOT_USE)
     motion, circuit = conditions(stream.sensor or known.sensor, stream.provenance, options, stream.ambient)
     other, unknown = differences(known, motion, circuit)
     moved = bool(other)
@@ -268,7 +268,7 @@ def _condition_warnings(known: CalibrationFile, stream: Stream, options: DecodeO
     if other:
         yield do_not_use(f"the recording does not match the calibration: {'; '.join(other)}")
     if unknown and not moved:
-        yield look_at(
+        yield warning(
             "it cannot be checked whether the calibration applies to this motion, because the recording does "
             f"not specify the {', '.join(unknown)}; "
             "specify it with --design or --motion"

@@ -21,7 +21,7 @@ from scipy.stats import f as f_distribution
 from solen.analysis.calibration.decoder import OUTSIDE, Decoder
 from solen.analysis.calibration.estimate import Calibration, at_angles
 from solen.arrays import FloatArray
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording.stimulus import ANGLE, STIMULI, Name, Stimulus
 from solen.results import Result, reported
 from solen.spec.strict import Options
@@ -223,4 +223,4 @@ class DecodingTable(Result):
         if self.sigma <= MAX_DEVIATION:
             return ()
         off = f"{self.off_deg:.2g}{STIMULI[self.stimulus].sign}"
-        return (look_at(f"the table deviates by up to {off} from the full decoder; use more --points"),)
+        return (warning(f"the table deviates by up to {off} from the full decoder; use more --points"),)

@@ -18,7 +18,7 @@ from solen.analysis.demodulation.rejection import gain, mean_gain, rejection_dB
 from solen.analysis.demodulation.samples import DemodulationOptions, Samples, other_columns, samples_of
 from solen.analysis.demodulation.subtract import Counts, Demodulated
 from solen.files import SIMULATED_DATA, csv_cell
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, note, warning
 from solen.recording import Provenance, Recording
 from solen.results import HIDDEN, Result
 
@@ -226,7 +226,7 @@ def _warnings(result: Switched) -> list[Caution]:
     return [
         *_count_warnings(readings),
         *_noise_warnings(readings),
-        *([] if means is None or not means.left_out else [look_at(_LEFT_OUT.format(means.left_out))]),
+        *([] if means is None or not means.left_out else [warning(_LEFT_OUT.format(means.left_out))]),
         *swapped(samples, readings),
         *([] if samples.clock is None else _clock_warnings(samples.clock)),
     ]
@@ -238,38 +238,38 @@ _LEFT_OUT = "{} readings do not fill a whole mains period and are omitted from t
 def _count_warnings(readings: Demodulated) -> list[Caution]:
     counts = readings.counts
     warnings = [
-        look_at(f"emitter {emitter}: {missing} on slots of a regular sequence are missing from the recording")
+        warning(f"emitter {emitter}: {missing} on slots of a regular sequence are missing from the recording")
         for emitter, missing in counts.missing.items()
         if missing
     ]
     if counts.without_off:
-        warnings.append(look_at(f"{counts.without_off} on slots have no off slot nearby and give no reading"))
+        warnings.append(warning(f"{counts.without_off} on slots have no off slot nearby and give no reading"))
     if counts.one_sided > 2 * len(readings.emitters):
         one_sided = (
             "readings have an off slot on one side only, so a linear change in the ambient "
             "light is not removed from them"
         )
-        warnings.append(look_at(f"{counts.one_sided} {one_sided}"))
+        warnings.append(warning(f"{counts.one_sided} {one_sided}"))
     if counts.emptied:
-        warnings.append(look_at(f"{counts.emptied} slots contain no samples after settling: use a shorter --settle-us"))
+        warnings.append(warning(f"{counts.emptied} slots contain no samples after settling: use a shorter --settle-us"))
     if counts.clipped:
         clipped = (
             f"{counts.clipped} of {len(readings.time_s)} readings contain samples at a limit of their "
             "channel; light from the "
             "emitter or the room beyond the limit is not recorded (see --low and --high)"
         )
-        warnings.append(look_at(clipped))
+        warnings.append(warning(clipped))
     return warnings
 
 
 def _noise_warnings(readings: Demodulated) -> list[Caution]:
     if np.isnan(readings.slot_sd).all():
-        return [look_at("fewer than three off slots: the uncertainties are unknown")]
+        return [warning("fewer than three off slots: the uncertainties are unknown")]
     if not np.nanmax(readings.slot_sd) > 0.0:
         still = (
             "off slots never change: the noise is smaller than the converter step, and uncertainties of 0 are not real"
         )
-        return [look_at(still)]
+        return [warning(still)]
     return []
 
 
@@ -281,10 +281,10 @@ def _clock_warnings(clock: Clock) -> list[Caution]:
             "flicker or a slow receiver "
             "rather than an emitter that switches"
         )
-        warnings.append(look_at(slow))
+        warnings.append(warning(slow))
     if clock.clearness < CERTAIN:
         warnings.append(
-            look_at(f"the modulation is only {clock.clearness:.0f} times its noise, so the edges are uncertain")
+            warning(f"the modulation is only {clock.clearness:.0f} times its noise, so the edges are uncertain")
         )
     return warnings
 
@@ -301,7 +301,7 @@ def swapped(samples: Samples, readings: Demodulated) -> list[Caution]:
         "the emitter's light "
         f"follows the motion but ambient light does not, so on and off may be swapped ({remedy})"
     )
-    return [look_at(varies)]
+    return [warning(varies)]
 
 
 def readings_csv(result: Demodulation, recording: Recording) -> str:

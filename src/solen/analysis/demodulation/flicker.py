@@ -26,7 +26,7 @@ from solen.results import HIDDEN, Result
 MAINS_HZ = (50.0, 60.0)
 ORDERS, LAMP = (1, 2, 4), 2
 """Fitted multiples of the mains frequency (others alias to these in slots at 200 Hz), and the multiple of a lamp."""
-WINDOW_S, FEWEST = 0.32, 30
+WINDOW_S, MIN_SAMPLES_PER_PARAMETER = 0.32, 30
 """Length of a window, and the smallest number of "off" samples per fitted parameter."""
 CLEAR, SHARE = 8.0, 0.02
 """Smallest ratio of a sine's power to its uncertainty, and smallest amplitude relative to the strongest sine."""
@@ -236,7 +236,7 @@ def _sines(off_samples: _OffSamples, mains_hz: float, orders: tuple[int, ...]) -
     middles, heights, variances = [], [], []
     for middle, part in off_samples.windows():
         samples = part.stop - part.start
-        if samples < FEWEST * numbers:
+        if samples < MIN_SAMPLES_PER_PARAMETER * numbers:
             continue
         times, values = off_samples.time_s[part], off_samples.values[part]
         turn = 2.0 * np.pi * hz * times[:, None]

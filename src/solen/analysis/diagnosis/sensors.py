@@ -33,7 +33,7 @@ from solen.analysis.study import Study
 from solen.arrays import FloatArray
 from solen.errors import DataError, SpecError
 from solen.progress import Progress, part_of
-from solen.ranks import Caution, look_at, of
+from solen.ranks import Caution, prefixed, warning
 from solen.readout import circuit_of, face_areas_mm2
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result
@@ -212,7 +212,9 @@ def diagnosed_sensors(
         sensor.label: _diagnosis(sensor, kind[0], own, responses[distinct.index(kind)], options)
         for sensor, kind, own in zip(sensors, kinds, carried, strict=True)
     }
-    own_warnings = [of(label if len(made) > 1 else "", line) for label, one in made.items() for line in one.warnings]
+    own_warnings = [
+        prefixed(label if len(made) > 1 else "", line) for label, one in made.items() for line in one.warnings
+    ]
     return SensorDiagnoses(
         made,
         {"angle_zero_deg": options.zero_u_deg} | options.spreads,
@@ -278,7 +280,7 @@ def _diagnosis(
     warnings = list(_motion_warnings(sensor, design))
     if bend is None:
         straight = "the design contains no [readout] table, so voltages are assumed to fall in proportion to the light"
-        warnings.append(look_at(straight))
+        warnings.append(warning(straight))
     diagnosis = diagnosed(sensor, response, {ZERO: options.zero_u_deg} | options.spreads, bend, rising=rising)
     fitted = diagnosis.fitted
     return SensorDiagnosis(
@@ -322,7 +324,7 @@ def _motion_warnings(sensor: SensorResponse, design: Design) -> Iterator[Caution
     low, high = float(sensor.passes.angle_deg[0]), float(sensor.passes.angle_deg[-1])
     motion = design.motion
     if low < motion.from_deg - MAX_OUTSIDE_DEG or high > motion.to_deg + MAX_OUTSIDE_DEG:
-        yield look_at(
+        yield warning(
             f"the recording covers {low:.3g}° to {high:.3g}°, but the motion of the design covers "
             f"{motion.from_deg:g}° to {motion.to_deg:g}°; check that the motion is the same"
         )
@@ -333,31 +335,31 @@ def _cautions(diagnosis: Diagnosis, design: Design) -> Iterator[Caution]:
     misfit = diagnosis.fitted.misfit
     if misfit.significant:
         rms = ", ".join(f"{1e3 * rms:.2g} mV {side}" for side, rms in zip(diagnosis.sides, misfit.rms_V, strict=True))
-        yield look_at(
+        yield warning(
             f"the model deviates from the mean curves by more than the scatter of the cycles ({rms} rms, "
             f"{100.0 * misfit.share:.2g} % of the swing); the intervals include this misfit"
         )
     if misfit.significant and misfit.share > FAR_OFF and design.trace.dimension == "2d":
-        yield look_at(
+        yield warning(
             "the model is in the plane, but the light of an emitter spreads in space: set "
             'trace.dimension = "extruded", with its emitter.pattern and the chip\'s height_mm'
         )
     for key, change in diagnosis.fitted.model.response.changes.items():
         off = diagnosis.fitted.value(key)
         if abs(off) > change.step:
-            yield look_at(
+            yield warning(
                 f"the estimate of {key} differs by {off:+.2g} from the design, but the response is traced only to "
                 f"±{change.step:.2g} and extrapolated linearly beyond, which affects all parameters; "
                 "diagnose again with a design "
                 "that has this value"
             )
     if len(diagnosis.cycles.volts) == 1:
-        yield look_at("one cycle: the intervals assume white noise and do not include drift and hysteresis")
+        yield warning("one cycle: the intervals assume white noise and do not include drift and hysteresis")
     for side, share in diagnosis.left_out.items():
         if share > 0.0:
             lack = f"{100.0 * share:.2g} % of the angles are clipped or missing in a cycle and are omitted"
-            yield of(side, look_at(lack))
+            yield prefixed(side, warning(lack))
     if len(diagnosis.sides) == 1:
-        yield look_at(
+        yield warning(
             f"only the {diagnosis.sides[0]} receiver is recognised: decentre and chip width depend on it alone"
         )

@@ -23,7 +23,7 @@ from solen.analysis.network.recorded import NetworkReadings
 from solen.analysis.network.states import States, clipped_in, missing_slots, states_of
 from solen.arrays import BoolArray, FloatArray, joined_rows
 from solen.errors import DataError
-from solen.ranks import Caution, do_not_use, look_at
+from solen.ranks import Caution, do_not_use, warning
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, in_unit, plain
 from solen.sensor.network.motions import Determination, determined, in_words
@@ -297,9 +297,9 @@ def _words(check: MotionCheck) -> str:
 def _cautions(checks: Sequence[MotionCheck], lost: float, worst: Determination | None) -> list[Caution]:
     found = []
     if not checks:
-        found.append(look_at(f"fewer than {2 * FOLDS} states, too few to check the calibration on held-out states"))
+        found.append(warning(f"fewer than {2 * FOLDS} states, too few to check the calibration on held-out states"))
     if lost > SOME_LOST and worst is not None:
-        found.append(look_at(f"in {100 * lost:.2g} % of the states, {' and '.join(in_words(worst))}"))
+        found.append(warning(f"in {100 * lost:.2g} % of the states, {' and '.join(in_words(worst))}"))
     found += [
         do_not_use(
             f"{check.motion}: only {100 * check.within_95:.0f} % of the held-out states lie within the 95 % bands"
@@ -318,5 +318,5 @@ def _on_a_grid(motions: Sequence[str], angle: FloatArray) -> list[Caution]:
         return []
     unseen = "the behaviour of the readings between the grid points is unknown, and the bands do not cover it"
     return [
-        look_at(f"all states are on a grid: {unseen}; add random states between them, e.g. scatter = 200 in [grid]")
+        warning(f"all states are on a grid: {unseen}; add random states between them, e.g. scatter = 200 in [grid]")
     ]

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from solen.analysis.calibration.file import Ambient
 from solen.errors import DataError
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording import Channel
 from solen.recording.column_roles import ENDS_IN_V, is_companion, unit_of
 from solen.units import factor
@@ -65,7 +65,7 @@ def power_columns(columns: Sequence[Channel], source: str) -> PowerColumns:
         limit = f"contains an ambient light column for some powers, but not for {lacking[0]}"
         raise DataError(source, limit=limit, remedy="subtract it from all powers or from none")
     scaled = dict(zip(places, scales, strict=True))
-    assumed = [] if unit or not places else [look_at("no unit is specified for the powers; V is assumed")]
+    assumed = [] if unit or not places else [warning("no unit is specified for the powers; V is assumed")]
     return PowerColumns(places, scaled, unit or "V", clipped, "subtracted" if ambient else None, tuple(assumed))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from solen.analysis.network.recorded import NetworkReadings
 from solen.arrays import BoolArray, FloatArray, stretches
 from solen.errors import DataError
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, in_unit
 
@@ -179,7 +179,7 @@ def missing_slots(readings: NetworkReadings) -> list[Caution]:
     if not lost:
         return []
     return [
-        look_at(
+        warning(
             f"readings are missing: {', '.join(lost)} of {len(readings.signal)}; those switching cycles are omitted"
         )
     ]
@@ -193,7 +193,7 @@ def clipped_in(readings: NetworkReadings, states: States) -> list[Caution]:
     if not ends:
         return []
     return [
-        look_at(f"readings at a limit of the recorder's range, which hides any change beyond it: {', '.join(ends)}")
+        warning(f"readings at a limit of the recorder's range, which hides any change beyond it: {', '.join(ends)}")
     ]
 
 

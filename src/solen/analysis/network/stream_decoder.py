@@ -21,7 +21,7 @@ from solen.analysis.network.recorded import network_readings, times_of
 from solen.analysis.network.states import at_rest
 from solen.arrays import BoolArray, FloatArray, IntArray, rows_of
 from solen.errors import DataError, SpecError
-from solen.ranks import DO_NOT_USE, Caution, do_not_use, of, rank_of
+from solen.ranks import DO_NOT_USE, Caution, do_not_use, prefixed, rank_of
 from solen.recording import Provenance
 from solen.results import Result
 from solen.spec.strict import Options
@@ -160,7 +160,7 @@ class NetworkStream(CountedStream[NetworkCalibration]):
         )
 
     def _calibration_warnings(self) -> Iterator[Caution]:
-        yield from (of("calibration", line) for line in self._known.warnings if rank_of(line) == DO_NOT_USE)
+        yield from (prefixed("calibration", line) for line in self._known.warnings if rank_of(line) == DO_NOT_USE)
         if self._known.simulated and self._provenance is not None and not self._provenance.simulated:
             yield do_not_use("the calibration is simulated, but the recording is not")
 

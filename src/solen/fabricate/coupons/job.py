@@ -15,7 +15,7 @@ from solen import __version__
 from solen.errors import DataError, SpecError
 from solen.files import read_text
 from solen.geometry.coupons import Coupon, CouponOptions, Stage, coupon_of
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, note, warning
 from solen.spec.objects import parsed
 
 JOB_KIND = "coupon-job"
@@ -102,7 +102,7 @@ def _of_layers(coupon: Coupon, options: CouponOptions) -> list[Caution]:
     if broken:
         shown = _listed(broken[:6]) + (" …" if len(broken) > 6 else "")
         warnings.append(
-            look_at(
+            warning(
                 f"{len(broken)} of {len(heights)} heights ({shown} mm) are not a multiple of the layer thickness of "
                 f"{options.layer_um:g} µm and will be rounded"
             )
@@ -110,7 +110,7 @@ def _of_layers(coupon: Coupon, options: CouponOptions) -> list[Caution]:
     thin = sorted({step.step_mm for step in coupon.steps if step.step_mm < layer_mm * (1.0 - WHOLE)})
     if thin:
         steps = _listed(1e3 * step for step in thin)
-        warnings.append(look_at(f"steps of {steps} µm are below the layer thickness of {options.layer_um:g} µm"))
+        warnings.append(warning(f"steps of {steps} µm are below the layer thickness of {options.layer_um:g} µm"))
     return warnings
 
 
@@ -121,8 +121,8 @@ def _of_pixels(coupon: Coupon, pitch_um: float | None) -> list[Caution]:
     pitch_mm = 1e-3 * pitch_um
     small = [feature.name for feature in coupon.features if min(feature.width_mm, feature.depth_mm) < pitch_mm]
     narrow = [gap.name for gap in coupon.gaps if gap.gap_mm < pitch_mm]
-    warnings = [look_at(f"{', '.join(small)}: smaller than a pixel of {pitch_um:g} µm")] if small else []
-    grey = look_at(f"{', '.join(narrow)}: gaps below a pixel of {pitch_um:g} µm appear only as grey levels")
+    warnings = [warning(f"{', '.join(small)}: smaller than a pixel of {pitch_um:g} µm")] if small else []
+    grey = warning(f"{', '.join(narrow)}: gaps below a pixel of {pitch_um:g} µm appear only as grey levels")
     return [*warnings, grey] if narrow else warnings
 
 

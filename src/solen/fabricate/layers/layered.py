@@ -9,7 +9,7 @@ from solen.fabricate.layers.printable import Printable
 from solen.fabricate.layers.sheet import PrintSettings, has_curve, print_settings
 from solen.material.resin import Resin
 from solen.parts import Printer
-from solen.ranks import Caution, do_not_use, look_at, note
+from solen.ranks import Caution, do_not_use, note, warning
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result
 
@@ -122,11 +122,11 @@ def _of_printer(job: Job) -> list[Caution]:
         *others, last = job.printer.unconfirmed
         numbers = f"{', '.join(others)} and {last}" if others else last
         warnings.append(
-            look_at(f"{numbers} of {job.printer.name} are estimates: check them before printing the images")
+            warning(f"{numbers} of {job.printer.name} are estimates: check them before printing the images")
         )
     if job.slicing.irradiance_mW_per_cm2 is None and job.printer.irradiance_mw_per_cm2 is None:
         warnings.append(
-            look_at(
+            warning(
                 f"doses assume {PAPER_MW_PER_CM2:g} mW/cm², the irradiance of the printer in the paper; measure yours"
             )
         )
@@ -140,7 +140,7 @@ def _of_greys(job: Job) -> list[Caution]:
         return []
     of, to = (" × ".join(dict.fromkeys(f"{side:.4g}" for side in sides)) for sides in (there, here))
     return [
-        look_at(
+        warning(
             f"the process was measured with {of} µm pixels, but {job.printer.name} has {to} µm pixels: "
             "its grey levels may transmit different light"
         )
@@ -151,14 +151,14 @@ def _of_process(job: Job) -> list[Caution]:
     """Warn if layers or exposures differ from the process."""
     if job.slicing.process is None or job.process is None or job.solid.exposures_s:
         return []
-    return [look_at(f"not printed as in the process: {one}") for one in job.slicing.otherwise(job.process.process)]
+    return [warning(f"not printed as in the process: {one}") for one in job.slicing.otherwise(job.process.process)]
 
 
 def _of_size(job: Job) -> list[Caution]:
     warnings, longest_mm = [], max(job.solid.size_mm)
     if not MIN_SIZE_MM <= longest_mm <= MAX_SIZE_MM:
         warnings.append(
-            look_at(
+            warning(
                 f"the part is {longest_mm:.3g} mm long: an STL contains no unit and is read as "
                 "mm; check the unit of the part"
             )
@@ -183,7 +183,7 @@ def _of_burn_in(job: Job) -> list[Caution]:
         else f"all {job.count} layers of the part are burn-in layers"
     )
     return [
-        look_at(
+        warning(
             f"{part}: burn-in exposes it for {slicing.burn_in_s:g} s instead of {slicing.exposure_s:g} s; "
             "omit the burn-in with --burn-in-layers 0"
         )
@@ -199,7 +199,7 @@ def _of_level_faces(job: Job) -> list[Caution]:
         return []
     first = f"the first at {between[0]:.4g} mm"
     return [
-        look_at(
+        warning(
             f"{len(between)} horizontal faces are within a layer ({first}) and move by up to {max(moves_um):.1f} µm"
         )
     ]
@@ -228,14 +228,14 @@ def _of_stack(job: Job, stack: Stack) -> list[Caution]:
         where = f"{pieces} at layer {index + 1}, {index * job.layer_mm:.4g} mm"
         total = sum(count for _, count in stack.islands)
         warnings.append(
-            look_at(
+            warning(
                 f"{total} regions begin in the air (first {where}): they require supports, which solen does not make"
             )
         )
     if stack.first_mm2 < NARROW * stack.largest_mm2:
         first, largest = (area / job.slicing.copies for area in (stack.first_mm2, stack.largest_mm2))
         areas = f"{first:.3g} mm², while its largest layer has an area of {largest:.3g} mm²"
-        warnings.append(look_at(f"the part rests on {areas}: add a base or supports, or rotate it"))
+        warnings.append(warning(f"the part rests on {areas}: add a base or supports, or rotate it"))
     off = stack.volume_mm3 / job.volume_mm3 - 1.0
     if abs(off) > OTHER_VOLUME:
         warnings.append(

@@ -22,7 +22,7 @@ from solen.fabricate.part import Part
 from solen.fabricate.stl import read_stl
 from solen.fabricate.threemf import read_threemf
 from solen.material.resin import Resin, resin_of
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, note, warning
 from solen.recording import Provenance
 from solen.spec import Design
 from solen.spec.design import names_file
@@ -118,7 +118,7 @@ def printable_mesh(path: Path, slicing: Slicing) -> Printable:
     solid = mesh_solid(mesh, rotation, str(path))
     if solid.overlap_mm3 > 0.0:
         overlap = f"shells of the mesh overlap: the common volume of {solid.overlap_mm3:.4g} mm³ is counted once"
-        warnings = (*warnings, look_at(overlap))
+        warnings = (*warnings, warning(overlap))
     label = Label(path.stem, hashlib.sha256(path.read_bytes()).hexdigest(), slicing.orientation)
     material, resin = resin_named(slicing.resin)
     source = Provenance(path.name, label.sha256, kind[1:])

@@ -25,7 +25,7 @@ from solen.fabricate.process.features import MeasuredCoupon, MeasuredFeature, pr
 from solen.fabricate.process.process_file import Calibration, Process
 from solen.fabricate.process.scales import U_SCALE, FittedScale, Scales
 from solen.fabricate.process.settings import Settings
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, note, warning
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
@@ -183,7 +183,7 @@ def _calibration(problem: CouponFit, fit: Solution, coupons: Sequence[MeasuredCo
         scale=fit.scale,
         disagree=_disagreeing(settings, features),
         sources=tuple(coupon.source for coupon in coupons if coupon.source is not None),
-        warnings=(look_at("the features are simulated, not measured"),) if simulated else (),
+        warnings=(warning("the features are simulated, not measured"),) if simulated else (),
     )
     more = (*_of_scales(calibration), *_unknown(calibration), *_inseparable(calibration), *_of_fit(calibration))
     return replace(calibration, warnings=(*calibration.warnings, *more))
@@ -222,7 +222,7 @@ def _of_scales(fit: PrinterCalibration) -> list[Caution]:
     if not unstated:
         return []
     return [
-        look_at(
+        warning(
             f"{', '.join(unstated)}: the scale uncertainty is not specified; {100.0 * U_SCALE:g} % is assumed, which "
             "limits shrinkage: determine it with a stage micrometer and use --u-um-per-px (--u-z-um for heights)"
         )
@@ -231,7 +231,7 @@ def _of_scales(fit: PrinterCalibration) -> list[Caution]:
 
 def _unknown(fit: PrinterCalibration) -> list[Caution]:
     return [
-        look_at(
+        warning(
             f"these coupons do not determine {number.key}: it keeps its prior value, {number.value:.3g} "
             f"± {number.u:.2g}"
         )
@@ -253,7 +253,7 @@ def _inseparable(fit: PrinterCalibration) -> list[Caution]:
         correlation = float(fit.correlation[i, j])
         if abs(correlation) > INSEPARABLE:
             warnings.append(
-                look_at(
+                warning(
                     f"{fit.numbers[i].key} and {fit.numbers[j].key} can hardly be separated (correlation "
                     f"{correlation:+.2f}): measure features with a wider range of sizes"
                 )
@@ -265,7 +265,7 @@ def _of_fit(fit: PrinterCalibration) -> list[Caution]:
     warnings = []
     if fit.scale > _DOUBT:
         warnings.append(
-            look_at(
+            warning(
                 f"features deviate by {fit.scale:.2g} times their reported uncertainty (rms {fit.rms_um:.2g} µm): "
                 "either the model does not describe them, or their uncertainty is underestimated; uncertainties were "
                 "increased by this factor"
@@ -275,6 +275,6 @@ def _of_fit(fit: PrinterCalibration) -> list[Caution]:
         listed = ", ".join(f"{feature.kind} of {feature.nominal_mm:g} mm" for feature in fit.disagree[:6])
         more = "" if len(fit.disagree) <= 6 else f" and {len(fit.disagree) - 6} more"
         warnings.append(
-            look_at(f"the model and the coupons disagree on whether these features are resolved: {listed}{more}")
+            warning(f"the model and the coupons disagree on whether these features are resolved: {listed}{more}")
         )
     return warnings

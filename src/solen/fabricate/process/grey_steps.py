@@ -22,7 +22,7 @@ from solen.fabricate.grey import FULL
 from solen.fabricate.process.process_file import Process
 from solen.material.cure.disc_table import THICKNESSES
 from solen.material.rows import REPEATS, RowOptions, chosen_rows, refuse_unused
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording import Measured, Recording
 from solen.results import HIDDEN, reported
 from solen.spec.strict import Finite
@@ -224,7 +224,7 @@ def _warnings(process: Process, shares: FloatArray, set_at: NDArray[np.bool_], g
     warnings = []
     if "Dp_um" in process.assumptions:
         warnings.append(
-            look_at(
+            warning(
                 f"Dp is assumed to be {process.process.Dp_um:g} µm, and the light of all grey levels depends on it: "
                 "measure it with cure discs on the same printer"
             )
@@ -232,8 +232,8 @@ def _warnings(process: Process, shares: FloatArray, set_at: NDArray[np.bool_], g
     dark = np.unique(shares[~set_at])
     if len(dark):
         warnings.append(
-            look_at(f"grey levels up to {dark.max():g} cure nothing; below {greys[0]:g} the light is interpolated to 0")
+            warning(f"grey levels up to {dark.max():g} cure nothing; below {greys[0]:g} the light is interpolated to 0")
         )
     elif greys[0] > DARK:
-        warnings.append(look_at(f"no grey level below {greys[0]:g} was measured; there the light is interpolated to 0"))
+        warnings.append(warning(f"no grey level below {greys[0]:g} was measured; there the light is interpolated to 0"))
     return warnings

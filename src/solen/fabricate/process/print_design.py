@@ -27,7 +27,7 @@ from solen.fabricate.process.target import Deviation, Target
 from solen.geometry.measures import area_mm2
 from solen.lens import SplineLens
 from solen.progress import Progress, part_of
-from solen.ranks import Caution, do_not_use, look_at
+from solen.ranks import Caution, do_not_use, warning
 from solen.sensor import Sensor
 from solen.sensor.print_loss import print_loss
 
@@ -227,7 +227,7 @@ def _with_response(prediction: PrintedDesign, sensor: Sensor, progress: Progress
         again = None if compensated is None else print_loss(sensor, compensated)
         return replace(prediction, response=response, compensated_response=again)
     except SolenError as bad:
-        return replace(prediction, warnings=(*prediction.warnings, look_at(f"no response: {bad}")))
+        return replace(prediction, warnings=(*prediction.warnings, warning(f"no response: {bad}")))
 
 
 def _shape(deviation: Deviation) -> Shape:
@@ -247,7 +247,7 @@ def _of_features(sensor: Sensor, settings: Settings) -> list[Caution]:
     if not isinstance(sensor.cut, SplineLens):
         return []
     fine = sensor.cut.too_fine(settings.least_feature_um, "the finest feature that the process prints to 90 %")
-    return [look_at(text) for text in fine]
+    return [warning(text) for text in fine]
 
 
 def _of_layers(prediction: PrintedDesign) -> list[Caution]:
@@ -255,7 +255,7 @@ def _of_layers(prediction: PrintedDesign) -> list[Caution]:
     walls = prediction.walls
     if walls is None:
         return [
-            look_at(
+            warning(
                 f"the layer steps, {prediction.ripple.rms_um:.2g} µm root mean square along the profile, "
                 "scatter light; the traced profile omits them"
             )
@@ -264,7 +264,7 @@ def _of_layers(prediction: PrintedDesign) -> list[Caution]:
     if max(first, middle, last) - min(first, last) < _TAPER_UM:
         return []
     return [
-        look_at(
+        warning(
             f"walls are {first:+.3g} µm beyond their image at the first layer, {middle:+.3g} µm at mid-height and "
             f"{last:+.3g} µm at the last layer: the lens shape differs for light at another height"
         )
@@ -277,7 +277,7 @@ def _of_response(prediction: PrintedDesign) -> list[Caution]:
     if prediction.walls is None or most - least < _TAPER_UM:
         return []
     return [
-        look_at(
+        warning(
             f"the response is not symmetric: walls are {least:+.3g} to {most:+.3g} µm beyond their image, depending on "
             "the side they face; the lens includes this, but other walls use the mean of all sides"
         )

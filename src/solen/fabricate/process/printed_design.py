@@ -12,7 +12,7 @@ from solen.fabricate.process.predict import Orientation, Phase, Prediction
 from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.target import Deviation
 from solen.lens.profile import MeasuredProfile, profile_of
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, plain, reported
 from solen.sensor.print_loss import PrintLoss
@@ -190,8 +190,8 @@ def profile_of_print(
         sources=tuple(plain(source) for source in sources),
     )
     warnings = (
-        look_at(f"predicted by a print model ({process}), not measured"),
-        look_at(
+        warning(f"predicted by a print model ({process}), not measured"),
+        warning(
             f"the uncertainty of the process, {u_um:.2g} µm root mean square along the lens, is common to all "
             "points and not included in u_mm"
         ),

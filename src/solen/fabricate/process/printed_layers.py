@@ -24,7 +24,7 @@ from solen.fabricate.process.settings import Settings
 from solen.fabricate.process.source import PrintOptions, curve_cautions, process_of, with_resin
 from solen.lens import LensInSpace, Profiles, layers_text
 from solen.progress import Progress, part_of
-from solen.ranks import Caution, do_not_use, look_at, note
+from solen.ranks import Caution, do_not_use, note, warning
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 from solen.sensor import Sensor
@@ -211,8 +211,8 @@ def layer_files(made: PrintedLayers, out: Path | None, compensate: Path | None) 
     if compensate is None or made.compensated is None:
         return contents
     drawn, printed = list(targets_of(compensate, "drawn").values())[1:]
-    warning = "drawn for a printer, not the intended shape: do not trace it, and do not compensate it again"
-    profiles = made.model.profiles(made.compensated.drawn, f"{made.name}, {LABEL}", warning)
+    caution = "drawn for a printer, not the intended shape: do not trace it, and do not compensate it again"
+    profiles = made.model.profiles(made.compensated.drawn, f"{made.name}, {LABEL}", caution)
     text = f"# {warning}\n" + dumps(_drawn_design(made.sensor, drawn.name))
     own = {compensate: text.encode(), drawn: layers_text(profiles).encode()}
     return files.joined(contents, own, {printed: layers_text(made._profiles(made.compensated)).encode()})
@@ -220,8 +220,8 @@ def layer_files(made: PrintedLayers, out: Path | None, compensate: Path | None) 
 
 def printed_profiles(model: FacePrint, face: PrintedFace, name: str, process: str) -> Profiles:
     """Return the profiles of a printed face, marked as simulated."""
-    warning = f"predicted by a print model ({process}), not measured"
-    return model.profiles(face.printed, f"{name}, printed by the model", warning)
+    caution = f"predicted by a print model ({process}), not measured"
+    return model.profiles(face.printed, f"{name}, printed by the model", caution)
 
 
 def _drawn_design(sensor: Sensor, layers: str) -> Design:
@@ -303,7 +303,7 @@ def _u_by_place_um(model: FacePrint, face: PrintedFace) -> dict[int, float]:
 
 
 def _of_place(u_um: dict[int, float]) -> Caution:
-    return look_at(
+    return warning(
         f"--phase-px is not specified; 0,0 is assumed. Another position in the pixel changes the wall of a layer by "
         f"{max(u_um.values()):.2g} µm rms; this is included in u_rms_um, but not in the response table"
     )
@@ -358,7 +358,7 @@ def _of_face(sensor: Sensor, model: FacePrint, made: PrintedFace | None, u_um: d
     warnings = [
         note("each layer has the wall at its mid-height; shrinkage along the height is ignored"),
         note("the walls next to the lens are traced as designed"),
-        look_at(
+        warning(
             f"the uncertainty of the process is up to {worst:.2g} µm for the wall of a layer; the response "
             "table excludes it"
         ),
@@ -366,11 +366,11 @@ def _of_face(sensor: Sensor, model: FacePrint, made: PrintedFace | None, u_um: d
     layer_mm = sensor.design.lens.layer_mm
     printers_mm = 1e-3 * model.settings.layer_um
     if layer_mm is not None and not np.isclose(layer_mm, printers_mm):
-        warnings.append(look_at(f"lens.layer_mm = {layer_mm:g}, but the process prints layers of {printers_mm:g} mm"))
+        warnings.append(warning(f"lens.layer_mm = {layer_mm:g}, but the process prints layers of {printers_mm:g} mm"))
     last_mm = float(model.edges_mm[1] - model.edges_mm[0])
     if not np.isclose(last_mm, printers_mm):
         count = f"{sensor.design.body.thickness_mm:g} mm is {model.layers - 1} layers of {printers_mm:g} mm"
-        warnings.append(look_at(f"{count} and one of {last_mm:.3g} mm, which is exposed like a full layer"))
+        warnings.append(warning(f"{count} and one of {last_mm:.3g} mm, which is exposed like a full layer"))
     if made is not None and worst > max(2.0 * made.rms_um, WELL_KNOWN_UM):
         warnings.append(
             do_not_use(

@@ -27,7 +27,7 @@ from solen.fabricate.grey import Greys
 from solen.fabricate.process.response import light_of_file
 from solen.fabricate.process.settings import KEYS, UNCERTAIN, Settings
 from solen.files import read_text
-from solen.ranks import Caution, do_not_use, look_at
+from solen.ranks import Caution, do_not_use, warning
 from solen.spec.strict import (
     Document,
     Migrations,
@@ -171,13 +171,13 @@ class Process(Strict):
         assumed = [key for key in self.assumptions if key in UNCERTAIN]
         if assumed:
             messages.append(
-                look_at(
+                warning(
                     f"assumed, not measured: {', '.join(assumed)}; calibrate them with coupons: solen print calibrate"
                 )
             )
         if self.calibration is not None and self.calibration.simulated:
             messages.append(
-                look_at(
+                warning(
                     "process parameters are from simulated coupons or a simulated working curve, not from measured ones"
                 )
             )

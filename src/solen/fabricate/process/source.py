@@ -18,7 +18,7 @@ from solen.fabricate.process.process_file import Calibration, Process, default_p
 from solen.material.cure.law import read_law
 from solen.material.resin import Resin, resin_of
 from solen.parts import printer_of
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording import Provenance
 from solen.spec import Design
 from solen.spec.strict import Options
@@ -141,7 +141,7 @@ def curve_cautions(process: Process, design: Design) -> list[Caution]:
         return []
     mine = process.process
     return [
-        look_at(
+        warning(
             f"the working curve of the resin {resin.name} (Dp {resin.cure.Dp_um:.4g} µm, Ec "
             f"{resin.cure.Ec_mJ_per_cm2:.4g} mJ/cm²) is not used: the process {process.name} specifies a lamp, with Dp "
             f"{mine.Dp_um:.4g} µm at the surface and Ec {mine.Ec_mJ_per_cm2:.4g} mJ/cm²"

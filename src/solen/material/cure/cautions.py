@@ -6,7 +6,7 @@ import numpy as np
 
 from solen.material.cure.curve import SIGNIFICANCE, LeftOut, WorkingCurve, means_of
 from solen.material.regression import chance, fitted, t_quantile
-from solen.ranks import Caution, do_not_use, look_at
+from solen.ranks import Caution, do_not_use, warning
 
 _FAR = 3.0  # ratio of the lowest dose to the critical dose above which the latter is an extrapolation
 _FEW_DF = 4.0
@@ -30,7 +30,7 @@ def _of_discs(curve: WorkingCurve) -> list[Caution]:
         more = f" and {len(alike) - _SHOWN} more" if len(alike) > _SHOWN else ""
         t = [abs(left.t) for left in alike if left.t is not None]
         off = f" by {min(t):.1f} standard errors or more; --keep-all keeps these discs" if t else ""
-        warnings.append(look_at(f"omitted ({reason}{off}): {', '.join(where)}{more}"))
+        warnings.append(warning(f"omitted ({reason}{off}): {', '.join(where)}{more}"))
     return warnings
 
 
@@ -43,12 +43,12 @@ def _of_shape(curve: WorkingCurve) -> list[Caution]:
     lack = curve.lack_of_fit
     doses = {disc.dose_mJ_per_cm2 for disc in curve.used}
     if len(doses) == 2:
-        return [look_at("two doses cannot show whether the points lie on a line; add a third dose")]
+        return [warning("two doses cannot show whether the points lie on a line; add a third dose")]
     if lack is None:
         if len(curve.used) > len(doses):
             return []
         return [
-            look_at(
+            warning(
                 "no dose was repeated, so the scatter of the discs and the linearity can be judged "
                 "only from the deviations from the line; cure three discs at each dose"
             )
@@ -56,7 +56,7 @@ def _of_shape(curve: WorkingCurve) -> list[Caution]:
     if lack.p >= SIGNIFICANCE:
         return []
     return [
-        look_at(
+        warning(
             "the mean thicknesses deviate from the line by more than the scatter of their discs "
             f"(F = {lack.F:.1f}, expected by chance {chance(lack.p)}): {_bend(curve)}; each dose "
             "counts as one point for the intervals"
@@ -87,7 +87,7 @@ def _of_intervals(curve: WorkingCurve) -> list[Caution]:
     warnings = []
     if curve.fit.error_df < _FEW_DF:
         warnings.append(
-            look_at(
+            warning(
                 f"the fit has {curve.fit.error_df} degrees of freedom, so each interval extends "
                 f"at least {t_quantile(0.95, curve.fit.error_df):.1f} standard uncertainties to "
                 "either side"
@@ -105,7 +105,7 @@ def _of_threshold(curve: WorkingCurve) -> list[Caution]:
     lowest, _ = curve.dose_range_mJ_per_cm2
     if lowest > _FAR * curve.Ec_mJ_per_cm2:
         warnings.append(
-            look_at(
+            warning(
                 f"the critical dose is an extrapolation: the lowest dose, {lowest:.3g} mJ/cm², "
                 f"is {lowest / curve.Ec_mJ_per_cm2:.1f} times the critical dose; add discs at lower "
                 "doses"
@@ -115,13 +115,13 @@ def _of_threshold(curve: WorkingCurve) -> list[Caution]:
     if set_below:
         dose = min(disc.dose_mJ_per_cm2 for disc in set_below)
         warnings.append(
-            look_at(f"a disc set at {dose:.3g} mJ/cm², below the critical dose of {curve.Ec_mJ_per_cm2:.3g} mJ/cm²")
+            warning(f"a disc set at {dose:.3g} mJ/cm², below the critical dose of {curve.Ec_mJ_per_cm2:.3g} mJ/cm²")
         )
     liquid = [left.disc.dose_mJ_per_cm2 for left in curve.left_out if left.disc.thickness_um == 0.0]
     if liquid and max(liquid) > curve.Ec_mJ_per_cm2:
         depth = float(curve.depth_um(max(liquid)))
         warnings.append(
-            look_at(
+            warning(
                 f"no disc set at {max(liquid):.3g} mJ/cm², although the line predicts a thickness of {depth:.3g} µm"
             )
         )

@@ -19,7 +19,7 @@ from solen.material.cure.disc_table import DISCS, REPLICATES, THICKNESSES, discs
 from solen.material.cure.layers import StackDose, dose_below, stack_dose, stack_print_through_um
 from solen.material.cure.spectral import InLamp
 from solen.material.rows import REPEATS, RowOptions, chosen_rows, constant_number, refuse_unused, stacked_replicates
-from solen.ranks import Caution, do_not_use, look_at, of
+from solen.ranks import Caution, do_not_use, prefixed, warning
 from solen.recording import Measured, Recording
 from solen.results import reported
 from solen.spec.strict import Finite, Wavelength, refused
@@ -245,7 +245,7 @@ def curves_of_discs(recordings: Sequence[Recording], options: CureOptions = Cure
     beside = tuple(
         CurveBeside(**{name: getattr(one, name) for name in fields}, file=one.sources[0].file) for one in others
     )
-    warnings = (*first.warnings, *(of(one.file, text) for one in beside for text in one.warnings))
+    warnings = (*first.warnings, *(prefixed(one.file, text) for one in beside for text in one.warnings))
     sources = (*first.sources, *(source for one in beside for source in one.sources))
     return dataclasses.replace(first, beside=beside, warnings=warnings, sources=sources)
 
@@ -265,7 +265,7 @@ def with_lamp(curve: MeasuredCurve, fit: InLamp) -> MeasuredCurve:
     notes = []
     if fit.preferred == "spectrum":
         notes = [
-            look_at(
+            warning(
                 f"the discs agree better with the law for the lamp's spectrum ({fit.rms_um:.2g} µm rms; Jacobs' law: "
                 f"{fit.jacobs_rms_um:.2g}): Dp is {fit.Dp_um:.3g} µm at the surface and grows with depth; "
                 f"{curve.Dp_um:.3g} µm is valid only for discs of these thicknesses"
@@ -274,7 +274,7 @@ def with_lamp(curve: MeasuredCurve, fit: InLamp) -> MeasuredCurve:
     off = fit.Dp_um / fit.liquid_Dp_um - 1.0
     if abs(off) > _APART and abs(off) * fit.liquid_Dp_um > 3.0 * fit.u_Dp_um:
         notes.append(
-            look_at(
+            warning(
                 f"at the surface, Dp is {fit.Dp_um:.3g} µm from the discs and {fit.liquid_Dp_um:.3g} µm from the "
                 "liquid's absorbance"
             )
@@ -356,7 +356,7 @@ def _outside(curve: WorkingCurve, layer_um: float | None, exposure: LayerExposur
     warnings, dose, (lowest, highest) = [], exposure.dose_mJ_per_cm2, curve.dose_range_mJ_per_cm2
     if not lowest <= dose <= highest:
         warnings.append(
-            look_at(
+            warning(
                 f"an exposure of {dose:.3g} mJ/cm² is outside the discs' range, {lowest:.3g} to {highest:.3g} mJ/cm²: "
                 "its cure depth is an extrapolation"
             )
@@ -364,7 +364,7 @@ def _outside(curve: WorkingCurve, layer_um: float | None, exposure: LayerExposur
     low, _ = exposure.interval95_cure_depth_um
     if low < layer_um:
         warnings.append(
-            look_at(
+            warning(
                 f"an exposure of {exposure.exposure_s:g} s cures {exposure.cure_depth_um:.3g} ± "
                 f"{exposure.cure_depth_um - low:.2g} µm: a layer of {layer_um:g} µm may not bond "
                 "to the previous one"

@@ -23,7 +23,7 @@ from solen.material.index import Length, measured, reading
 from solen.material.index.interference import fringes_of
 from solen.material.regression import fitted, t_tail
 from solen.material.rows import RowOptions, chosen_rows, refuse_unused
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, note, warning
 from solen.recording import Channel, Recording, Spectrum, spectra
 from solen.recording.model import Measured
 from solen.recording.optical import kind_of
@@ -327,7 +327,7 @@ def _warnings(
     warnings = []
     if len(layers) < _FEW:
         warnings.append(
-            look_at(
+            warning(
                 f"{len(layers)} samples are few for a trend (degrees of freedom: "
                 f"{max(len(layers) - 2, 0)}), so its interval is wide; "
                 "measure several layers at each exposure"
@@ -337,7 +337,7 @@ def _warnings(
         warnings.append(note("two exposures do not show whether the change is linear"))
     unclear = [f"{one.wavelength_nm:g} nm" for one in at if not _resolved(one.trend_T)]
     if unclear:
-        warnings.append(look_at(f"no trend of T with exposure is resolved at {', '.join(unclear)}"))
+        warnings.append(warning(f"no trend of T with exposure is resolved at {', '.join(unclear)}"))
     warnings.append(
         note(
             "a layer that was exposed longer may also be thicker, unless a gap fixed its thickness: measure the "
@@ -352,7 +352,7 @@ def _warnings(
         layer.name for layer in layers if layer.reflectance is not None and layer.interferes(thickness_um)
     ]:
         warnings.append(
-            look_at(
+            warning(
                 f"no index is computed for {', '.join(fringed)}, because fringes were detected; "
                 "use solen resin index, which fits them"
             )

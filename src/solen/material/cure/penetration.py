@@ -25,7 +25,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index.illuminant import Illuminant, led, named_light
 from solen.material.rows import RowOptions, chosen_rows, refuse_unused
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, note, warning
 from solen.recording import Recording
 from solen.recording.model import Measured
 from solen.recording.optical import OpticalSpectra, optical_spectra
@@ -185,7 +185,7 @@ def penetration_of(recording: Recording, options: PenetrationOptions) -> Penetra
         spectral[absorbs] = penetration_depth_um(path_um, absorbance[absorbs])
     if decay is None:
         warnings.append(
-            look_at("no lamp is named (--led-nm, --led-fwhm-nm or --led), so the result is for single wavelengths only")
+            warning("no lamp is named (--led-nm, --led-fwhm-nm or --led), so the result is for single wavelengths only")
         )
     else:
         warnings += _lamp_warnings(decay, nm, absorbance, path_um)
@@ -303,7 +303,7 @@ def _absorbance(recording: Recording, spectra: OpticalSpectra) -> tuple[FloatArr
     with np.errstate(divide="ignore", invalid="ignore"):
         absorbance = np.where(t > 0.0, -np.log10(t), np.nan)
     return absorbance, [
-        look_at("absorbance is −log10 of the transmittance: light reflected by the cell's faces counts as absorbed")
+        warning("absorbance is −log10 of the transmittance: light reflected by the cell's faces counts as absorbed")
     ]
 
 
@@ -319,14 +319,14 @@ def _lamp_warnings(decay: Attenuation, nm: FloatArray, absorbance: FloatArray, p
     warnings, surface, deep = [], decay.local_um(), decay.between_um(SHALLOW_UM, DEEP_UM)
     if deep > (1.0 + _BENT) * surface:
         warnings.append(
-            look_at(
+            warning(
                 f"the lamp's light does not decay exponentially: Dp is {surface:.3g} µm at the surface "
                 f"and {deep:.3g} µm between {SHALLOW_UM:g} and {DEEP_UM:g} µm, so a working curve bends upwards"
             )
         )
     highest = float(decay.per_um.max()) * path_um / math.log(10.0)
     if highest > _SATURATED:
-        warnings.append(look_at(f"absorbance reaches {highest:.2g} in the lamp's light: use a shorter path"))
+        warnings.append(warning(f"absorbance reaches {highest:.2g} in the lamp's light: use a shorter path"))
     lowest = int(np.nanargmin(absorbance))
     offset = float(absorbance[lowest]) * math.log(10.0) / path_um * surface
     if abs(offset) > _OFFSET:
@@ -334,7 +334,7 @@ def _lamp_warnings(decay: Attenuation, nm: FloatArray, absorbance: FloatArray, p
         if offset < _ALL_OFFSET:
             change = f"{abs(offset) / (1.0 - offset):.0%} {'longer' if offset > 0.0 else 'shorter'}"
         warnings.append(
-            look_at(
+            warning(
                 f"the lowest absorbance is {absorbance[lowest]:.2g}, at {nm[lowest]:.0f} nm: if "
                 f"this value is an offset, for example from the cell's faces, Dp is {change}"
             )

@@ -29,7 +29,7 @@ from solen.errors import DataError
 from solen.material.dispersion import Cauchy, Sellmeier
 from solen.material.index.formulas import CauchyForm, Form, OnePole, TwoPoles, UnfitError, covariance_rows, resonance_nm
 from solen.material.index.least_squares import Points, Solved, points_of, solved
-from solen.ranks import Caution, do_not_use, look_at
+from solen.ranks import Caution, do_not_use, warning
 from solen.results import HIDDEN, Result, reported
 from solen.units import NM_PER_UM
 
@@ -266,7 +266,7 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[Ca
         )
     if points.u is not None and one.widened > 1:
         warnings.append(
-            look_at(
+            warning(
                 "the points scatter about the formula by more than their reported uncertainties, "
                 f"or neighbouring points are correlated (correlation {one.neighbours:.2f}); the "
                 f"uncertainties were multiplied by {one.widened:.2g}"
@@ -274,13 +274,13 @@ def _warnings(model: Cauchy | Sellmeier, one: Solved, points: Points) -> list[Ca
         )
     if points.u is None and not points.shared.size:
         warnings.append(
-            look_at(
+            warning(
                 "the uncertainty of the fit follows from scatter alone: errors common to all points are not included"
             )
         )
     if isinstance(model, Sellmeier):
         warnings += [
-            look_at(
+            warning(
                 f"the resonance at {nm:.0f} nm is close to the points, which begin at {low:g} nm: use the fit only "
                 "within their range"
             )

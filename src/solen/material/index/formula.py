@@ -11,7 +11,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.index.fit import Fit, fit
 from solen.material.index.spectrum import Estimate, IndexSpectrum
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 
 _FEW, _BEND = 10, 3.0  # smallest number of points with scatter; ratio of residuals to steps that shows a misfit
 _SMALL = 1e-4  # root mean square of negligible residuals
@@ -48,7 +48,7 @@ def formula_through(
     except DataError as bad:
         if kind is not None:
             raise
-        return None, [look_at(f"no formula is fitted: {bad}")]
+        return None, [warning(f"no formula is fitted: {bad}")]
     if not spectrum.measurement:
         formula = replace(formula, model=formula.model.model_copy(update={"covariance": None}))
     return formula, [*formula.warnings, *_misfit(formula)]
@@ -77,7 +77,7 @@ def _misfit(formula: Fit) -> list[Caution]:
     if formula.rms <= max(_BEND * step, _SMALL):
         return []
     return [
-        look_at(
+        warning(
             f"the {formula.kind} formula does not follow the points: it deviates by {formula.rms:.2g}, "
             f"whereas neighbouring points differ by {step:.2g}; strong absorption can cause that; "
             "narrow the range, or use the points themselves"

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from solen.arrays import FloatArray
-from solen.ranks import Caution, do_not_use, look_at
+from solen.ranks import Caution, do_not_use, warning
 from solen.units import NM_PER_UM
 
 _MIN_POINTS = 24  # smallest number of points for the detection of fringes
@@ -224,7 +224,7 @@ def fringe_warnings(
         ends += f" and {spacing[-1]:.2g} nm at {wavelength_nm[-1]:g} nm"
     what = f"fringes of a layer of {thickness_um:g} µm are {ends}"
     if bandwidth_nm is None:
-        return (look_at(f"{what}: powers add if the bandwidth is larger; the instrument's bandwidth is not specified"),)
+        return (warning(f"{what}: powers add if the bandwidth is larger; the instrument's bandwidth is not specified"),)
     wide = spacing > bandwidth_nm
     if not wide.any():
         return ()

@@ -25,7 +25,7 @@ from solen.material.index.masks import THREE_SIGMAS, Why, counted
 from solen.material.index.reading import Combined, Length, Reading
 from solen.material.index.spectrum import IndexSpectrum, estimate, nothing
 from solen.material.index.stack import Setup
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, note, warning
 from solen.results import HIDDEN, Result
 
 MODE = "fringes"
@@ -211,7 +211,7 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
     ]
     if by_levels:
         found = [
-            look_at(
+            warning(
                 "fringes were detected, but no film with a single slit width, a single thickness "
                 "variation and a smooth n explains them: n is computed from the levels of the "
                 "spectra, and the fringes count as scatter in its uncertainty; measure a flatter "
@@ -234,14 +234,14 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
         ]
     elif measured.slit_nm is None:
         found.append(
-            look_at(
+            warning(
                 "the bandwidth is not specified and was fitted: specify --bandwidth-nm, because the "
                 "contrast of fringes depends on it"
             )
         )
     if mode == MODE and ((thickness := measured.thickness) is None or thickness.u_um is None):
         found.append(
-            look_at(
+            warning(
                 "the uncertainty of the thickness is not specified: 10 % is assumed, and the fringes "
                 "determine the thickness"
             )
@@ -250,13 +250,13 @@ def _remarks(measured: Measured, mode: str, dispersion: str, *, by_levels: bool)
     if unknown:
         options = " and ".join(f"--u-{kind}" for kind in unknown)
         found.append(
-            look_at(
+            warning(
                 f"the accuracy of {' and '.join(unknown)} is neither specified nor included in u(n): specify {options}"
             )
         )
     if "R" not in measured.readings:
         found.append(
-            look_at(
+            warning(
                 "R was not measured: n depends on the contrast of the fringes and on the thickness; measure R as well"
             )
         )

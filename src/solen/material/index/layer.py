@@ -31,7 +31,7 @@ from solen.material.index.spectrum import IndexSpectrum
 from solen.material.index.stack import Setup, Substrate
 from solen.material.rows import chosen_rows, refuse_unused
 from solen.material.warning_prefixes import THICKNESS_NOT_IN_K
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, note, warning
 from solen.recording import Recording
 from solen.recording.model import Measured
 from solen.recording.optical import OPTIONS, OpticalSpectra, optical_spectra
@@ -388,7 +388,7 @@ def _other_baseline(spectra: OpticalSpectra, options: IndexOptions) -> list[Caut
         return []
     name, other = spectra.names["A"][0], spectra.names["T"][0]
     return [
-        look_at(
+        warning(
             f"{name} is not the absorbance of {other}: they have different baselines, or belong to different samples"
         )
     ]
@@ -401,13 +401,13 @@ def _about_instrument(
     warnings = []
     if options.baseline is None:
         warnings.append(
-            look_at("the baseline is not specified; air is assumed, for a free-standing layer: specify --baseline")
+            warning("the baseline is not specified; air is assumed, for a free-standing layer: specify --baseline")
         )
     if options.substrate is None and "T" in spectra.rows:
         t = spectra.mean("T")
         if (above := float(np.mean(t > 1.0))) >= _ABOVE:
             warnings.append(
-                look_at(
+                warning(
                     f"T exceeds 1 at {above:.0%} of the wavelengths, up to {np.nanmax(t):.4f}: this is impossible "
                     "for a free-standing layer, but possible for one measured against its bare substrate; if so, "
                     "specify --baseline substrate"
@@ -417,7 +417,7 @@ def _about_instrument(
         n = spectrum.lossless.value
         warnings += fringe_warnings(spectrum.wavelength_nm, n, options.thickness_um, bandwidth_nm)
         if options.u_thickness_um is None and spectrum.k.known.any():
-            warnings.append(look_at(f"{THICKNESS_NOT_IN_K} and not included in u_k: k is proportional to 1/thickness"))
+            warnings.append(warning(f"{THICKNESS_NOT_IN_K} and not included in u_k: k is proportional to 1/thickness"))
     known = {*options.ignore, *options.bare_transmittance, *options.bare_reflectance}
     if others := [name for name in spectra.unused if name not in known]:
         more = len(others) - _MAX_UNUSED

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.extras import installed, need
-from solen.ranks import Caution, do_not_use, look_at
+from solen.ranks import Caution, do_not_use, warning
 from solen.results import HIDDEN
 from solen.units import NM_PER_UM
 
@@ -302,7 +302,7 @@ def check_index(
     spread = f" ± {(slack[i] - MARGIN) / 2:.2g}" if slack[i] > MARGIN else ""
     names = " and ".join(f"{polymer}s" for polymer in polymers)
     return [
-        look_at(
+        warning(
             f"n = {values[i]:.4f}{spread} at {nm[i]:g} nm is {gap:.3f} {way} the literature of {names}, "
             f"{known.low[i]:.3f} ({known.lowest[i]}) to {known.high[i]:.3f} ({known.highest[i]}), and "
             f"{int(outside.sum())} of {judged} wavelengths are outside it: check the baseline, the kind of "
@@ -364,7 +364,7 @@ def check_dispersion(
         ]
     if fall + 2 * u_fall < 0:
         return [
-            look_at(
+            warning(
                 f"{fall_text}: the index rises with the wavelength, whereas the index of a transparent "
                 f"material falls; {known}"
             )

@@ -22,7 +22,7 @@ from solen.arrays import BoolArray, FloatArray
 from solen.material.index.inversion import Inverted
 from solen.material.index.reading import Combined, student
 from solen.material.warning_prefixes import K_MASKED
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 
 Codes = NDArray[np.int8]
 
@@ -148,7 +148,7 @@ def counted(name: str, why: Codes, beside: Codes | None = None) -> list[Caution]
     codes = why if beside is None else np.where(why == beside, Why.FINE, why)
     counts = Counter(Why(code) for code in codes.tolist() if code != Why.FINE)
     begins = K_MASKED if name == "k" else f"{name} is masked"
-    return [look_at(f"{begins} at {count} of {codes.size} wavelengths: {one.words}") for one, count in counts.items()]
+    return [warning(f"{begins} at {count} of {codes.size} wavelengths: {one.words}") for one, count in counts.items()]
 
 
 def _beyond(excess: FloatArray, u_sum: Combined) -> BoolArray:

@@ -24,7 +24,7 @@ from scipy.special import ndtri, stdtrit
 
 from solen.arrays import FloatArray
 from solen.errors import DataError
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 
 ONE_SIGMA = 0.682689492137086
 """Fraction of a normal distribution within one standard deviation."""
@@ -214,7 +214,7 @@ def _scatter(rows: FloatArray, name: str) -> tuple[FloatArray, FloatArray, float
     if not drifts:
         return mean, scatter, spread / np.sqrt(count), ()
     first, last = (float(np.nanmean(rows[i])) for i in (0, -1))
-    remark = look_at(
+    remark = warning(
         f"the {count} repeats of {name} drift in one direction, on average from {first:.5f} to "
         f"{last:.5f}: the repeats are not independent, so the uncertainty of a single repeat is "
         "used, not that of their mean"

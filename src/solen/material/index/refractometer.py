@@ -41,7 +41,7 @@ from solen.material.index.literature import (
     check_index,
     materials,
 )
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording.model import Measured, Provenance
 from solen.results import reported
 from solen.spec.strict import Finite, NotBelow0, Options, Wavelength, refused
@@ -429,7 +429,7 @@ def _warnings(values: _Values, prior: Prior, model: Cauchy, abbe: tuple[float, f
     freedom = values.n.size - 1
     if freedom == 0:
         return [
-            look_at(
+            warning(
                 "only one wavelength was measured; at other wavelengths n is not measured but "
                 f"derived from {prior.source}: V = {prior.abbe:.0f} ± {prior.u_abbe:.0f}, which "
                 f"results in u(n) = {model.u_index(450.0):.4f} at 450 nm and {model.u_index(860.0):.4f} "
@@ -438,7 +438,7 @@ def _warnings(values: _Values, prior: Prior, model: Cauchy, abbe: tuple[float, f
         ]
     if gammaincc(freedom / 2, chi2 / 2) < _SURE:
         return [
-            look_at(
+            warning(
                 f"measured values and prior disagree (χ² = {chi2:.1f} for {freedom}): combined "
                 f"V = {abbe[0]:.1f} ± {abbe[1]:.1f}, prior {prior.abbe:.0f} ± {prior.u_abbe:.0f}; "
                 "check the wavelengths and u(n)"

@@ -11,7 +11,7 @@ from solen.material.index.masks import ROUNDING, THREE_SIGMAS
 from solen.material.index.reading import Combined, Reading, student
 from solen.material.index.spectrum import Estimate
 from solen.material.index.stack import Setup
-from solen.ranks import Caution, do_not_use, look_at, note
+from solen.ranks import Caution, do_not_use, note, warning
 
 
 def too_bright(result: FloatArray, k: Combined) -> list[Caution]:
@@ -39,10 +39,10 @@ def assumed(t: FloatArray) -> Caution:
     """Return a warning with the effect on n of assuming k = 0, at the median transmittance."""
     assumption = "lossless: k = 0 is assumed, so n is an upper bound"
     if not t.size:
-        return look_at(assumption)
+        return warning(assumption)
     middle = float(np.median(t))
     by = -0.001 * float(lossless_slope(middle))
-    return look_at(
+    return warning(
         f"{assumption}; if 0.1 % of the light is absorbed or scattered, n is too high by {by:.4f} at T = {middle:.4f}"
     )
 
@@ -54,7 +54,7 @@ def unstated(read: Mapping[str, Reading]) -> list[Caution]:
         by = {"R": "0.0039 in R", "A": "0.0039 in A", "T": "0.0003 in T" if "R" in read else "0.0042 in T"}
         moves = " and by ".join(by[name] for name in names)
         return [
-            look_at(
+            warning(
                 f"the uncertainty of {' and '.join(names)} is unknown, and so is that of n and "
                 f"k: specify it with {_options(names)}, or provide repeats; near n = 1.5 an error "
                 f"of 0.001 changes n by {moves}"
@@ -62,7 +62,7 @@ def unstated(read: Mapping[str, Reading]) -> list[Caution]:
         ]
     alone = [name for name, one in read.items() if one.repeats > 1 and not one.u_common[1].any()]
     return [
-        look_at(
+        warning(
             f"the uncertainty includes only the repeats of {' and '.join(alone)}, not the instrument's "
             f"accuracy: specify the accuracy with {_options(alone)}"
         )
@@ -83,15 +83,15 @@ def about_substrate(inverse: Inverse, n: Estimate, read: Mapping[str, Reading], 
         warnings.append(note(f"on this substrate n = {inverse.n[i]:.4f} changes by {', '.join(moves)}, and {sheet}"))
     if names := [name for name, reading in read.items() if not reading.known]:
         unknown = f"the uncertainty of {' and '.join(names)} is unknown, and so is that of n"
-        warnings.append(look_at(f"{unknown}: specify it with {_options(names)}, or provide repeats"))
+        warnings.append(warning(f"{unknown}: specify it with {_options(names)}, or provide repeats"))
     u_sheet = np.broadcast_to(np.asarray(setup.substrate.u_n), n.value.shape)
     if not (u_sheet > 0).any():
         warnings.append(
-            look_at("the substrate's index is assumed exact: any error in that index causes an almost equal error in n")
+            warning("the substrate's index is assumed exact: any error in that index causes an almost equal error in n")
         )
     if i is not None and (part := abs(float(inverse.n_by["sheet_n"][i] * u_sheet[i]))) ** 2 > float(n.u[i]) ** 2 / 2:
         warnings.append(
-            look_at(
+            warning(
                 f"most of u(n) = {n.u[i]:.2g}, namely {part:.2g}, is due to the uncertainty of "
                 "the substrate's index: measure T and R of the bare sheet in air, determine its "
                 "index with solen resin index, and specify that index with --substrate and --u-substrate-n"

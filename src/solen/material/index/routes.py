@@ -37,7 +37,7 @@ from solen.material.index.route_warnings import about_substrate, assumed, too_br
 from solen.material.index.spectrum import Estimate, IndexSpectrum, estimate, nothing
 from solen.material.index.stack import Setup
 from solen.material.index.substrate import extinction, invert_lossless, invert_on_substrate, most_transmitted
-from solen.ranks import do_not_use, look_at
+from solen.ranks import do_not_use, warning
 
 AS_PUBLISHED = do_not_use(
     "as published, not valid as a measurement: R = 1 − T − A with A = −log10 T makes R a function of T alone, so "
@@ -139,7 +139,7 @@ def lossless(wavelength_nm: ArrayLike, transmittance: Reading, setup: Setup | No
         inverse = invert_lossless(t, nm, setup)
         n = _lossless_on_substrate(nm, transmittance, inverse, setup)
         assumption = "lossless: k = 0 is assumed, so n is an upper bound: any absorption or scattering in the layer "
-        head = [look_at(f"{assumption}raises it"), *about_substrate(inverse, n, {"T": transmittance}, setup)]
+        head = [warning(f"{assumption}raises it"), *about_substrate(inverse, n, {"T": transmittance}, setup)]
     return IndexSpectrum(
         mode="lossless",
         measurement=True,

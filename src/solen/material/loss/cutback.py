@@ -20,7 +20,7 @@ from solen.material.loss.levels import MM_PER_CM, absorption_per_mm, smallest_lo
 from solen.material.loss.pieces import Piece, Table, pieces_of
 from solen.material.regression import LinearFit, chance, f_tail, rosner_outliers, t_quantile, t_tail
 from solen.material.warning_prefixes import BY_ORIENTATION
-from solen.ranks import Caution, do_not_use, look_at, note
+from solen.ranks import Caution, do_not_use, note, warning
 from solen.recording import Measured
 from solen.results import HIDDEN, Result, reported
 
@@ -351,7 +351,7 @@ def _of_pieces(loss: GuideLoss) -> list[Caution]:
     for outlier in loss.outliers:
         side = "above" if outlier.deviation_dB > 0.0 else "below"
         warnings.append(
-            look_at(
+            warning(
                 f"{outlier.piece.name} is set aside: it lies {abs(outlier.deviation_dB):.2g} dB "
                 f"{side} the line through the other pieces, {abs(outlier.t):.1f} standard errors "
                 "away; inspect it, or keep it with --keep-all"
@@ -360,14 +360,14 @@ def _of_pieces(loss: GuideLoss) -> list[Caution]:
     if loss.with_outliers is not None:
         low, high = loss.with_outliers.interval95_loss_dB_per_cm
         warnings.append(
-            look_at(
+            warning(
                 f"including {'it' if len(warnings) == 1 else 'them'}, the loss is "
                 f"{loss.with_outliers.loss_dB_per_cm:.3g} dB/cm, {low:.3g} to {high:.3g}"
             )
         )
     if loss.degrees_of_freedom < 4.0:
         warnings.append(
-            look_at(
+            warning(
                 f"{loss.pieces} pieces of {loss.guides} guides leave {loss.degrees_of_freedom:.1f} "
                 f"degrees of freedom, so the interval extends {t_quantile(0.95, loss.degrees_of_freedom):.1f} "
                 "standard uncertainties to each side"
@@ -400,7 +400,7 @@ def _of_size(loss: GuideLoss) -> list[Caution]:
         ]
     if high - low > loss.loss_dB_per_cm:
         return [
-            look_at(
+            warning(
                 f"the loss is known only to within a factor of {high / low:.1f} ({span}): use longer guides or more"
             )
         ]
@@ -409,7 +409,7 @@ def _of_size(loss: GuideLoss) -> list[Caution]:
 
 def _of_shape(loss: GuideLoss) -> list[Caution]:
     if loss.lengths == 2:
-        return [look_at("two lengths cannot show whether the level falls along a straight line; add a third length")]
+        return [warning("two lengths cannot show whether the level falls along a straight line; add a third length")]
     if loss.p_curved is None or loss.curvature_dB_per_cm2 is None or loss.p_curved > SIGNIFICANCE:
         return []
     flattens = loss.curvature_dB_per_cm2 > 0.0
@@ -419,7 +419,7 @@ def _of_shape(loss: GuideLoss) -> list[Caution]:
         else "short guides saturate the receiver, or long ones have defects"
     )
     return [
-        look_at(
+        warning(
             f"the line {'flattens' if flattens else 'steepens'} with length (expected by chance "
             f"{chance(loss.p_curved)}): {why}; a single loss does not describe it"
         )
@@ -432,13 +432,13 @@ def _of_orientation(loss: GuideLoss) -> list[Caution]:
     if flat := [
         orientation for orientation in named if orientation not in {line.orientation for line in loss.by_orientation}
     ]:
-        warnings.append(look_at(f"too few lengths or pieces for a separate loss: {', '.join(flat)}"))
+        warnings.append(warning(f"too few lengths or pieces for a separate loss: {', '.join(flat)}"))
     if loss.p_orientation is None:
         return warnings
     values = ", ".join(f"{line.orientation}: {line.loss_dB_per_cm:.3g}" for line in loss.by_orientation)
     if loss.p_orientation < SIGNIFICANCE:
         warnings.append(
-            look_at(
+            warning(
                 f"{BY_ORIENTATION} (dB/cm: {values}; expected by chance {chance(loss.p_orientation)}): "
                 "use the value for your orientation, not the overall value"
             )
@@ -452,5 +452,5 @@ def _of_orientation(loss: GuideLoss) -> list[Caution]:
         )
     lone = [line.orientation for line in loss.by_orientation if line.guides == 1]
     if lone:
-        warnings.append(look_at(f"only one guide for {', '.join(lone)}: this compares guides, not orientations"))
+        warnings.append(warning(f"only one guide for {', '.join(lone)}: this compares guides, not orientations"))
     return warnings

@@ -15,7 +15,7 @@ from solen.material.loss.cutback import GuideLoss, cut_back
 from solen.material.loss.levels import full_level_dB, levels_dB, pulls_down
 from solen.material.rows import REPEATS, RowOptions, chosen_rows, constant_number, refuse_unused, stacked_replicates
 from solen.material.warning_prefixes import LAUNCHED
-from solen.ranks import Caution, do_not_use, look_at, note
+from solen.ranks import Caution, do_not_use, note, warning
 from solen.recording import Channel, Recording
 from solen.spec.strict import Finite, Wavelength
 from solen.units import factor, is_unit
@@ -128,28 +128,28 @@ def readings(recording: Recording, unit: str | None = None, dark: float | None =
     complete = np.isfinite(length) & np.isfinite(channel.values)
     if not complete.all():
         missing = int(np.sum(~complete))
-        warnings.append(look_at(f"omitted {missing} row{'s' * (missing > 1)} without a length or a power"))
+        warnings.append(warning(f"omitted {missing} row{'s' * (missing > 1)} without a length or a power"))
     if not complete.any():
         raise DataError(recording.provenance.file, limit="contains no row with both a length and a power")
     values = channel.values[complete] * (-1.0 if recording.find(*LOSSES) is channel else 1.0)
     (of_guide, guide), (of_way, orientation) = (_texts(recording, complete, names) for names in (GUIDES, ORIENTATIONS))
     if guide is None:
         warnings.append(
-            look_at(
+            warning(
                 "no column names the guide (guide): the readings at each length are averaged as "
                 "if they belonged to one guide, which is conservative and results in a wide interval"
             )
         )
     elif len(set(guide)) == 1 and len(guide) > 1:
         warnings.append(
-            look_at(
+            warning(
                 f"all rows belong to guide {guide[0]} and are evaluated as a single guide that "
                 "was cut back; other guides may differ"
             )
         )
     if unit in _VOLTS and dark is None:
         warnings.append(
-            look_at("the voltages have no dark reading (--dark): an offset bends the line and changes the loss")
+            warning("the voltages have no dark reading (--dark): an offset bends the line and changes the loss")
         )
     columns = (lengths.name, channel.name, *of_guide, *of_way)
     return Readings(
@@ -168,7 +168,7 @@ def _unit(channel: Channel, stated: str | None) -> tuple[str, list[Caution]]:
             return "", []
         if channel.quantity == "transmittance" or channel.name == "T":
             return "1", []
-        return "", [look_at(f"{channel.name} has no unit and is assumed to be proportional to the power (--unit)")]
+        return "", [warning(f"{channel.name} has no unit and is assumed to be proportional to the power (--unit)")]
     if (share := factor(given, "1")) in _SHARES:
         return _SHARES[share], []
     if not is_unit(given) or all(factor(given, unit) is None for unit in _LINEAR):

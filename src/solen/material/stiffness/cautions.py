@@ -4,7 +4,7 @@ import numpy as np
 
 from solen.material.stiffness.hyperelastic import Fit
 from solen.material.stiffness.modes import MODES
-from solen.ranks import Caution, do_not_use, look_at, note
+from solen.ranks import Caution, do_not_use, note, warning
 
 _POOR = 0.1
 
@@ -24,7 +24,7 @@ def _unmeasured(fit: Fit) -> Caution | None:
     missing = [name for name in MODES if name not in {q.mode for q in fit.quality}]
     if not missing or len(fit.values) == 1:
         return None
-    return look_at(
+    return warning(
         f"{' and '.join(missing)} deformation was not measured: models that agree on these data may differ there"
     )
 
@@ -48,7 +48,7 @@ def _unstable(fit: Fit) -> list[Caution]:
 
 def _undetermined(fit: Fit) -> Caution | None:
     if fit.scatter.covariance is None:
-        return look_at(
+        return warning(
             f"the parameters of {fit.model.kind} cannot be determined individually: their covariance does not exist"
         )
     spread = np.sqrt(np.diag(fit.scatter.covariance))
@@ -56,12 +56,12 @@ def _undetermined(fit: Fit) -> Caution | None:
     if not loose:
         return None
     names = ", ".join(loose)
-    return look_at(f"{names} of {fit.model.kind}: the uncertainty exceeds the value; use a model with fewer parameters")
+    return warning(f"{names} of {fit.model.kind}: the uncertainty exceeds the value; use a model with fewer parameters")
 
 
 def _misfit(fit: Fit) -> list[Caution]:
     return [
-        look_at(
+        warning(
             f"{fit.model.kind} deviates from the {q.mode} stresses by {100 * q.rms_relative:.0f} % in root mean square "
             f"({q.rms_MPa:.2g} MPa)"
         )

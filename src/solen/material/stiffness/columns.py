@@ -18,7 +18,7 @@ from solen.errors import DataError
 from solen.material.stiffness.modes import TestMode
 from solen.material.stiffness.specimen import Specimen
 from solen.material.stiffness.stress_strain import StressStrain, as_test, sense
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording import Channel, Recording
 
 FORCE = ("force", "standard force", "load")
@@ -194,7 +194,7 @@ def _other_length(recording: Recording, specimen: Specimen, strain: FloatArray, 
     if abs(implied / specimen.length_mm - 1) < 0.01:
         return ()
     return (
-        look_at(
+        warning(
             f"{name} is {travel.name} over {implied:.5g} mm, but the file specifies a length of "
             f"{specimen.length_mm:.6g} mm; the file's strain is used unchanged (use --length-mm "
             "to divide the displacement by a length instead)"

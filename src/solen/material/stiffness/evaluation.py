@@ -35,7 +35,7 @@ from solen.material.stiffness.modulus import (
 from solen.material.stiffness.specimen import held_ends
 from solen.material.stiffness.stress_strain import StressStrain
 from solen.material.stiffness.toe import Toe, find_toe
-from solen.ranks import Caution, look_at, note
+from solen.ranks import Caution, note, warning
 from solen.results import Result, reported
 from solen.spec.strict import Above0, Finite, refused
 
@@ -221,11 +221,11 @@ def _of_friction(test: StressStrain, options: StiffnessOptions) -> Caution | Non
     shape = test.specimen.shape_factor
     ratio = None if shape is None else held_ends(shape)
     if shape is None or ratio is None:
-        return look_at(
+        return warning(
             "compression between dry platens overestimates the modulus; height and area are needed to estimate by "
             "how much"
         )
-    return look_at(
+    return warning(
         f"shape factor {shape:.3g}: if the platens hold the ends, the modulus appears up to {100 * (ratio - 1):.0f} "
         f"% too high, and the material's modulus is {1 / ratio:.2f} to 1 times this value; specify "
         "--lubricated if the ends slid"
@@ -236,7 +236,7 @@ def _of_dimensions(test: StressStrain, modulus: Young) -> Caution | None:
     per_mm = test.specimen.area_error_per_mm
     if not test.area_used or modulus.u_dimensions_MPa is not None or per_mm is None:
         return None
-    return look_at(
+    return warning(
         "the uncertainty of the modulus does not include the specimen's dimensions (--u-geometry-mm): "
         f"0.05 mm on each side would make the area uncertain by {100 * 0.05 * per_mm:.1g} %"
     )
@@ -247,7 +247,7 @@ def _of_compliance(test: StressStrain, modulus: Young) -> Caution | None:
     if not test.from_displacement or test.compliance_removed or area is None or length is None:
         return None
     stiffness = modulus.modulus_MPa * area / length
-    return look_at(
+    return warning(
         f"the strain includes the deformation of machine and fixture: if their stiffness is {100 * stiffness:.2g} "
         f"N/mm, the modulus is 1 % too low, because the stiffness of the specimen is {stiffness:.2g} "
         "N/mm; subtract this deformation with --compliance-mm-per-N"
@@ -257,7 +257,7 @@ def _of_compliance(test: StressStrain, modulus: Young) -> Caution | None:
 def _of_points(modulus: Young) -> Caution | None:
     if modulus.effective_points >= _WORTH:
         return None
-    return look_at(
+    return warning(
         f"the {modulus.points} points of the modulus count as {modulus.effective_points:.1f} independent "
         "points, because neighbouring residuals correlate; below 8 the interval is too narrow"
     )
@@ -281,7 +281,7 @@ def _of_loss(cycles: Sequence[Cycle]) -> Caution | None:
     losses = [each.loss_fraction for each in cycles if each.loss_fraction is not None]
     if not losses or losses[-1] < _LOSSY:
         return None
-    return look_at(
+    return warning(
         f"cycle {len(losses)} loses {100 * losses[-1]:.0f} % of the work absorbed: a hyperelastic "
         "model includes no loss and describes only the loading"
     )

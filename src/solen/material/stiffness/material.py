@@ -23,7 +23,7 @@ from solen.material.stiffness.modes import TestMode
 from solen.material.stiffness.modulus import Range
 from solen.material.stiffness.specimen import Dimensions, number_in, specimen_of
 from solen.material.stiffness.stress_strain import StressStrain
-from solen.ranks import Caution, look_at, note, of
+from solen.ranks import Caution, note, prefixed, warning
 from solen.recording import Measured, Recording
 
 _RIGID_MPA = 100.0  # anything stiffer is not a rubber: auto fits no hyperelastic model to it
@@ -148,7 +148,7 @@ def stiffness_of(tests: Sequence[MechanicalTest], options: StiffnessOptions = St
     specimens = _specimens(tests, options)
     labels = list(dict.fromkeys(specimen.label for specimen in specimens))
     groups = tuple(_material([each for each in specimens if each.label == label], options) for label in labels)
-    warnings = tuple(dict.fromkeys([*remarks, *(warning for group in groups for warning in group.warnings)]))
+    warnings = tuple(dict.fromkeys([*remarks, *(caution for group in groups for caution in group.warnings)]))
     if len(groups) > 1:
         beside = note(f"modulus and model outside groups apply only to {labels[0]}; groups contains all {len(labels)}")
         warnings = (*warnings, beside)
@@ -189,7 +189,7 @@ def _evaluated(test: StressStrain, options: StiffnessOptions, strain_range: Rang
     other = (
         f"modulus over {low:.3g} to {high:.3g} %, because the range of the other specimens contains too few points here"
     )
-    return replace(evaluated, warnings=(*evaluated.warnings, look_at(other)))
+    return replace(evaluated, warnings=(*evaluated.warnings, warning(other)))
 
 
 def _parts(recording: Recording) -> list[tuple[str, str, Recording]]:
@@ -230,7 +230,7 @@ def _material(specimens: Sequence[_Specimen], options: StiffnessOptions) -> Mate
         specimens=tuple(specimen.evaluated for specimen in specimens),
         model=chosen,
         fits=fits,
-        warnings=tuple(of(label, warning) for warning in warnings),
+        warnings=tuple(prefixed(label, caution) for caution in warnings),
     )
 
 
@@ -260,7 +260,7 @@ def _of_specimens(specimens: Sequence[_Specimen]) -> list[Caution]:
     warnings: list[Caution] = []
     for each in specimens:
         own = (*each.evaluated.warnings, *each.recording.warnings, *_of_machine(each))
-        warnings += [warning if warning in shared else of(each.evaluated.name, warning) for warning in own]
+        warnings += [caution if caution in shared else prefixed(each.evaluated.name, caution) for caution in own]
     return list(dict.fromkeys(warnings))
 
 
@@ -272,7 +272,7 @@ def _of_machine(specimen: _Specimen) -> list[Caution]:
         theirs, ours = number_in(text, "MPa", heading), specimen.evaluated.young.modulus_MPa
         if theirs and abs(ours / theirs - 1) > 0.01:
             return [
-                look_at(
+                warning(
                     f"the machine's own {heading} is {theirs:.6g} MPa, which differs from this "
                     f"modulus by {100 * (theirs / ours - 1):+.1f} %"
                 )
@@ -282,9 +282,9 @@ def _of_machine(specimen: _Specimen) -> list[Caution]:
 
 def _of_count(specimens: int) -> list[Caution]:
     if specimens == 1:
-        return [look_at("only one specimen was tested: the variation between specimens of this material is unknown")]
+        return [warning("only one specimen was tested: the variation between specimens of this material is unknown")]
     return (
-        [look_at("only two specimens were tested: their standard deviation is itself uncertain by 76 %")]
+        [warning("only two specimens were tested: their standard deviation is itself uncertain by 76 %")]
         if specimens == 2
         else []
     )
@@ -294,4 +294,4 @@ def _of_fits(fits: Sequence[Fit], chosen: Fit | None) -> list[Caution]:
     if chosen is not None:
         return cautions(chosen)
     kinds = ", ".join(each.kind for each in fits)
-    return [look_at(f"no model is chosen: none of {kinds} is stable over the data")] if fits else []
+    return [warning(f"no model is chosen: none of {kinds} is stable over the data")] if fits else []

@@ -29,7 +29,7 @@ Range = tuple[float, float]
 
 _TENSION: tuple[Range, ...] = ((0.0005, 0.0025), (0.02, 0.1), (0.05, 0.25), (0.0, 0.5))
 _COMPRESSION: tuple[Range, ...] = ((0.02, 0.1), (0.05, 0.25), (0.0, 0.5))
-_ENOUGH, _FEWEST = 8, 3
+_ENOUGH, _MIN_POINTS = 8, 3
 _RESOLVED = 0.02  # relative uncertainty above which a wider range is used
 BREAK = 0.6
 """A specimen is broken if its force is below this fraction of the largest force."""
@@ -106,10 +106,10 @@ def young(test: StressStrain, strain_range: Range, cycle: str = "first") -> Youn
             "strain range in percent", value=given, limit="must be two numbers of at least 0, the lower first"
         )
     strain, stress = _in_range(test, strain_range, cycle)
-    if len(strain) < _FEWEST or float(np.ptp(strain)) == 0:
+    if len(strain) < _MIN_POINTS or float(np.ptp(strain)) == 0:
         reached = 100 * float(np.abs(test.strain).max())
         limit = (
-            f"contains {len(strain)} points of the loading branch, but {_FEWEST} are needed; "
+            f"contains {len(strain)} points of the loading branch, but {_MIN_POINTS} are needed; "
             f"the test reaches {reached:.4g} %"
         )
         raise DataError(f"strain range {100 * low:g} to {100 * high:g} %", limit=limit, remedy="choose a wider one")

@@ -18,7 +18,7 @@ from solen.arrays import FloatArray
 from solen.errors import DataError
 from solen.material.stiffness.modes import MODES, UNIAXIAL, Mode, TestMode
 from solen.material.stiffness.specimen import Specimen
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.results import HIDDEN, reported
 
 Loading = Literal["tension", "compression", "both"]
@@ -146,7 +146,7 @@ def as_test(
     if strain.max() > _PERCENT_BY_MISTAKE:
         warnings = (
             *warnings,
-            look_at(f"strain reaches {strain.max():.4g}, {100 * strain.max():.4g} %: check that it is not in per cent"),
+            warning(f"strain reaches {strain.max():.4g}, {100 * strain.max():.4g} %: check that it is not in per cent"),
         )
     return StressStrain(
         mode=MODES.get(mode or "", UNIAXIAL),
@@ -225,7 +225,7 @@ def _loading(
     warnings: tuple[Caution, ...] = ()
     if assumed:
         warnings = (
-            look_at(
+            warning(
                 "tension is assumed: the file specifies no mode and all signs are positive; otherwise "
                 "specify --mode compression"
             ),

@@ -18,7 +18,7 @@ from solen.metrology.image import Image
 from solen.metrology.pose import Pose
 from solen.metrology.scale import Scale
 from solen.metrology.zmap import ZMap
-from solen.ranks import Caution, look_at
+from solen.ranks import Caution, warning
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
 
@@ -380,4 +380,4 @@ def _warnings(
             (blur or 0.0) > BLURRED_PX
         ),
     }
-    return [look_at(text) for text, holds in texts.items() if holds]
+    return [warning(text) for text, holds in texts.items() if holds]

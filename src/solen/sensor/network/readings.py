@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from solen.arrays import FloatArray
-from solen.ranks import look_at
+from solen.ranks import warning
 from solen.spec.network import Network
 from solen.spec.reading import Formula
 
@@ -34,7 +34,7 @@ def without_value(names: Sequence[str], reading: FloatArray, u_reading: FloatArr
     bad = ~(np.isfinite(reading) & np.isfinite(u_reading))
     counts = zip(names, bad.sum(axis=0).tolist(), strict=True)
     return [
-        look_at(f"reading {name} has no certain value in {count} of {len(bad)} states")
+        warning(f"reading {name} has no certain value in {count} of {len(bad)} states")
         for name, count in counts
         if count
     ]

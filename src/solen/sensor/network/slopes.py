@@ -17,7 +17,7 @@ import numpy as np
 from solen.arrays import FloatArray
 from solen.errors import SolenError, SpecError
 from solen.progress import Progress, part_of, tracked
-from solen.ranks import look_at, note
+from solen.ranks import note, warning
 from solen.results import Result
 from solen.sensor.network.motions import Determination, Suggestion, determined, in_words
 from solen.sensor.network.readings import readings_of, slopes_of
@@ -143,7 +143,7 @@ def network_sensitivities(
     moved = [(motions[row.key], row) for row in rows if row.key in motions]
     here, by_voltages, by_readings = _determined(design, moved, tolerance) if moved else (None, None, None)
     unread = dict.fromkeys(text for row in rows for text in unread_in(row.ends))
-    unsure = [look_at(text) for text in in_words(by_voltages)] if by_voltages else []
+    unsure = [warning(text) for text in in_words(by_voltages)] if by_voltages else []
     unsure += [note(f"from network.reading alone: {text}") for text in in_words(by_readings)] if by_readings else []
     (slope, u_slope), (read_slope, u_read_slope) = (
         zip(*(row.slope(name) for row in rows), strict=True) for name in ("power", "reading")

@@ -45,7 +45,7 @@ BEYOND_MM = 1e-3
 """Margin in front of the nearest point and behind the deepest point of a face within which hits are sought, to allow
 for errors of these points.
 """
-ROUNDING, LEAST = 1e-12, 1e-300
+ROUNDING, TINY = 1e-12, 1e-300
 MAX_BOUNCES = 1000
 
 PASSED, ENTERED, OVER = range(3)
@@ -216,7 +216,7 @@ def to_layers(f: Face, layer: int, at: Vector, d: Vector, start: float, end: flo
     if start > 0.0:
         layer = layer_of(f, at.y + start * d.y)
     up, last = (1 if d.y > 0.0 else -1), len(f.edges) - 2
-    fall = f.step + LEAST
+    fall = f.step + TINY
     if d.y != 0.0:
         rate = d.z + abs(d.x) * (f.fall if at.x * d.x >= 0.0 else max(f.rise, f.fall))  # the ray may cross the axis
         fall += max(rate, 0.0) * f.thickest / abs(d.y)
