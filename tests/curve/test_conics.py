@@ -205,8 +205,8 @@ def test_a_conic_without_curvature_is_straight() -> None:
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ({"to_mm": 2.0}, "conic to_mm = 2.0; must be at most 1.999999 mm from the axis; end it nearer"),
-        ({"from_mm": -3.0}, "conic from_mm = -3.0; must be at most 1.999999 mm"),
+        ({"to_mm": 2.0}, "conic to_mm = 2.0; must be within 1.999999 mm of the axis; end it nearer"),
+        ({"from_mm": -3.0}, "conic from_mm = -3.0; must be within 1.999999 mm of the axis"),
         ({"to_mm": -1.0}, "conic = 'from -1.0 mm to itself'; must have a length"),
         ({"curvature_per_mm": math.nan}, "must be a finite number"),
         ({"conic_constant": "0"}, "must be a finite number"),
