@@ -119,7 +119,7 @@ def lamps(_: Levels) -> Any:
         (short, [r"A right \(input 1\): do not use: .* near 0 V"]),
         (swapped, ["B right .* rises when its emitter is on"]),
         (bright, [r"A right .* 1.5 times the light.* smaller load"]),
-        (dim, [r"A right .*: note: .* greater load"]),
+        (dim, [r"A right .*: note: .* larger load"]),
         (beyond, [r"B left .* upper limit of the range in \d\d % of the readings"]),
         (lamps, ["varies by 21. mV with the emitters off; shade it"] * 4),
     ],
