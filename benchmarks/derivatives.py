@@ -83,7 +83,7 @@ def by_solen() -> list[Found]:
 def by_mitsuba() -> list[Found]:
     """Return derivatives from projective sampling of silhouettes, and from differentiation along paths only.
 
-    A camera that faces the white screen sees its radiance, the irradiance divided by π, uniformly over its picture.
+    A camera that faces the white screen sees its radiance, the irradiance divided by π, uniformly over its image.
     """
     import drjit as dr
     import mitsuba as mi

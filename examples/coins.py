@@ -37,12 +37,12 @@ def edges(grey: FloatArray) -> list[Edge]:
 
 
 def main() -> dict[str, FloatArray]:
-    """Measure the coins in the original and in the picture rotated by 90°.
+    """Measure the coins in the original and in the image rotated by 90°.
 
     Return their diameters in px in both, and their rms deviations from a circle.
     """
     grey = data.coins() / 255.0
-    taken, turned = (np.array([circle(edge) for edge in edges(picture)]) for picture in (grey, np.rot90(grey)))
+    taken, turned = (np.array([circle(edge) for edge in edges(image)]) for image in (grey, np.rot90(grey)))
     back = np.stack([grey.shape[1] - 1 - turned[:, 1], turned[:, 0]], axis=1)
     same = np.hypot(*(taken[:, None, :2] - back).transpose(2, 0, 1)).argmin(axis=1)
     apart = np.abs(turned[same, 2] - taken[:, 2])

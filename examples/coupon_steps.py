@@ -1,17 +1,17 @@
-"""Coupons: a simulated z map of group C, printed in layers of 50 µm, and the smallest step that it reproduces."""
+"""Coupons: a simulated height map of group C, printed in layers of 50 µm, and the smallest step that it reproduces."""
 
 import numpy as np
 
 from solen.geometry.coupons import group_c
 from solen.metrology import Scale
 from solen.metrology.coupons import measure_coupon
-from solen.metrology.zmap import ZMap
+from solen.metrology.height_map import HeightMap
 from solen.recording import Provenance
 
 UM_PER_PX, LAYER_MM, ROUGH_MM = 15.0, 0.05, 0.002
 
 
-def z_map_mm() -> np.ndarray:
+def height_map_mm() -> np.ndarray:
     """Return the heights above the build plate: whole layers, with a roughness of 2 µm from pixel to pixel."""
     coupon = group_c()
     width, depth, top = coupon.size_mm
@@ -29,8 +29,8 @@ def z_map_mm() -> np.ndarray:
 
 def main() -> dict[str, float | None]:
     """Return the smallest reproduced step, its measured size, and the next one, which is not reproduced."""
-    source = Provenance(file="simulated z map", simulated=True)
-    found = measure_coupon(ZMap(z_map_mm(), Scale(UM_PER_PX), source), group_c())
+    source = Provenance(file="simulated height map", simulated=True)
+    found = measure_coupon(HeightMap(height_map_mm(), Scale(UM_PER_PX), source), group_c())
     (step,) = [one for one in found.limits if one.kind == "z_step"]
     fine = [one for one in found.measured if one.kind == "step" and one.nominal_mm == step.next_mm]
     rises = sum(bool(one.resolved) for one in fine)

@@ -198,12 +198,12 @@ def ambient_light(example: Example) -> Figure:
 
 
 def coupon_steps(example: Example) -> Figure:
-    """Draw the heights along the middle row of the z map."""
+    """Draw the heights along the middle row of the height map."""
     figure, axes = _axes()
-    z_map = example.names["z_map_mm"]()
-    row = z_map[np.argmax(z_map.max(axis=1))]
+    height_map = example.names["height_map_mm"]()
+    row = height_map[np.argmax(height_map.max(axis=1))]
     axes.plot(1e-3 * example.names["UM_PER_PX"] * np.arange(row.size)[::4], row[::4], color=RIGHT, lw=1.0)
-    axes.set(xlabel="along the coupon (mm)", ylabel="height (mm)", title="simulated z map")
+    axes.set(xlabel="along the coupon (mm)", ylabel="height (mm)", title="simulated height map")
     return figure
 
 

@@ -35,8 +35,8 @@ def micrograph() -> bytes:
     placing = Placing(UM_PER_PX, (365.0, 345.0), TURN_DEG)
     scenery = [gradient(0.25, 30.0), dust(10, 2.5, -0.7), fibres(1, 90.0, 2.5, -0.5)]
     levels = reflected(outline_mm(shipped(), printed), placing, step=0.5, optics=airy(3.5))
-    picture = Scene(SIZE_PX, levels, scenery=scenery, camera=Camera(noise=0.008), sub=3).taken(23)
-    return _ome_tiff((picture // 2) * 2)  # the last bit is noise, and half of the file
+    image = Scene(SIZE_PX, levels, scenery=scenery, camera=Camera(noise=0.008), sub=3).taken(23)
+    return _ome_tiff((image // 2) * 2)  # the last bit is noise, and half of the file
 
 
 def _ome_tiff(levels: NDArray[np.uint8]) -> bytes:

@@ -1,7 +1,7 @@
 """The sample data that `solen project examples` copies: ``python -m tools.samples`` writes all of it again.
 
-Nothing was measured: tables state this in their first line, pictures and the video in their names and their
-descriptions. Pictures are made with an image model of the tests, which shares no code with the measurement.
+Nothing was measured: tables state this in their first line, images and the video in their names and their
+descriptions. Images are made with an image model of the tests, which shares no code with the measurement.
 """
 
 import io
@@ -25,7 +25,7 @@ from tests.bench.video_support import Camera as VideoCamera
 from tests.bench.video_support import cells, seen_by, write_avi
 from tests.fabricate.test_printed_command import features_file
 from tests.metrology.coupon_support import Camera, Print
-from tests.metrology.test_micrometer import picture as ruler
+from tests.metrology.test_micrometer import ruler
 from tools.micrograph import NAME, micrograph
 from tools.recording import recording, second
 
@@ -132,7 +132,7 @@ def switched() -> str:
 
 
 def png(grey: FloatArray, about: str) -> bytes:
-    """Return a grey picture of 32 levels whose description states that it is simulated."""
+    """Return a grey image of 32 levels whose description states that it is simulated."""
     file, words = io.BytesIO(), PngImagePlugin.PngInfo()
     words.add_text("Description", f"simulated: {about}")
     Image.fromarray(8 * np.rint(31.0 * np.clip(grey, 0.0, 1.0)).astype(np.uint8)).save(
@@ -142,17 +142,17 @@ def png(grey: FloatArray, about: str) -> bytes:
 
 
 def pillars() -> bytes:
-    """Return a picture of the coupon group-a under a microscope, 14 µm per pixel."""
-    return png(Camera(14.0, 3.0, blur_px=1.2, noise=0.005).picture(Print(layout("group-a"))), "coupon group-a")
+    """Return an image of the coupon group-a under a microscope, 14 µm per pixel."""
+    return png(Camera(14.0, 3.0, blur_px=1.2, noise=0.005).image(Print(layout("group-a"))), "coupon group-a")
 
 
 def holes() -> bytes:
-    """Return a picture of the coupon holes under the same microscope."""
-    return png(Camera(14.0, -2.0, blur_px=1.2, noise=0.005).picture(Print(layout("holes"))), "coupon holes")
+    """Return an image of the coupon holes under the same microscope."""
+    return png(Camera(14.0, -2.0, blur_px=1.2, noise=0.005).image(Print(layout("holes"))), "coupon holes")
 
 
 def micrometer() -> bytes:
-    """Return a picture of a stage micrometer with a line every 10 µm, 0.625 µm per pixel."""
+    """Return an image of a stage micrometer with a line every 10 µm, 0.625 µm per pixel."""
     return png(ruler(np.random.default_rng(1), 16.0, 3.0, noise=0.01), "stage micrometer, 10 µm")
 
 

@@ -59,9 +59,9 @@ def working_curve(file: FilePath, *, sheet: str | None = None, **options: Any) -
 
 
 def measure_lens(
-    picture: FilePath, design: "Design | FilePath", *, against: "Sequence[Design]" = (), **options: Any
+    image: FilePath, design: "Design | FilePath", *, against: "Sequence[Design]" = (), **options: Any
 ) -> "LensInspection":
-    """Measure a printed lens in a picture against its design.
+    """Measure a printed lens in an image against its design.
 
     Options: `solen.metrology.InspectOptions`.
     """
@@ -70,9 +70,9 @@ def measure_lens(
     from solen.spec import Design, load
 
     asked = InspectOptions(**options)
-    image = read_image(Path(picture), options=asked)
+    micrograph = read_image(Path(image), options=asked)
     part = design if isinstance(design, Design) else load(design)
-    return measure(image, part, edge=asked.edge, against=against, priors=asked, seen_from=asked.seen_from)
+    return measure(micrograph, part, edge=asked.edge, against=against, priors=asked, seen_from=asked.seen_from)
 
 
 def analyse(*recordings: FilePath, **options: Any) -> "Study":

@@ -1,6 +1,6 @@
 """Sample data for every command: `solen project examples` copies them, and the tutorials start from them.
 
-None of them was measured. Tables state this in their first line; pictures, the video and the journal state it also in
+None of them was measured. Tables state this in their first line; images, the video and the journal state it also in
 their names. Designs, protocols and rigs define what is simulated.
 """
 

@@ -61,7 +61,7 @@ def test_what_comes_out_is_what_went_in(zipped: Path, tmp_path: Path) -> None:
         "files/own.toml": "resin",
         "files/bench/monday.csv": "recording",
         "files/bench/notes.dat": "other file",
-        "files/figure.svg": "picture",
+        "files/figure.svg": "image",
     }
     assert (found.name, found.licence, found.authors) == ("mine", "CC-BY-4.0", ("A. Author", "Another"))
     table = next(item for item in found.items if item.kind == "recording")

@@ -36,7 +36,7 @@ def tuned(lab: Lab) -> list[TunedPrint]:
     ring: FloatArray = DESIGNED
     for _ in range(PRINTS):
         log = answers[-1].log if answers else None
-        answers.append(lab.tuned(lab.picture(ring), log))
+        answers.append(lab.tuned(lab.image(ring), log))
         ring = drawn_by(answers[-1])
     return answers
 
@@ -80,7 +80,7 @@ def test_a_log_comes_back_as_it_was_written(tuned: list[TunedPrint], tmp_path: P
         read_log(path)
 
 
-def test_a_picture_counts_once(lab: Lab, tuned: list[TunedPrint]) -> None:
+def test_an_image_counts_once(lab: Lab, tuned: list[TunedPrint]) -> None:
     with pytest.raises(DataError, match="print 2 of the log"):
         lab.tuned(lab.folder / "print-2.png", tuned[-1].log)
 
@@ -88,7 +88,7 @@ def test_a_picture_counts_once(lab: Lab, tuned: list[TunedPrint]) -> None:
 def test_a_print_of_another_drawing_is_refused_by_name(lab: Lab, tuned: list[TunedPrint], tmp_path: Path) -> None:
     """By its looks, or by the drawing that the user names."""
     again = Lab(lab.folder, lab.printer, taken=20)
-    first = again.picture(DESIGNED)
+    first = again.image(DESIGNED)
     with pytest.raises(DataError, match=r"looks like a print of correction 0 .*print of correction 1"):
         lab.tuned(first, tuned[0].log)
     design = tmp_path / "wanted.toml"
@@ -116,7 +116,7 @@ def test_a_log_of_another_design_or_printer_is_refused(lab: Lab, tuned: list[Tun
         tune(measured, SENSOR, lab.slicing.model_copy(update={"orientation": "upright"}), options, log)
 
 
-def test_what_a_picture_does_not_tell_is_not_corrected(lab: Lab, tuned: list[TunedPrint]) -> None:
+def test_what_an_image_does_not_tell_is_not_corrected(lab: Lab, tuned: list[TunedPrint]) -> None:
     """Without the face the odd part stays, without the scale's uncertainty the size; both are said."""
     blind = lab.tuned(lab.folder / "print-1.png", seen_from=None, u_um_per_px=None)
     drawn, told = blind.made.drawn_um, tuned[0].made.drawn_um
@@ -128,10 +128,10 @@ def test_what_a_picture_does_not_tell_is_not_corrected(lab: Lab, tuned: list[Tun
     said = " ".join(blind.warnings)
     assert "--seen-from" in said
     assert "--u-um-per-px" in said
-    # so the drawing is kept, and the next picture is one of it, without a word
+    # so the drawing is kept, and the next image is one of it, without a word
     assert blind.kept
     again = Lab(lab.folder, lab.printer, taken=50)
-    second = again.tuned(again.picture(DESIGNED), blind.log, seen_from=None, u_um_per_px=None)
+    second = again.tuned(again.image(DESIGNED), blind.log, seen_from=None, u_um_per_px=None)
     assert [step.drawing for step in second.history] == [0, 0]
     assert second.history[1].predicted == blind.predicted
     low, high = blind.predicted.interval95_rms_um
@@ -140,7 +140,7 @@ def test_what_a_picture_does_not_tell_is_not_corrected(lab: Lab, tuned: list[Tun
 
 
 def test_a_drawing_that_no_correction_betters_is_kept(tmp_path: Path) -> None:
-    """Of this picture, without its face and its scale's uncertainty, a correction is predicted to do harm."""
+    """Of this image, without its face and its scale's uncertainty, a correction is predicted to do harm."""
     design, out = tmp_path / "sensor.toml", tmp_path / "out"
     design.write_text(template("solen-860"))
     tuned = tune_files(EXAMPLE, design=design, out=out, response=False).result
@@ -154,7 +154,7 @@ def test_a_drawing_that_no_correction_betters_is_kept(tmp_path: Path) -> None:
 
 
 def test_a_lens_that_differs_by_height_is_not_tuned(tmp_path: Path) -> None:
-    """It is refused before the picture is asked for."""
+    """It is refused before the image is asked for."""
     design, out = tmp_path / "sensor.toml", tmp_path / "out"
     design.write_text(template("solen-860"), encoding="utf-8")
     with pytest.raises(DesignError, match=r"layered.*--compensate.*--bottom"):
@@ -162,10 +162,10 @@ def test_a_lens_that_differs_by_height_is_not_tuned(tmp_path: Path) -> None:
     assert not out.exists()
 
 
-def test_a_blurred_picture_and_another_lens_are_said(lab: Lab) -> None:
-    blurred = lab.tuned(Lab(lab.folder, lab.printer, taken=30).picture(DESIGNED, optics=gaussian(9.0)))
+def test_a_blurred_image_and_another_lens_are_said(lab: Lab) -> None:
+    blurred = lab.tuned(Lab(lab.folder, lab.printer, taken=30).image(DESIGNED, optics=gaussian(9.0)))
     assert any("out of focus" in warning for warning in blurred.warnings)
-    foreign = lab.tuned(Lab(lab.folder, Printer(curl_um=0.0), taken=40).picture(lens("solen-450")))
+    foreign = lab.tuned(Lab(lab.folder, Printer(curl_um=0.0), taken=40).image(lens("solen-450")))
     assert any("n = 1.54" in warning and warning.startswith("do not use") for warning in foreign.warnings)
 
 
@@ -195,7 +195,7 @@ def test_predictions_cover_on_many_printers(tmp_path: Path) -> None:
                 above.append(true[-1] > high)
                 print(f"{seed}: {true[-1]:.2f} in {low:.2f} to {high:.2f}")
             if number <= PRINTS:
-                answers.append(lab.tuned(lab.picture(ring), answers[-1].log if answers else None))
+                answers.append(lab.tuned(lab.image(ring), answers[-1].log if answers else None))
                 ring = drawn_by(answers[-1])
         fell.append(true[-1] / true[0])
         print(seed, [round(um, 2) for um in true], covered[-PRINTS:])

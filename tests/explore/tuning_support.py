@@ -67,7 +67,7 @@ class Lab:
         printer.write_text(PRINTER)
         return Slicing(process=process, printer=str(printer))
 
-    def picture(self, ring: FloatArray, **shot: Any) -> Path:
+    def image(self, ring: FloatArray, **shot: Any) -> Path:
         """Micrograph of a new print of a drawing."""
         self.taken += 1
         outline = self.printer.printed(ring, self.taken)
@@ -76,12 +76,12 @@ class Lab:
         path.write_bytes(png(taken.taken(self.taken)))
         return path
 
-    def tuned(self, picture: Path, log: TuningLog | None = None, **options: Any) -> TunedPrint:
-        """What follows from a picture; the response is left out."""
+    def tuned(self, image: Path, log: TuningLog | None = None, **options: Any) -> TunedPrint:
+        """What follows from an image; the response is left out."""
         stated = {"seen_from": "top", "um_per_px": UM_PER_PX, "u_um_per_px": 0.002 * UM_PER_PX, "repeat_um": 0.4}
         chosen = TuneOptions(**(stated | options))
-        image = read_image(picture, options=chosen)
-        measured = measure_lens(image, SENSOR.design, edge=chosen.edge, priors=chosen, seen_from=chosen.seen_from)
+        micrograph = read_image(image, options=chosen)
+        measured = measure_lens(micrograph, SENSOR.design, edge=chosen.edge, priors=chosen, seen_from=chosen.seen_from)
         number = 1 if log is None else len(log.prints) + 1
         return tune(measured, SENSOR, self.slicing, chosen, log, file=f"lens-tuned-{number}.toml", response=False)
 

@@ -95,7 +95,7 @@ class GooLayer:
         return float(np.dot(greys.astype(float), lengths)) / self.top
 
     @property
-    def picture(self) -> NDArray[Any]:
+    def image(self) -> NDArray[Any]:
         """Greys, shape (rows, columns)."""
         return np.repeat(*self.runs).reshape(self.shape)
 

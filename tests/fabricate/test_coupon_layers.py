@@ -45,8 +45,8 @@ def test_each_disc_has_its_own_exposure(folder: Path, capfd: pytest.CaptureFixtu
     assert abs(found["volume_error"]) < 1e-4  # type: ignore[arg-type]
     stack = read_zip(found["files"]["layers"])  # type: ignore[index]  # a table of paths
     assert [row["file"] for row in rows] == [f"{number}.png" for number in range(1, stack.count + 1)]
-    pictures = [stack.layer(index).picture for index in range(stack.count)]
-    columns = [float(np.average(np.arange(one.shape[1]), weights=one.sum(axis=0))) for one in pictures]
+    images = [stack.layer(index).image for index in range(stack.count)]
+    columns = [float(np.average(np.arange(one.shape[1]), weights=one.sum(axis=0))) for one in images]
     np.testing.assert_allclose(np.diff(columns), 8.0 / 0.05, atol=0.01)  # a disc each, 8 mm apart
     sheet = Path(found["files"]["sheet"]).read_text(encoding="utf-8")  # type: ignore[index]
     assert "t-7s | 7 s" in sheet
@@ -126,6 +126,6 @@ def test_a_mark_is_in_the_top_of_the_left_arm(tmp_path: Path, capfd: pytest.Capt
     np.testing.assert_allclose((areas[0] - areas[1])[-8:], np.pi * 0.5**2, rtol=1e-3)
     np.testing.assert_allclose((areas[0] - areas[1])[:-8], 0.0, atol=1e-6)
     stack = read_zip(marked[0]["files"]["layers"])  # type: ignore[index]  # a table of paths
-    last, below = (stack.layer(stack.count + at).picture.astype(float) for at in (-1, -9))
+    last, below = (stack.layer(stack.count + at).image.astype(float) for at in (-1, -9))
     _, columns = np.nonzero(below - last > 128.0)
     assert columns.max() < 0.5 * last.shape[1]

@@ -59,9 +59,9 @@ def test_a_pixel_drawn_by_the_measured_answer_gives_its_share_of_light() -> None
     shares = np.arange(256) / 255.0
     assert np.abs(corrected.light - shares).max() < 2.2 * 0.5 / 255.0 + 1e-3, "half a grey value, at the steepest place"
     assert plain.light[64] == pytest.approx((64 / 255) ** 2.2, abs=2e-3)
-    assert (plain.pictured == np.arange(256)).all()
-    assert [int(corrected.pictured[share]) for share in (0, 255)] == [0, 255]
-    assert (np.diff(corrected.pictured.astype(int)) >= 0).all()
+    assert (plain.levels == np.arange(256)).all()
+    assert [int(corrected.levels[share]) for share in (0, 255)] == [0, 255]
+    assert (np.diff(corrected.levels.astype(int)) >= 0).all()
 
 
 @pytest.mark.parametrize("power", [0.5, 1.0, 1.3, 2.2])
@@ -89,7 +89,7 @@ def test_a_straight_wall_stands_where_its_image_prints_it(power: float) -> None:
     assert np.mean(beyond) == pytest.approx(straight_edge_um(one, layers, height), abs=0.9)
 
 
-def test_the_coupon_is_one_picture_of_several_greys(tmp_path: Path) -> None:
+def test_the_coupon_is_one_image_of_several_greys(tmp_path: Path) -> None:
     files = written_coupons("grey-steps", CouponOptions(spacing_mm=1.0))[1]
     path = tmp_path / "grey-steps.json"
     path.write_bytes(files["grey-steps.json"])

@@ -81,7 +81,7 @@ def written(folder: Path, header: dict[str, Any] | None = None, layers: list[dic
 
 def test_a_file_made_by_hand_is_read(tmp_path: Path) -> None:
     stack = read_goo(written(tmp_path))
-    greys = stack.layers[0].picture
+    greys = stack.layers[0].image
     assert greys.tolist() == [[255] * 37 + [128] * 2 + [113], [114] * 2 + [0] * 38]
     assert stack.pixel_mm == pytest.approx((0.1, 0.2))
     assert stack.areas_mm2 == pytest.approx([greys.sum() / 255 * 0.02] * 2)
@@ -170,7 +170,7 @@ def png(rows: list[list[int]], depth: int = 8, colour: int = 0) -> bytes:
 
 def test_the_five_filters_of_a_png() -> None:
     rows = [[0, 9, 8, 250], [1, 9, 255, 242], [2, 0, 0, 0], [3, 5, 0, 121], [4, 0, 0, 0]]
-    assert read_png(png(rows)).picture.tolist() == [[9, 8, 250]] * 5
+    assert read_png(png(rows)).image.tolist() == [[9, 8, 250]] * 5
 
 
 MADE = {"LayerHeight": "0.025", "ResolutionX": "3", "ResolutionY": "1", "DisplayWidth": "0.3", "DisplayHeight": "0.1"}
@@ -180,14 +180,14 @@ def archive(
     folder: Path,
     manifest: dict[str, str] | None = None,
     names: tuple[str, ...] = ("1.png", "2.png", "manifest.uvtools"),
-    picture: bytes = b"",
+    image: bytes = b"",
 ) -> Path:
     path, values = folder / "made.zip", MADE | {"MachineZ": "9"} | (manifest or {})
     xml = "".join(f"<{name}>{value}</{name}>" for name, value in values.items())
     with ZipFile(path, "w") as zipped:
         for name in names:
             zipped.writestr(
-                name, picture or png([[0, 255, 51, 0]]) if name.endswith("png") else f"<Manifest>{xml}</Manifest>"
+                name, image or png([[0, 255, 51, 0]]) if name.endswith("png") else f"<Manifest>{xml}</Manifest>"
             )
     return path
 
@@ -207,11 +207,11 @@ def test_an_archive_made_by_hand_is_read(tmp_path: Path) -> None:
         *({"manifest": {"Resolution": "4"}}, {"names": ("1.png", "3.png", "manifest.uvtools")}, {"names": ("1.png",)}),
         *({"names": ("0.png", "1.png", "manifest.uvtools")}, {"names": ("1.png", "a/2.png", "manifest.uvtools")}),
         *({"names": ("run.gcode", "1.png", "manifest.uvtools")}, {"names": ("manifest.uvtools",)}),
-        *({"picture": png([[0, 1, 2, 3]], depth=16)}, {"picture": png([[0, 1, 2, 3]], colour=3)}),
-        *({"picture": png([[5, 1, 2, 3]])}, {"picture": png([[0, 1, 2]])}, {"picture": png([[0, 1, 2, 3]])[:-13]}),
+        *({"image": png([[0, 1, 2, 3]], depth=16)}, {"image": png([[0, 1, 2, 3]], colour=3)}),
+        *({"image": png([[5, 1, 2, 3]])}, {"image": png([[0, 1, 2]])}, {"image": png([[0, 1, 2, 3]])[:-13]}),
     ],
     ids=lambda broken: str(broken)[:60],
 )
 def test_a_broken_archive_is_refused(tmp_path: Path, broken: dict[str, Any]) -> None:
     with pytest.raises(RuleError):
-        read_zip(archive(tmp_path, **broken)).areas_mm2  # noqa: B018 - reading the pictures is what may fail
+        read_zip(archive(tmp_path, **broken)).areas_mm2  # noqa: B018 - reading the images is what may fail

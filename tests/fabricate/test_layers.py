@@ -1,4 +1,4 @@
-"""Layers of a print: their volume, the rule of the middle, copies, pictures as Pillow opens them, and memory."""
+"""Layers of a print: their volume, the rule of the middle, copies, images as Pillow opens them, and memory."""
 
 import json
 import re
@@ -174,32 +174,32 @@ def test_every_copy_is_drawn_by_the_same_pixels() -> None:
     single, plate = next(one.layers()), next(several.layers())
     assert plate.area_mm2 == pytest.approx(5 * single.area_mm2, rel=1e-12)
     rows, columns = several.tile
-    picture = plate.image[::-1]
-    tiles = [picture[row : row + rows, column : column + columns] for row, column in several.corners]
+    image = plate.image[::-1]
+    tiles = [image[row : row + rows, column : column + columns] for row, column in several.corners]
     assert all((tile == one.copy_of_layer(0)).all() for tile in tiles)
     assert (several.copy_of_layer(0) == tiles[0]).all()
-    assert picture.sum(dtype=int) == 5 * single.image.sum(dtype=int), "and nothing lies between them"
+    assert image.sum(dtype=int) == 5 * single.image.sum(dtype=int), "and nothing lies between them"
     places = np.array(several.places_mm)
     apart = np.abs(places[:, None] - places[None]) - np.array(several.solid.size_mm[:2])
     assert (apart.max(axis=2)[~np.eye(5, dtype=bool)] >= 2.0 - 0.051).all(), "2 mm but for whole pixels"
 
 
-def test_a_symmetric_part_gives_a_symmetric_picture() -> None:
+def test_a_symmetric_part_gives_a_symmetric_image() -> None:
     """The lens' axis lies between two pixels, so its two halves are the same to one grey value, at any pitch."""
     for pitch_um in (27.0, 50.0, 62.0):
         job = job_of(solid_of(part_of(design()), FLAT), printer(pitch_um, 2500, 2500), layer_um=1000.0)
-        picture = job.copy_of_layer(0).astype(int)
-        assert np.abs(picture - picture[:, ::-1]).max() <= 1
+        image = job.copy_of_layer(0).astype(int)
+        assert np.abs(image - image[:, ::-1]).max() <= 1
 
 
 def test_the_origin_lies_on_a_corner_of_pixels() -> None:
     """A square from 0.1 to 0.5 mm of the origin on pixels of 0.1 mm: 4 by 4 of them are lit, none partly."""
     box = trimesh.creation.box(bounds=[(0.1, 0.1, 0), (0.5, 0.5, 1)])
     job = job_of(mesh_solid(closed(box), FLAT), printer(100.0, 21, 21), layer_um=1000.0)
-    picture = next(job.layers()).image
-    assert set(np.unique(picture).tolist()) == {0, 255}
-    assert (picture == 255).sum() == 16
-    (x, y), lit = job.places_mm[0], np.argwhere(picture[::-1])
+    image = next(job.layers()).image
+    assert set(np.unique(image).tolist()) == {0, 255}
+    assert (image == 255).sum() == 16
+    (x, y), lit = job.places_mm[0], np.argwhere(image[::-1])
     middle = (lit.mean(axis=0) + 0.5 - 10.5) * 0.1
     assert (y, x) == pytest.approx(tuple(middle), abs=1e-12)
 
@@ -208,7 +208,7 @@ def mirrored(job: Job, mirror: str) -> Job:
     return job_of(job.solid, job.printer, layer_um=job.slicing.layer_um, mirror=mirror)
 
 
-def test_mirrors_flip_the_picture() -> None:
+def test_mirrors_flip_the_image() -> None:
     job = job_of(solid_of(part_of(design()), orientation("flat", (0.0, 0.0, 30.0))), printer(), layer_um=1000.0)
     plain = next(job.layers()).image
     assert (next(mirrored(job, "x").layers()).image == plain[:, ::-1]).all()
@@ -259,10 +259,10 @@ def test_the_archive_holds_the_layers_as_pillow_opens_them(tmp_path: Path) -> No
     assert [row["file"] for row in told["layers"]] == [f"{number}.png" for number in range(1, 9)]
     for row, layer in zip(told["layers"], layers, strict=True):
         (tmp_path / "one.png").write_bytes(found[row["file"]])
-        with Image.open(tmp_path / "one.png") as picture:
-            assert picture.mode == "L"
-            assert picture.info["dpi"] == pytest.approx((508.0, 508.0), abs=0.01), "50 µm"
-            assert (np.asarray(picture) == layer.image).all()
+        with Image.open(tmp_path / "one.png") as image:
+            assert image.mode == "L"
+            assert image.info["dpi"] == pytest.approx((508.0, 508.0), abs=0.01), "50 µm"
+            assert (np.asarray(image) == layer.image).all()
         assert (row["exposure_s"], row["dose_mJ_per_cm2"]) == (layer.exposure_s, layer.dose_mJ_per_cm2)
         assert row["area_mm2"] == layer.area_mm2
         assert row["to_mm"] - row["from_mm"] == pytest.approx(0.5, abs=1e-9)
@@ -281,7 +281,7 @@ def test_the_same_job_gives_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_more_layers_need_no_more_memory(tmp_path: Path) -> None:
-    """120 layers of a cone, each another one, on 960 × 540 pixels, which is 0.5 MB a picture."""
+    """120 layers of a cone, each another one, on 960 × 540 pixels, which is 0.5 MB an image."""
     cone = closed(trimesh.creation.cone(20.0, 12.0, sections=60))
     place, peaks = printer(100.0, 960, 540), []
     solid = mesh_solid(cone, FLAT)
@@ -323,9 +323,9 @@ def test_a_job_that_cannot_be_is_one_line(change: dict[str, Any], line: str) -> 
 
 def test_a_part_fits_to_the_pixel() -> None:
     """11.806 mm on 1182 pixels of 10 µm, with the 2 on its edges partly lit."""
-    picture = next(job_of(solid_of(part_of(design()), FLAT), printer(10.0, 1182, 4042), layer_um=2000.0).layers()).image
-    assert picture[:, 0].any()
-    assert picture[:, -1].any()
+    image = next(job_of(solid_of(part_of(design()), FLAT), printer(10.0, 1182, 4042), layer_um=2000.0).layers()).image
+    assert image[:, 0].any()
+    assert image[:, -1].any()
 
 
 def test_a_part_that_no_printer_builds() -> None:

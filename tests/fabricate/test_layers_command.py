@@ -64,9 +64,9 @@ def refused(folder: Path, capfd: pytest.CaptureFixture[str]) -> Run:
     return run
 
 
-def pictures(path: str) -> list[Any]:
+def images(path: str) -> list[Any]:
     stack = read_zip(path)
-    return [stack.layer(index).picture for index in range(stack.count)]
+    return [stack.layer(index).image for index in range(stack.count)]
 
 
 def test_a_design_becomes_layers_stl_and_settings(told: Run) -> None:
@@ -80,10 +80,10 @@ def test_a_design_becomes_layers_stl_and_settings(told: Run) -> None:
         "figure": "f.svg",
     }
     assert {path.name for path in Path("out").iterdir()} == set(names.values()) - {"f.svg"}
-    stack = pictures(found["files"]["layers"])
+    stack = images(found["files"]["layers"])
     assert len(stack) == found["layers"] == 40
     assert stack[0].shape == (450, 300)
-    volume = sum(picture.sum(dtype=int) for picture in stack) / 255 * 0.1**2 * 0.1
+    volume = sum(image.sum(dtype=int) for image in stack) / 255 * 0.1**2 * 0.1
     assert found["stack_volume_mm3"] == pytest.approx(volume, rel=1e-12)
     assert abs(found["volume_error"]) < 1e-4
     assert found["settings"]["material"].startswith("NOA")
@@ -95,7 +95,7 @@ def test_a_design_becomes_layers_stl_and_settings(told: Run) -> None:
 
 def test_without_anti_aliasing_no_pixel_is_grey(told: Run) -> None:
     found = told("print", "layers", "my sensor.toml", "--out", "out", *QUICK, "--no-anti-aliasing")
-    assert set(np.unique(pictures(found["files"]["layers"])[0])) == {0, 255}
+    assert set(np.unique(images(found["files"]["layers"])[0])) == {0, 255}
     with zipfile.ZipFile(found["files"]["layers"]) as opened:
         assert json.loads(opened.read("job.json"))["anti_aliasing"] is False
 
@@ -133,7 +133,7 @@ def test_the_placed_stl_gives_the_same_layers_again(told: Run) -> None:
     """Round by way of the STL, which is flat as it stands: no more than a grey value or two of 32-bit rounding."""
     first = told("print", "layers", "my sensor.toml", "--out", "a", *QUICK, "--orientation", "on-edge")
     second = told("print", "layers", first["files"]["placed"], "--out", "b", *QUICK)
-    one, other = (pictures(found["files"]["layers"]) for found in (first, second))
+    one, other = (images(found["files"]["layers"]) for found in (first, second))
     assert max(int(np.abs(a.astype(int) - b).max()) for a, b in zip(one, other, strict=True)) <= 2
     assert second["sources"][0]["format"] == "stl"
     assert second["settings"]["material"] == "not named: give --resin"

@@ -160,7 +160,7 @@ def written(folder: Path, light: NDArray[np.float64], name: str = "pixel.csv") -
 
 
 @pytest.mark.parametrize("name", ["pixel.csv", "pixel.png", "pixel.tif"])
-def test_a_process_file_takes_its_response_from_a_table_or_a_picture(tmp_path: Path, name: str) -> None:
+def test_a_process_file_takes_its_response_from_a_table_or_an_image(tmp_path: Path, name: str) -> None:
     found = read_process(written(tmp_path, lopsided(), name))
     assert found.process.sigma_um is None
     assert found.process.response is not None

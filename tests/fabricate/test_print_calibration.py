@@ -55,7 +55,7 @@ def measured(
 
 
 def coupon(features: list[MeasuredFeature], u_scale: float | None = 1e-4, **more: Any) -> list[MeasuredCoupon]:
-    """One picture of these features."""
+    """One image of these features."""
     return [MeasuredCoupon(tuple(features), SharedScale(5.0, u_scale), SharedScale(0.1, u_scale), **more)]
 
 

@@ -95,7 +95,7 @@ def test_a_goo_states_burn_in_by_its_bottom_layers(tmp_path: Path) -> None:
     assert {name: read.header[name] for name in expected} == pytest.approx(expected, rel=1e-6)
     assert [layer.fields["exposure_s"] for layer in read.layers] == [3.5] * 3 + [2.25] * 17
     for layer, drawn in zip(read.layers, job.layers(), strict=True):
-        assert (layer.picture == drawn.image).all()
+        assert (layer.image == drawn.image).all()
 
 
 def test_the_printing_time_holds_lifts_and_rests(tmp_path: Path) -> None:
@@ -220,7 +220,7 @@ def discs() -> Exposures:
     return Exposures((5.0, 2.0, 0.1), (0.0, 0.0), 0.8, (0.0, 0.1), ("one", "two"), ([ring], [shifted]), (1.0, 4.0))
 
 
-def test_exposures_of_single_pictures_need_a_proof(tmp_path: Path) -> None:
+def test_exposures_of_single_images_need_a_proof(tmp_path: Path) -> None:
     job = Job(discs(), place(), Slicing(layer_um=100.0))
     with pytest.raises(SpecError, match="not been proven to follow individual exposures"):
         write_goo(tmp_path / "a.goo", job)
@@ -238,7 +238,7 @@ def test_a_printer_whose_plate_is_not_known_gets_no_goo(tmp_path: Path) -> None:
         write_goo(tmp_path / "a.goo", Job(solid_cone(), library_printer("generic"), Slicing(layer_um=100.0)))
 
 
-def test_pictures_are_mirrored_as_the_printer_wants_them() -> None:
+def test_images_are_mirrored_as_the_printer_wants_them() -> None:
     plain, mirrored = (
         Job(solid_cone(), where, Slicing(layer_um=400.0)) for where in (place(), place(mirror={"axis": "x"}))
     )
@@ -253,17 +253,17 @@ def test_the_origin_stands_where_it_is_asked_to() -> None:
     """A square of 0.1 to 0.5 mm about pixels of 0.1 mm, moved by a quarter and by a half of one: grey on two sides."""
     box = mesh_solid(closed(trimesh.creation.box(bounds=[(0.1, 0.1, 0), (0.5, 0.5, 1)])), orientation("flat"))
     job = Job(box, printer(100.0, 21, 21), Slicing(layer_um=1000.0, phase_px=(0.25, 0.5)))
-    picture = job.copy_of_layer(0)
-    assert picture[2].tolist()[:5] == [191, 255, 255, 255, 64]
-    assert picture[:, 2].tolist()[:5] == pytest.approx([127.5, 255, 255, 255, 127.5], abs=0.6)
+    image = job.copy_of_layer(0)
+    assert image[2].tolist()[:5] == [191, 255, 255, 255, 64]
+    assert image[:, 2].tolist()[:5] == pytest.approx([127.5, 255, 255, 255, 127.5], abs=0.6)
 
 
 def test_without_anti_aliasing_pixels_are_lit_or_dark() -> None:
     box = mesh_solid(closed(trimesh.creation.box(bounds=[(0.1, 0.1, 0), (0.5, 0.5, 1)])), orientation("flat"))
     slicing = Slicing(layer_um=1000.0, phase_px=(0.25, 0.0), no_anti_aliasing=True)
     job = Job(box, printer(100.0, 21, 21), slicing)
-    picture = job.copy_of_layer(0)
-    assert picture[1].tolist()[:5] == [255, 255, 255, 255, 0]
+    image = job.copy_of_layer(0)
+    assert image[1].tolist()[:5] == [255, 255, 255, 255, 0]
     assert next(job.layers()).area_mm2 == pytest.approx(16 * 0.01), "what is lit counts"
 
 

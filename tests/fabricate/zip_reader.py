@@ -30,9 +30,9 @@ SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 @dataclass(frozen=True)
 class Png:
-    """A grey picture of eight bits."""
+    """A grey image of eight bits."""
 
-    picture: NDArray[np.uint8]
+    image: NDArray[np.uint8]
     """Greys, shape (rows, columns)."""
     per_m: tuple[int, int] | None
     """Pixels in a metre, across and down, where the file states them."""
@@ -53,11 +53,11 @@ class ZipStack:
         return of["DisplayWidth"] / of["ResolutionX"], of["DisplayHeight"] / of["ResolutionY"]
 
     def layer(self, index: int) -> Png:
-        """The picture of a layer, the first being 0."""
+        """The image of a layer, the first being 0."""
         with ZipFile(self.path) as archive:
             png = read_png(archive.read(f"{index + 1}.png"))
         shape = self.manifest["ResolutionY"], self.manifest["ResolutionX"]
-        need(png.picture.shape == shape, f"layer {index} has {png.picture.shape} pixels, not {shape}")
+        need(png.image.shape == shape, f"layer {index} has {png.image.shape} pixels, not {shape}")
         if png.per_m:
             for dots, size in zip(png.per_m, self.pixel_mm, strict=True):
                 need(
@@ -70,12 +70,12 @@ class ZipStack:
     def areas_mm2(self) -> NDArray[np.float64]:
         """Covered area of each layer."""
         width, height = self.pixel_mm
-        pixels = [self.layer(index).picture.sum(dtype=np.int64) / 255 for index in range(self.count)]
+        pixels = [self.layer(index).image.sum(dtype=np.int64) / 255 for index in range(self.count)]
         return np.array(pixels) * width * height
 
 
 def read_zip(path: str | Path) -> ZipStack:
-    """Read and check an archive; its pictures are read and checked as they are asked for."""
+    """Read and check an archive; its images are read and checked as they are asked for."""
     with ZipFile(path) as archive:
         names = archive.namelist()
         need(len(set(names)) == len(names), "a name stands twice in the archive")
@@ -153,12 +153,12 @@ def unfiltered(lines: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Undo the filter of each row, as the PNG specification states them for one byte in a pixel."""
     if not lines[:, 0].any():
         return lines[:, 1:]
-    picture = np.zeros((lines.shape[0] + 1, lines.shape[1] - 1), np.uint8)
+    image = np.zeros((lines.shape[0] + 1, lines.shape[1] - 1), np.uint8)
     for row, line in enumerate(lines):
-        above, bare = picture[row], line[1:]
+        above, bare = image[row], line[1:]
         need(line[0] <= 4, f"row {row} has filter {line[0]}")
-        picture[row + 1] = FILTERS[line[0]](bare, above)
-    return picture[1:]
+        image[row + 1] = FILTERS[line[0]](bare, above)
+    return image[1:]
 
 
 def averaged(bare: NDArray[np.uint8], above: NDArray[np.uint8]) -> list[int]:

@@ -74,7 +74,7 @@ def _waveform() -> str:
     return _table({"time_s": time, "left (V)": 4.0 - 1.5 * lit + noise[0], "right (V)": 4.0 - lit + noise[1]})
 
 
-def _picture() -> bytes:
+def _image() -> bytes:
     """The sample micrograph without its scale."""
     with io.BytesIO() as found:
         Image.fromarray(tifffile.imread(io.BytesIO(sample("lens-simulated.ome.tif")))).save(found, "PNG")
@@ -196,7 +196,7 @@ GIVEN: dict[str, Maker] = {
     "hand/sensor.toml": lambda: template("hand-860"),
     "lens.toml": _layered,
     "lens.json": _profile,
-    "lens.png": _picture,
+    "lens.png": _image,
     "log.csv": _turned(LOGGED, time_scale=1000.0),
     "daq.csv": _turned(WITHOUT_ANGLE),
     "stage.csv": _turned({name: PLAIN[name] for name in ("time", "angle")}),

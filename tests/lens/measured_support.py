@@ -1,4 +1,4 @@
-"""Profiles of lenses as a picture or a print model would give them, from ovals and made-up errors."""
+"""Profiles of lenses as an image or a print model would give them, from ovals and made-up errors."""
 
 import numpy as np
 

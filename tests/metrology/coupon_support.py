@@ -1,4 +1,4 @@
-"""Simulated micrographs and z maps of coupons, made from areas: not the inverse of what measures them."""
+"""Simulated micrographs and height maps of coupons, made from areas: not the inverse of what measures them."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -80,7 +80,7 @@ class Camera:
     levels: Mapping[str, float] = field(default_factory=lambda: {"outside": 0.12, "slab": 0.35, "raised": 0.75})
 
     def frame(self, coupon: Coupon) -> tuple[tuple[int, int], tuple[float, float]]:
-        """Rows and columns of the picture, and where the coupon's middle lies in it."""
+        """Rows and columns of the image, and where the coupon's middle lies in it."""
         width, depth, _ = coupon.size_mm
         angle = np.radians(self.angle_deg)
         wide = abs(width * np.cos(angle)) + abs(depth * np.sin(angle)) + 1.0
@@ -102,7 +102,7 @@ class Camera:
         rings = [px(ring) for one in polygons for ring in (one.exterior, *one.interiors)]
         return coverage(rings, shape)
 
-    def picture(self, printed: Print, seed: int = 0) -> FloatArray:
+    def image(self, printed: Print, seed: int = 0) -> FloatArray:
         """Grey values (rows, columns)."""
         rng = np.random.default_rng(seed)
         coupon, levels = printed.coupon, self.levels
@@ -115,7 +115,9 @@ class Camera:
         image = image + self.noise * rng.standard_normal(image.shape)
         return np.asarray(np.rint(255.0 * np.clip(image, 0.0, 1.0)) / 255.0)
 
-    def z_map(self, printed: Print, *, rough_um: float = 1.0, tilt_um_per_mm: float = 3.0, seed: int = 0) -> FloatArray:
+    def height_map(
+        self, printed: Print, *, rough_um: float = 1.0, tilt_um_per_mm: float = 3.0, seed: int = 0
+    ) -> FloatArray:
         """Heights in mm (rows, columns) over the plate, tilted, with the roughness of pixels and of larger patches."""
         rng = np.random.default_rng(seed)
         coupon = printed.coupon

@@ -1,4 +1,4 @@
-"""Picture files that lie about themselves or were damaged, made byte by byte."""
+"""Image files that lie about themselves or were damaged, made byte by byte."""
 
 import struct
 import zlib

@@ -38,7 +38,7 @@ def off_px(points: FloatArray, line: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class Found:
-    """Edge points of one picture, and how far (px) each that is kept lies from the true outline, outwards positive."""
+    """Edge points of one image, and how far (px) each that is kept lies from the true outline, outwards positive."""
 
     edge: Edge
     error_px: FloatArray
@@ -60,10 +60,10 @@ def lens_edge(
     shape = (int(560 * size), int(920 * size))
     levels = reflected(OUTLINE, placing, optics=optics)
     scenery = [gradient(0.3, rng.uniform(0, 360))]
-    picture = Scene(shape, levels, scenery=scenery, camera=camera or Camera(), sub=sub).taken(seed)
+    image = Scene(shape, levels, scenery=scenery, camera=camera or Camera(), sub=sub).taken(seed)
     true = placing.px(FRONT) - 0.5  # to places that are whole in the middle of a pixel
     contour = along(true, 1.0)[60:-60]
     normals = normals_of(contour, closed=False)
     contour = contour + normals * 0.8 * np.sin(np.arange(len(contour)) / 40.0)[:, None]
-    edge = fit_edge(picture / float(np.iinfo(picture.dtype).max), contour, normals)
+    edge = fit_edge(image / float(np.iinfo(image.dtype).max), contour, normals)
     return Found(edge, off_px(edge.points_px[edge.kept], along(true, 0.05)))

@@ -45,7 +45,7 @@ class Shot:
 
     @property
     def placing(self) -> Placing:
-        """Where the part lies; the vertex stands at ``vertex_um`` from the picture's upper left corner."""
+        """Where the part lies; the vertex stands at ``vertex_um`` from the image's upper left corner."""
         origin = (self.vertex_um[0] / self.um_per_px, self.vertex_um[1] / self.um_per_px)
         return Placing(self.um_per_px, origin, self.angle_deg, magnification=self.magnification, tilt_deg=self.tilt_deg)
 
@@ -73,11 +73,11 @@ def design_file(folder: Path, name: str = "solen-860") -> Path:
 
 
 def inspected(folder: Path, shot: Shot, seed: int, *, design: str = "solen-860", **options: Any) -> dict[str, Any]:
-    """What `solen print inspect` finds in the picture, against a shipped design, the scale being given."""
-    picture = folder / "picture.png"
-    picture.write_bytes(png(shot.taken(seed)))
+    """What `solen print inspect` finds in the image, against a shipped design, the scale being given."""
+    image = folder / "image.png"
+    image.write_bytes(png(shot.taken(seed)))
     scale = InspectOptions(**{"um_per_px": shot.um_per_px, **options})
-    return inspect(picture, design=design_file(folder, design), options=scale).to_dict()
+    return inspect(image, design=design_file(folder, design), options=scale).to_dict()
 
 
 def lens(name: str = "solen-860", **values: Any) -> FloatArray:

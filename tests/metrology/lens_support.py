@@ -1,4 +1,4 @@
-"""Rendered pictures of the shipped lens, for the tests of what is measured in them."""
+"""Rendered images of the shipped lens, for the tests of what is measured in them."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -20,7 +20,7 @@ OUTLINE = outline_mm(shipped())
 
 
 def taken(levels: Sequence[Level], seed: int = 1, um_per_px: float = UM_PER_PX, **options: Any) -> Image:
-    """Picture of levels with a scale."""
+    """Image of levels with a scale."""
     grey = Scene(options.pop("shape", SHAPE), levels, **options).taken(seed)
     return as_image(as_levels(grey), um_per_px)
 

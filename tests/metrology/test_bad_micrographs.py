@@ -41,7 +41,7 @@ MEASURED = {
 
 
 @pytest.mark.parametrize("name", [*map(quick_or_evidence, MEASURED)])
-def test_a_perfect_print_in_a_poor_picture_is_no_deviation(name: str, tmp_path: Path) -> None:
+def test_a_perfect_print_in_a_poor_image_is_no_deviation(name: str, tmp_path: Path) -> None:
     found = inspected(tmp_path, MEASURED[name], 3)
     off = found["deviation"]
     assert off["rms_um"] < 3.0 * off["u_rms_um"]
@@ -65,11 +65,11 @@ REFUSED: dict[str, tuple[Shot, dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("name", [*map(quick_or_evidence, REFUSED)])
-def test_a_picture_that_shows_too_little_is_refused_with_the_reason(name: str, tmp_path: Path) -> None:
+def test_an_image_that_shows_too_little_is_refused_with_the_reason(name: str, tmp_path: Path) -> None:
     shot, options, why = REFUSED[name]
     with pytest.raises(SolenError, match=why) as refused:
         inspected(tmp_path, shot, 3, **options)
-    assert "picture.png" in str(refused.value)
+    assert "image.png" in str(refused.value)
 
 
 DOUBTED: dict[str, tuple[Shot, dict[str, Any], str]] = {
@@ -93,7 +93,7 @@ def test_another_design_is_recognised_by_its_name_and_its_distance(tmp_path: Pat
 
 
 FORMS: dict[str, tuple[str, Callable[[Any], bytes]]] = {
-    "compressed": ("picture.jpg", lambda levels: jpeg(levels, 70)),
+    "compressed": ("image.jpg", lambda levels: jpeg(levels, 70)),
     "coloured": ("coloured.png", lambda levels: png(coloured(levels))),
 }
 
@@ -101,12 +101,12 @@ FORMS: dict[str, tuple[str, Callable[[Any], bytes]]] = {
 @pytest.mark.parametrize("form", FORMS)
 def test_a_photograph_needs_its_scale_and_is_measured_with_a_caution(form: str, tmp_path: Path) -> None:
     name, written = FORMS[form]
-    picture = tmp_path / name
-    picture.write_bytes(written(SHOT.taken(4)))
+    image = tmp_path / name
+    image.write_bytes(written(SHOT.taken(4)))
     design = design_file(tmp_path)
     with pytest.raises(SolenError, match="does not specify the pixel size"):
-        inspect(picture, design=design)
-    found = inspect(picture, design=design, options=InspectOptions(um_per_px=8.0)).to_dict()
+        inspect(image, design=design)
+    found = inspect(image, design=design, options=InspectOptions(um_per_px=8.0)).to_dict()
     off = found["deviation"]
     assert off["rms_um"] < 3.0 * off["u_rms_um"]
     words = "lossy" if form == "compressed" else "coloured"
@@ -117,7 +117,7 @@ def test_the_command_refuses_in_one_line_with_exit_code_2_and_writes_nothing(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     design = str(design_file(tmp_path))
-    picture, out = tmp_path / "large.png", tmp_path / "lens.json"
-    picture.write_bytes(png_claiming(30_000, 30_000))
-    arguments = (str(picture), "--design", design, "--um-per-px", "2", "--out", str(out), "--json")
+    image, out = tmp_path / "large.png", tmp_path / "lens.json"
+    image.write_bytes(png_claiming(30_000, 30_000))
+    arguments = (str(image), "--design", design, "--um-per-px", "2", "--out", str(out), "--json")
     assert "megapixels" in refusal(capfd, tmp_path, "print", "inspect", *arguments)

@@ -1,4 +1,4 @@
-"""Both faces of a lens that differs by height: rendered pictures of its first and its last layer."""
+"""Both faces of a lens that differs by height: rendered images of its first and its last layer."""
 
 import math
 from dataclasses import replace

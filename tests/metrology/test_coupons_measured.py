@@ -1,4 +1,4 @@
-"""Coupons in simulated pictures and z maps: found however they lie, measured within their uncertainty, or refused."""
+"""Coupons in simulated images and height maps, in any pose: measured within their uncertainty, or refused."""
 
 import math
 from dataclasses import replace
@@ -14,8 +14,8 @@ from solen.errors import DataError
 from solen.geometry.coupons import Coupon, CouponOptions, Feature, layout
 from solen.metrology import Image, as_image
 from solen.metrology.coupons import CouponMeasurement, MeasuredSize, fit_disc, measure_coupon
+from solen.metrology.height_map import HeightMap
 from solen.metrology.scale import Scale
-from solen.metrology.zmap import ZMap
 from solen.recording import Provenance
 from tests.metrology.coupon_support import Camera, Print, circle
 from tests.metrology.render.coverage import coverage
@@ -36,8 +36,8 @@ def printed(coupon: Coupon, grown_mm: float = 0.02, **values: Any) -> tuple[Prin
     return Print(coupon, size_mm=lambda one: chosen[one.name], **values), chosen
 
 
-def pictured(grey: FloatArray, um_per_px: float, u_um_per_px: float | None = None) -> Image:
-    return as_image(grey, um_per_px, u_um_per_px=u_um_per_px, name="picture.png")
+def as_micrograph(grey: FloatArray, um_per_px: float, u_um_per_px: float | None = None) -> Image:
+    return as_image(grey, um_per_px, u_um_per_px=u_um_per_px, name="image.png")
 
 
 def by_name(found: CouponMeasurement) -> dict[str, MeasuredSize]:
@@ -125,8 +125,8 @@ def test_an_oval_has_its_mean_diameter() -> None:
 def test_the_smallest_pillar_is_the_last_that_stands(angle_deg: float, mirrored: bool) -> None:
     coupon = layout("group-a")
     part, true = printed(coupon, missing=frozenset({"d-0.06", "d-0.08", "d-0.1", "d-0.12", "d-0.18"}))
-    image = Camera(UM, angle_deg, mirrored, blur_px=1.5).picture(part)
-    found = measure_coupon(pictured(image, UM, 0.0), coupon)
+    image = Camera(UM, angle_deg, mirrored, blur_px=1.5).image(part)
+    found = measure_coupon(as_micrograph(image, UM, 0.0), coupon)
     check_sizes(found, true)
     told = by_name(found)
     assert [name for name, one in told.items() if one.resolved is False] == [
@@ -155,11 +155,11 @@ def test_the_smallest_pillar_is_the_last_that_stands(angle_deg: float, mirrored:
 def test_dust_and_a_shrunk_print() -> None:
     coupon = layout("group-a")
     part, true = printed(coupon, stretch=0.97)
-    image = Camera(UM, 10.0, blur_px=1.5).picture(part, seed=2)
+    image = Camera(UM, 10.0, blur_px=1.5).image(part, seed=2)
     rng = np.random.default_rng(7)
     for dirt in (dust(25, 6.0, 0.1), dust(15, 8.0, 0.9), fibres(2, 200.0, 3.0, 0.8)):
         image = dirt(image, rng)
-    found = measure_coupon(pictured(image, UM), coupon)
+    found = measure_coupon(as_micrograph(image, UM), coupon)
     assert found.pitch_ratio == pytest.approx(0.97, abs=5e-4)
     assert any("by -3.0 %" in line for line in found.warnings)
     near = [one for one in found.measured if one.measured_mm and abs(one.measured_mm - true[one.name]) < 0.004]
@@ -171,8 +171,8 @@ def test_the_smallest_gap_is_the_last_that_is_open(reading: str) -> None:
     coupon = layout("group-b", CouponOptions(gap_reading=reading))
     merged = ("g-0.08", "g-0.06", "g-0.05", "g-0.04", "g-0.03", "g-0.02")
     part, true = printed(coupon, 0.01, merged=frozenset(merged))
-    image = Camera(7.0, -8.0).picture(part)
-    found = measure_coupon(pictured(image, 7.0, 0.0), coupon)
+    image = Camera(7.0, -8.0).image(part)
+    found = measure_coupon(as_micrograph(image, 7.0, 0.0), coupon)
     told = by_name(found)
     for gap in coupon.gaps:
         one = told[gap.name]
@@ -188,7 +188,7 @@ def test_the_smallest_gap_is_the_last_that_is_open(reading: str) -> None:
 def test_a_gap_whose_pillar_is_missing_is_not_reported() -> None:
     coupon = layout("group-b")
     part, _ = printed(coupon, missing=frozenset({"g-0.15-left"}))
-    found = measure_coupon(pictured(Camera(UM, blur_px=1.2).picture(part), UM), coupon)
+    found = measure_coupon(as_micrograph(Camera(UM, blur_px=1.2).image(part), UM), coupon)
     assert by_name(found)["g-0.15"].resolved is None
     assert "g-0.15-left" in by_name(found)["g-0.15"].reason
     assert limit(found, "gap").next_mm == 0.15
@@ -199,7 +199,7 @@ def test_holes_and_their_smallest_variation(bright: bool) -> None:
     coupon = layout("holes")
     part, true = printed(coupon, -0.04)
     levels = {"outside": 0.8, "slab": 0.3, "raised": 0.3} if bright else {"outside": 0.1, "slab": 0.6, "raised": 0.6}
-    found = measure_coupon(pictured(Camera(UM, 185.0, levels=levels).picture(part), UM, 0.0), coupon)
+    found = measure_coupon(as_micrograph(Camera(UM, 185.0, levels=levels).image(part), UM, 0.0), coupon)
     check_sizes(found, true)
     assert found.location.bright is bright
     assert (limit(found, "hole").nominal_mm, limit(found, "hole").bound) == (1.4, True)
@@ -212,14 +212,14 @@ def test_closed_holes() -> None:
     coupon = layout("holes", CouponOptions(hole_reading="tenths"))
     part, _ = printed(coupon, -0.04, missing=frozenset({"hole-1.4", "hole-1.5"}))
     levels = {"outside": 0.8, "slab": 0.3, "raised": 0.3}
-    found = measure_coupon(pictured(Camera(UM, levels=levels).picture(part), UM), coupon)
+    found = measure_coupon(as_micrograph(Camera(UM, levels=levels).image(part), UM), coupon)
     assert (limit(found, "hole").nominal_mm, limit(found, "hole").next_mm) == (1.6, 1.5)
 
 
 def z_measured(camera: Camera, part: Print) -> CouponMeasurement:
-    z = camera.z_map(part)
+    z = camera.height_map(part)
     z[np.random.default_rng(1).random(z.shape) < 0.02] = np.nan
-    return measure_coupon(ZMap(z, Scale(camera.um_per_px, 0.0), Provenance()), part.coupon)
+    return measure_coupon(HeightMap(z, Scale(camera.um_per_px, 0.0), Provenance()), part.coupon)
 
 
 def test_steps_of_a_layer_are_resolved() -> None:
@@ -254,8 +254,8 @@ def test_the_reference_of_height(reading: str, angle_deg: float) -> None:
 
 def test_what_lies_outside_is_said() -> None:
     coupon = layout("group-a")
-    image = Camera(UM, blur_px=1.5).picture(printed(coupon)[0])
-    found = measure_coupon(pictured(image[:, : image.shape[1] // 2], UM), coupon)
+    image = Camera(UM, blur_px=1.5).image(printed(coupon)[0])
+    found = measure_coupon(as_micrograph(image[:, : image.shape[1] // 2], UM), coupon)
     told = by_name(found)
     assert told["d-1"].resolved is True
     assert told["mark-3"].reason == told["d-0.06"].reason == "not in the image"
@@ -266,8 +266,8 @@ def test_what_lies_outside_is_said() -> None:
 
 def test_pillars_too_small_for_the_pixels_are_not_reported() -> None:
     coupon = layout("group-a")
-    image = Camera(40.0, blur_px=1.0, noise=0.01).picture(printed(coupon)[0])
-    found = measure_coupon(pictured(image, 40.0), coupon)
+    image = Camera(40.0, blur_px=1.0, noise=0.01).image(printed(coupon)[0])
+    found = measure_coupon(as_micrograph(image, 40.0), coupon)
     told = by_name(found)
     assert told["d-0.06"].resolved is None
     assert told["d-0.06"].reason == "too small for this image"
@@ -295,30 +295,30 @@ def test_what_is_no_such_coupon_is_refused(kind: str) -> None:
     if kind == "flat":
         image = np.full((400, 400), 0.5)
     if kind == "another coupon":
-        image = Camera(UM).picture(Print(layout("group-b")))
+        image = Camera(UM).image(Print(layout("group-b")))
     if kind == "wrong scale":
-        image, scale = Camera(UM).picture(Print(layout("group-a"))), 5.0
+        image, scale = Camera(UM).image(Print(layout("group-a"))), 5.0
     with pytest.raises(DataError) as told:
-        measure_coupon(pictured(image, scale), layout("group-a"))
-    assert "picture.png; shows no group-a" in str(told.value)
+        measure_coupon(as_micrograph(image, scale), layout("group-a"))
+    assert "image.png; shows no group-a" in str(told.value)
 
 
 @pytest.mark.parametrize("name", ["cubes", "guides", "cure-discs", "film-layer"])
-def test_what_no_picture_shows_is_refused(name: str) -> None:
+def test_what_no_image_shows_is_refused(name: str) -> None:
     with pytest.raises(DataError, match="has no features that an image shows"):
-        measure_coupon(pictured(np.zeros((99, 99)), UM), layout(name))
+        measure_coupon(as_micrograph(np.zeros((99, 99)), UM), layout(name))
 
 
 @pytest.mark.parametrize("name", ["group-c", "z-reference"])
-def test_heights_want_a_z_map(name: str) -> None:
+def test_heights_want_a_height_map(name: str) -> None:
     with pytest.raises(DataError, match="--z-um"):
-        measure_coupon(pictured(np.zeros((99, 99)), UM), layout(name))
+        measure_coupon(as_micrograph(np.zeros((99, 99)), UM), layout(name))
 
 
 def test_the_scale_s_uncertainty_goes_along() -> None:
     coupon = layout("group-a")
-    image = Camera(UM, blur_px=1.5).picture(Print(coupon))
-    sure, unsure = (by_name(measure_coupon(pictured(image, UM, u), coupon))["d-1"] for u in (0.0, 0.1))
+    image = Camera(UM, blur_px=1.5).image(Print(coupon))
+    sure, unsure = (by_name(measure_coupon(as_micrograph(image, UM, u), coupon))["d-1"] for u in (0.0, 0.1))
     assert sure.u_measured_mm is not None
     assert unsure.u_measured_mm == pytest.approx(
         math.hypot(sure.u_measured_mm, 0.1 / UM * float(sure.measured_mm or 0)), rel=1e-6
@@ -334,12 +334,12 @@ def test_a_ring_of_light_is_no_pillar() -> None:
     coupon = layout("group-a")
     part = Print(coupon, missing=frozenset({"d-0.4"}))
     camera = Camera(UM, blur_px=1.5, noise=0.02)
-    image = camera.picture(part)
+    image = camera.image(part)
     one = feature("d-0.4")
     angle = np.linspace(0, math.pi, 91)
     outer, inner = (np.column_stack([one.x_mm + r * np.cos(angle), one.y_mm + r * np.sin(angle)]) for r in (0.2, 0.17))
     import shapely
 
     image = image + 0.3 * camera.cover(shapely.Polygon(np.vstack([outer, inner[::-1]])), coupon)
-    found = measure_coupon(pictured(image, UM), coupon)
+    found = measure_coupon(as_micrograph(image, UM), coupon)
     assert by_name(found)["d-0.4"].resolved is False

@@ -1,4 +1,4 @@
-"""The edge fit on pictures that its own model did not make: areas, blurred by other kernels than its own, and noise."""
+"""The edge fit on images that its own model did not make: areas, blurred by other kernels than its own, and noise."""
 
 import numpy as np
 import pytest
@@ -28,9 +28,9 @@ def test_an_edge_is_where_it_was_drawn(kernel: str) -> None:
 @pytest.mark.evidence
 @pytest.mark.parametrize("um_per_px", [5.0, 2.0])
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_edges_of_many_pictures(kernel: str, um_per_px: float) -> None:
-    pictures, sub = (20, 2) if um_per_px == 5.0 else (5, 1)
-    founds = [lens_edge(KERNELS[kernel], seed, um_per_px=um_per_px, sub=sub) for seed in range(pictures)]
+def test_edges_of_many_images(kernel: str, um_per_px: float) -> None:
+    images, sub = (20, 2) if um_per_px == 5.0 else (5, 1)
+    founds = [lens_edge(KERNELS[kernel], seed, um_per_px=um_per_px, sub=sub) for seed in range(images)]
     errors, over_u = (np.concatenate(parts) for parts in zip(*((f.error_px, f.over_u) for f in founds), strict=True))
     within = [np.mean(np.abs(over_u) < k) for k in (1.0, 1.96)]
     rms = np.sqrt(np.mean(errors**2))

@@ -1,4 +1,4 @@
-"""Sub-pixel edges on pictures whose edge is known by construction."""
+"""Sub-pixel edges on images whose edge is known by construction."""
 
 import numpy as np
 import pytest
@@ -54,21 +54,21 @@ def test_edge_with_noise_has_the_scatter_that_it_states() -> None:
 
 
 def test_dust_and_saturation_are_set_aside_and_counted() -> None:
-    picture = blurred_disc(2.0)
+    image = blurred_disc(2.0)
     y, x = np.mgrid[0:320, 0:400]
     speck = CENTRE + (RADIUS + 1.0) * np.array([1.0, 0.0])
-    picture[np.hypot(x - speck[0], y - speck[1]) < 5.0] = 0.05
+    image[np.hypot(x - speck[0], y - speck[1]) < 5.0] = 0.05
     glare = CENTRE + RADIUS * np.array([0.0, 1.0])
-    picture[np.hypot(x - glare[0], y - glare[1]) < 9.0] = 1.0
+    image[np.hypot(x - glare[0], y - glare[1]) < 9.0] = 1.0
     contour = circle(RADIUS, 600)
-    edge = fit_edge(picture, contour, normals_of(contour, closed=True), ceiling=1.0, closed=True)
+    edge = fit_edge(image, contour, normals_of(contour, closed=True), ceiling=1.0, closed=True)
     assert np.abs(off(edge.points_px[edge.kept])).max() < 0.3
     assert edge.rejected["saturated"] > 0
     assert sum(edge.rejected.values()) == int(np.sum(~edge.kept))
     assert 0.85 < edge.kept.mean() < 0.99
 
 
-def test_a_contour_that_leaves_the_picture_is_measured_as_far_as_it_goes() -> None:
+def test_a_contour_that_leaves_the_image_is_measured_as_far_as_it_goes() -> None:
     contour = circle(RADIUS)
     edge = fit_edge(blurred_disc(2.0)[:, :260], contour, normals_of(contour, closed=True), closed=True)
     assert edge.rejected["outside the image"] > 50
@@ -76,9 +76,9 @@ def test_a_contour_that_leaves_the_picture_is_measured_as_far_as_it_goes() -> No
 
 
 def test_nothing_is_found_in_noise() -> None:
-    picture = np.random.default_rng(2).normal(0.5, 0.02, (320, 400))
+    image = np.random.default_rng(2).normal(0.5, 0.02, (320, 400))
     contour = circle(RADIUS)
-    edge = fit_edge(picture, contour, normals_of(contour, closed=True), closed=True)
+    edge = fit_edge(image, contour, normals_of(contour, closed=True), closed=True)
     assert edge.kept.mean() < 0.05
 
 

@@ -1,4 +1,4 @@
-"""Pictures of every kind become grey values with a scale, or are refused with the reason."""
+"""Images of every kind become grey values with a scale, or are refused with the reason."""
 
 from pathlib import Path
 from typing import Any
@@ -73,7 +73,7 @@ def test_resolution_for_printing_is_no_scale(tmp_path: Path, dpi: int) -> None:
         assert "dpi" in line(tmp_path / f"a.{suffix}")
 
 
-def test_picture_without_a_scale_names_the_remedy(tmp_path: Path) -> None:
+def test_image_without_a_scale_names_the_remedy(tmp_path: Path) -> None:
     for suffix in ("png", "jpg", "bmp", "tif"):
         path = tmp_path / f"a.{suffix}"
         Pillow.fromarray(RAMP).save(path)
@@ -120,7 +120,7 @@ def test_animation_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["png", "tif"])
-def test_too_large_a_picture_is_refused_from_its_header(tmp_path: Path, suffix: str) -> None:
+def test_too_large_an_image_is_refused_from_its_header(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a.{suffix}"
     Pillow.new("1", (10_000, 10_000)).save(path)
     assert "100 megapixels" in line(path, 2.0)
@@ -162,7 +162,7 @@ def test_exif_rotation_is_honoured(tmp_path: Path) -> None:
     assert turned[0].mean() < turned[-1].mean()
 
 
-def test_simulated_picture_says_so(tmp_path: Path) -> None:
+def test_simulated_image_says_so(tmp_path: Path) -> None:
     about = PngImagePlugin.PngInfo()
     about.add_text("Description", "simulated micrograph")
     Pillow.fromarray(RAMP).save(tmp_path / "a.png", pnginfo=about)
@@ -177,7 +177,7 @@ def test_camera_at_its_limit_is_reported(tmp_path: Path) -> None:
     assert any("is saturated" in warning for warning in image.warnings)
 
 
-@pytest.mark.parametrize("content", [b"", b"no picture", b"II*\0junk", b"\x89PNG\r\n\x1a\nrest", b"\xff\xd8\xff\xe0zz"])
+@pytest.mark.parametrize("content", [b"", b"no image", b"II*\0junk", b"\x89PNG\r\n\x1a\nrest", b"\xff\xd8\xff\xe0zz"])
 def test_damaged_files_are_one_line(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.tif"
     path.write_bytes(content)

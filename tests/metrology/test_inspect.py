@@ -1,4 +1,4 @@
-"""`solen print inspect`: from a file of a picture to numbers, a figure and a profile, or to one line."""
+"""`solen print inspect`: from a file of an image to numbers, a figure and a profile, or to one line."""
 
 import json
 from pathlib import Path
@@ -21,7 +21,7 @@ from tests.metrology.render.shape import bump, shipped
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A picture with its scale, one without, and the designs."""
+    """An image with its scale, one without, and the designs."""
     at = tmp_path_factory.mktemp("inspect")
     levels = Scene(SHAPE, reflected(printed(bump(0.8, 25.0, 0.15)), PLACING)).taken(3)
     (at / "lens.ome.tif").write_bytes(ome_tiff(levels, UM_PER_PX))
@@ -68,7 +68,7 @@ def test_everything_that_is_asked_for_is_reported_and_written(
     assert found["sources"][0]["file"] == "lens.ome.tif"
     drawn = figure.read_text(encoding="utf-8")
     for words in ("deviation, + outwards (µm)", "n = 1.44", "rival: n = 1.49", ">E<"):
-        assert words in drawn, "the picture alone keeps its colour bar and names the indices"
+        assert words in drawn, "the image alone keeps its colour bar and names the indices"
     profile = read_profile(out)
     assert profile.edge == "mean"
     points = np.asarray(found["outline_mm"])
@@ -106,7 +106,7 @@ def test_an_index_between_the_papers_joins_the_comparison(folder: Path, capsys: 
 
 BAD = {
     "no scale": (["bare.png"], "--um-per-px"),
-    "no such picture": (["none.png"], "no such file"),
+    "no such image": (["none.png"], "no such file"),
     "no lens": (["lens.ome.tif", "--design", "flat.toml"], "no lens"),
     "no such design": (["lens.ome.tif", "--design", "none.toml"], "no such file"),
     "other width": (["lens.ome.tif", "--um-per-px", "8"], "shows no lens"),
@@ -135,7 +135,7 @@ def test_bad_input_is_one_line(
     assert sorted(folder.iterdir()) == before
 
 
-def test_a_simulated_picture_is_called_so(tmp_path: Path, folder: Path) -> None:
+def test_a_simulated_image_is_called_so(tmp_path: Path, folder: Path) -> None:
     from PIL import Image as Pillow
     from PIL import PngImagePlugin
 

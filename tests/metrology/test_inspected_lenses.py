@@ -1,6 +1,6 @@
 """`solen print inspect` on rendered micrographs: the design is recognised, pose and deviations come back.
 
-Each assertion here holds on a few pictures in CI; ``make evidence`` takes the whole number that is stated in the
+Each assertion here holds on a few images in CI; ``make evidence`` takes the whole number that is stated in the
 documentation.
 """
 
@@ -58,8 +58,8 @@ def test_the_design_is_distinguished_from_the_other_two(name: str, seed: int, tm
 
 
 @pytest.mark.evidence
-def test_the_three_designs_are_distinguished_in_every_picture(tmp_path: Path) -> None:
-    """At 2 µm to a pixel, 34 pictures of each lens, all laid on the first design."""
+def test_the_three_designs_are_distinguished_in_every_image(tmp_path: Path) -> None:
+    """At 2 µm to a pixel, 34 images of each lens, all laid on the first design."""
     told, least, rms = 0, 1.0, []
     for name in INDICES:
         for seed in range(34):
@@ -92,8 +92,8 @@ def test_rotation_and_place_come_back_within_their_uncertainties(tmp_path: Path)
 
 
 @pytest.mark.evidence
-def test_stated_uncertainties_hold_over_many_pictures(tmp_path: Path) -> None:
-    """Of 60 pictures of perfect prints: errors of places, pose and numbers over what is stated."""
+def test_stated_uncertainties_hold_over_many_images(tmp_path: Path) -> None:
+    """Of 60 images of perfect prints: errors of places, pose and numbers over what is stated."""
     z: list[FloatArray] = []
     rotations, shifts, rms, inside = [], [], [], 0
     for seed in range(60):
@@ -177,10 +177,10 @@ def test_both_edges_are_found_and_named(light: str, taper_um: float, tmp_path: P
 
 
 def test_the_printed_object_has_the_keys_that_others_read(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    picture = tmp_path / "picture.png"
-    picture.write_bytes(png(PLAIN.taken(1)))
+    image = tmp_path / "image.png"
+    image.write_bytes(png(PLAIN.taken(1)))
     design = design_file(tmp_path)
-    found = answered(capfd, "print", "inspect", str(picture), "--design", str(design), "--um-per-px", "5")
+    found = answered(capfd, "print", "inspect", str(image), "--design", str(design), "--um-per-px", "5")
     assert found["scale"]["um_per_px"] == 5.0
     assert {"rms_um", "max_um"} <= found["deviation"].keys()
     assert found["nearest"] == "n = 1.44"
@@ -188,12 +188,12 @@ def test_the_printed_object_has_the_keys_that_others_read(tmp_path: Path, capfd:
     assert outline.shape[1] == 2
     assert len(outline) > 100
     assert np.abs(outline[:, 0]).max() < 2.01
-    assert found["sources"][0]["file"] == "picture.png"
+    assert found["sources"][0]["file"] == "image.png"
     assert isinstance(found["warnings"], list)
 
 
 @pytest.mark.evidence
-def test_a_sharp_picture_of_much_noise_and_many_bits_is_measured_as_well(tmp_path: Path) -> None:
+def test_a_sharp_image_of_much_noise_and_many_bits_is_measured_as_well(tmp_path: Path) -> None:
     shot = replace(PLAIN, optics=sharp(), camera=Camera(noise=0.08, bits=16))
     off = inspected(tmp_path, shot, 10)["deviation"]
     assert off["rms_um"] < 3.0 * off["u_rms_um"]

@@ -39,7 +39,7 @@ def test_one_of_two_alike_that_fails_fails_both() -> None:
     assert (found.nominal_mm, found.next_mm) == (1.6, 1.4)
 
 
-def test_what_is_not_in_the_picture_neither_passes_nor_fails() -> None:
+def test_what_is_not_in_the_image_neither_passes_nor_fails() -> None:
     found = smallest("gap", [told(0.5, None, reason=OUTSIDE), told(0.3, True), told(0.2, False)])
     assert found is not None
     assert found.nominal_mm == 0.3

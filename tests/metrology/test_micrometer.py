@@ -1,4 +1,4 @@
-"""The scale of an objective from simulated pictures of stage micrometers, drawn by their own closed form."""
+"""The scale of an objective from simulated images of stage micrometers, drawn by their own closed form."""
 
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from tests.command_support import answered
 SOURCE = Provenance("micrometer.png", "0" * 64, "png", simulated=True)
 
 
-def picture(
+def ruler(
     rng: np.random.Generator, period: float, angle_deg: float, *, shape: tuple[int, int] = (300, 420), **more: Any
 ) -> NDArray[np.float64]:
     """Dark lines of a width, blurred, each tenth longer, on an uneven background with noise; the closed form."""
@@ -46,7 +46,7 @@ def measured(grey: NDArray[np.float64], **options: Any) -> MeasuredScale:
 
 @pytest.mark.parametrize("angle_deg", [0.0, 0.7, -12.0, 33.0, 45.0, 88.0, 90.0])
 def test_a_period_comes_back_at_any_angle(angle_deg: float) -> None:
-    found = measured(picture(np.random.default_rng(1), 17.3, angle_deg))
+    found = measured(ruler(np.random.default_rng(1), 17.3, angle_deg))
     assert found.um_per_px == pytest.approx(10.0 / 17.3, rel=3e-4)
     assert abs(found.um_per_px - 10.0 / 17.3) < 4.0 * found.u_um_per_px
     assert (found.angle_deg - angle_deg + 90.0) % 180.0 - 90.0 == pytest.approx(0.0, abs=0.05)
@@ -56,26 +56,26 @@ def test_a_period_comes_back_at_any_angle(angle_deg: float) -> None:
 
 
 def over_u(count: int) -> NDArray[np.float64]:
-    """Errors over stated uncertainties of pictures of other periods, angles, widths and noise."""
+    """Errors over stated uncertainties of images of other periods, angles, widths and noise."""
     rng = np.random.default_rng(4)
     off = []
     for _ in range(count):
         period, angle = rng.uniform(9.0, 28.0), rng.uniform(-90.0, 90.0)
         noise, blur = rng.uniform(0.005, 0.04), rng.uniform(0.8, 2.0)
-        found = measured(picture(rng, period, angle, shape=(240, 320), noise=noise, blur=blur))
+        found = measured(ruler(rng, period, angle, shape=(240, 320), noise=noise, blur=blur))
         off.append((found.um_per_px * period / 10.0 - 1.0) / (found.u_um_per_px / found.um_per_px))
     return np.array(off)
 
 
 def test_the_stated_uncertainty_covers() -> None:
-    """40 pictures: within 95 % intervals in 90 to 100 %."""
+    """40 images: within 95 % intervals in 90 to 100 %."""
     off = over_u(40)
     assert np.mean(np.abs(off) < 1.96) >= 0.9
     assert np.sqrt(np.mean(np.square(off))) < 1.2
 
 
 @pytest.mark.evidence
-def test_the_stated_uncertainty_covers_300_pictures() -> None:
+def test_the_stated_uncertainty_covers_300_images() -> None:
     """Within 1.96 u in 95 %, to what 300 tell."""
     off = np.abs(over_u(300))
     print(
@@ -85,7 +85,7 @@ def test_the_stated_uncertainty_covers_300_pictures() -> None:
 
 
 def test_bright_lines_and_a_certificate() -> None:
-    dark = picture(np.random.default_rng(2), 20.0, 5.0)
+    dark = ruler(np.random.default_rng(2), 20.0, 5.0)
     plain, stated = measured(1.0 - dark), measured(1.0 - dark, u_spacing_mm=2e-5)
     assert plain.um_per_px == pytest.approx(0.5, rel=3e-4)
     assert stated.u_um_per_px == pytest.approx(np.hypot(plain.u_um_per_px, 2e-3 * plain.um_per_px), rel=1e-6)
@@ -93,9 +93,9 @@ def test_bright_lines_and_a_certificate() -> None:
     assert not stated.warnings
 
 
-def test_a_scale_that_changes_across_the_picture_is_said() -> None:
+def test_a_scale_that_changes_across_the_image_is_said() -> None:
     """Places s + 0.02 s²/w: the local scale changes by 4 % from side to side, and u holds that."""
-    found = measured(picture(np.random.default_rng(3), 18.0, 0.0, stretch=0.02))
+    found = measured(ruler(np.random.default_rng(3), 18.0, 0.0, stretch=0.02))
     assert found.stretch_percent is not None
     assert abs(found.stretch_percent) == pytest.approx(4.0, rel=0.15)
     assert found.u_um_per_px / found.um_per_px == pytest.approx(0.04 / np.sqrt(12.0), rel=0.2)
@@ -107,8 +107,8 @@ def test_what_is_no_micrometer_is_refused(kind: str) -> None:
     grey = {
         "noise": rng.uniform(0.0, 1.0, (200, 200)),
         "even": np.full((200, 200), 0.4),
-        "one line": picture(rng, 900.0, 0.0, width=0.01),
-        "three lines": picture(rng, 140.0, 0.0, width=0.05),
+        "one line": ruler(rng, 900.0, 0.0, width=0.01),
+        "three lines": ruler(rng, 140.0, 0.0, width=0.05),
     }[kind]
     with pytest.raises(DataError, match=r"micrometer\.png"):
         measured(grey)
@@ -118,7 +118,7 @@ def test_the_command_writes_a_scale_that_others_take(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    grey = picture(np.random.default_rng(6), 16.0, 3.0)
+    grey = ruler(np.random.default_rng(6), 16.0, 3.0)
     Pillow.fromarray(np.rint(255 * grey).astype(np.uint8)).save("micrometer.png")
     said = answered(
         capfd, "print", "scale", "micrometer.png", "--spacing-mm", "0.01", "--objective", "10x", "--out", "s.toml"

@@ -1,4 +1,4 @@
-"""A lens in a picture: found wherever it lies and however it is lit, laid on its design, or refused with the reason."""
+"""A lens in an image: found wherever it lies and however it is lit, laid on its design, or refused with the reason."""
 
 import dataclasses
 import json
@@ -47,7 +47,7 @@ def test_feet_of_points_beside_the_front_have_their_distances() -> None:
     assert np.all(normals[:, 1] < 0.0), "outwards is towards the emitter"
 
 
-def test_a_pose_goes_to_the_picture_and_back() -> None:
+def test_a_pose_goes_to_the_image_and_back() -> None:
     pose = Pose(33.0, (410.0, 520.0), 2.5, mirrored=True)
     points = np.array([[0.0, 0.0], [1.0, 0.5], [-0.3, 1.2]])
     np.testing.assert_allclose(pose.to_mm(pose.to_px(points)), points, atol=1e-12)
@@ -153,16 +153,16 @@ def test_too_little_of_a_lens_is_refused() -> None:
         measure_outline(plain(OUTLINE, PLACING.moved(-850.0, -300.0), shape=(500, 600)), NOMINAL)
 
 
-def test_a_picture_of_nothing_is_refused() -> None:
+def test_an_image_of_nothing_is_refused() -> None:
     with pytest.raises(DataError, match="no lens"):
         measure_outline(taken([], scenery=[dust(30, 14.0, 0.9), gradient(0.4, 10.0)]), NOMINAL)
 
 
 def test_a_scale_that_cannot_be_is_refused() -> None:
-    picture = np.random.default_rng(1).random(SHAPE)
+    image = np.random.default_rng(1).random(SHAPE)
     for um_per_px in (0.5, 90.0):
         with pytest.raises(DataError, match="pixels wide"):
-            measure_outline(as_image(picture, um_per_px), NOMINAL)
+            measure_outline(as_image(image, um_per_px), NOMINAL)
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ def test_registration_gives_back_a_pose_and_its_uncertainty() -> None:
     assert np.max([error[1] for error in errors]) < 2.0
 
 
-def test_a_mirrored_picture_of_an_asymmetric_front_is_reported() -> None:
+def test_a_mirrored_image_of_an_asymmetric_front_is_reported() -> None:
     front = NOMINAL.front_mm.copy()
     front[:, 1] += 0.05 * np.exp(-(((front[:, 0] - 1.0) / 0.3) ** 2))
     lopsided = NominalFront("lopsided", front, NOMINAL.left_mm, NOMINAL.right_mm)
@@ -247,15 +247,15 @@ def test_a_mirrored_picture_of_an_asymmetric_front_is_reported() -> None:
     outline = np.vstack([front, [[2.2, 3.0], [-2.2, 3.0]]])
     image = plain(outline, Placing(UM_PER_PX, (600.0, 650.0), angle_deg=5.0))
     mirrored = as_image(np.ascontiguousarray(image.grey[:, ::-1]), UM_PER_PX)
-    for picture, expected in ((image, False), (mirrored, True)):
-        found = measure_outline(picture, lopsided).chosen.registration
+    for micrograph, expected in ((image, False), (mirrored, True)):
+        found = measure_outline(micrograph, lopsided).chosen.registration
         assert found.pose.mirrored is expected
         assert found.rms_um < 0.2 * UM_PER_PX
 
 
 @pytest.mark.parametrize("seen_from", ["top", "bottom"])
 def test_of_a_symmetric_lens_the_face_is_what_is_stated(seen_from: SeenFrom) -> None:
-    """A bump on the right comes out on the left where the picture was taken from below."""
+    """A bump on the right comes out on the left where the image was taken from below."""
     image = plain(printed(bump(0.8, 25.0, 0.15)))
     found = measure_outline(image, NOMINAL, seen_from=seen_from)
     laid = found.chosen.registration

@@ -19,7 +19,7 @@ FIRST = Pose(21.0, (305.0, 396.0), 5.0)
 
 
 def whole(points: FloatArray, angle_deg: float = 5.0) -> Shot:
-    """A picture that shows the walls behind the front as well."""
+    """An image that shows the walls behind the front as well."""
     return Shot(points, angle_deg=angle_deg, size_um=(4800.0, 3900.0), vertex_um=(2400.0, 3300.0))
 
 

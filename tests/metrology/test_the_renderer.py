@@ -22,7 +22,7 @@ PLACING = Placing(10.0, (240.0, 60.0), angle_deg=4.0)
 
 
 def star(rng: np.random.Generator, corners: int) -> FloatArray:
-    """A simple polygon that leaves a picture of 20 by 24 px on all sides."""
+    """A simple polygon that leaves an image of 20 by 24 px on all sides."""
     angles = np.sort(rng.uniform(0, 2 * np.pi, corners))
     radii = rng.uniform(2.0, 18.0, corners)
     return np.column_stack([12 + radii * np.cos(angles), 10 + radii * np.sin(angles)])
@@ -44,13 +44,13 @@ def test_holes_are_left_out_and_whole_coordinates_are_no_trouble() -> None:
     assert cover[5, 4] == pytest.approx(0.5, abs=1e-12)
 
 
-def test_the_lens_in_the_picture_has_the_area_of_its_polygon() -> None:
+def test_the_lens_in_the_image_has_the_area_of_its_polygon() -> None:
     scene = Scene((400, 500), reflected(OUTLINE, PLACING, step=1.0, optics=gaussian(2.0)), ground=0.0)
     inside = shapely.Polygon(PLACING.px(OUTLINE)).intersection(shapely.box(0, 0, 500, 400)).area
     cover = coverage([PLACING.px(OUTLINE)], (400, 500))
     assert cover.sum() == pytest.approx(inside, rel=1e-12)
     rng = np.random.default_rng(0)
-    assert scene.light(rng).sum() == pytest.approx(inside, rel=2e-3)  # blur brings light over the picture's border
+    assert scene.light(rng).sum() == pytest.approx(inside, rel=2e-3)  # blur brings light over the image's border
 
 
 def edge_response(optics: Optics, sub: int, angle_deg: float) -> tuple[np.ndarray, np.ndarray]:
@@ -117,7 +117,7 @@ def test_levels_are_clipped_to_the_depth_of_the_camera() -> None:
     assert (levels.min(), levels.max()) == (0, 255)
 
 
-def test_a_place_in_the_picture_and_in_the_design_are_one() -> None:
+def test_a_place_in_the_image_and_in_the_design_are_one() -> None:
     points = front_mm(shipped())[::7]
     assert PLACING.mm(PLACING.px(points)) == pytest.approx(points, abs=1e-12)
     upright = Placing(10.0, (240.0, 60.0))
@@ -163,7 +163,7 @@ def test_scenery_changes_the_light_by_what_it_says() -> None:
     assert np.median(dirty) == 1.0
 
 
-def test_files_hold_the_picture_and_the_scale_they_were_given() -> None:
+def test_files_hold_the_image_and_the_scale_they_were_given() -> None:
     levels = Scene((40, 50), [], ground=0.5).taken(0)
     with Pillow.open(io.BytesIO(png(levels, 4.0))) as image:
         assert np.array_equal(np.asarray(image), levels)

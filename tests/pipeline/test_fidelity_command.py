@@ -36,10 +36,10 @@ def told(capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     return run
 
 
-def test_a_picture_of_group_a(told: Run, capfd: pytest.CaptureFixture[str]) -> None:
+def test_an_image_of_group_a(told: Run, capfd: pytest.CaptureFixture[str]) -> None:
     coupon = layout("group-a")
     part = Print(coupon, size_mm=lambda one: one.diameter_mm + 0.02, missing=frozenset({"d-0.06", "d-0.08"}))
-    png(Path("a.png"), Camera(UM, 3.0, blur_px=1.2).picture(part))
+    png(Path("a.png"), Camera(UM, 3.0, blur_px=1.2).image(part))
     options = ("print", "fidelity", "a.png", "--coupon", "group-a", "--um-per-px", "14")
     found = told(*options, "--figure", "a.svg", "--out", "a.json")
     assert found["minimum"]["positive_diameter"]["nominal_mm"] == 0.1
@@ -66,7 +66,7 @@ def test_a_job_tells_the_layout(told: Run) -> None:
     """A coupon of other measures is found by its job, and not without."""
     told("print", "coupons", "--out", "print", "--only", "group-b", "--spacing-mm", "1.6", "--gap-reading", "row")
     coupon = layout("group-b", CouponOptions(spacing_mm=1.6, gap_reading="row"))
-    png(Path("b.png"), Camera(8.0, blur_px=1.2).picture(Print(coupon)))
+    png(Path("b.png"), Camera(8.0, blur_px=1.2).image(Print(coupon)))
     found = told("print", "fidelity", "b.png", "--job", "print/group-b.json", "--um-per-px", "8")
     assert found["coupon"] == "group-b"
     assert {one["diameter_mm"] for one in found["features"] if one["kind"] == "gap"} == {0.3}
@@ -74,13 +74,13 @@ def test_a_job_tells_the_layout(told: Run) -> None:
     assert run_command(["print", "fidelity", "b.png", "--coupon", "group-b", "--um-per-px", "8"]) == 2
 
 
-def test_a_z_map_of_the_reference(told: Run) -> None:
-    z = Camera(20.0, 5.0).z_map(Print(layout("z-reference")))
+def test_a_height_map_of_the_reference(told: Run) -> None:
+    z = Camera(20.0, 5.0).height_map(Print(layout("z-reference")))
     tifffile.imwrite("z.tif", (1e3 * z).astype(np.float32))
     found = told(
         "print", "fidelity", "z.tif", "--coupon", "z-reference", "--um-per-px", "20", "--z-um", "1", "--figure", "z.png"
     )
-    assert found["image"] == "z map"
+    assert found["image"] == "height map"
     assert found["minimum"]["z_step"]["nominal_mm"] == pytest.approx(0.025)
     assert [one["measured_mm"] for one in found["heights"]] == pytest.approx([1.0, 1.025, 0.025], abs=1e-3)
     assert Path("z.png").stat().st_size > 10_000
@@ -96,7 +96,7 @@ def test_a_z_map_of_the_reference(told: Run) -> None:
         (["a.png", "--coupon", "group-a", "--um-per-px", "14"], "shows no group-a"),
         (["a.png", "--coupon", "group-c", "--um-per-px", "14"], "--z-um"),
         (["a.png", "--coupon", "cubes", "--um-per-px", "14"], "has no features that an image shows"),
-        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--z-um", "1"], "is not a z map"),
+        (["a.png", "--coupon", "group-a", "--um-per-px", "14", "--z-um", "1"], "is not a height map"),
         (["none.png", "--coupon", "group-a", "--um-per-px", "14"], "no such file"),
         (["z.csv", "--coupon", "z-reference", "--um-per-px", "14"], "--z-um; is missing"),
         (["a.png", "--job", "none.json", "--um-per-px", "14"], "no such file"),

@@ -66,9 +66,9 @@ def answered(workspace: Workspace, capsys: pytest.CaptureFixture[str]) -> Any:
 
 
 def test_a_lens_is_inspected_between_two_marks_and_used(workspace: Workspace, answered: Any) -> None:
-    """The picture has 6 µm per pixel: marks 500 pixels apart are 3 mm, and a pixel of a click is 0.3 % of that."""
+    """The image has 6 µm per pixel: marks 500 pixels apart are 3 mm, and a pixel of a click is 0.3 % of that."""
     bar = [100.0, 330.0, 600.0, 330.0, 3000.0]
-    result, _, folder = answered("print inspect", {"picture": "lens-simulated.ome.tif", "bar": bar})
+    result, _, folder = answered("print inspect", {"image": "lens-simulated.ome.tif", "bar": bar})
     assert result["scale"]["um_per_px"] == pytest.approx(6.0)
     assert result["scale"]["u_um_per_px"] == pytest.approx(6.0 * 2**0.5 / 500.0)
     state = workspace.document.change(

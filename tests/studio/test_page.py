@@ -265,7 +265,7 @@ def test_the_tab_of_the_print_shows_the_part_and_its_layers(
 def test_the_tab_of_the_microscope_measures_between_two_marks(
     seen: dict[str, Any], commanded: Callable[[str], dict[str, Any]]
 ) -> None:
-    """The marks are set in pixels of the picture, whatever size it is shown at."""
+    """The marks are set in pixels of the micrograph, whatever size it is shown at."""
     x0, z0, x1, z1, length_um = seen["bar"]
     assert [x0, z0, x1, z1] == pytest.approx([74.0, 324.0, 602.0, 324.0], abs=2.0), "of 740 x 360 pixels"
     assert length_um == 3100.0

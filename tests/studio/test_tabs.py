@@ -89,7 +89,7 @@ def test_lines_are_those_of_the_command_and_the_same_in_python_runs(
 
 def test_the_log_of_tuned_prints_is_beside_the_design_and_all_else_apart(workspace: Workspace) -> None:
     folder = workspace.storage.folder / "tune-1"
-    call = called(workspace, "print tune", {"picture": "lens.ome.tif", "response": False, "sheet_only": True}, folder)
+    call = called(workspace, "print tune", {"image": "lens.ome.tif", "response": False, "sheet_only": True}, folder)
     assert call.values["log"] == workspace.document.path.with_name("sensor-tuning.json")
     assert (call.values["design"], call.values["out"]) == (workspace.document.path, folder)
     assert call.shell.endswith(

@@ -62,7 +62,7 @@ export async function microscope(page, seen, picture, audit) {
   await panel.locator(".values").waitFor({ timeout: 60_000 });
   await panel.locator('[id="field-print-inspect.um_per_px"]').fill("");
   await panel.locator('[id="field-print-inspect.um_per_px"]').press("Tab");
-  await panel.getByRole("button", { name: "picture", exact: true }).click();
+  await panel.getByRole("button", { name: "image", exact: true }).click();
   await page.waitForFunction(() => document.querySelector(".framed img").naturalWidth > 0, null, { timeout: 60_000 });
   const box = await panel.locator(".framed img").boundingBox();
   for (const share of [0.1, 0.8]) await page.mouse.click(box.x + share * box.width, box.y + 0.9 * box.height);

@@ -21,7 +21,7 @@ from solen.results import Result, reported
 from solen.spec import load as load_design
 
 DESIGN, OTHER = "design", "other file"
-PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".svg", ".pdf", ".webp", ".gif"}
+IMAGES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".svg", ".pdf", ".webp", ".gif"}
 VIDEOS = {".avi", ".mp4", ".mov", ".mkv"}
 SOLIDS = {".stl", ".3mf", ".step", ".stp", ".obj", ".dxf"}
 DOCUMENTS = {".md", ".txt", ".html", ".docx", ".odt", ".rst", ".ipynb", ".m", ".py"}
@@ -44,7 +44,7 @@ class Item(Result):
     path
         Path within the archive, with forward slashes.
     kind
-        ``design``, ``resin``, ``recording``, ``picture``, a kind of solen result, or ``other file``.
+        ``design``, ``resin``, ``recording``, ``image``, a kind of solen result, or ``other file``.
     size_bytes, sha256
         Size and checksum of the file.
     media_type
@@ -121,7 +121,7 @@ def measured(file: Path) -> tuple[int, str]:
 def _known(file: Path) -> tuple[str, dict[str, str], bool, str]:
     """Return kind, units by quantity, whether the file is simulated, and a remark."""
     ending = file.suffix.lower()
-    for kind, endings in (("picture", PICTURES), ("video", VIDEOS), ("solid", SOLIDS), ("document", DOCUMENTS)):
+    for kind, endings in (("image", IMAGES), ("video", VIDEOS), ("solid", SOLIDS), ("document", DOCUMENTS)):
         if ending in endings:
             return kind, {}, "simulated" in file.name.lower(), ""
     if ending == ".toml":

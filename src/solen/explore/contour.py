@@ -1,7 +1,7 @@
-"""The outline of a lens and its walls as one contour, and the deviation of a pictured print along it.
+"""The outline of a lens and its walls as one contour, and the deviation of a print in an image along it.
 
 Wall, front and wall form one contour with the material on its left. Lengths along it are measured from the left end of
-the front. The thousand or so points of a picture are averaged over short pieces with known noise. Each piece gives the
+the front. The thousand or so points of an image are averaged over short pieces with known noise. Each piece gives the
 local deviation of the print from the design after registration, with size and overgrowth included.
 
 Public names: `Contour` and `Rows`.
@@ -73,9 +73,9 @@ class Rows:
     arc_mm
         Lengths (N,) along the contour; those of the walls are below 0 or beyond the front's length.
     deviation_um, u_um
-        Deviation of the print at the scale of its picture, and its standard uncertainty from noise (N,).
+        Deviation of the print at the scale of its image, and its standard uncertainty from noise (N,).
     um_per_px, u_um_per_px
-        Scale of the picture, and its standard uncertainty, or None if that is not stated.
+        Scale of the image, and its standard uncertainty, or None if that is not stated.
     """
 
     arc_mm: FloatArray

@@ -134,7 +134,7 @@ class PrintModel:
         return drawing.scale == 1.0 and not drawing.wall_um and not drawing.drawn_um.any()
 
     def on(self, rows: Rows, contour: Contour, drawing: Drawing) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the effect of a drawing, its change with more blur, and the model error, for the rows of a picture.
+        """Return the effect of a drawing, its change with more blur, and the model error, for the rows of an image.
 
         A wall follows its own drawing.
         """

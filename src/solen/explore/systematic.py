@@ -1,12 +1,12 @@
 """Systematic deviations of a printer, separated from those of single prints with Gaussian processes along the outline.
 
 The deviation of a print is the sum of the effect of its drawing (from the print model), deviations common to all prints
-(uniform overgrowth, size, and a form along the outline), individual deviations, and errors of the picture: pose, scale,
+(uniform overgrowth, size, and a form along the outline), individual deviations, and errors of the image: pose, scale,
 shift of all edges, noise. All but the first are normal with a stated standard deviation. The common part therefore
 follows from all prints jointly by linear algebra (C. E. Rasmussen and C. K. I. Williams, Gaussian Processes for Machine
 Learning, 2006, chapter 2). The size and correlation length of the forms are unknown; they are marginalised over a grid
-with the marginal likelihood of the pictures as weight. Unresolved quantities stay at their prior, 0, so that a
-correction by the mean is damped automatically: strongly if a single picture shows little beyond noise, and increasingly
+with the marginal likelihood of the images as weight. Unresolved quantities stay at their prior, 0, so that a
+correction by the mean is damped automatically: strongly if a single image shows little beyond noise, and increasingly
 less as prints agree.
 
 Public names: `Known`, `learnt`, `Print` and `Systematic`.
@@ -43,7 +43,7 @@ OVERGROWTH, SIZE, BLUR = -3, -2, -1
 
 @dataclass(frozen=True, eq=False)
 class Print:
-    """A measured print and the modelled effect of its drawing, for the rows of its picture, in µm.
+    """A measured print and the modelled effect of its drawing, for the rows of its image, in µm.
 
     ``by_blur_um`` is the change of that effect if the blur is wider by its standard uncertainty, ``missed_um`` the
     standard uncertainty of the model, common to all prints of one ``drawing``.
@@ -88,7 +88,7 @@ class Systematic:
     missed
         Factor (H,) on the model's usual error of pixel effects.
     log_evidence
-        Logarithm of the marginal likelihood of all pictures, up to a constant.
+        Logarithm of the marginal likelihood of all images, up to a constant.
     """
 
     contour: Contour
@@ -174,7 +174,7 @@ class _Problem:
         self.u = (known.u_overgrowth_um, 0.01 * known.u_shrinkage_percent)
         away = np.concatenate([one.rows.deviation_um - one.drawn_um for one in prints])
         self.off = away - self.before[0] - self.before[1] * self.size - known.blur * self.blur
-        self.columns = self._of_pictures(prints)
+        self.columns = self._of_images(prints)
         self.noise = np.concatenate([one.rows.u_um for one in prints]) ** 2
         same = self.which[:, None] == self.which[None, :]
         steady = self.u[0] ** 2 + self.u[1] ** 2 * np.outer(self.size, self.size) + np.outer(self.blur, self.blur)
@@ -185,8 +185,8 @@ class _Problem:
         self.kernels = {length: _matern(self.arc, self.arc, length) for length in LENGTHS_MM}
         self.same = {length: same * _alone(contour, self.arc, self.arc, length) for length in LENGTHS_MM}
 
-    def _of_pictures(self, prints: Sequence[Print]) -> FloatArray:
-        """Return the effects (N, K) of each picture's pose, scale error and edge shift, per standard uncertainty."""
+    def _of_images(self, prints: Sequence[Print]) -> FloatArray:
+        """Return the effects (N, K) of each image's pose, scale error and edge shift, per standard uncertainty."""
         rigid, columns = self.contour.by_rigid(self.arc), []
         for number in range(len(prints)):
             columns += [U_POSE * 1e3 * column * (self.which == number) for column in rigid.T]

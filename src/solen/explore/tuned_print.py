@@ -18,14 +18,14 @@ from solen.spec.strict import Finite
 
 
 class TuneOptions(InspectOptions):
-    """Options for measuring a picture, and priors of prints."""
+    """Options for measuring an image, and priors of prints."""
 
     repeat_um: Annotated[Finite, Field(gt=0, le=100)] = 1.0
     """Usual difference (rms) of two prints of one drawing, known within a factor of 2, in µm."""
     drawn: Path | None = None
     """Design file of this print; default: the design at first, then the last correction in the log."""
     another_copy: bool = False
-    """The picture shows another print of the previous drawing."""
+    """The image shows another print of the previous drawing."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class TunedPrint(Result):
     Attributes
     ----------
     design, simulated, process
-        Names of the design and the process, and whether any picture was computed.
+        Names of the design and the process, and whether any image was computed.
     number, drawn_by
         Number of the print, and its drawing.
     rms_um, u_rms_um

@@ -1,10 +1,10 @@
-"""Tuning of a lens print by print: measurement of a picture, corrected drawing, and prediction of the next print.
+"""Tuning of a lens print by print: measurement of an image, corrected drawing, and prediction of the next print.
 
-A print model predicts the effect of a change of the drawing well, but the absolute print poorly; a picture does the
-reverse. Common deviations of prints (`solen.explore.systematic`) are therefore taken from the pictures, and the drawing
+A print model predicts the effect of a change of the drawing well, but the absolute print poorly; an image does the
+reverse. Common deviations of prints (`solen.explore.systematic`) are therefore taken from the images, and the drawing
 that cancels them from the model. Means of uniform overgrowth, size (with a stated scale only) and form are corrected:
-if pictures resolve little, they stay near their priors. The next print is then predicted with all uncertainties: of the
-printer, the pictures, the model, and of individual prints.
+if images resolve little, they stay near their priors. The next print is then predicted with all uncertainties: of the
+printer, the images, the model, and of individual prints.
 
 `tune` returns a `TunedPrint`, whose `log` is the input of the next call.
 """
@@ -22,8 +22,8 @@ from solen.explore.print_model import PrintModel
 from solen.explore.systematic import BLUR, OVERGROWTH, SIZE, Known, Print, Systematic, learnt, of_pixels
 from solen.explore.tuned_print import Common, TunedPrint, TunedStep, TuneOptions
 from solen.explore.tuned_response import responses
-from solen.explore.tuning_log import AS_DESIGNED, Correction, LoggedPrint, Picture, Residual, Responses, TuningLog
-from solen.explore.tuning_warnings import of_picture, of_prediction
+from solen.explore.tuning_log import AS_DESIGNED, Correction, LoggedImage, LoggedPrint, Residual, Responses, TuningLog
+from solen.explore.tuning_warnings import of_image, of_prediction
 from solen.fabricate.label import label_of
 from solen.fabricate.layers import Slicing
 from solen.fabricate.process import Compensation, Deviation, Drawing, outline_text
@@ -66,7 +66,7 @@ def tune(
     Parameters
     ----------
     inspection
-        The print in its picture, measured against the original design.
+        The print in its image, measured against the original design.
     sensor
         The original design.
     slicing
@@ -99,7 +99,7 @@ def tune(
 
 
 def check_tunable(sensor: Sensor) -> None:
-    """Raise `DesignError` if a design does not have a single outline visible in a picture of its print."""
+    """Raise `DesignError` if a design does not have a single outline visible in an image of its print."""
     if isinstance(sensor.cut, LensInSpace):
         limit = "a lens that varies with height cannot be tuned: an image shows only one height of it"
         remedy = (
@@ -112,7 +112,7 @@ def check_tunable(sensor: Sensor) -> None:
 
 
 def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspection: LensInspection) -> TuningLog:
-    """Return the log or a new one; raise `DataError` for another design or printer, or a picture already in the log."""
+    """Return the log or a new one; raise `DataError` for another design or printer, or an image already in the log."""
     design = sensor.design
     new = TuningLog(design.name, label_of(design, "").sha256, model.settings.pixels_um, model.phase_px)
     if log is None:
@@ -128,7 +128,7 @@ def _checked(log: TuningLog | None, sensor: Sensor, model: PrintModel, inspectio
         )
     source = inspection.sources[0]
     for one in log.prints:
-        if one.picture.sha256 == source.sha256:
+        if one.image.sha256 == source.sha256:
             limit = f"is the image of print {one.number} of the log"
             raise DataError(source.file, limit=limit, remedy="photograph the print of the last correction")
     return log
@@ -200,7 +200,7 @@ class _Tuning:
 
         Pixel effects are those of another drawing if ``pixels_of`` names one.
         """
-        every = [(one.picture.rows, one.drawing, one.drawing) for one in self.log.prints]
+        every = [(one.image.rows, one.drawing, one.drawing) for one in self.log.prints]
         every.append((self.rows, number, number if pixels_of is None else pixels_of))
         prints = [Print(rows, of, *self.model.on(rows, self.contour, self._drawing(by))) for rows, by, of in every]
         keys = ("overgrowth_um", "u_overgrowth_um", "shrinkage_percent", "u_shrinkage_percent", "repeat_um")
@@ -224,8 +224,8 @@ class _Tuning:
 
     @cached_property
     def scale_stated(self) -> bool:
-        """Whether the scale of every picture has an uncertainty; otherwise the size is not corrected."""
-        stated = [one.picture.u_um_per_px for one in self.log.prints]
+        """Whether the scale of every image has an uncertainty; otherwise the size is not corrected."""
+        stated = [one.image.u_um_per_px for one in self.log.prints]
         return None not in (*stated, self.inspection.scale.u_um_per_px)
 
     @cached_property
@@ -316,11 +316,11 @@ class _Tuning:
         predicted = self.residual(prints)
         traced, why = self._responses(prints, progress) if response else (None, [])
         log = self.log.with_print(self._entry(file, predicted, traced))
-        warnings = [*of_picture(inspection, self.model), *why, *inspection.warnings]
+        warnings = [*of_image(inspection, self.model), *why, *inspection.warnings]
         warnings += of_prediction(log, self._corrected, self._unchanged, moved=self._moved)
         return TunedPrint(
             design=self.sensor.design.name,
-            simulated=any(one.picture.simulated for one in log.prints),
+            simulated=any(one.image.simulated for one in log.prints),
             process=self.model.process.name,
             number=len(log.prints),
             drawn_by=self.log.name(self.number),
@@ -361,7 +361,7 @@ class _Tuning:
         )
 
     def _measured(self) -> FloatArray:
-        """Return the deviation of the picture at the points, registered as in `solen print inspect`, or NaN."""
+        """Return the deviation of the image at the points, registered as in `solen print inspect`, or NaN."""
         fit, nominal = self.inspection.outline.chosen.registration, self.inspection.nominal
         at = nominal.nearest(fit.points_mm).arc_mm
         order = np.argsort(at)
@@ -394,7 +394,7 @@ class _Tuning:
         columns = (tuple(np.round(column, 5).tolist()) for column in (rows.arc_mm, rows.deviation_um, rows.u_um))
         scale = self.inspection.scale
         face = self.options.seen_from
-        picture = Picture(
+        image = LoggedImage(
             source.file, source.sha256, source.simulated, scale.um_per_px, scale.u_um_per_px, face, *columns
         )
         number = len(self.log.prints) + 1
@@ -404,7 +404,7 @@ class _Tuning:
         if self.kept:
             correction = self.log.correction(self.number) or Correction.of(0, AS_DESIGNED, sha256, made.drawing)
         return LoggedPrint(
-            number, self.number, picture, deviation.rms_um, deviation.u_rms_um, correction, predicted, traced
+            number, self.number, image, deviation.rms_um, deviation.u_rms_um, correction, predicted, traced
         )
 
 

@@ -1,7 +1,7 @@
-"""The log of a tuning: one entry for each print, with its picture, measurement and next drawing.
+"""The log of a tuning: one entry for each print, with its image, measurement and next drawing.
 
 The log contains measurements and drawings but nothing derived from them, so that every call evaluates all prints again.
-A drawing is identified by the hash of its outline, a picture by that of its file.
+A drawing is identified by the hash of its outline, an image by that of its file.
 
 Public names: `TuningLog`, `read_log` and `log_text`.
 """
@@ -57,8 +57,8 @@ class Correction(Result):
         return Drawing(np.array(self.lens_um), self.wall_um, self.scale)
 
 
-class Picture(Result):
-    """Measurement of a print from a picture, as in `solen.explore.contour.Rows`."""
+class LoggedImage(Result):
+    """Measurement of a print from an image, as in `solen.explore.contour.Rows`."""
 
     file: str
     sha256: str
@@ -125,8 +125,8 @@ class LoggedPrint(Result):
     ----------
     number, drawing
         Its number, and that of the correction it was drawn with.
-    picture
-        Its picture.
+    image
+        Its image.
     rms_um, u_rms_um
         Its deviation, as `solen print inspect` measures it.
     correction
@@ -139,7 +139,7 @@ class LoggedPrint(Result):
 
     number: int
     drawing: int
-    picture: Picture
+    image: LoggedImage
     rms_um: float
     u_rms_um: float
     correction: Correction
@@ -200,7 +200,7 @@ def read_log(path: Path) -> TuningLog:
         raise DataError(f"{where}: schema", value=schema, limit=f"this version of solen reads {SCHEMA}")
     log = made(TuningLog, data, where)
     for number, one in enumerate(log.prints, start=1):
-        columns = {len(column) for column in (one.picture.arc_mm, one.picture.deviation_um, one.picture.u_um)}
+        columns = {len(column) for column in (one.image.arc_mm, one.image.deviation_um, one.image.u_um)}
         if one.number != number or not 0 <= one.drawing < number or len(columns) != 1:
             limit = "prints must be in order, with as many deviations as points, and drawn before they are measured"
             raise DataError(f"{where}: prints[{number - 1}]", limit=limit, remedy="restore the file")

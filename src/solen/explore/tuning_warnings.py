@@ -1,6 +1,6 @@
 """Warnings about faults that a correction of the drawing cannot remove.
 
-Public names: `of_picture` and `of_prediction`.
+Public names: `of_image` and `of_prediction`.
 """
 
 from solen.explore.print_model import PrintModel
@@ -15,8 +15,8 @@ SURE = 0.95
 _TAPER_UM = 1.0
 
 
-def of_picture(inspection: LensInspection, model: PrintModel) -> list[Caution]:
-    """Return warnings about faults of the picture or the part that no drawing can correct."""
+def of_image(inspection: LensInspection, model: PrintModel) -> list[Caution]:
+    """Return warnings about faults of the image or the part that no drawing can correct."""
     return [*_defocus(inspection, model), *_side(inspection), *_design(inspection), *_scale(inspection), *_face(model)]
 
 

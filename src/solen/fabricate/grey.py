@@ -7,7 +7,7 @@ proportional to the grey level. An exponent on the measured light represents its
 penetration depth used to measure the response acts as exactly this exponent, because the depth appears in the exponent
 of Jacobs' law.
 
-`Greys.light` and `Greys.pictured` are functions of the covered fraction in 255ths; `Greys.shift` is the edge shift.
+`Greys.light` and `Greys.levels` are functions of the covered fraction in 255ths; `Greys.shift` is the edge shift.
 """
 
 from dataclasses import dataclass
@@ -55,7 +55,7 @@ class Greys:
         return np.asarray(np.clip(PchipInterpolator(greys, light)(grey), 0.0, 1.0) ** self.power)
 
     @cached_property
-    def pictured(self) -> NDArray[np.uint8]:
+    def levels(self) -> NDArray[np.uint8]:
         """Grey level to draw for each covered fraction in 255ths, (256,); 0 stays dark and 255 is full."""
         shares = np.arange(FULL + 1) / FULL
         if not (self.answer and self.corrected):
@@ -70,7 +70,7 @@ class Greys:
     @cached_property
     def light(self) -> FloatArray:
         """Light of a pixel as drawn, for each covered fraction in 255ths, (256,)."""
-        return self.light_of(self.pictured / FULL)
+        return self.light_of(self.levels / FULL)
 
     @property
     def shift(self) -> float:

@@ -119,13 +119,13 @@ def read_plane(path: Path) -> tuple[Plane, Provenance]:
 
 def png_of(path: Path) -> bytes:
     """Return the grey values of an image as an 8-bit PNG for a browser; raises as `read_image`."""
-    from PIL import Image as Picture
+    from PIL import Image as PillowImage
 
     plane, _ = read_plane(path)
     grey = plane.grey - float(np.nanmin(plane.grey))
     levels = np.asarray(255.0 * grey / max(float(np.nanmax(grey)), 1e-12)).astype(np.uint8)
     written = BytesIO()
-    Picture.fromarray(levels).save(written, "PNG", compress_level=1)
+    PillowImage.fromarray(levels).save(written, "PNG", compress_level=1)
     return written.getvalue()
 
 

@@ -129,11 +129,11 @@ def read_raster(file: str, data: bytes) -> Plane:
     with readable(file), Pillow.open(io.BytesIO(data)) as opened:
         check_size(file, *opened.size)
         frames = getattr(opened, "n_frames", 1)
-        if frames > 1 and opened.format != "MPO":  # the first frame of a phone's MPO is the picture
+        if frames > 1 and opened.format != "MPO":  # the first frame of a phone's MPO is the image
             raise DataError(
                 file, limit=f"contains {frames} frames", remedy="export the image to be measured as TIFF or PNG"
             )
-        kind, exif = opened.format or "picture", opened.getexif()
+        kind, exif = opened.format or "image", opened.getexif()
         tags = _tags(opened, kind)
         grey, bits, warned = _grey(file, opened)
         texts = {key: value for key, value in opened.info.items() if isinstance(key, str) and isinstance(value, str)}

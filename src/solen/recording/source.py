@@ -27,8 +27,8 @@ _OTHERS = {
     ),
     b"%PDF": ("a PDF", "export a table from the program that wrote it"),
     b"\x1f\x8b": ("a gzip archive", "unpack it"),
-    b"\x89PNG": ("a picture", "use the table from which the figure was drawn"),
-    b"\xff\xd8\xff": ("a picture", "use the table from which the figure was drawn"),
+    b"\x89PNG": ("an image", "use the table from which the figure was drawn"),
+    b"\xff\xd8\xff": ("an image", "use the table from which the figure was drawn"),
 }
 _NAMED = {
     ".nc": "a netCDF",

@@ -45,7 +45,7 @@ def add(app: "FastAPI", workspace: Workspace) -> None:
         path = workspace.file_of(number, name)
         return FileResponse(path, filename=None if path.suffix == ".svg" else path.name)
 
-    async def picture(name: str) -> Any:
+    async def image(name: str) -> Any:
         from solen.metrology.image import png_of
 
         shown = await asyncio.to_thread(png_of, workspace.storage.path(name))
@@ -59,7 +59,7 @@ def add(app: "FastAPI", workspace: Workspace) -> None:
     for method, path, end in (
         ("GET", "/tabs/{tab}", forms),
         ("PUT", "/files/{tab}/{name}", drop),
-        ("GET", "/pictures/{name:path}", picture),
+        ("GET", "/images/{name:path}", image),
         ("POST", "/jobs", begin),
         ("DELETE", "/jobs/{number}", cancel),
         ("GET", "/jobs/{number}", result),

@@ -39,7 +39,7 @@ class Camera:
 
 
 def coloured(levels: NDArray[Any], tint: tuple[float, float, float] = (1.0, 0.92, 0.78)) -> NDArray[Any]:
-    """A colour picture (rows, columns, 3) of a grey one under light of that tint."""
+    """A colour image (rows, columns, 3) of a grey one under light of that tint."""
     return np.stack([np.rint(levels * share).astype(levels.dtype) for share in tint], axis=-1)
 
 

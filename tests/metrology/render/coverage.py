@@ -1,6 +1,6 @@
 """How much of each pixel a polygon covers, exactly.
 
-The picture is made from areas, never from a distance to an edge or an error function, so that what measures it inverts
+The image is made from areas, never from a distance to an edge or an error function, so that what measures it inverts
 nothing. Pixel (row i, column j) is the square j <= u < j + 1, i <= v < i + 1; u runs to the right and v down.
 
 Each side of the polygon is cut where it crosses the lines of the grid. A piece lies then in one pixel, and the area to
@@ -25,7 +25,7 @@ def coverage(rings: Sequence[FloatArray], shape: tuple[int, int]) -> NDArray[np.
         start, end = _pieces(ring)
         middle, height = 0.5 * (start + end), end[:, 1] - start[:, 1]
         row, column = np.floor(middle[:, 1]).astype(int), np.floor(middle[:, 0]).astype(int)
-        within = np.where(column < 0, 1.0, 1.0 - (middle[:, 0] - column))  # all that lies left of the picture counts
+        within = np.where(column < 0, 1.0, 1.0 - (middle[:, 0] - column))  # all that lies left of the image counts
         seen = (row >= 0) & (row < rows) & (column < columns)
         row, column, within, height = row[seen], np.maximum(column[seen], 0), within[seen], height[seen]
         first, last = min(first, int(row.min(initial=rows))), max(last, int(row.max(initial=-1)) + 1)

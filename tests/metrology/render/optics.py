@@ -1,6 +1,6 @@
 """What a microscope's optics make of a point: kernels that sum to 1, on a grid finer than the camera's if need be.
 
-A Gaussian, the Airy disc of a round aperture (diffraction), the uniform disc of a picture out of focus (geometrical
+A Gaussian, the Airy disc of a round aperture (diffraction), the uniform disc of an image out of focus (geometrical
 optics), and the smear of a stage that moved. Only the first resembles what an edge fit may assume.
 """
 
@@ -15,7 +15,7 @@ from solen.arrays import FloatArray
 from tests.metrology.render.coverage import coverage
 
 Optics = Callable[[FloatArray, int], FloatArray]
-"""Takes a picture of so many sub-pixels to the pixel to its blurred one."""
+"""Takes an image of so many sub-pixels to the pixel to its blurred one."""
 
 
 def sharp() -> Optics:

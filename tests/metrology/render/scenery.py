@@ -1,4 +1,4 @@
-"""What else lies in the light's way: uneven lighting, glare, dust, fibres, scratches. Each takes a picture to one."""
+"""What else lies in the light's way: uneven lighting, glare, dust, fibres, scratches. Each takes an image to one."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ Scenery = Callable[[FloatArray, np.random.Generator], FloatArray]
 
 
 def gradient(share: float, angle_deg: float) -> Scenery:
-    """Light that falls by ``share`` from one side of the picture to the other."""
+    """Light that falls by ``share`` from one side of the image to the other."""
 
     def changed(image: FloatArray, _rng: np.random.Generator) -> FloatArray:
         u, v = _unit_coordinates(image.shape)
@@ -33,7 +33,7 @@ def vignetting(share: float) -> Scenery:
 
 
 def glare(patches: int, radius_px: float, level: float) -> Scenery:
-    """Soft round patches of light anywhere in the picture, as of a lamp mirrored in the part's top."""
+    """Soft round patches of light anywhere in the image, as of a lamp mirrored in the part's top."""
 
     def changed(image: FloatArray, rng: np.random.Generator) -> FloatArray:
         return image + sum(
@@ -45,7 +45,7 @@ def glare(patches: int, radius_px: float, level: float) -> Scenery:
 
 
 def glare_at(u: float, v: float, radius_px: float, level: float) -> Scenery:
-    """One patch of light at a place of the picture."""
+    """One patch of light at a place of the image."""
     return lambda image, _rng: image + level * np.exp(-0.5 * _squares(image.shape, (u, v)) / radius_px**2)
 
 

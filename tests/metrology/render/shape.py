@@ -1,4 +1,4 @@
-"""The part under the microscope: its outline in mm, what printing did to it, and where it lies in the picture."""
+"""The part under the microscope: its outline in mm, what printing did to it, and where it lies in the image."""
 
 import math
 from collections.abc import Callable
@@ -63,7 +63,7 @@ def grown(points: FloatArray, by_um: float) -> FloatArray:
 
 @dataclass(frozen=True)
 class Placing:
-    """From mm of the design (x right, z up) to px of the picture (u right, v down).
+    """From mm of the design (x right, z up) to px of the image (u right, v down).
 
     ``origin_px`` is where the vertex of the lens lies; ``angle_deg`` turns the part counter-clockwise as seen.
     ``tilt_deg`` leans it about its x axis away from the camera, which looks from ``working_mm``: shorter and in
@@ -79,7 +79,7 @@ class Placing:
     working_mm: float = 60.0
 
     def px(self, points_mm: FloatArray) -> FloatArray:
-        """Points (N, 2) of the picture."""
+        """Points (N, 2) of the image."""
         middle = np.asarray(self.middle_mm)
         x, z = (middle + self.magnification * (points_mm - middle)).T
         lean = math.radians(self.tilt_deg)
@@ -98,7 +98,7 @@ class Placing:
         )
 
     def moved(self, right_px: float, down_px: float) -> "Placing":
-        """The same, moved in the picture."""
+        """The same, moved in the image."""
         u, v = self.origin_px
         return replace(self, origin_px=(u + right_px, v + down_px))
 

@@ -1,4 +1,4 @@
-// The tab of the microscope: a picture of a printed lens is measured; a scale bar or two marks are clicked on it.
+// The tab of the microscope: an image of a printed lens is measured; a scale bar or two marks are clicked on it.
 import { html, nothing, type TemplateResult } from "lit";
 import { Tab, type Command, type Result } from "../tab";
 
@@ -7,21 +7,21 @@ const ARROWS: Record<string, Place> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], 
 
 class MicroscopeTab extends Tab {
   readonly tab = "microscope";
-  private marks: Place[] = []; // in pixels of the picture
+  private marks: Place[] = []; // in pixels of the image
   private length = "";
   private size: Place = [1, 1];
-  private picture = true;
+  private imageShown = true;
 
   protected hint(): string {
     return "Drop a micrograph of a printed lens, seen along y. Its scale is read from the file, or from the two ends of a scale bar that you click.";
   }
 
   private get name(): string {
-    return (this.values[this.chosen]?.picture as string | undefined) ?? "";
+    return (this.values[this.chosen]?.image as string | undefined) ?? "";
   }
 
   protected show(number: number): void {
-    this.picture = false;
+    this.imageShown = false;
     super.show(number);
   }
 
@@ -57,14 +57,14 @@ class MicroscopeTab extends Tab {
   protected stage(job: Command | undefined, result: Result | undefined): TemplateResult {
     if (!this.name) return super.stage(job, result);
     const toggle = html`<div class="tools"><fieldset class="choice"><legend>Show</legend>
-      <button type="button" aria-pressed=${String(this.picture)} @click=${() => ((this.picture = true), this.requestUpdate())}>picture</button>
-      <button type="button" aria-pressed=${String(!this.picture)} @click=${() => ((this.picture = false), this.requestUpdate())}>result</button></fieldset>
-      ${this.picture ? html`<label class="rays">Distance of the marks <input name="bar" inputmode="decimal" .value=${this.length} @change=${(e: Event) => ((this.length = (e.target as HTMLInputElement).value), this.stated())}> µm</label>
+      <button type="button" aria-pressed=${String(this.imageShown)} @click=${() => ((this.imageShown = true), this.requestUpdate())}>image</button>
+      <button type="button" aria-pressed=${String(!this.imageShown)} @click=${() => ((this.imageShown = false), this.requestUpdate())}>result</button></fieldset>
+      ${this.imageShown ? html`<label class="rays">Distance of the marks <input name="bar" inputmode="decimal" .value=${this.length} @change=${(e: Event) => ((this.length = (e.target as HTMLInputElement).value), this.stated())}> µm</label>
         <button type="button" @click=${() => this.begun()}>${this.marks.length ? "Remove the marks" : "Set two marks"}</button>` : nothing}</div>`;
-    if (!this.picture) return html`${toggle}${super.stage(job, result)}`;
+    if (!this.imageShown) return html`${toggle}${super.stage(job, result)}`;
     const where = (i: number) => `left: ${100 * this.marks[i][0] / this.size[0]}%; top: ${100 * this.marks[i][1] / this.size[1]}%`;
     return html`${toggle}<div class="micrograph"><div class="framed">
-      <img src="pictures/${this.name.split("/").map(encodeURIComponent).join("/")}" alt="The micrograph ${this.name}"
+      <img src="images/${this.name.split("/").map(encodeURIComponent).join("/")}" alt="The micrograph ${this.name}"
         @load=${(e: Event) => ((this.size = [(e.target as HTMLImageElement).naturalWidth, (e.target as HTMLImageElement).naturalHeight]), this.requestUpdate())} @click=${(e: MouseEvent) => this.mark(e)}>
       ${this.marks.map((_, i) => html`<button type="button" class="handle mark" id="mark-${i}" .style=${where(i)} aria-label="Mark ${i + 1}: arrow keys move it by a pixel" @keydown=${(e: KeyboardEvent) => this.nudge(e, i)}></button>`)}
     </div></div>

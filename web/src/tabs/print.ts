@@ -80,11 +80,11 @@ class PrintTab extends Tab {
   private turnTo(at: number): void {
     this.at = at;
     this.requestUpdate();
-    void this.picture(this.of, at);
+    void this.drawLayer(this.of, at);
   }
 
-  // A layer's picture about what is lit, in whole pixels of the printer.
-  private async picture(job: number, at: number): Promise<void> {
+  // The image of a layer around its lit pixels, in whole pixels of the printer.
+  private async drawLayer(job: number, at: number): Promise<void> {
     if (!this.layers[at]) return;
     const number = ++this.drawn;
     const answer = await fetch(`jobs/${job}/layers/${this.layers[at].file}`);

@@ -17,8 +17,8 @@ MINIMA = {
 
 @lines.register
 def _(measured: CouponMeasurement) -> Iterator[str]:
-    scale = f"{measured.scale.um_per_px:.4g} µm per pixel"
-    yield f"{simulated(measured)}{measured.coupon} in a {measured.image} of {scale}{_seen(measured)}"
+    article, scale = "an" if measured.image == "image" else "a", f"{measured.scale.um_per_px:.4g} µm per pixel"
+    yield f"{simulated(measured)}{measured.coupon} in {article} {measured.image} of {scale}{_seen(measured)}"
     for limit in measured.limits:
         yield _minimum(limit)
     yield f"  {'':24} nominal    measured   u (mm)"

@@ -59,7 +59,7 @@ class StackCount:
     areas_mm2: list[float] = field(default_factory=list)
     islands: list[tuple[int, int]] = field(default_factory=list)
 
-    def pictures(self, encode: Callable[[NDArray[np.uint8]], bytes]) -> Iterator[tuple[Layer, bytes]]:
+    def images(self, encode: Callable[[NDArray[np.uint8]], bytes]) -> Iterator[tuple[Layer, bytes]]:
         """Yield layers with their images as bytes; an image equal to the previous one is not encoded again."""
         last, data = None, b""
         for layer in self.job.layers():
@@ -83,7 +83,7 @@ def write_archive(target: Path, job: Job, part: Printable | None = None, watch: 
     count = StackCount(job, watch)
     with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
         archive.writestr(zipfile.ZipInfo(MANIFEST_NAME, NO_DATE), _manifest(job))
-        for layer, data in count.pictures(lambda image: as_png(image, job.printer.pitches_mm)):
+        for layer, data in count.images(lambda image: as_png(image, job.printer.pitches_mm)):
             name = f"{layer.index + 1}.png"
             archive.writestr(zipfile.ZipInfo(name, NO_DATE), data)
             rows.append({"file": name} | _row(layer))

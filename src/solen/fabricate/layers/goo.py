@@ -47,7 +47,7 @@ def write_goo(target: Path, job: Job, part: Printable | None = None, watch: Watc
     count = StackCount(job, watch)
     with target.open("wb") as file:
         file.write(_header(job, lift, part))
-        for layer, runs in count.pictures(encoded):
+        for layer, runs in count.images(encoded):
             _write_layer(file, layer, job, lift, runs)
         file.write(bytes(3) + MAGIC)
     return count.stack()
@@ -130,13 +130,13 @@ def _header(job: Job, lift: Lift, part: Printable | None) -> bytes:
 
 def _preview(job: Job, side: int) -> bytes:
     """Return a preview of one copy at its middle layer, seen from above, with grey levels as RGB of 5, 6 and 5 bits."""
-    picture, (across_mm, down_mm) = job.copy_of_layer(job.count // 2)[::-1], job.printer.pitches_mm
-    rows, columns = picture.shape
+    image, (across_mm, down_mm) = job.copy_of_layer(job.count // 2)[::-1], job.printer.pitches_mm
+    rows, columns = image.shape
     places = (np.arange(side) + 0.5 - 0.5 * side) / side * max(rows * down_mm, columns * across_mm)
     row = np.floor(places / down_mm + 0.5 * rows).astype(int)
     column = np.floor(places / across_mm + 0.5 * columns).astype(int)
     inside = ((row >= 0) & (row < rows))[:, None] & (column >= 0) & (column < columns)
-    sampled = picture[np.clip(row, 0, rows - 1)[:, None], np.clip(column, 0, columns - 1)]
+    sampled = image[np.clip(row, 0, rows - 1)[:, None], np.clip(column, 0, columns - 1)]
     grey = np.where(inside, sampled, 0).astype(np.uint16)
     return (grey >> 3 << 11 | grey >> 2 << 5 | grey >> 3).astype(">u2").tobytes()
 

@@ -78,7 +78,7 @@ class Job:
                 "applies to parts; the grey levels of grey steps are printed unchanged because they are to be measured"
             )
             raise SpecError("--process", limit=limit, remedy="omit it")
-        self._check_pictures()
+        self._check_image_options()
         least, most = self.printer.layers_um
         if not least <= self.slicing.layer_um <= most:
             limit = f"{self.printer.name} makes layers of {least:g} to {most:g} µm"
@@ -190,7 +190,7 @@ class Job:
     def layers(self) -> Iterator[Layer]:
         """Yield the layers from the plate upwards, each computed on demand."""
         if isinstance(self.solid, Exposures):
-            yield from self._pictures(self.solid)
+            yield from self._images(self.solid)
             return
         known: int | None = None
         tile: Bytes | None = None
@@ -205,13 +205,13 @@ class Job:
                 if tile is None or not np.array_equal(drawn, tile):
                     tile, image, shares = (
                         drawn,
-                        self._placed(self.greys.pictured[drawn]),
+                        self._placed(self.greys.levels[drawn]),
                         float(drawn.sum(dtype=np.int64)) / FULL,
                     )
             known = number
             yield self._layer(index, image, self.slicing.copies * shares * self.printer.pixel_mm2, islands)
 
-    def _pictures(self, pieces: Exposures) -> Iterator[Layer]:
+    def _images(self, pieces: Exposures) -> Iterator[Layer]:
         """Yield an image for each part, all at one height."""
         names = (GREY_STEPS,) if pieces.greys else pieces.names
         for index, (name, seconds) in enumerate(zip(names, pieces.exposures_s, strict=True)):
@@ -224,9 +224,9 @@ class Job:
     def copy_of_layer(self, index: int) -> Bytes:
         """Return the image of one copy in a layer, rows upwards, before mirroring."""
         if not isinstance(self.solid, Exposures):
-            return self.greys.pictured[self._drawn(self.solid.section((index + 0.5) * self.layer_mm)[1])]
+            return self.greys.levels[self._drawn(self.solid.section((index + 0.5) * self.layer_mm)[1])]
         if not self.solid.greys:
-            return self.greys.pictured[self._drawn(self.solid.rings[index])]
+            return self.greys.levels[self._drawn(self.solid.rings[index])]
         steps = zip(self.solid.rings, self.solid.greys, strict=True)
         return np.asarray(sum(np.rint(grey * self._drawn(rings)) for rings, grey in steps), np.uint8)
 
@@ -280,7 +280,7 @@ class Job:
         chosen = min(max(wanted, math.ceil(self.slicing.copies / rows)), columns, self.slicing.copies)
         return math.ceil(self.slicing.copies / chosen), chosen
 
-    def _check_pictures(self) -> None:
+    def _check_image_options(self) -> None:
         """Reject image options if no images are written."""
         slicing = self.slicing
         for key in ("format", "phase_px", "no_anti_aliasing"):

@@ -26,7 +26,7 @@ SHEET_SCHEMA = 1
 
 
 @dataclass(frozen=True)
-class Picture:
+class ImageExposure:
     """An individually exposed part, with its exposure and dose."""
 
     feature: str
@@ -55,7 +55,7 @@ class PrintSettings(Result):
         Thickness and number of the layers, and stack height.
     burn_in_layers, burn_in_exposure_s, exposure_s
         Number and exposure of the burn-in layers, and exposure of the other layers.
-    pictures
+    images
         Images shown in sequence at one height, each with its own exposure; empty for a stack.
     irradiance_mW_per_cm2, burn_in_dose_mJ_per_cm2, dose_mJ_per_cm2
         Irradiance and doses at the window.
@@ -94,7 +94,7 @@ class PrintSettings(Result):
     burn_in_layers: int
     burn_in_exposure_s: float
     exposure_s: float
-    pictures: tuple[Picture, ...]
+    images: tuple[ImageExposure, ...]
     irradiance_mW_per_cm2: float
     burn_in_dose_mJ_per_cm2: float
     dose_mJ_per_cm2: float
@@ -142,7 +142,7 @@ def print_settings(job: Job, part: Printable, stl: str) -> PrintSettings:
         burn_in_layers=job.burn_in_layers,
         burn_in_exposure_s=slicing.burn_in_s,
         exposure_s=slicing.exposure_s,
-        pictures=_pictures(job),
+        images=_images(job),
         irradiance_mW_per_cm2=job.irradiance_mW_per_cm2,
         burn_in_dose_mJ_per_cm2=burn_in_dose,
         dose_mJ_per_cm2=dose,
@@ -194,12 +194,12 @@ def _received(job: Job, law: CureLaw | None, doses: FloatArray) -> tuple[float, 
     return tuple(np.round(received, 4).tolist())
 
 
-def _pictures(job: Job) -> tuple[Picture, ...]:
+def _images(job: Job) -> tuple[ImageExposure, ...]:
     if not isinstance(job.solid, Exposures):
         return ()
     names = (GREY_STEPS,) if job.solid.greys else job.solid.names
     doses = (job.irradiance_mW_per_cm2 * seconds for seconds in job.solid.exposures_s)
-    return tuple(map(Picture, names, job.solid.exposures_s, doses))
+    return tuple(map(ImageExposure, names, job.solid.exposures_s, doses))
 
 
 def as_sheet(settings: PrintSettings, warnings: Sequence[str]) -> str:
@@ -226,13 +226,13 @@ def _settings(s: PrintSettings) -> list[tuple[str, str]]:
         *([("Working curve", s.cure)] if s.cure else []),
         ("Light intensity", f"{s.irradiance_mW_per_cm2:g} mW/cm² at the window: measure yours"),
         ("Z offset", f"{s.z_offset_um:g} µm above the calibrated zero of the plate"),
-        *_pictured(s),
+        *_image_rows(s),
         ("Supports", "none; solen does not make supports"),
         ("Anti-aliasing, scaling, shrinkage compensation", "off, unless you have calibrated them yourself"),
     ]
 
 
-def _pictured(s: PrintSettings) -> list[tuple[str, str]]:
+def _image_rows(s: PrintSettings) -> list[tuple[str, str]]:
     """Describe how solen draws the images."""
     if s.phase_px is None:
         return []
@@ -247,10 +247,9 @@ def _pictured(s: PrintSettings) -> list[tuple[str, str]]:
 
 
 def _exposures(s: PrintSettings) -> list[tuple[str, str]]:
-    if s.pictures:
+    if s.images:
         alone = [
-            (f"Individual exposure of {picture.feature}", picture.exposure_s, picture.dose_mJ_per_cm2)
-            for picture in s.pictures
+            (f"Individual exposure of {image.feature}", image.exposure_s, image.dose_mJ_per_cm2) for image in s.images
         ]
         return [("Burn-in layers", "0"), *((name, f"{time:g} s = {dose:.4g} mJ/cm²") for name, time, dose in alone)]
     return [
@@ -273,7 +272,7 @@ def _checks(s: PrintSettings) -> list[tuple[str, str]]:
     if s.cure_depth_um is not None:
         depths = f"{s.cure_depth_um:.0f} µm; burn-in {s.burn_in_cure_depth_um:.0f} µm"
         checks.append(("Cure depth of one exposure (working curve)", depths))
-    if (received := s.layer_received_mJ_per_cm2) and not s.pictures:
+    if (received := s.layer_received_mJ_per_cm2) and not s.images:
         places = (received[0], received[len(received) // 2], received[-1])
         first, middle, last = (f"{dose:.3g}" for dose in places)
         checks.append(

@@ -121,7 +121,7 @@ class SharedScale:
 
 @dataclass(frozen=True)
 class MeasuredCoupon:
-    """Features of one image or z map.
+    """Features of one image or height map.
 
     Attributes
     ----------

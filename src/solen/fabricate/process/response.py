@@ -32,7 +32,7 @@ Spectrum = NDArray[np.complex128]
 Mixture = tuple[FloatArray, FloatArray]
 """Weights, some of them negative, and standard deviations in µm of Gaussians whose sum is a response."""
 
-PICTURES = (".png", ".tif", ".tiff", ".bmp")
+IMAGES = (".png", ".tif", ".tiff", ".bmp")
 MAX_SAMPLES = 65_536
 FAINTEST = 1e-6
 """Relative spectral amplitude of the narrowest blur at the highest frequency of the fine grid."""
@@ -328,7 +328,7 @@ def light_of_file(path: Path) -> list[list[float]]:
     DataError
         If the file cannot be read, is in colour, overexposed or of several pages, or contains no rectangle of numbers.
     """
-    return _of_picture(path) if path.suffix.lower() in PICTURES else _of_table(path)
+    return _of_image(path) if path.suffix.lower() in IMAGES else _of_table(path)
 
 
 def _of_table(path: Path) -> list[list[float]]:
@@ -351,12 +351,12 @@ def _of_table(path: Path) -> list[list[float]]:
     return [[number(row, column) for column in range(width)] for row, width in zip(rows, widths, strict=True)]
 
 
-def _of_picture(path: Path) -> list[list[float]]:
+def _of_image(path: Path) -> list[list[float]]:
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with Image.open(path) as picture:
-            kind, pages, light = picture.mode, getattr(picture, "n_frames", 1), np.array(picture)
+        with Image.open(path) as image:
+            kind, pages, light = image.mode, getattr(image, "n_frames", 1), np.array(image)
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as bad:
         raise DataError(str(path), limit=f"cannot be read as an image: {bad}", remedy="check the file") from None
     if kind not in _GREY:  # the values of a palette are not light

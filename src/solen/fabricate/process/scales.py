@@ -1,10 +1,10 @@
 """Image scales as unknowns of a calibration: the scale error is common to all lengths of an image.
 
 If the scale of an image has the relative error e, every length in it is multiplied by 1 + e. Treated as independent
-noise, this error would average out over features, which it does not. Each image therefore has one such unknown (a z map
-has a second one for its heights), with the reported uncertainty as its prior. Images with the same pixel size were
-taken with one calibration of one objective: their errors are nearly the same, and many such images determine the scale
-no better than a single image.
+noise, this error would average out over features, which it does not. Each image therefore has one such unknown (a
+height map has a second one for its heights), with the reported uncertainty as its prior. Images with the same pixel
+size were taken with one calibration of one objective: their errors are nearly the same, and many such images determine
+the scale no better than a single image.
 
 `Scales` contains the unknowns of coupons; `FittedScale` is a scale after the fit.
 """

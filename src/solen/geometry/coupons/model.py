@@ -253,7 +253,7 @@ class Coupon(_Table):
 
     @property
     def measured_kinds(self) -> tuple[str, ...]:
-        """Kinds of features visible in an image or a z map: some of ``pillar``, ``hole``, ``gap``, ``step``."""
+        """Kinds of features visible in an image or a height map: some of ``pillar``, ``hole``, ``gap``, ``step``."""
         kinds = [kind for kind in ("pillar", "hole") if any(feature.kind == kind for feature in self.features)]
         return (*kinds, *(["gap"] if self.gaps else []), *(["step"] if self.steps else []))
 

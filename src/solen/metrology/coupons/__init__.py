@@ -1,7 +1,8 @@
-"""Measurement of coupons: the layout located in an image or z map, feature sizes, and the smallest resolved ones.
+"""Measurement of coupons: the layout located in an image or height map, feature sizes, and the smallest resolved ones.
 
 `measure_coupon` does all of this and returns a `CouponMeasurement`. `locate` finds the coupon, `fit_disc` and `fit_gap`
-measure its features, `height_of` and `steps_of` evaluate a z map, and `limits` defines the smallest resolved features.
+measure its features, `height_of` and `steps_of` evaluate a height map, and `limits` defines the smallest resolved
+features.
 """
 
 from solen.metrology.coupons.disc import fit_disc

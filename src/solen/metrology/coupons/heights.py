@@ -1,4 +1,4 @@
-"""Heights of columns from a z map, and the steps between them that are significant rises.
+"""Heights of columns from a height map, and the steps between them that are significant rises.
 
 The top of a column, excluding its edge region, is divided into twelve sectors of equal angle. The column height is the
 mean of the sector medians above the fitted plane of the surrounding ground, so dust and a tilted or bent slab have

@@ -1,4 +1,4 @@
-"""Measurement of a coupon in an image or z map: sizes with uncertainties, resolved features, and limits."""
+"""Measurement of a coupon in an image or height map: sizes with uncertainties, resolved features, and limits."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -14,10 +14,10 @@ from solen.metrology.coupons.gap import DEEP, GapFit, fit_gap
 from solen.metrology.coupons.heights import Height, height_of, steps_of
 from solen.metrology.coupons.limits import OUTSIDE, Limit, MeasuredSize, limits_of
 from solen.metrology.coupons.locate import Location, locate, locate_slab, places
+from solen.metrology.height_map import HeightMap
 from solen.metrology.image import Image
 from solen.metrology.pose import Pose
 from solen.metrology.scale import Scale
-from solen.metrology.zmap import ZMap
 from solen.ranks import Caution, warning
 from solen.recording import Provenance
 from solen.results import HIDDEN, Result, reported
@@ -36,7 +36,7 @@ EDGE = 5.0
 AWAY_MM = 0.12
 """Maximum distance of a feature from its nominal position."""
 LOW = 0.9
-"""Fraction of the lowest column's height; columns of a z map are separated up to this height."""
+"""Fraction of the lowest column's height; columns of a height map are separated up to this height."""
 SURE_PX = 8.0
 """Radius in pixels above which a disc determines the blur."""
 BLURRED_PX = 8.0
@@ -56,7 +56,7 @@ class CouponMeasurement(Result):
     simulated
         Whether the image was computed.
     image
-        ``picture`` or ``z map``.
+        ``image`` or ``height map``.
     scale
         Size of a pixel and its origin.
     location
@@ -74,8 +74,8 @@ class CouponMeasurement(Result):
         Warnings about the values.
     z_um, u_z_um
         Height of a grey level of a height map, and its standard uncertainty; None for an image, or if not specified.
-    layout, picture
-        The printed coupon, and the image or z map of it.
+    layout, raster
+        The printed coupon, and the image or height map of it.
     measured
         Features, gaps and steps in the order of the layout.
     limits
@@ -86,7 +86,7 @@ class CouponMeasurement(Result):
 
     coupon: str
     simulated: bool
-    image: Literal["picture", "z map"]
+    image: Literal["image", "height map"]
     scale: Scale
     location: Location
     heights: tuple[Height, ...]
@@ -98,7 +98,7 @@ class CouponMeasurement(Result):
     z_um: float | None
     u_z_um: float | None
     layout: Coupon = field(metadata=HIDDEN)
-    picture: Image | ZMap = field(metadata=HIDDEN)
+    raster: Image | HeightMap = field(metadata=HIDDEN)
     measured: tuple[MeasuredSize, ...] = field(metadata=HIDDEN)
     limits: tuple[Limit, ...] = field(metadata=HIDDEN)
     discs: Mapping[str, Disc] = field(metadata=HIDDEN)
@@ -124,7 +124,7 @@ class CouponMeasurement(Result):
         return [feature for feature in self.measured if feature.kind == "mark"]
 
 
-def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
+def measure_coupon(image: Image | HeightMap, coupon: Coupon) -> CouponMeasurement:
     """Measure a coupon in an image or a height map.
 
     Raises
@@ -132,12 +132,12 @@ def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
     DataError
         If the coupon has nothing that the image or map can show, or is not found.
     """
-    z_mm = image.z_mm if isinstance(image, ZMap) else None
+    z_mm = image.z_mm if isinstance(image, HeightMap) else None
     what, px_per_mm = image.provenance.file, 1e3 / image.scale.um_per_px
     _check_kind(coupon, image, what)
     blocks = not any(feature.round for feature in coupon.features)
     columns = [feature for feature in coupon.features if feature.kind in {"pillar", "mark"}] if z_mm is not None else []
-    if not isinstance(image, ZMap):
+    if not isinstance(image, HeightMap):
         location = locate(image.grey, coupon, px_per_mm, what)
     elif blocks:
         location = locate_slab(image.z_mm, coupon, px_per_mm, what)
@@ -150,12 +150,12 @@ def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
     heights = {column.name: height_of(z_mm, coupon, column, location.pose) for column in columns if z_mm is not None}
     measured = [_round(feature, discs, reasons, image.scale) for feature in coupon.features if feature.round]
     measured += [_gap(gap, coupon, gaps, discs, reasons, image.scale) for gap in coupon.gaps]
-    measured += steps_of(coupon, heights, image.u_z_relative) if isinstance(image, ZMap) else []
+    measured += steps_of(coupon, heights, image.u_z_relative) if isinstance(image, HeightMap) else []
     ratio, u_ratio = _pitch(coupon, discs, px_per_mm)
     return CouponMeasurement(
         coupon=coupon.name,
         simulated=image.provenance.simulated,
-        image="picture" if z_mm is None else "z map",
+        image="image" if z_mm is None else "height map",
         scale=image.scale,
         location=location,
         heights=tuple(height for height in heights.values() if isinstance(height, Height)),
@@ -164,17 +164,17 @@ def measure_coupon(image: Image | ZMap, coupon: Coupon) -> CouponMeasurement:
         u_pitch_ratio=u_ratio,
         sources=(image.provenance,),
         warnings=(*image.warnings, *_warnings(coupon, image, location, measured, blur, ratio)),
-        z_um=image.z_um if isinstance(image, ZMap) else None,
-        u_z_um=image.u_z_um if isinstance(image, ZMap) else None,
+        z_um=image.z_um if isinstance(image, HeightMap) else None,
+        u_z_um=image.u_z_um if isinstance(image, HeightMap) else None,
         layout=coupon,
-        picture=image,
+        raster=image,
         measured=tuple(measured),
         limits=limits_of(measured),
         discs=discs,
     )
 
 
-def _check_kind(coupon: Coupon, image: Image | ZMap, what: str) -> None:
+def _check_kind(coupon: Coupon, image: Image | HeightMap, what: str) -> None:
     if not coupon.measured_kinds:
         limit = f"cannot be measured: the coupon {coupon.name} has no features that an image shows"
         raise DataError(what, limit=limit, remedy="measure group-a, group-b, group-c, holes or z-reference")
@@ -182,7 +182,7 @@ def _check_kind(coupon: Coupon, image: Image | ZMap, what: str) -> None:
     if isinstance(image, Image) and coupon.steps and not coupon.gaps and len(sizes) == 1:
         limit = f"cannot be measured: a {coupon.name} varies only in height, which an image does not show"
         raise DataError(
-            what, limit=limit, remedy="use a z map, and specify the height of one of its levels with --z-um"
+            what, limit=limit, remedy="use a height map, and specify the height of one of its levels with --z-um"
         )
 
 
@@ -190,7 +190,7 @@ def _check_kind(coupon: Coupon, image: Image | ZMap, what: str) -> None:
 class _DiscFits:
     """The round features of a located coupon, fitted in turn from the largest to the smallest."""
 
-    image: Image | ZMap
+    image: Image | HeightMap
     coupon: Coupon
     location: Location
 
@@ -203,7 +203,7 @@ class _DiscFits:
         fits, reasons, blur = self._fitted()
         features = {name: self.coupon.feature(name) for name in fits}
         heights = {
-            name: feature.height_mm if isinstance(self.image, ZMap) else 1.0 for name, feature in features.items()
+            name: feature.height_mm if isinstance(self.image, HeightMap) else 1.0 for name, feature in features.items()
         }
         clear = [(name, fit) for name, fit in list(fits.items())[: max(3, len(fits) // 2)] if fit and fit.snr > SNR]
         typical = float(np.median([abs(fit.rise) / heights[name] for name, fit in clear])) if clear else 0.0
@@ -299,7 +299,7 @@ def _round(feature: Feature, discs: Mapping[str, Disc], reasons: Mapping[str, st
     return MeasuredSize(feature.name, feature.kind, feature.diameter_mm, resolved=resolved, reason=reason)
 
 
-def _fitted_gap(image: Image | ZMap, gap: Gap, discs: Mapping[str, Disc]) -> GapFit | None:
+def _fitted_gap(image: Image | HeightMap, gap: Gap, discs: Mapping[str, Disc]) -> GapFit | None:
     left, right = (discs.get(name) for name in gap.between)
     return None if left is None or right is None else fit_gap(image.grey, left, right)
 
@@ -350,7 +350,7 @@ def _pitch(coupon: Coupon, discs: Mapping[str, Disc], px_per_mm: float) -> tuple
 
 def _warnings(
     coupon: Coupon,
-    image: Image | ZMap,
+    image: Image | HeightMap,
     location: Location,
     measured: Sequence[MeasuredSize],
     blur: float | None,
@@ -372,8 +372,8 @@ def _warnings(
         f"{outside} of {len(measured)} features are not in the image": outside > 0,
         f"{small}: too small for pixels of {scale.um_per_px:g} µm and this blur": bool(small),
         "the uncertainty of the height scale is not specified (--u-z-um), so the uncertainties "
-        "of the steps exclude it": (isinstance(image, ZMap) and image.u_z_um is None and bool(coupon.steps)),
-        "heights and steps are not measured: this requires a z map, not an image": (
+        "of the steps exclude it": (isinstance(image, HeightMap) and image.u_z_um is None and bool(coupon.steps)),
+        "heights and steps are not measured: this requires a height map, not an image": (
             isinstance(image, Image) and bool(coupon.steps)
         ),
         f"the image is blurred by {blur or 0.0:.1f} px, so small features and gaps cannot be detected": (

@@ -59,7 +59,7 @@ def export(
     svg
         Drawing of the outline, with a named path for each face.
     layers
-        Layer pictures for a printer, with STL and settings for its software; options as for solen print layers.
+        Layer images for a printer, with STL and settings for its software; options as for solen print layers.
     thickness_mm
         Replaces body.thickness_mm.
     tolerance_mm

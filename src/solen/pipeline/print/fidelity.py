@@ -10,7 +10,7 @@ from solen.errors import SpecError
 from solen.fabricate.coupons import read_job
 from solen.geometry.coupons import Coupon, CouponOptions, layout
 from solen.metrology.coupons import CouponMeasurement, measure_coupon
-from solen.metrology.zmap import ZMapOptions, read_image_or_z_map
+from solen.metrology.height_map import HeightMapOptions, read_image_or_height_map
 from solen.pipeline.options import FLAT
 from solen.pipeline.outputs import check_outputs, write
 from solen.report.options import FigureOptions
@@ -29,19 +29,19 @@ def fidelity(
     *,
     coupon: str | None = None,
     job: Path | None = None,
-    options: Annotated[ZMapOptions, FLAT] = ZMapOptions(),
+    options: Annotated[HeightMapOptions, FLAT] = HeightMapOptions(),
     set_: Choose = None,
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Annotated[
         Path | None, Parameter(help="Write the result, with nominal and measured sizes, to this .json.")
     ] = None,
 ) -> Outcome[CouponMeasurement]:
-    """Measure a printed coupon in a picture or a height map, and the smallest resolved features.
+    """Measure a printed coupon in an image or a height map, and the smallest resolved features.
 
     Parameters
     ----------
     file
-        A picture (TIFF, PNG, …), or with --z-um a height map (16-bit or floating-point TIFF, or a text table).
+        An image (TIFF, PNG, …), or with --z-um a height map (16-bit or floating-point TIFF, or a text table).
     coupon
         The coupon shown: group-a, group-b, group-c, holes or z-reference; default: that of the job.
     job
@@ -50,11 +50,11 @@ def fidelity(
     Raises
     ------
     SolenError
-        If the files cannot be read, or the coupon is not recognised in the picture.
+        If the files cannot be read, or the coupon is not recognised in the image.
     """
     check_outputs(out, figure)
     printed = _layout(coupon, job, set_ or ())
-    measured = measure_coupon(read_image_or_z_map(file, options), printed)
+    measured = measure_coupon(read_image_or_height_map(file, options), printed)
     return write(measured, "fidelity", out, figure=figure)
 
 

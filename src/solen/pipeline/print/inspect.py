@@ -23,7 +23,7 @@ Profile = Annotated[
 
 
 def inspect(
-    picture: Path,
+    image: Path,
     /,
     *,
     design: Path,
@@ -34,39 +34,39 @@ def inspect(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     out: Profile = None,
 ) -> Outcome[LensInspection | FacesInspection]:
-    """Measure a printed lens in a picture: outline, deviations from the design, and the nearest of several designs.
+    """Measure a printed lens in an image: outline, deviations from the design, and the nearest of several designs.
 
-    With pictures of both faces, the first and the last layer are measured.
+    With images of both faces, the first and the last layer are measured.
 
     Parameters
     ----------
-    picture
+    image
         A micrograph of the lens, seen along y: TIFF, OME-TIFF, PNG, JPEG (needs the extra vision).
     design
         The design file of the part.
     bottom
-        A micrograph of the face on the build plate, at the same scale; PICTURE then shows the other face.
+        A micrograph of the face on the build plate, at the same scale; IMAGE then shows the other face.
     against
         Another design file to compare with; repeatable. Default: the paper's three indices, for the paper's lens.
 
     Raises
     ------
     SolenError
-        If the picture has no scale or shows no lens of that design, the design has no lens, or a file cannot be
+        If the image has no scale or shows no lens of that design, the design has no lens, or a file cannot be
         written.
     """
     check_outputs(out, figure)
     part = open_design(design, set_)
     _check_faces(part, options, bottom, out)
-    image = read_image(picture, options=options)
+    micrograph = read_image(image, options=options)
     others = [_named_apart(open_design(path), part, path) for path in against or ()]
     if bottom is not None:
         other = read_image(bottom, options=options)
-        faces = measure_faces(image, other, part, edge=options.edge, against=others, priors=options)
+        faces = measure_faces(micrograph, other, part, edge=options.edge, against=others, priors=options)
         files.write_all(drawn(faces, figure, "inspect"))
         return Outcome(faces, named(figure=figure.figure))
     inspection = measure_lens(
-        image, part, edge=options.edge, against=others, priors=options, seen_from=options.seen_from
+        micrograph, part, edge=options.edge, against=others, priors=options, seen_from=options.seen_from
     )
     contents = drawn(inspection, figure, "inspect")
     if out is not None:
@@ -79,7 +79,7 @@ def _check_faces(part: Design, options: InspectOptions, bottom: Path | None, out
     """Raise `SpecError` for one-image options with two images, or for one profile if the lens varies with height."""
     for option, stated in (("--out", out), ("--seen-from", options.seen_from)):
         if bottom is not None and stated is not None:
-            raise SpecError(option, limit="applies to a single picture", remedy="leave it out, or --bottom")
+            raise SpecError(option, limit="applies to a single image", remedy="leave it out, or --bottom")
     if out is not None and part.lens.in_space:
         limit = "describes one profile for all heights, but this lens varies with height"
         raise SpecError("--out", limit=limit, remedy="leave it out")

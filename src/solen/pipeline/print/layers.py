@@ -1,6 +1,6 @@
-"""Layers of a part: a design or a mesh as input; layer pictures, STL, settings and a figure as output.
+"""Layers of a part: a design or a mesh as input; layer images, STL, settings and a figure as output.
 
-Pictures are written one by one into an archive under a temporary name. Overview sheet, STL and figure follow, and
+Images are written one by one into an archive under a temporary name. Overview sheet, STL and figure follow, and
 either all files are renamed to their final names or none.
 """
 
@@ -55,7 +55,7 @@ class LayerFiles:
     def contents(self) -> dict[Path, files.Content]:
         """Return the content of each file."""
         makers: dict[str, files.Content] = {
-            "layers": self._write_pictures,
+            "layers": self._write_images,
             "placed": self.part.write_stl,
             "sheet": lambda path: path.write_bytes(as_sheet(self.result.settings, self.result.warnings).encode()),
             "settings": lambda path: path.write_bytes(self._settings()),
@@ -68,7 +68,7 @@ class LayerFiles:
         """The numbers of the job."""
         return layered_print(self.job, self.part, self.targets["placed"].name, self.stack)
 
-    def _write_pictures(self, path: Path) -> None:
+    def _write_images(self, path: Path) -> None:
         def watch(layer: Layer) -> None:
             if self.progress is not None:
                 self.progress((layer.index + 1) / self.job.count)

@@ -15,7 +15,7 @@ from solen.results import Outcome
 
 
 def scale(
-    picture: Path,
+    image: Path,
     /,
     *,
     options: Annotated[MicrometerOptions, FLAT],
@@ -25,21 +25,21 @@ def scale(
     ] = None,
     force: Force = False,
 ) -> Outcome[MeasuredScale]:
-    """Measure the scale of an objective from a picture of a stage micrometer.
+    """Measure the scale of an objective from an image of a stage micrometer.
 
     Parameters
     ----------
-    picture
-        A picture of equidistant parallel lines: TIFF, PNG, JPEG, … (needs the extra vision).
+    image
+        An image of equidistant parallel lines: TIFF, PNG, JPEG, … (needs the extra vision).
 
     Raises
     ------
     SolenError
-        If the picture cannot be read or shows no equidistant lines; then nothing is written.
+        If the image cannot be read or shows no equidistant lines; then nothing is written.
     """
     check_ending(out, "a scale", ".toml")
     check_new(out, force=force)
-    plane, source = read_plane(picture)
+    plane, source = read_plane(image)
     measured = measured_scale(plane.grey, source, options)
     if out is not None:
         files.write_bytes(out, toml_bytes(scale_text(measured.file), "print scale"))

@@ -1,4 +1,4 @@
-"""Tuning of a lens, print by print: a picture and a design as input; a corrected drawing, layers and log as output."""
+"""Tuning of a lens, print by print: an image and a design as input; a corrected drawing, layers and log as output."""
 
 import tempfile
 from pathlib import Path
@@ -23,7 +23,7 @@ from solen.sensor import Sensor
 
 
 def tune(
-    picture: Path,
+    image: Path,
     /,
     *,
     design: Path,
@@ -36,11 +36,11 @@ def tune(
     figure: Annotated[FigureOptions, FLAT] = FigureOptions(),
     progress: ProgressBar = None,
 ) -> Outcome[TunedPrint]:
-    """Correct the drawing of a lens for its next print, from a picture of this print and the log of earlier ones.
+    """Correct the drawing of a lens for its next print, from an image of this print and the log of earlier ones.
 
     Parameters
     ----------
-    picture
+    image
         A micrograph of the printed lens, seen along y: TIFF, OME-TIFF, PNG, JPEG (needs the extra vision).
     design
         The design file of the intended part.
@@ -54,7 +54,7 @@ def tune(
     Raises
     ------
     SolenError
-        If the picture, the design or the log cannot be used, or the print has another drawing; then nothing is written.
+        If the image, the design or the log cannot be used, or the print has another drawing; then nothing is written.
     """
     figure.check()
     check_ending(log, "a log", ".json")
@@ -64,8 +64,8 @@ def tune(
     log = out / f"{stem_of(design)}-tuning.json" if log is None else log
     before = read_log(log) if log.exists() else None
     slicing = exposed_as_printed(slicing)
-    image = read_image(picture, options=options)
-    measured = measure_lens(image, wanted, edge=options.edge, priors=options, seen_from=options.seen_from)
+    micrograph = read_image(image, options=options)
+    measured = measure_lens(micrograph, wanted, edge=options.edge, priors=options, seen_from=options.seen_from)
     name = f"{stem_of(design)}-tuned-{_next(before)}"
     tuned = tune_print(
         measured, sensor, slicing, options, before, file=f"{name}.toml", response=response, progress=progress

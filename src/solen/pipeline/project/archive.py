@@ -25,7 +25,7 @@ def pack(
     file
         The design file; the files that it names are included.
     further
-        Files and folders: print settings, pictures, recordings, calibrations, figures.
+        Files and folders: print settings, images, recordings, calibrations, figures.
     out
         Archive: a zip file if the name ends in .zip, else a new folder.
     """

@@ -32,13 +32,13 @@ WHAT = {"pillar": "diameter of pillars", "hole": "diameter of holes", "gap": "ga
 def fidelity_figure(measurement: CouponMeasurement) -> Figure:
     """Draw the image in the layout's orientation, with circles and gaps over it, and the deviations below."""
     kinds = _shown(measurement)
-    picture, extent = _upright(measurement)
+    image, extent = _upright(measurement)
     high = min(max(WIDE_IN * (extent[3] - extent[2]) / (extent[1] - extent[0]), 1.0), 4.5) + HEAD_IN
     figure = Figure(figsize=(WIDE_IN, high + (PLOT_IN if kinds else 0.0)))
     ratios = [high, PLOT_IN] if kinds else [high]
     grid = figure.add_gridspec(len(ratios), max(1, len(kinds)), height_ratios=ratios)
     axes = figure.add_subplot(grid[0, :])
-    axes.imshow(picture, extent=extent, origin="lower", cmap="gray", interpolation="antialiased")
+    axes.imshow(image, extent=extent, origin="lower", cmap="gray", interpolation="antialiased")
     _overlay(axes, measurement)
     axes.grid(visible=False)
     axes.set(xlabel="x of the layout (mm)", ylabel="y (mm)")
@@ -79,14 +79,14 @@ def _upright(measurement: CouponMeasurement) -> tuple[FloatArray, tuple[float, f
     """Return the image (rows upwards), sampled along the layout's axes, and its extent in layout mm."""
     from scipy import ndimage
 
-    (width, depth, _), pose, grey = measurement.layout.size_mm, measurement.location.pose, measurement.picture.grey
+    (width, depth, _), pose, grey = measurement.layout.size_mm, measurement.location.pose, measurement.raster.grey
     half_x, half_y = 0.5 * width + 0.3, 0.5 * depth + 0.3
     step = max(2.0 * half_x / MAX_PX, 1.0 / pose.px_per_mm)
     x, y = np.arange(-half_x, half_x, step), np.arange(-half_y, half_y, step)
     seen = pose.to_px(np.stack(np.meshgrid(x, y), axis=-1))
     smooth = ndimage.gaussian_filter(grey, max(0.0, 0.4 * step * pose.px_per_mm))
-    picture = ndimage.map_coordinates(smooth, [seen[..., 1], seen[..., 0]], order=1, cval=float(np.median(grey)))
-    return picture, (-half_x, half_x, -half_y, half_y)
+    image = ndimage.map_coordinates(smooth, [seen[..., 1], seen[..., 0]], order=1, cval=float(np.median(grey)))
+    return image, (-half_x, half_x, -half_y, half_y)
 
 
 def _overlay(axes: Axes, measurement: CouponMeasurement) -> None:

@@ -21,7 +21,7 @@ RIVALS = (*SERIES[4:6], SERIES[3])
 """Colours of the compared designs."""
 LENGTHS_UM = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10_000)
 """Scale bar lengths."""
-PICTURE, BELOW = 5.2, 2.4
+IMAGE, BELOW = 5.2, 2.4
 """Width of the image and height of the graphs below it, in inches."""
 
 
@@ -31,12 +31,12 @@ def inspect_figure(inspection: LensInspection) -> Figure:
     most = max(float(np.abs(fit.deviation_um).max()), 1e-3)
     norm = TwoSlopeNorm(0.0, -most, most)
     x0, x1, y0, y1 = _window(fit.pose.to_px(inspection.nominal.front_mm), image.shape)
-    tall = float(np.clip(PICTURE * (y1 - y0) / (x1 - x0), 1.5, 7.0))
+    tall = float(np.clip(IMAGE * (y1 - y0) / (x1 - x0), 1.5, 7.0))
     figure = Figure(figsize=(6.4, tall + BELOW))
     above, below = figure.subplots(2, 1, height_ratios=[tall, BELOW])
-    _picture(above, inspection)
+    _draw_image(above, inspection)
     edge = _coloured(above, inspection, norm)
-    bar = above.inset_axes((1.02, 0.0, 0.03, 1.0))  # as high as the picture, in the same panel
+    bar = above.inset_axes((1.02, 0.0, 0.03, 1.0))  # as high as the image, in the same panel
     figure.colorbar(edge, cax=bar, label="deviation, + outwards (µm)")
     bar.grid(visible=False)
     _deviations(below, inspection, norm)
@@ -59,7 +59,7 @@ def faces_figure(faces: FacesInspection) -> Figure:
     return figure
 
 
-def _picture(axes: Axes, inspection: LensInspection) -> None:
+def _draw_image(axes: Axes, inspection: LensInspection) -> None:
     """Draw the image around the lens in grey, with the design's front and the rejected edge points."""
     image, outline = inspection.image, inspection.outline
     front = outline.chosen.registration.pose.to_px(inspection.nominal.front_mm)

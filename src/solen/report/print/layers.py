@@ -46,12 +46,12 @@ def layers_figure(layered: LayeredPrint) -> Figure:
 
 
 def _draw_layer(axes: Axes, job: Job, layer: int) -> None:
-    picture, (x, y) = job.copy_of_layer(layer), job.printer.pitches_mm
-    rows, columns = picture.shape
+    image, (x, y) = job.copy_of_layer(layer), job.printer.pitches_mm
+    rows, columns = image.shape
     step = max(1, max(rows, columns) // MAX_PIXELS)
     left, low = _from_origin(job)
     extent = (left, left + columns * x, low, low + rows * y)
-    axes.imshow(picture[::step, ::step], cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent)
+    axes.imshow(image[::step, ::step], cmap=LIT, vmin=0, vmax=FULL, origin="lower", extent=extent)
     heights = f"{layer * job.layer_mm:.3f}–{(layer + 1) * job.layer_mm:.3f} mm"
     axes.set_title(f"layer {layer + 1}: {job.seconds_of(layer):g} s\n{heights}")
     axes.grid(visible=False)
@@ -59,13 +59,13 @@ def _draw_layer(axes: Axes, job: Job, layer: int) -> None:
 
 def _draw_edge(axes: Axes, job: Job, layer: int) -> None:
     """Draw a close-up around the lowest grey pixel of a layer."""
-    picture, pitch = job.copy_of_layer(layer), np.array(job.printer.pitches_mm)
-    rows, columns = picture.shape
-    grey = np.argwhere((picture > 0) & (picture < FULL))
-    places = grey if len(grey) else np.argwhere(picture)
+    image, pitch = job.copy_of_layer(layer), np.array(job.printer.pitches_mm)
+    rows, columns = image.shape
+    grey = np.argwhere((image > 0) & (image < FULL))
+    places = grey if len(grey) else np.argwhere(image)
     row, column = places[np.lexsort((np.abs(places[:, 1] - 0.5 * columns), places[:, 0]))[0]] if len(places) else (0, 0)
     low, left = (_window(at, most) for at, most in ((int(row), rows), (int(column), columns)))
-    window = picture[low : low + EDGE_PIXELS, left : left + EDGE_PIXELS]
+    window = image[low : low + EDGE_PIXELS, left : left + EDGE_PIXELS]
     start = np.array([left, low]) * pitch + _from_origin(job)
     size = np.array(window.shape[::-1]) * pitch
     extent = (start[0], start[0] + size[0], start[1], start[1] + size[1])

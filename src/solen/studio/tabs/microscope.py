@@ -9,7 +9,7 @@ OFFERS = (
         "print inspect",
         "solen.pipeline.print.inspect:inspect",
         "Printed lens against its design",
-        files={"picture": "Micrograph of the lens, seen along y"},
+        files={"image": "Micrograph of the lens, seen along y"},
         written={"out": "lens.json"},
         design="design",
         first=("um_per_px", "bar", "scale", "edge"),
@@ -18,7 +18,7 @@ OFFERS = (
         "print scale",
         "solen.pipeline.print.scale:scale",
         "Scale of an objective",
-        files={"picture": "Picture of a stage micrometer"},
+        files={"image": "Image of a stage micrometer"},
         written={"out": "scale.toml"},
         first=("spacing_mm",),
         hidden=("force",),
@@ -26,6 +26,6 @@ OFFERS = (
 )
 
 
-def commands_for(path: Path) -> tuple[str, ...]:  # noqa: ARG001  any file may be a picture; the command checks it
+def commands_for(path: Path) -> tuple[str, ...]:  # noqa: ARG001  any file may be an image; the command checks it
     """Return the microscope commands that accept an image."""
     return ("print inspect", "print scale")

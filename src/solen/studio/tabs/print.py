@@ -5,7 +5,7 @@ from pathlib import Path
 from solen.errors import DataError
 from solen.studio.offers import Offer
 
-PICTURES = (".tif", ".tiff", ".png", ".jpg", ".jpeg")
+IMAGES = (".tif", ".tiff", ".png", ".jpg", ".jpeg")
 
 OFFERS = (
     Offer(
@@ -35,8 +35,8 @@ OFFERS = (
     Offer(
         "print tune",
         "solen.pipeline.print.tune:tune",
-        "Next drawing, from a picture",
-        files={"picture": "Micrograph of the printed lens"},
+        "Next drawing, from an image",
+        files={"image": "Micrograph of the printed lens"},
         written={"out": ""},
         beside={"log": "{design}-tuning.json"},
         design="design",
@@ -47,9 +47,9 @@ OFFERS = (
 
 def commands_for(path: Path) -> tuple[str, ...]:
     """Return the print commands that accept a file."""
-    if path.suffix.lower() in PICTURES:
+    if path.suffix.lower() in IMAGES:
         return ("print tune",)
     if path.suffix.lower() in {".toml", ".json"}:
         return ("print predict", "print layers")
-    limit, remedy = "is not a picture, process or working curve", f"a picture must end in {', '.join(PICTURES)}"
+    limit, remedy = "is not an image, process or working curve", f"an image must end in {', '.join(IMAGES)}"
     raise DataError(path.name, limit=limit, remedy=remedy)

@@ -6,8 +6,8 @@ from pathlib import Path
 from solen import files
 from solen.geometry.coupons import layout
 from solen.metrology import InspectOptions
-from solen.metrology.zmap import ZMapOptions
-from solen.paper import pictures
+from solen.metrology.height_map import HeightMapOptions
+from solen.paper import images
 from solen.paper.design_numbers import coupon_sizes, settings_of_print
 from solen.paper.sample_numbers import film_layer_sizes, smallest_um
 from solen.paper.sensor_numbers import deviation_um, shipped
@@ -20,7 +20,7 @@ from solen.report.paper.figures import coupon_figure
 from solen.report.plot import figure_of
 from solen.spec import dumps
 
-MARK = f"SIMULATED: {pictures.MODEL}; seed {pictures.SEED}"
+MARK = f"SIMULATED: {images.MODEL}; seed {images.SEED}"
 LENSES_NM = {"E": "860", "F": "500", "G": "450"}
 COUPONS_OF = {"A": ("group-a", "pillar"), "B": ("group-b", "gap"), "C": ("group-c", "step"), "D": ("holes", "hole")}
 LIMITS = {"pillar": "positive_diameter", "gap": "gap", "step": "z_step", "hole": "hole_variation"}
@@ -43,8 +43,8 @@ def _lenses(folder: Path) -> Made:
 def _lens(folder: Path, number: int, letter: str, nm: str) -> tuple[Picture, Comparison]:
     sensor, file = shipped(f"paper-{nm}"), folder / f"lens-{nm}.png"
     design = files.write_text(folder / f"paper-{nm}.toml", dumps(sensor.design))
-    files.write_bytes(file, pictures.lens_picture(sensor, number))
-    scale = InspectOptions(um_per_px=pictures.LENS_UM_PER_PX)
+    files.write_bytes(file, images.lens_image(sensor, number))
+    scale = InspectOptions(um_per_px=images.LENS_UM_PER_PX)
     found = inspect(file, design=design, options=scale).result
     rms_um, u_um, rival = deviation_um(found)
     alt = f"simulated micrograph of the lens for {nm} nm with its own oval, and those of the other two indices"
@@ -62,11 +62,11 @@ def _coupons(folder: Path) -> Made:
 def _coupon(folder: Path, letter: str, name: str, key: str) -> tuple[Picture, Comparison]:
     coupon = layout(name)
     if key == "step":
-        file, content = folder / f"{name}.tif", pictures.coupon_heights(coupon)
-        scale = ZMapOptions(um_per_px=pictures.HEIGHT_UM_PER_PX, z_um=1.0)
+        file, content = folder / f"{name}.tif", images.coupon_heights(coupon)
+        scale = HeightMapOptions(um_per_px=images.HEIGHT_UM_PER_PX, z_um=1.0)
     else:
-        file, content = folder / f"{name}.png", pictures.coupon_picture(coupon)
-        scale = ZMapOptions(um_per_px=pictures.COUPON_UM_PER_PX)
+        file, content = folder / f"{name}.png", images.coupon_image(coupon)
+        scale = HeightMapOptions(um_per_px=images.COUPON_UM_PER_PX)
     files.write_bytes(file, content)
     found = fidelity(file, coupon=name, options=scale).result
     alt = (
@@ -86,7 +86,7 @@ LENSES = PaperFigure(
     "3E-G",
     "Microscope images of printed lenses, compared with the Cartesian ovals of the three indices.",
     tuple(
-        f"solen print inspect data/lens-{nm}.png --design data/paper-{nm}.toml --um-per-px {pictures.LENS_UM_PER_PX:g} "
+        f"solen print inspect data/lens-{nm}.png --design data/paper-{nm}.toml --um-per-px {images.LENS_UM_PER_PX:g} "
         f"--figure fig3{letter.lower()}.tiff --panels A --letters {letter}"
         for letter, nm in LENSES_NM.items()
     ),
@@ -97,7 +97,7 @@ COUPONS = PaperFigure(
     "Printing resolution: (A) pillars, (B) gaps, (C) steps in height, (D) holes.",
     tuple(
         f"solen print fidelity data/{name}.{'tif' if key == 'step' else 'png'} --coupon {name} --um-per-px "
-        f"{pictures.HEIGHT_UM_PER_PX if key == 'step' else pictures.COUPON_UM_PER_PX:g}"
+        f"{images.HEIGHT_UM_PER_PX if key == 'step' else images.COUPON_UM_PER_PX:g}"
         f"{' --z-um 1' if key == 'step' else ''} --figure figs5{letter.lower()}.pdf"
         for letter, (name, key) in COUPONS_OF.items()
     ),

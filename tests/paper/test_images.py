@@ -1,4 +1,4 @@
-"""Simulated pictures show the sizes that the print model states: measured in them, these come back."""
+"""Simulated images show the sizes that the print model states: measured in them, these come back."""
 
 from pathlib import Path
 
@@ -9,13 +9,13 @@ from solen.fabricate.process.process_file import default_process
 from solen.geometry.coupons import layout
 from solen.metrology import InspectOptions, read_image
 from solen.metrology.coupons import measure_coupon
-from solen.paper.pictures import COUPON_UM_PER_PX, coupon_picture
+from solen.paper.images import COUPON_UM_PER_PX, coupon_image
 
 
 def test_holes_of_a_simulated_print_are_measured_as_they_were_printed(tmp_path: Path) -> None:
     coupon, file = layout("holes"), tmp_path / "holes.png"
-    file.write_bytes(coupon_picture(coupon))
-    assert file.read_bytes() == coupon_picture(coupon)
+    file.write_bytes(coupon_image(coupon))
+    assert file.read_bytes() == coupon_image(coupon)
     found = measure_coupon(read_image(file, options=InspectOptions(um_per_px=COUPON_UM_PER_PX)), coupon)
     assert found.simulated
     holes = [one for one in found.measured if one.kind == "hole"]

@@ -5,7 +5,7 @@ outline, seen through a blur, under non-uniform light, with noise from a specifi
 `solen print predict` with its default process, whose optics are assumed: an image shows how the evaluation behaves, not
 how a printer behaves.
 
-`lens_picture`, `coupon_picture` and `coupon_heights` return the bytes of a PNG or TIFF.
+`lens_image`, `coupon_image` and `coupon_heights` return the bytes of a PNG or TIFF.
 """
 
 import io
@@ -98,7 +98,7 @@ def _rings(area: shapely.Geometry) -> Iterator[FloatArray]:
             yield from (np.asarray(ring.coords) for ring in (whole.exterior, *whole.interiors))
 
 
-def lens_picture(sensor: Sensor, number: int = 0) -> bytes:
+def lens_image(sensor: Sensor, number: int = 0) -> bytes:
     """Return a PNG of a design's lens as the model prints it, with the part slightly rotated."""
     printed = print_design(sensor, response=False)
     body = Sensor(sensor.design, sensor.material, measured_lens(sensor.cut, printed.profile)).body().upright()
@@ -108,7 +108,7 @@ def lens_picture(sensor: Sensor, number: int = 0) -> bytes:
     return _png(view.seen(levels, np.random.default_rng([SEED, number])))
 
 
-def coupon_picture(coupon: Coupon) -> bytes:
+def coupon_image(coupon: Coupon) -> bytes:
     """Return a PNG of a coupon as the model prints it, seen from above."""
     view, printed = _view(coupon, COUPON_UM_PER_PX), _Printed.of(coupon)
     slab = view.covered(shapely.difference(printed.slab, shapely.union_all(printed.areas("hole"))))

@@ -1,10 +1,10 @@
-"""A z map: heights on a grid of pixels, from a TIFF of a profiler or a depth-from-focus microscope, or a text table.
+"""Height maps: heights on a grid of pixels, from a TIFF of a profiler or depth-from-focus microscope, or a text table.
 
 There is no common tag for the height of one level, so the user must specify it (`z_um`, µm for one level or unit); it
 is never guessed. The pixel size comes from the file's own tags or from the user, as with an image. Pixels without a
 height (NaN, an empty cell) are not filled in.
 
-`read_z_map` returns a `ZMap`.
+`read_height_map` returns a `HeightMap`.
 """
 
 import hashlib
@@ -39,17 +39,17 @@ MIN_VALID = 0.2
 """Minimum fraction of the pixels that must have a height."""
 
 
-class ZMapOptions(ScaleOptions):
-    """Scales of a z map."""
+class HeightMapOptions(ScaleOptions):
+    """Scales of a height map."""
 
     z_um: Annotated[Finite, Field(gt=0, le=1e4)] | None = None
-    """Height of one level or unit of a z map, µm; without it the file is read as an image."""
+    """Height of one level or unit of a height map, µm; without it the file is read as an image."""
     u_z_um: Annotated[Finite, Field(ge=0, le=1e4)] | None = None
     """Standard uncertainty of that height, µm."""
 
 
 @dataclass(frozen=True, eq=False)
-class ZMap:
+class HeightMap:
     """A map of heights.
 
     Attributes
@@ -99,13 +99,13 @@ def is_text(path: Path) -> bool:
     return path.suffix.casefold() in TEXT
 
 
-def read_z_map(
+def read_height_map(
     path: Path,
     z_um: float,
     um_per_px: float | None = None,
     u_um_per_px: float | None = None,
     u_z_um: float | None = None,
-) -> ZMap:
+) -> HeightMap:
     """Read the heights from a file: a TIFF of integers or floating-point numbers, or a text table.
 
     Parameters
@@ -128,16 +128,16 @@ def read_z_map(
     OutputError
         If a TIFF is to be read without the extra ``vision``.
     """
-    given = ZMapOptions(z_um=z_um, um_per_px=um_per_px, u_um_per_px=u_um_per_px, u_z_um=u_z_um)
+    given = HeightMapOptions(z_um=z_um, um_per_px=um_per_px, u_um_per_px=u_um_per_px, u_z_um=u_z_um)
     data, file = read_bytes(path), str(path)
     if data[:4] in MAGIC:
         levels, tags, kind, simulated = _of_tiff(file, data)
     elif is_text(path):
-        levels, tags, kind = _of_text(file, data), (), "z-map-text"
+        levels, tags, kind = _of_text(file, data), (), "height-map-text"
         simulated = is_simulated(*(line for line in data[:HEAD].decode("utf-8", "replace").splitlines() if "#" in line))
     else:
         raise DataError(
-            file, limit="is not a z map, which must be a TIFF or a table of numbers", remedy="export the heights"
+            file, limit="is not a height map, which must be a TIFF or a table of numbers", remedy="export the heights"
         )
     valid = np.isfinite(levels)
     if valid.mean() < MIN_VALID:
@@ -147,23 +147,23 @@ def read_z_map(
         raise DataError(file, limit="has the same height everywhere", remedy="export the heights, not a mask")
     scale, warnings = choose_scale(file, tags, given)
     if not valid.all():
-        warnings.append(warning(f"{100.0 * (1.0 - valid.mean()):.2g} % of the pixels of the z map have no height"))
+        warnings.append(warning(f"{100.0 * (1.0 - valid.mean()):.2g} % of the pixels of the height map have no height"))
     size = {"rows": str(levels.shape[0]), "columns": str(levels.shape[1]), "z_um_per_level": f"{z_um:g}"}
     sha256 = hashlib.sha256(data).hexdigest()
     source = Provenance(file=path.name, sha256=sha256, format=kind, metadata=size, simulated=simulated)
-    return ZMap(levels * z_um * 1e-3, scale, source, tuple(warnings), z_um, u_z_um)
+    return HeightMap(levels * z_um * 1e-3, scale, source, tuple(warnings), z_um, u_z_um)
 
 
-def read_image_or_z_map(path: Path, options: ZMapOptions) -> Image | ZMap:
-    """Read a z map if the height of one level is specified, else an image; `SpecError` for a text table without it."""
+def read_image_or_height_map(path: Path, options: HeightMapOptions) -> Image | HeightMap:
+    """Read a height map if ``z_um`` is specified, otherwise an image; raise `SpecError` for a text table without it."""
     if options.z_um is not None:
-        return read_z_map(path, options.z_um, options.um_per_px, options.u_um_per_px, options.u_z_um)
+        return read_height_map(path, options.z_um, options.um_per_px, options.u_um_per_px, options.u_z_um)
     if options.u_z_um is not None:
         raise SpecError("--u-z-um", value=options.u_z_um, limit="has no effect without --z-um", remedy="give both")
     if is_text(path):
         raise SpecError(
             "--z-um",
-            limit="is missing, but required, because a table of numbers is a z map",
+            limit="is missing, but required, because a table of numbers is a height map",
             remedy="specify the height of one unit in µm",
         )
     return read_image(path, options=options)
@@ -178,7 +178,7 @@ def _of_tiff(file: str, data: bytes) -> tuple[FloatArray, tuple[Tag, ...], str, 
             raise DataError(file, limit=limit, remedy="export only the height map, not the stack")
         levels = _levels(file, np.squeeze(np.asarray(page.asarray())))
         simulated = is_simulated(str(page.description), str(page.software or ""))
-        return levels, stated(opened)[0], "z-map-tiff", simulated
+        return levels, stated(opened)[0], "height-map-tiff", simulated
 
 
 def _levels(file: str, values: NDArray[Any]) -> FloatArray:
@@ -187,7 +187,7 @@ def _levels(file: str, values: NDArray[Any]) -> FloatArray:
     if values.dtype.kind not in "uif":
         raise DataError(file, value=str(values.dtype), limit="has an unsupported pixel format")
     if values.dtype.itemsize == 1:
-        limit = "has 8 bits, at most 256 heights: it is an image of a z map"
+        limit = "has 8 bits, at most 256 heights: it is an image of a height map"
         raise DataError(file, limit=limit, remedy="export the heights with 16 bits or as floating-point numbers")
     levels = values.astype(np.float64)
     levels[~np.isfinite(levels)] = np.nan

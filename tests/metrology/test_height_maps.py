@@ -1,4 +1,4 @@
-"""z maps: what levels become, where the pixel size comes from, and what is refused in one line."""
+"""height maps: what levels become, where the pixel size comes from, and what is refused in one line."""
 
 import io
 from pathlib import Path
@@ -9,7 +9,7 @@ import pytest
 import tifffile
 
 from solen.errors import DataError, SpecError
-from solen.metrology.zmap import read_z_map
+from solen.metrology.height_map import read_height_map
 
 RAMP = np.linspace(0.0, 100.0, 40 * 50).reshape(40, 50)
 
@@ -22,7 +22,7 @@ def text(values: Any, sign: str, point: str = ".") -> str:
 def test_tables_of_text(sign: str, point: str, tmp_path: Path) -> None:
     path = tmp_path / "heights.csv"
     path.write_text("# simulated, um\n" + text(RAMP, sign, point), encoding="utf-8")
-    found = read_z_map(path, 1.0, um_per_px=5.0)
+    found = read_height_map(path, 1.0, um_per_px=5.0)
     assert found.z_mm == pytest.approx(1e-3 * RAMP, abs=1e-7)
     assert found.scale.um_per_px == 5.0
     assert found.provenance.simulated
@@ -34,7 +34,7 @@ def test_cells_without_a_height(tmp_path: Path) -> None:
     lines = text(RAMP, ",").splitlines()
     lines[3] = "NaN,," + lines[3].split(",", 2)[2]
     path.write_text("\n".join(lines), encoding="utf-8")
-    found = read_z_map(path, 1.0, um_per_px=5.0)
+    found = read_height_map(path, 1.0, um_per_px=5.0)
     assert np.isnan(found.z_mm).sum() == 2
     assert np.isfinite(found.grey).all()
     assert any("have no height" in line for line in found.warnings)
@@ -44,7 +44,7 @@ def test_cells_without_a_height(tmp_path: Path) -> None:
 def test_tiffs(kind: Any, tmp_path: Path) -> None:
     path = tmp_path / "heights.tif"
     tifffile.imwrite(path, RAMP.astype(kind), resolution=(1e4 / 4.0, 1e4 / 4.0), resolutionunit="CENTIMETER")
-    found = read_z_map(path, 0.5)
+    found = read_height_map(path, 0.5)
     assert found.z_mm == pytest.approx(0.5e-3 * RAMP.astype(kind), abs=1e-8)
     assert found.scale.um_per_px == pytest.approx(4.0)
 
@@ -57,14 +57,14 @@ def tiff(values: Any, **options: Any) -> bytes:
 
 REFUSED: dict[str, tuple[str, bytes, str]] = {
     "no scale": ("a.tif", tiff(RAMP.astype(np.float32)), "pixel size"),
-    "a picture": ("a.tif", tiff(RAMP.astype(np.uint8)), "has 8 bits"),
+    "an image": ("a.tif", tiff(RAMP.astype(np.uint8)), "has 8 bits"),
     "a stack": ("a.tif", tiff(np.stack([RAMP, RAMP]).astype(np.float32), photometric="minisblack"), "2 planes"),
     "colours": ("a.tif", tiff(np.zeros((40, 50, 3), np.uint16), photometric="rgb"), "not a grid of heights"),
     "mostly empty": ("a.tif", tiff(np.where(RAMP < 5, RAMP, np.nan).astype(np.float32)), "5 % of its pixels"),
     "flat": ("a.tif", tiff(np.zeros((40, 50), np.float32)), "same height everywhere"),
     "small": ("a.tif", tiff(np.zeros((4, 5), np.float32)), "at least 32"),
     "damaged": ("a.tif", tiff(RAMP)[:90], "is damaged"),
-    "another file": ("a.bin", b"\x89PNG not really", "not a z map"),
+    "another file": ("a.bin", b"\x89PNG not really", "not a height map"),
     "empty": ("a.csv", b"", "is empty"),
     "a header": ("a.csv", b"x,y\n" * 40, "at least 32"),
     "words": ("a.csv", "\n".join([",".join(["one"] * 40)] * 40).encode(), "not a height"),
@@ -83,7 +83,7 @@ def test_what_is_no_z_map_is_refused(case: str, tmp_path: Path) -> None:
     path = tmp_path / name
     path.write_bytes(data)
     with pytest.raises(DataError) as told:
-        read_z_map(path, 1.0, None if case == "no scale" else 5.0)
+        read_height_map(path, 1.0, None if case == "no scale" else 5.0)
     assert part in str(told.value)
     assert "\n" not in str(told.value)
 
@@ -91,9 +91,9 @@ def test_what_is_no_z_map_is_refused(case: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("z_um", [0.0, -1.0, float("nan"), float("inf"), 1e9])
 def test_the_height_of_a_level_is_a_number_above_0(z_um: float, tmp_path: Path) -> None:
     with pytest.raises(SpecError, match="z_um"):
-        read_z_map(tmp_path / "none.tif", z_um, 5.0)
+        read_height_map(tmp_path / "none.tif", z_um, 5.0)
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(DataError, match="no such file"):
-        read_z_map(tmp_path / "none.tif", 1.0, 5.0)
+        read_height_map(tmp_path / "none.tif", 1.0, 5.0)

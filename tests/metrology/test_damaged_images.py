@@ -1,4 +1,4 @@
-"""Files that are not pictures, lie about their size or were damaged: one line each, without taking memory."""
+"""Files that are not images, lie about their size or were damaged: one line each, without taking memory."""
 
 import io
 import time
@@ -24,7 +24,7 @@ from tests.metrology.render.camera import png, tiff
 
 
 def tried(path: Path) -> Image | str:
-    """The picture, or the words of its refusal; any other error is raised."""
+    """The image, or the words of its refusal; any other error is raised."""
     try:
         return read_image(path, 2.0)
     except SolenError as refused:
@@ -44,7 +44,7 @@ LARGE = {
 
 
 @pytest.mark.parametrize("name", LARGE)
-def test_a_picture_too_large_is_refused_from_its_header(name: str, tmp_path: Path) -> None:
+def test_an_image_too_large_is_refused_from_its_header(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
     path.write_bytes(LARGE[name])
     with pytest.raises(SolenError):
@@ -56,7 +56,7 @@ def test_a_picture_too_large_is_refused_from_its_header(name: str, tmp_path: Pat
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert peak < 5e6  # bytes; the smallest of these pictures would take 100 MB
+    assert peak < 5e6  # bytes; the smallest of these images would take 100 MB
     assert "\n" not in str(refused.value)
 
 
@@ -70,7 +70,7 @@ def test_it_says_how_large_and_what_to_do(name: str, tmp_path: Path) -> None:
 
 NONE = {
     "empty.png": b"",
-    "text.png": b"this is no picture\n" * 40,
+    "text.png": b"this is no image\n" * 40,
     "zeros.tif": bytes(4000),
     "only-magic.tif": b"II*\0",
     "only-magic.png": b"\x89PNG\r\n\x1a\n",
@@ -87,7 +87,7 @@ NONE = {
 
 
 @pytest.mark.parametrize("name", NONE)
-def test_what_is_no_picture_is_refused_in_one_line(name: str, tmp_path: Path) -> None:
+def test_what_is_no_image_is_refused_in_one_line(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
     path.write_bytes(NONE[name])
     with pytest.raises(SolenError) as refused:
@@ -108,8 +108,8 @@ def test_an_animation_is_refused_by_the_number_of_its_frames(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("name", originals())
-def test_a_picture_cut_short_is_refused(name: str, tmp_path: Path) -> None:
-    """Where it lost pixels: a picture half of which is black has an edge that is none."""
+def test_an_image_cut_short_is_refused(name: str, tmp_path: Path) -> None:
+    """Where it lost pixels: an image half of which is black has an edge that is none."""
     data = originals()[name]
     path = tmp_path / name
     for share in (0.1, 0.3, 0.5, 0.7, 0.9):
@@ -144,7 +144,7 @@ def test_a_header_of_more_rows_or_columns_than_there_are_data_is_refused(tmp_pat
 def fuzzed(folder: Path, name: str, count: int, seed: int) -> tuple[int, list[float]]:
     """How many damaged files were read all the same, and the time that each took; any other error is raised.
 
-    What is read has no more pixels than the undamaged picture, up to a factor: no header makes it work without bounds.
+    What is read has no more pixels than the undamaged image, up to a factor: no header makes it work without bounds.
     """
     rng = np.random.default_rng(seed)
     data, path, read, seconds = originals()[name], folder / name, 0, []
