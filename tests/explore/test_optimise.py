@@ -331,8 +331,8 @@ def test_the_designs_of_a_front_are_files_and_none_is_worse_in_both(tmp_path: Pa
     printed = list(lines(found))
     assert not any("worst" in line for line in printed)
     assert any("worst over the deviations" in line for line in lines(replace(found, robust=True)))
-    assert found.evaluations <= found.most_evaluations == 30
-    assert any("2 of 32" in line for line in lines(replace(found, evaluations=30, most_evaluations=32)))
+    assert found.evaluations <= found.max_evaluations == 30
+    assert any("2 of 32" in line for line in lines(replace(found, evaluations=30, max_evaluations=32)))
     assert any("emitter.offset_mm" in text and "design" in text for text in found.warnings), found.warnings
     data = found.to_dataset()
     assert data["goals"].sel(design=1, goal="maximise light") == found.designs[0].goals[1]

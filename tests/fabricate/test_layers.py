@@ -46,7 +46,7 @@ def printer(
         pitch_um=Quantity(typical=pitch_um, **said).model_dump(),
         pixels=Pixels(columns=columns, rows=rows, **said).model_dump(),
         build_height_mm=Quantity(typical=height_mm, **said).model_dump(),
-        layer_um=Quantity(least=10, most=2000, **said).model_dump(),
+        layer_um=Quantity(min=10, max=2000, **said).model_dump(),
         **{key: {**said, **table} for key, table in more.items()},
     )
 

@@ -10,7 +10,7 @@ from solen.arrays import FloatArray
 from solen.errors import DesignError, SpecError
 from solen.fabricate.process import Settings
 from solen.lens import MeasuredLens, OvalLens, SplineLens, profile_of
-from solen.lens.spline import DEFAULT_LEAST_FEATURE_UM
+from solen.lens.spline import DEFAULT_MIN_FEATURE_UM
 from solen.sensor import Sensor, check
 from solen.sensor.check import foci_of
 from solen.sensor.numbers import tolerance_of, usual_keys
@@ -65,7 +65,7 @@ def test_the_profile_is_the_oval_and_a_smooth_deviation() -> None:
     front = lens.front.points(np.linspace(0.0, 1.0, 2001))
     assert np.abs(front[:, 1] - profile_mm(front[:, 0])).max() < 1e-6
     assert lens.depth_mm == OVAL.depth_mm
-    assert (lens.most_deviation_um, lens.least_radius_um) == pytest.approx((15.02, 304.9), rel=1e-3)
+    assert (lens.max_deviation_um, lens.min_radius_um) == pytest.approx((15.02, 304.9), rel=1e-3)
 
 
 def test_rays_go_where_newton_s_method_and_snell_s_law_take_them() -> None:
@@ -177,7 +177,7 @@ def test_the_derivative_by_a_knot_is_that_of_differences(knots: tuple[float, ...
         ({"shape": "spline"}, "lens.knots_um; missing"),
         ({"shape": "spline", "knots_um": []}, "lens.knots_um = .*at least 1"),
         ({"knots_um": [1.0]}, 'lens.knots_um = .*does not apply with shape = "cartesian-oval"'),
-        ({"least_feature_um": 50.0}, "lens.least_feature_um = 50.0; does not apply without knots_um"),
+        ({"min_feature_um": 50.0}, "lens.min_feature_um = 50.0; does not apply without knots_um"),
         ({"shape": "spline", "knots_um": [1.0, "2"]}, r"lens.knots_um\[1\] = '2'; must be a number"),
         ({"shape": "spline", "knots_um": [1.0, 1e5]}, r"lens.knots_um\[1\] = 100000"),
     ],
@@ -205,9 +205,9 @@ def test_what_a_printer_rounds_off_is_warned_of() -> None:
     fine = [3.0 * (-1) ** place for place in range(16)]
     (narrow, *_) = check(Sensor.of(design(fine))).warnings
     assert "125 µm wide" in narrow
-    assert "lens.least_feature_um, 130 µm" in narrow
-    assert not check(Sensor.of(design(fine, least_feature_um=50.0))).warnings
-    sharp = [text for text in check(Sensor.of(design(least_feature_um=310.0))).warnings if "radius" in text]
+    assert "lens.min_feature_um, 130 µm" in narrow
+    assert not check(Sensor.of(design(fine, min_feature_um=50.0))).warnings
+    sharp = [text for text in check(Sensor.of(design(min_feature_um=310.0))).warnings if "radius" in text]
     assert "305 µm" in sharp[0]
     wave = SplineLens(OVAL, tuple(2.0 * math.cos(math.pi * place / 4) for place in range(12)))
     assert [feature.width_um for feature in wave.features[:3]] == pytest.approx([2e3 / 3] * 3, rel=0.05)
@@ -216,12 +216,12 @@ def test_what_a_printer_rounds_off_is_warned_of() -> None:
 
 def test_the_least_feature_of_a_printer_keeps_nine_tenths_of_a_wave() -> None:
     settings = Settings()
-    wave_um = 2.0 * settings.least_feature_um
+    wave_um = 2.0 * settings.min_feature_um
     x = np.linspace(0.0, wave_um, 4001)
     blur = np.exp(-0.5 * ((x - 0.5 * wave_um) / settings.edge_um) ** 2)
     kept = (blur * np.cos(2.0 * np.pi * (x / wave_um - 0.5))).sum() / blur.sum()
     assert kept == pytest.approx(0.9, abs=1e-4)
-    assert settings.least_feature_um == pytest.approx(DEFAULT_LEAST_FEATURE_UM, rel=0.05)
+    assert settings.min_feature_um == pytest.approx(DEFAULT_MIN_FEATURE_UM, rel=0.05)
 
 
 def test_a_printed_free_form_is_measured_beside_its_design(tmp_path: Path) -> None:

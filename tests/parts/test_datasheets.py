@@ -25,8 +25,8 @@ basis = "measured"
 source = "spectrometer"
 
 [width_mm]
-least = 0.2
-most = 0.3
+min = 0.2
+max = 0.3
 basis = "measured"
 source = "microscope"
 
@@ -69,9 +69,9 @@ def test_the_receiver_spreads_by_three() -> None:
     part = library_part("TEMT7100X01")
     assert isinstance(part, ReceiverPart)
     current = part.current_ua_per_mw_cm2
-    assert current.least is not None
-    assert current.most is not None
-    assert (current.most / current.least, current.nominal) == pytest.approx((3.0, 450.0))
+    assert current.min is not None
+    assert current.max is not None
+    assert (current.max / current.min, current.nominal) == pytest.approx((3.0, 450.0))
 
 
 @pytest.mark.parametrize(
@@ -80,8 +80,12 @@ def test_the_receiver_spreads_by_three() -> None:
         ('kind = "emitter"', 'kind = "lamp"', "kind = 'lamp'; must be one of emitter, receiver, adc, trimmer"),
         ('kind = "emitter"\n', "", "kind; must be one of emitter, receiver, adc, trimmer; add for example kind"),
         ('maker = "me"\n', "", "maker; missing"),
-        ("typical = 940\n", "", "peak_nm; gives no number"),
-        ("typical = 940", "typical = 940\nleast = 950", "must be in order: least, typical, most"),
+        ("typical = 940\n", "", "peak_nm; has no value"),
+        (
+            "typical = 940",
+            "typical = 940\nmin = 950",
+            "[950.0, 940.0]; min, typical and max must be in ascending order",
+        ),
         ("typical = 940", 'typical = "red"', "peak_nm.typical = 'red'; must be a number"),
         ("typical = 940", "typical = -1", "must be greater than 0"),
         ("[peak_nm]", "[peak]", "peak; unknown key"),

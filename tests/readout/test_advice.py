@@ -48,7 +48,7 @@ def test_with_the_advised_current_the_trimmer_reaches_all_parts(ambient: float) 
     times = found.emitter_current_mA / circuit.drive.current_mA
     drive = circuit.drive
     stronger = replace(
-        drive, typical_mW=times * drive.typical_mW, least_mW=times * drive.least_mW, most_mW=times * drive.most_mW
+        drive, typical_mW=times * drive.typical_mW, min_mW=times * drive.min_mW, max_mW=times * drive.max_mW
     )
     again = advise(replace(circuit, drive=stronger), FRACTIONS, trimmer(), ambient)
     assert all(one.turn is not None for one in again.settings)

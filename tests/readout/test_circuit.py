@@ -108,9 +108,9 @@ def test_the_emitter_follows_its_current() -> None:
     part = library_part("VSMY1850")
     assert isinstance(part, EmitterPart)
     full, tenth = Drive.of(part, 100.0), Drive.of(part, 10.0)
-    assert (full.typical_mW, full.least_mW, full.most_mW) == pytest.approx((50.0, 25.0, 75.0))
+    assert (full.typical_mW, full.min_mW, full.max_mW) == pytest.approx((50.0, 25.0, 75.0))
     assert tenth.typical_mW == pytest.approx(5.0)
-    assert tenth.most_mW == pytest.approx(7.5 * 10**0.07), "an exponent of 0.93 leaves more at a low current"
+    assert tenth.max_mW == pytest.approx(7.5 * 10**0.07), "an exponent of 0.93 leaves more at a low current"
     assert float(full.power_mW(35.0)) == pytest.approx(50.0 * (1 - 0.035))
     assert float(full.power_mW(1e6)) == 0.0
 
@@ -177,14 +177,14 @@ def test_parts_spread_by_nine() -> None:
 def test_drawn_parts_stay_inside_their_limits_and_come_again_with_the_seed() -> None:
     drawn = [plain_circuit().drawn(np.random.default_rng(seed)) for seed in range(200)]
     sensitivities = np.array([one.sensitivity_uA for one in drawn])
-    assert sensitivities.min() >= PART.least_uA
-    assert sensitivities.max() <= PART.most_uA
+    assert sensitivities.min() >= PART.min_uA
+    assert sensitivities.max() <= PART.max_uA
     of_mean = 400.0 / np.sqrt(12.0 * sensitivities.size)
     assert sensitivities.mean() == pytest.approx(400.0, abs=4 * of_mean)
     assert len(set(sensitivities.ravel().tolist())) == sensitivities.size, "each receiver is a part of its own"
     assert plain_circuit().drawn(np.random.default_rng(3)) == drawn[3]
     powers = [one.drive.typical_mW for one in drawn]
-    assert DRIVE.least_mW <= min(powers) < max(powers) <= DRIVE.most_mW
+    assert DRIVE.min_mW <= min(powers) < max(powers) <= DRIVE.max_mW
 
 
 def test_the_converter_rounds_and_cuts() -> None:

@@ -128,9 +128,9 @@ def _of_part(sensor: Sensor, key: str) -> Variation | None:
         return None
     part = library_part(design.emitter.part) if design.part_file is None else load_part(design.part_file)
     limits = getattr(part, name) if isinstance(part, EmitterPart) else None
-    if limits is None or limits.least is None or limits.most is None:
+    if limits is None or limits.min is None or limits.max is None:
         return None
-    return Variation(key, "uniform", limits.least - limits.nominal, limits.most - limits.nominal, f"part {part.name}")
+    return Variation(key, "uniform", limits.min - limits.nominal, limits.max - limits.nominal, f"part {part.name}")
 
 
 def _of_tolerance(sensor: Sensor, key: str) -> Variation:

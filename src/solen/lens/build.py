@@ -16,7 +16,7 @@ from solen.lens.line_focus import LineFocusLens
 from solen.lens.measured import MeasuredLens
 from solen.lens.optics import FlatFace, OvalLens
 from solen.lens.profile import MeasuredProfile, read_profile
-from solen.lens.spline import DEFAULT_LEAST_FEATURE_UM, DesignedLens, SplineLens
+from solen.lens.spline import DEFAULT_MIN_FEATURE_UM, DesignedLens, SplineLens
 from solen.spec import Design
 
 T = TypeVar("T")
@@ -44,15 +44,15 @@ def lens_of(design: Design, index: float) -> Lens:
     if spec.in_space:
         return _in_space(design, spec.design_index or index)
     oval = OvalLens(distance_mm, spec.focus_mm, spec.half_width_mm, spec.design_index or index)
-    designed = oval if spec.knots_um is None else _spline(oval, spec.knots_um, spec.least_feature_um)
+    designed = oval if spec.knots_um is None else _spline(oval, spec.knots_um, spec.min_feature_um)
     if design.profile_file is None or spec.shape != "measured":
         return designed
     return measured_lens(designed, _of_file(design.profile_file, read_profile))
 
 
 @lru_cache(maxsize=32)
-def _spline(oval: OvalLens, knots_um: tuple[float, ...], least_feature_um: float | None) -> SplineLens:
-    return SplineLens(oval, knots_um, DEFAULT_LEAST_FEATURE_UM if least_feature_um is None else least_feature_um)
+def _spline(oval: OvalLens, knots_um: tuple[float, ...], min_feature_um: float | None) -> SplineLens:
+    return SplineLens(oval, knots_um, DEFAULT_MIN_FEATURE_UM if min_feature_um is None else min_feature_um)
 
 
 def _in_space(design: Design, index: float) -> LensInSpace:

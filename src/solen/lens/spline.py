@@ -32,7 +32,7 @@ NEAREST = 0.9
 """Largest approach of the face to the emitter, as a fraction of the emitter's distance."""
 MIN_HEIGHT_UM = 0.1
 """Height below which bumps and dimples are ignored."""
-DEFAULT_LEAST_FEATURE_UM = 130.0
+DEFAULT_MIN_FEATURE_UM = 130.0
 """Smallest width that prints well: an edge blur of 19 µm preserves 90 % of a wave with twice that period."""
 
 
@@ -55,7 +55,7 @@ class SplineLens(DeviatingLens, eq=True):
     knots_um
         Deviation along z at N uniformly spaced |x|, the first on the axis; negative values add material. The deviation
         at the edge, which would be the next knot, is 0.
-    least_feature_um
+    min_feature_um
         Width of a bump or dimple, and radius of curvature, below which `warnings` report that it may not print.
 
     Raises
@@ -68,7 +68,7 @@ class SplineLens(DeviatingLens, eq=True):
 
     oval: OvalLens
     knots_um: tuple[float, ...]
-    least_feature_um: float = field(default=DEFAULT_LEAST_FEATURE_UM, metadata=HIDDEN)
+    min_feature_um: float = field(default=DEFAULT_MIN_FEATURE_UM, metadata=HIDDEN)
 
     def __post_init__(self) -> None:
         check_numbers("lens.knots_um", *self.knots_um)
@@ -115,18 +115,18 @@ class SplineLens(DeviatingLens, eq=True):
         return np.asarray(bend / np.hypot(1.0, self.slope(x_mm)) ** 3)
 
     @reported_once
-    def most_deviation_um(self) -> float:
+    def max_deviation_um(self) -> float:
         """Deviation from the oval along z with the largest magnitude, with its sign."""
         deviation = 1e3 * self.deviation_mm(self._places)
         return float(deviation[np.argmax(np.abs(deviation))])
 
     @reported_once
-    def most_incidence_deg(self) -> float:
+    def max_incidence_deg(self) -> float:
         """Largest angle of incidence of the emitter's rays on the face; at 90 they graze it."""
         return math.degrees(math.acos(float(self._cosines.min())))
 
     @reported_once
-    def least_radius_um(self) -> float:
+    def min_radius_um(self) -> float:
         """Smallest radius of curvature of the face, convex or concave."""
         return 1e3 / float(np.abs(self.curvature_per_mm(self._places)).max())
 
@@ -150,11 +150,11 @@ class SplineLens(DeviatingLens, eq=True):
     @property
     def warnings(self) -> tuple[str, ...]:
         """See :attr:`solen.lens.base.Lens.warnings`."""
-        return self.too_fine(self.least_feature_um, "lens.least_feature_um")
+        return self.too_fine(self.min_feature_um, "lens.min_feature_um")
 
     def missed_share(self, least_um: float) -> float:
         """Fraction by which the narrowest feature or smallest radius is below the minimum; 0 if neither is."""
-        narrowest = min(self.least_radius_um, self.narrowest_um or math.inf)
+        narrowest = min(self.min_radius_um, self.narrowest_um or math.inf)
         return max(0.0, 1.0 - narrowest / least_um)
 
     def too_fine(self, least_um: float, limit: str) -> tuple[str, ...]:
@@ -167,10 +167,10 @@ class SplineLens(DeviatingLens, eq=True):
                 f"the lens has a {kind} of {abs(narrow.height_um):.2g} µm at x = {narrow.x_mm:.2g} mm that is "
                 f"{narrow.width_um:.3g} µm wide, narrower than {limit}, {least_um:.3g} µm: prints round it off"
             )
-        if self.least_radius_um < least_um:
+        if self.min_radius_um < least_um:
             worst = float(self._places[np.argmax(np.abs(self.curvature_per_mm(self._places)))])
             warnings.append(
-                f"the lens has a radius of curvature of {self.least_radius_um:.3g} µm at x = {worst:.2g} mm, below "
+                f"the lens has a radius of curvature of {self.min_radius_um:.3g} µm at x = {worst:.2g} mm, below "
                 f"{limit}, {least_um:.3g} µm: prints round it off"
             )
         return tuple(warnings)
@@ -217,7 +217,7 @@ class SplineLens(DeviatingLens, eq=True):
         if self._cosines[worst] <= 0.0:
             raise DesignError(
                 "lens.knots_um",
-                value=f"an angle of incidence of {self.most_incidence_deg:.3g} deg at x = {self._places[worst]:.3g} mm",
+                value=f"an angle of incidence of {self.max_incidence_deg:.3g} deg at x = {self._places[worst]:.3g} mm",
                 limit="must be below 90 deg: rays from the emitter graze the face there, and it hides the face behind",
                 remedy="reduce the increase of the knots towards the edge, or narrow lens.half_width_mm",
             )

@@ -1,8 +1,8 @@
 """Datasheet files of emitters, receivers, converters and trimmers, with a small library.
 
 Every number in a part file has a source. The file is TOML with ``schema = 1``, a ``name``, a ``kind``, the ``document``
-that it is based on, and a table for every quantity: ``typical``, ``least`` and ``most``, their ``basis`` (the part's
-own datasheet, the datasheet of a similar part, the profile of a slicing program, a measurement or an estimate) and
+that it is based on, and a table for every quantity: ``min``, ``typical`` and ``max``, their ``basis`` (the part's own
+datasheet, the datasheet of a similar part, the profile of a slicing program, a measurement or an estimate) and
 their ``source``. Unknown values are omitted.
 
 `load_part`, `library` and `library_part` return `EmitterPart`, `ReceiverPart`, `AdcPart` or `TrimmerPart`.
@@ -48,24 +48,24 @@ class Sourced(Strict):
 class Quantity(Sourced):
     """A positive number with its range, in the unit at the end of its key."""
 
+    min: Positive | None = Field(None, description="Minimum.")
     typical: Positive | None = Field(None, description="Typical value.")
-    least: Positive | None = Field(None, description="Smallest value.")
-    most: Positive | None = Field(None, description="Largest value.")
+    max: Positive | None = Field(None, description="Maximum.")
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        stated = [value for value in (self.least, self.typical, self.most) if value is not None]
-        if not stated:
-            raise refused("", "gives no number", remedy="add typical, or least and most")
-        if any(low > high for low, high in pairwise(stated)):
-            raise refused("", "must be in order: least, typical, most", value=stated)
+        values = [value for value in (self.min, self.typical, self.max) if value is not None]
+        if not values:
+            raise refused("", "has no value", remedy="add typical, or min and max")
+        if any(low > high for low, high in pairwise(values)):
+            raise refused("", "min, typical and max must be in ascending order", value=values)
         return self
 
     @property
     def nominal(self) -> float:
         """Typical value or, if only limits are specified, their mean."""
-        stated = [value for value in (self.least, self.most) if value is not None]
-        return self.typical if self.typical is not None else sum(stated) / len(stated)
+        limits = [value for value in (self.min, self.max) if value is not None]
+        return self.typical if self.typical is not None else sum(limits) / len(limits)
 
 
 class PatternPart(Sourced):
@@ -168,7 +168,7 @@ class EmitterPart(Datasheet):
     power_exponent: Quantity | None = Field(
         None, description="Exponent of the dependence of radiant power on current; 1 if proportional."
     )
-    most_current_ma: Quantity | None = Field(None, description="Maximum continuous current, in mA.")
+    max_current_ma: Quantity | None = Field(None, description="Maximum continuous current, in mA.")
     fall_percent_per_k: Quantity | None = Field(None, description="Decrease of the radiant power per K, in percent.")
 
 
@@ -179,9 +179,9 @@ class ReceiverPart(Datasheet):
     current_ua_per_mw_cm2: Quantity = Field(description="a table with the current in µA at 1 mW/cm².")
     sensitivity_nm: Quantity | None = Field(None, description="Wavelength of that irradiance.")
     band_nm: Quantity | None = Field(None, description="Wavelengths of half sensitivity.")
-    most_current_ma: Quantity | None = Field(None, description="Maximum current, in mA.")
+    max_current_ma: Quantity | None = Field(None, description="Maximum current, in mA.")
     supply_v: Quantity | None = Field(None, description="Voltage at which the sensitivity is specified, in V.")
-    most_supply_v: Quantity | None = Field(None, description="Maximum voltage, in V.")
+    max_supply_v: Quantity | None = Field(None, description="Maximum voltage, in V.")
     spectrum: SpectrumPart | None = Field(None, description="A table with the relative sensitivity by wavelength.")
     saturation_v: Quantity | None = Field(None, description="Saturation voltage, in V.")
     knee_v: Quantity | None = Field(

@@ -119,11 +119,9 @@ class Printer(Sheet):
     @property
     def layers_um(self) -> tuple[float, float]:
         """Minimum and maximum layer thickness in µm; 0 and inf if unknown."""
-        stated = self.layer_um
-        if stated is None:
+        if self.layer_um is None:
             return 0.0, math.inf
-        least, most = stated.least or stated.nominal, stated.most or stated.nominal
-        return least, most
+        return self.layer_um.min or self.layer_um.nominal, self.layer_um.max or self.layer_um.nominal
 
     @property
     def unconfirmed(self) -> tuple[str, ...]:
@@ -181,8 +179,8 @@ class PrinterSummary(Result):
     rows: int
     size_mm: tuple[float, float, float]
     wavelength_nm: float | None
-    least_layer_um: float | None
-    most_layer_um: float | None
+    min_layer_um: float | None
+    max_layer_um: float | None
     unconfirmed: tuple[str, ...]
     file: Printer
 
@@ -193,7 +191,7 @@ class PrinterSummary(Result):
         rows, columns = printer.shape
         x, y, z = (round(length, 9) for length in printer.size_mm)
         pitch_um, pitch_y_um = (round(1000.0 * side, 9) for side in printer.pitches_mm)
-        least, most = (None, None) if printer.layer_um is None else printer.layers_um
+        min_layer_um, max_layer_um = (None, None) if printer.layer_um is None else printer.layers_um
         return cls(
             printer=text,
             name=printer.name,
@@ -203,8 +201,8 @@ class PrinterSummary(Result):
             rows=rows,
             size_mm=(x, y, z),
             wavelength_nm=None if printer.wavelength_nm is None else printer.wavelength_nm.nominal,
-            least_layer_um=least,
-            most_layer_um=most,
+            min_layer_um=min_layer_um,
+            max_layer_um=max_layer_um,
             unconfirmed=printer.unconfirmed,
             file=printer,
         )

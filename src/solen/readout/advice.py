@@ -95,7 +95,7 @@ def _emitter_mA(
     Light is assumed proportional to the current.
     """
     cases, (fractions, *around) = spread(circuit), light
-    whole = trimmer.resistance_ohm.least or trimmer.resistance_ohm.nominal
+    whole = trimmer.resistance_ohm.min or trimmer.resistance_ohm.nominal
     asked, rest = {}, {}
     for case, one in cases.items():
         dark = one.current_mA(np.zeros_like(fractions), *around)
@@ -107,13 +107,13 @@ def _emitter_mA(
     times = (wanted - rest["dimmest"]) / asked["dimmest"]
     emitter_mA = times * circuit.drive.current_mA
     needs_ohm = 1e3 * _target_mA(circuit, target_V) / (times * asked["brightest"] + rest["brightest"])
-    return emitter_mA if 0.0 < emitter_mA <= circuit.drive.most_current_mA and needs_ohm >= end_ohm(trimmer) else None
+    return emitter_mA if 0.0 < emitter_mA <= circuit.drive.max_current_mA and needs_ohm >= end_ohm(trimmer) else None
 
 
 def end_ohm(trimmer: TrimmerPart) -> float:
     """Largest residual resistance of a trimmer."""
     end = trimmer.end_ohm
-    return 0.0 if end is None else end.most or end.nominal
+    return 0.0 if end is None else end.max or end.nominal
 
 
 def _setting(

@@ -93,21 +93,21 @@ def _range(circuit: Circuit, advice: Advice) -> Iterator[str]:
 
 def _limits(circuit: Circuit, dark_V: float) -> Iterator[str]:
     part, drive, adc = circuit.transistor, circuit.drive, circuit.adc
-    if drive.current_mA > drive.most_current_mA:
+    if drive.current_mA > drive.max_current_mA:
         yield (
-            f"the emitter current of {drive.current_mA:g} mA exceeds the {drive.most_current_mA:g} mA "
+            f"the emitter current of {drive.current_mA:g} mA exceeds the {drive.max_current_mA:g} mA "
             f"that {drive.name} may carry continuously"
         )
-    if circuit.supply_V > part.most_supply_V:
+    if circuit.supply_V > part.max_supply_V:
         yield (
-            f"the supply voltage of {circuit.supply_V:g} V exceeds the {part.most_supply_V:g} "
+            f"the supply voltage of {circuit.supply_V:g} V exceeds the {part.max_supply_V:g} "
             f"V that {part.name} tolerates"
         )
-    most_mA = 1e3 * circuit.supply_V / min(circuit.load_ohm)
-    if most_mA > part.most_current_mA:
+    max_mA = 1e3 * circuit.supply_V / min(circuit.load_ohm)
+    if max_mA > part.max_current_mA:
         yield (
-            f"a load of {min(circuit.load_ohm):g} ohm allows up to {most_mA:.3g} mA, which exceeds the "
-            f"{part.most_current_mA:g} mA that {part.name} may carry"
+            f"a load of {min(circuit.load_ohm):g} ohm allows up to {max_mA:.3g} mA, which exceeds the "
+            f"{part.max_current_mA:g} mA that {part.name} may carry"
         )
     if dark_V > adc.top_V or min(0.0, part.saturation_V) < adc.low_V:
         yield (

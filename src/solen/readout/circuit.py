@@ -130,8 +130,8 @@ class Circuit:
         The emitter power is also uniformly distributed between its limits.
         """
         part, drive = self.transistor, self.drive
-        chosen = rng.uniform(part.least_uA, part.most_uA, len(self.names))
-        power = float(rng.uniform(drive.least_mW, drive.most_mW))
+        chosen = rng.uniform(part.min_uA, part.max_uA, len(self.names))
+        power = float(rng.uniform(drive.min_mW, drive.max_mW))
         return replace(self, sensitivity_uA=tuple(chosen.tolist()), drive=replace(drive, typical_mW=power))
 
     def with_load(self, load_ohm: float) -> "Circuit":
@@ -177,8 +177,8 @@ def spread(circuit: Circuit) -> dict[Case, Circuit]:
     """The circuit with the weakest, with typical, and with the strongest emitter and receivers."""
     part, drive, count = circuit.transistor, circuit.drive, len(circuit.names)
     ends: dict[Case, tuple[float, float]] = {
-        "dimmest": (part.least_uA, drive.least_mW),
-        "brightest": (part.most_uA, drive.most_mW),
+        "dimmest": (part.min_uA, drive.min_mW),
+        "brightest": (part.max_uA, drive.max_mW),
     }
     made = {
         case: replace(circuit, sensitivity_uA=(uA,) * count, drive=replace(drive, typical_mW=mW))

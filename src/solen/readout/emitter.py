@@ -30,24 +30,24 @@ class Drive:
         Part name.
     current_mA
         Current while the emitter is on.
-    typical_mW, least_mW, most_mW
+    typical_mW, min_mW, max_mW
         Radiant power of a typical, the weakest and the strongest part at that current and 25 °C.
     fall_per_K
         Relative decrease in power per K.
     peak_nm
         Peak wavelength.
-    most_current_mA
+    max_current_mA
         Maximum continuous current; inf if unknown.
     """
 
     name: str
     current_mA: float
     typical_mW: float
-    least_mW: float
-    most_mW: float
+    min_mW: float
+    max_mW: float
     fall_per_K: float
     peak_nm: float
-    most_current_mA: float = math.inf
+    max_current_mA: float = math.inf
 
     @classmethod
     def of(cls, part: EmitterPart, current_mA: float) -> "Drive":
@@ -59,20 +59,20 @@ class Drive:
         typical = _reference_mW(part)
         low, high = _spread(part)
         exponent = part.power_exponent
-        ends = (1.0,) if exponent is None else (exponent.nominal, exponent.least or exponent.nominal)
+        ends = (1.0,) if exponent is None else (exponent.nominal, exponent.min or exponent.nominal)
         ratio = current_mA / part.current_ma.nominal
         scales = [ratio**end for end in ends]
         fall = 0.0 if part.fall_percent_per_k is None else 0.01 * part.fall_percent_per_k.nominal
-        most = math.inf if part.most_current_ma is None else part.most_current_ma.nominal
+        most = math.inf if part.max_current_ma is None else part.max_current_ma.nominal
         return cls(
             name=part.name,
             current_mA=current_mA,
             typical_mW=typical * scales[0],
-            least_mW=typical * low * min(scales),
-            most_mW=typical * high * max(scales),
+            min_mW=typical * low * min(scales),
+            max_mW=typical * high * max(scales),
             fall_per_K=fall,
             peak_nm=part.peak_nm.nominal,
-            most_current_mA=most,
+            max_current_mA=most,
         )
 
     def power_mW(self, temperature_C: float | FloatArray = REFERENCE_C) -> FloatArray:
@@ -104,6 +104,6 @@ def _reference_mW(part: EmitterPart) -> float:
 def _spread(part: EmitterPart) -> tuple[float, float]:
     """Weakest and strongest part relative to a typical part, from the limits of the power, or else of the intensity."""
     for one in (part.power_mw, part.intensity_mw_per_sr):
-        if one is not None and (one.least is not None or one.most is not None):
-            return (one.least or one.nominal) / one.nominal, (one.most or one.nominal) / one.nominal
+        if one is not None and (one.min is not None or one.max is not None):
+            return (one.min or one.nominal) / one.nominal, (one.max or one.nominal) / one.nominal
     return 1.0, 1.0

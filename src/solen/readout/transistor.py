@@ -38,7 +38,7 @@ class Phototransistor:
     ----------
     name
         Part name.
-    typical_uA, least_uA, most_uA
+    typical_uA, min_uA, max_uA
         Current at 1 mW/cm² of the datasheet's wavelength, 25 °C.
     response
         Sensitivity to the emitter's light relative to the sensitivity at the datasheet's wavelength.
@@ -55,14 +55,14 @@ class Phototransistor:
         Relative increase in sensitivity per K.
     rise_us, rise_us_per_kohm
         Rise time from 10 to 90 % with a small load, and its increase per kΩ.
-    most_current_mA, most_supply_V
+    max_current_mA, max_supply_V
         Maximum current and voltage.
     """
 
     name: str
     typical_uA: float
-    least_uA: float
-    most_uA: float
+    min_uA: float
+    max_uA: float
     response: float = 1.0
     exponent: float = 1.0
     saturation_V: float = SATURATION_V
@@ -73,8 +73,8 @@ class Phototransistor:
     rise_per_K: float = 0.0
     rise_us: float = RISE_US
     rise_us_per_kohm: float = RISE_US_PER_KOHM
-    most_current_mA: float = math.inf
-    most_supply_V: float = math.inf
+    max_current_mA: float = math.inf
+    max_supply_V: float = math.inf
 
     @classmethod
     def of(cls, part: ReceiverPart, light: Light) -> "Phototransistor":
@@ -88,14 +88,14 @@ class Phototransistor:
             "dark_doubling_K": part.dark_doubling_k,
             "rise_us": part.rise_us,
             "rise_us_per_kohm": part.rise_us_per_kohm,
-            "most_current_mA": part.most_current_ma,
-            "most_supply_V": part.most_supply_v,
+            "max_current_mA": part.max_current_ma,
+            "max_supply_V": part.max_supply_v,
         }
         return cls(
             name=part.name,
             typical_uA=current.nominal,
-            least_uA=current.least or current.nominal,
-            most_uA=current.most or current.nominal,
+            min_uA=current.min or current.nominal,
+            max_uA=current.max or current.nominal,
             response=spectral_response(part, light.spectrum or ((light.wavelength_nm, 1.0),)),
             exponent=exponent_of(part),
             rise_per_K=0.0 if part.rise_percent_per_k is None else 0.01 * part.rise_percent_per_k.nominal,

@@ -25,7 +25,7 @@ UNUSED_KEYS: dict[str, Keys] = {
             "y_focus_mm",
             "layer_mm",
             "knots_um",
-            "least_feature_um",
+            "min_feature_um",
             "focus_mm",
             "half_width_mm",
             "design_index",
@@ -118,7 +118,7 @@ OF_SHAPES = (
     ("y_focus_mm", "line-focus"),
     ("layer_mm", "layered"),
     ("knots_um", "spline", "measured"),
-    ("least_feature_um", "spline", "measured"),
+    ("min_feature_um", "spline", "measured"),
 )
 """Lens keys, each followed by the lens shapes that use it."""
 Deviation = Annotated[Number, Field(ge=-1e4, le=1e4)]
@@ -166,7 +166,7 @@ class Lens(Strict):
         "at evenly spaced lateral positions, from the axis towards the edge, where it is 0. Negative values add "
         "material.",
     )
-    least_feature_um: Annotated[Number, Field(gt=0, le=1e4)] | None = Field(
+    min_feature_um: Annotated[Number, Field(gt=0, le=1e4)] | None = Field(
         None,
         description="Smallest width in µm of a bump or dimple of knots_um, and smallest radius of curvature; "
         "solen warns of smaller ones, which a printer rounds off. Default: 130.",
@@ -192,9 +192,9 @@ class Lens(Strict):
         if self.shape == "spline" and self.knots_um is None:
             remedy = "add knots_um = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]"
             raise refused("knots_um", 'missing: shape = "spline" needs it', remedy=remedy)
-        if self.least_feature_um is not None and self.knots_um is None:
+        if self.min_feature_um is not None and self.knots_um is None:
             limit = "does not apply without knots_um"
-            raise refused("least_feature_um", limit, value=self.least_feature_um, remedy="leave it out")
+            raise refused("min_feature_um", limit, value=self.min_feature_um, remedy="leave it out")
         if self.layer_mm is not None and self.profile is not None:
             raise refused(
                 "layer_mm", "does not apply with profile", value=self.layer_mm, remedy="leave one of them out"

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 OF_A_PART = ("wavelength_nm", "spectrum", "fwhm_nm", "width_mm", "height_mm", "cone_deg", "pattern", "exponent")
 """Shared keys of ``[emitter]`` that do not apply to an emitter whose own table names a part."""
-OF_A_SHAPE = ("knots_um", "least_feature_um")
+OF_A_SHAPE = ("knots_um", "min_feature_um")
 """Shared keys of ``[lens]`` that do not apply to a lens whose own table gives a shape."""
 
 MAX_COMBINED = 6

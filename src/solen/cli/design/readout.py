@@ -59,7 +59,7 @@ def _receivers(circuit: Circuit) -> str:
 
 
 def _emitter(drive: Drive) -> str:
-    spread = f"{drive.typical_mW:.3g} mW ({drive.least_mW:.3g} to {drive.most_mW:.3g})"
+    spread = f"{drive.typical_mW:.3g} mW ({drive.min_mW:.3g} to {drive.max_mW:.3g})"
     return f"{drive.name} at {drive.current_mA:g} mA: {spread}"
 
 

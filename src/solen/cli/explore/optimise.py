@@ -80,9 +80,9 @@ def _goals(one: FrontDesign) -> str:
 
 
 def _printed(result: Optimum | Front) -> Iterator[str]:
-    left = result.most_evaluations - result.evaluations
+    left = result.max_evaluations - result.evaluations
     if left and not result.interrupted:
-        yield f"{left} of {result.most_evaluations} evaluations are left: CMA-ES tries whole generations of designs"
+        yield f"{left} of {result.max_evaluations} evaluations are left: CMA-ES tries whole generations of designs"
     if result.printed_by is not None:
         yield f"traced with the lens as printed by {result.printed_by}"
 

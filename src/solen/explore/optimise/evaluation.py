@@ -135,7 +135,7 @@ class Evaluator:
         found: dict[str, float] = {}
         for lens in Sensor.of(design).all_lenses:
             if isinstance(lens, SplineLens):
-                least_um = self.task.least_feature_um(lens)
+                least_um = self.task.min_feature_um(lens)
                 text = f"lens without features below {least_um:.3g} µm"
                 found[text] = max(found.get(text, 0.0), lens.missed_share(least_um))
         return found

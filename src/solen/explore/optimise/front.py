@@ -72,7 +72,7 @@ class Front(Result):
         The front, sorted by the first goal from the best on.
     robust
         Whether deviations were stated, in which case each goal is its worst value over them.
-    evaluations, most_evaluations, traced
+    evaluations, max_evaluations, traced
         Number of designs tried, its limit, and the number of responses that were traced rather than read from the
         store.
     interrupted
@@ -86,7 +86,7 @@ class Front(Result):
     designs: tuple[FrontDesign, ...]
     robust: bool
     evaluations: int
-    most_evaluations: int
+    max_evaluations: int
     traced: int
     interrupted: bool
     warnings: tuple[str, ...]
@@ -165,7 +165,7 @@ def front_of(candidates: Candidates, designs: int, known: int, *, interrupted: b
         designs=tuple(found),
         robust=len(task.cases) > 1,
         evaluations=len(candidates.tried),
-        most_evaluations=candidates.most,
+        max_evaluations=candidates.most,
         traced=traced,
         interrupted=interrupted,
         warnings=(*warnings, *_at_ends(task, found), *([INTERRUPTED] if interrupted else [])),

@@ -68,7 +68,7 @@ class Optimum(Result):
         there; None for a network, which is traced again with other samples.
     robust
         Whether deviations were stated, in which case the goal is its worst value over them.
-    evaluations, most_evaluations, traced
+    evaluations, max_evaluations, traced
         Number of designs tried, its limit, and the number of responses that were traced rather than read from the
         store.
     interrupted
@@ -95,7 +95,7 @@ class Optimum(Result):
     u_sampled_difference: float | None
     robust: bool
     evaluations: int
-    most_evaluations: int
+    max_evaluations: int
     traced: int
     interrupted: bool
     warnings: tuple[str, ...]
@@ -147,7 +147,7 @@ def optimum_of(candidates: Candidates, best: Candidate, known: int, *, interrupt
         u_sampled_difference=None if sampled is None else sampled.u_difference,
         robust=len(task.cases) > 1,
         evaluations=len(candidates.tried),
-        most_evaluations=candidates.most,
+        max_evaluations=candidates.most,
         traced=traced,
         interrupted=interrupted,
         warnings=(

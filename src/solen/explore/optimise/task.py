@@ -126,9 +126,9 @@ class Task(NamedTuple):
         values = {one.key: one.at(share) for one, share in zip(self.free, point.tolist(), strict=True)}
         return with_values(self.design, values)
 
-    def least_feature_um(self, lens: SplineLens) -> float:
+    def min_feature_um(self, lens: SplineLens) -> float:
         """Return the smallest feature of a free form, from the process or else from the lens itself."""
-        return lens.least_feature_um if self.process is None else self.process.process.least_feature_um
+        return lens.min_feature_um if self.process is None else self.process.process.min_feature_um
 
 
 def _check_goals(goals: Sequence[Goal], options: OptimiseOptions) -> None:

@@ -240,13 +240,13 @@ class Settings(Strict):
         return math.hypot(self.blur_um, math.sqrt(2.0) * self.covered_um)
 
     @property
-    def least_feature_um(self) -> float:
+    def min_feature_um(self) -> float:
         """Half period at which a wavy wall keeps `KEPT` of its height; a blur σ leaves exp(−2 (π σ / period)²)."""
         return self.edge_um * math.pi / math.sqrt(-2.0 * math.log(KEPT))
 
 
 KEPT = 0.9
-"""Fraction of its height that a bump as wide as `Settings.least_feature_um` keeps when printed."""
+"""Fraction of its height that a bump as wide as `Settings.min_feature_um` keeps when printed."""
 KEYS: tuple[str, ...] = tuple(Settings.model_fields)
 UNCERTAIN: tuple[str, ...] = tuple(
     key
