@@ -37,8 +37,8 @@ EXTRA = {
     "check #network": "hand.toml",
     "trace #network": "hand.toml --rays 64 --set trace.dimension=2d --figure net.svg",
     "sensitivity #network": "hand.toml network.guides[2].width_mm --set trace.dimension=2d --figure slopes.svg",
-    "readout #network": "hand.toml --set trace.dimension=2d --set network.motion[0].steps=2 --set network.motion[1].steps=2 "
-    "--figure volts.svg",
+    "readout #network": "hand.toml --set trace.dimension=2d --set network.motion[0].steps=2 "
+    "--set network.motion[1].steps=2 --figure volts.svg",
     "run #network": "hand.toml --out net-ran --set trace.dimension=2d --set network.motion=[]",
     "trace #scene": "scene.json --mode power --figure scene.svg",
 }
