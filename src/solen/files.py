@@ -105,7 +105,7 @@ def new_folder(path: Path) -> Iterator[Path]:
     After an exception nothing is left.
     """
     if path.exists():
-        raise OutputError(str(path), limit="exists already", remedy="name another folder or remove it")
+        raise OutputError(str(path), limit="already exists", remedy="name another folder or remove it")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".new-", dir=path.parent, ignore_cleanup_errors=True) as temporary:
@@ -179,7 +179,7 @@ def write_new(folder: Path, contents: Mapping[str, bytes]) -> list[Path]:
     with output_folder(folder):
         for target, data in targets.items():
             if target.exists() and not (target.is_file() and target.read_bytes() == data):
-                raise OutputError(str(target), limit="exists already", remedy="name another folder or remove it")
+                raise OutputError(str(target), limit="already exists", remedy="name another folder or remove it")
         for target in targets:
             target.parent.mkdir(parents=True, exist_ok=True)
         return write_all(targets)

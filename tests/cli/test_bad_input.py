@@ -295,7 +295,7 @@ SAMPLINGS = [
         (["lens", "sensor.toml", "--csv", "x.csv", "--tolerance-mm", "fine"], "--tolerance-mm"),
         (["new", "x", "--example", "solen-680"], "solen-860"),
         (["new", "x", "--example", "../solen-860"], "solen-860"),
-        (["new", "."], "exists already"),
+        (["new", "."], "already exists"),
         (["new", "sensor.toml"], "cannot be written"),
         (["new", "sensor.toml/x"], "cannot be written"),
     ],
@@ -360,7 +360,7 @@ def test_a_file_that_cannot_be_written(
     code = run_command([name, "sensor.toml", flag, target])
     printed = refused.capsys.readouterr()
     assert (code, printed.out) == (2, "")
-    assert "cannot be written" in printed.err or "exists already" in printed.err
+    assert "cannot be written" in printed.err or "already exists" in printed.err
     assert len(printed.err.splitlines()) == 1
     assert snapshot(refused.folder) == before
 

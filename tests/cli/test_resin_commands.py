@@ -183,7 +183,7 @@ def test_a_working_curve_is_compared_with_an_absorbance(absorbance: float, diffe
 def test_a_file_is_not_replaced_unless_that_is_said(shell: Shell) -> None:
     shell.lines("resin", "build", "r.toml", *WHO, "--index", "index.json")
     line = shell.refused("resin", "build", "r.toml", *WHO, "--cure", "cure.json")
-    assert line == "r.toml; exists already; name another file, or add --force"
+    assert line == "r.toml; already exists; name another file, or add --force"
     shell.lines("resin", "build", "r.toml", *WHO, "--cure", "cure.json", "--force")
     assert load_resin("r.toml").cure is not None
 

@@ -1,4 +1,4 @@
-"""Print figures: the one-layer sample, printed lenses with their ovals, and resolution (S2, 3E–G, S5)."""
+"""Figures S2, 3E–G and S5: the one-layer sample, printed lenses with their ovals, and printing resolution."""
 
 from functools import partial
 from pathlib import Path
@@ -7,7 +7,7 @@ from solen import files
 from solen.geometry.coupons import layout
 from solen.metrology import InspectOptions
 from solen.metrology.zmap import ZMapOptions
-from solen.paper import pictures
+from solen.paper import images
 from solen.paper.design_numbers import coupon_sizes, settings_of_print
 from solen.paper.sample_numbers import film_layer_sizes, smallest_um
 from solen.paper.sensor_numbers import deviation_um, shipped
@@ -20,7 +20,7 @@ from solen.report.paper.figures import coupon_figure
 from solen.report.plot import figure_of
 from solen.spec import dumps
 
-MARK = f"SIMULATED: {pictures.MODEL}; seed {pictures.SEED}"
+MARK = f"SIMULATED: {images.MODEL}; seed {images.SEED}"
 LENSES_NM = {"E": "860", "F": "500", "G": "450"}
 COUPONS_OF = {"A": ("group-a", "pillar"), "B": ("group-b", "gap"), "C": ("group-c", "step"), "D": ("holes", "hole")}
 LIMITS = {"pillar": "positive_diameter", "gap": "gap", "step": "z_step", "hole": "hole_variation"}
@@ -31,49 +31,49 @@ def _film(_: Path) -> Made:
     plans = coupons(only=FILM, listing=True).result
     alt = "base on the platform, film cured onto it, layer cured, film with layer in the beam, rays through a slab"
     picture = Picture("S2.svg", alt, lambda: figure_of(plans), PAGE.model_copy(update={"letters": "A"}))
-    found = film_layer_sizes(plans.layouts[0]) | settings_of_print()
-    return Made((picture,), tuple(compared(key, size) for key, size in found.items()))
+    sizes = film_layer_sizes(plans.layouts[0]) | settings_of_print()
+    return Made((picture,), tuple(compared(key, size) for key, size in sizes.items()))
 
 
 def _lenses(folder: Path) -> Made:
-    made = [_lens(folder, number, letter, nm) for number, (letter, nm) in enumerate(LENSES_NM.items())]
-    return Made(tuple(picture for picture, _ in made), tuple(row for _, row in made))
+    drawn = [_lens(folder, number, letter, nm) for number, (letter, nm) in enumerate(LENSES_NM.items())]
+    return Made(tuple(picture for picture, _ in drawn), tuple(row for _, row in drawn))
 
 
 def _lens(folder: Path, number: int, letter: str, nm: str) -> tuple[Picture, Comparison]:
     sensor, file = shipped(f"paper-{nm}"), folder / f"lens-{nm}.png"
     design = files.write_text(folder / f"paper-{nm}.toml", dumps(sensor.design))
-    files.write_bytes(file, pictures.lens_picture(sensor, number))
-    scale = InspectOptions(um_per_px=pictures.LENS_UM_PER_PX)
-    found = inspect(file, design=design, options=scale).result
-    rms_um, u_um, rival = deviation_um(found)
-    alt = f"simulated micrograph of the lens for {nm} nm with its own oval, and those of the other two indices"
-    look = COLUMN.model_copy(update={"panels": "A", "letters": letter})
-    picture = Picture(f"3{letter}.png", alt, partial(figure_of, found), look, MARK)
-    return picture, compared(f"printed-{nm}", rms_um, u_um, rival=rival)
+    files.write_bytes(file, images.lens_image(sensor, number))
+    scale = InspectOptions(um_per_px=images.LENS_UM_PER_PX)
+    inspection = inspect(file, design=design, options=scale).result
+    rms_um, u_um, nearest_um = deviation_um(inspection)
+    alt = f"simulated micrograph of the lens for {nm} nm with the oval of its index, and those of the other two"
+    options = COLUMN.model_copy(update={"panels": "A", "letters": letter})
+    picture = Picture(f"3{letter}.png", alt, partial(figure_of, inspection), options, MARK)
+    return picture, compared(f"printed-{nm}", rms_um, u_um, nearest_um=nearest_um)
 
 
 def _coupons(folder: Path) -> Made:
-    made = [_coupon(folder, letter, name, key) for letter, (name, key) in COUPONS_OF.items()]
+    drawn = [_coupon(folder, letter, name, key) for letter, (name, key) in COUPONS_OF.items()]
     sizes = [compared(key, size) for key, size in coupon_sizes().items()]
-    return Made(tuple(picture for picture, _ in made), (*(row for _, row in made), *sizes))
+    return Made(tuple(picture for picture, _ in drawn), (*(row for _, row in drawn), *sizes))
 
 
 def _coupon(folder: Path, letter: str, name: str, key: str) -> tuple[Picture, Comparison]:
     coupon = layout(name)
     if key == "step":
-        file, content = folder / f"{name}.tif", pictures.coupon_heights(coupon)
-        scale = ZMapOptions(um_per_px=pictures.HEIGHT_UM_PER_PX, z_um=1.0)
+        file, content = folder / f"{name}.tif", images.coupon_heights(coupon)
+        scale = ZMapOptions(um_per_px=images.HEIGHT_UM_PER_PX, z_um=1.0)
     else:
-        file, content = folder / f"{name}.png", pictures.coupon_picture(coupon)
-        scale = ZMapOptions(um_per_px=pictures.COUPON_UM_PER_PX)
+        file, content = folder / f"{name}.png", images.coupon_image(coupon)
+        scale = ZMapOptions(um_per_px=images.COUPON_UM_PER_PX)
     files.write_bytes(file, content)
-    found = fidelity(file, coupon=name, options=scale).result
+    measurement = fidelity(file, coupon=name, options=scale).result
     alt = (
-        f"simulated {found.image} of the coupon {name} with its measured outline, and its sizes minus the nominal sizes"
+        f"simulated {measurement.image} of the {name} coupon with its measured outline, and its deviations from nominal"
     )
-    picture = Picture(f"S5{letter}.png", alt, partial(coupon_figure, found, key, letter), mark=MARK)
-    return picture, compared(key, *smallest_um(found, LIMITS[key]))
+    picture = Picture(f"S5{letter}.png", alt, partial(coupon_figure, measurement, key, letter), mark=MARK)
+    return picture, compared(key, *smallest_um(measurement, LIMITS[key]))
 
 
 FILM_LAYER = PaperFigure(
@@ -86,7 +86,7 @@ LENSES = PaperFigure(
     "3E-G",
     "Microscope images of printed lenses, compared with the Cartesian ovals of the three indices.",
     tuple(
-        f"solen print inspect data/lens-{nm}.png --design data/paper-{nm}.toml --um-per-px {pictures.LENS_UM_PER_PX:g} "
+        f"solen print inspect data/lens-{nm}.png --design data/paper-{nm}.toml --um-per-px {images.LENS_UM_PER_PX:g} "
         f"--figure fig3{letter.lower()}.tiff --panels A --letters {letter}"
         for letter, nm in LENSES_NM.items()
     ),
@@ -97,7 +97,7 @@ COUPONS = PaperFigure(
     "Printing resolution: (A) pillars, (B) gaps, (C) steps in height, (D) holes.",
     tuple(
         f"solen print fidelity data/{name}.{'tif' if key == 'step' else 'png'} --coupon {name} --um-per-px "
-        f"{pictures.HEIGHT_UM_PER_PX if key == 'step' else pictures.COUPON_UM_PER_PX:g}"
+        f"{images.HEIGHT_UM_PER_PX if key == 'step' else images.COUPON_UM_PER_PX:g}"
         f"{' --z-um 1' if key == 'step' else ''} --figure figs5{letter.lower()}.pdf"
         for letter, (name, key) in COUPONS_OF.items()
     ),
