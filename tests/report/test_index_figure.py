@@ -23,8 +23,8 @@ def drawn(
     columns = {"transmittance": t} | ({} if r is None else {"reflectance": r})
     channels = [Channel(name, name, "1", values, "nm") for name, values in columns.items()]
     recording = Recording((Channel("nm", "wavelength", "nm", nm), *channels), Provenance(simulated=simulated))
-    options = IndexOptions(**{"thickness_um": 50.0, "literature": "none", "fit": "none"} | options)
-    return index_figure(index_of_layer(recording, options))
+    settings = {"thickness_um": 50.0, "literature": "none", "fit": "none"} | options
+    return index_figure(index_of_layer(recording, IndexOptions(**settings)))
 
 
 def texts_of(figure: Figure) -> str:

@@ -152,7 +152,7 @@ def close_journal(path: Path, target: Path) -> RecordedRun:
     A damaged journal is never removed. A kill meanwhile leaves the journal; a recording already written is then written
     again.
     """
-    files.remove_left(target)
+    files.remove_leftovers(target)
     _check_room(path, target)
     content = read_journal(path)
     recorded = write_recording(content, target)

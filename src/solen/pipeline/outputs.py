@@ -97,7 +97,7 @@ def check_new(path: Path | None, *, force: bool) -> None:
     except OSError:  # a name that is too long; writing reports it
         return
     if exists:
-        raise OutputError(str(path), limit="already exists", remedy="name another file, or add --force")
+        raise OutputError(str(path), limit="already exists", remedy="specify another file, or add --force")
 
 
 def check_out(out: Path | None) -> None:
@@ -117,7 +117,7 @@ def check_sources(targets: Iterable[Path | None], sources: Iterable[Path | None]
     read = {path.resolve() for path in sources if path is not None}
     for path in targets:
         if path is not None and path.resolve() in read:
-            raise OutputError(str(path), limit="is an input file", remedy="name another file")
+            raise OutputError(str(path), limit="is an input file", remedy="specify another file")
 
 
 def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:

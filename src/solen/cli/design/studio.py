@@ -83,9 +83,9 @@ def _serve(file: Path, changes: dict[str, Any], listen: str, beside: Path | None
         if not no_browser:
             webbrowser.open(address)
 
-    serve(document, address=listen, announce=announce, shown=printed)
-    if document.kept is not None:
-        print(f"unsaved changes are kept in {document.kept}", file=sys.stderr)
+    serve(document, address=listen, announce=announce, printed_lines=printed)
+    if document.unsaved_file is not None:
+        print(f"unsaved changes are kept in {document.unsaved_file}", file=sys.stderr)
 
 
 def printed(command: str, result: Any) -> list[str]:
