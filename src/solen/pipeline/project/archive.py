@@ -29,7 +29,7 @@ def pack(
     out
         The archive: a zip file if the name ends in .zip, otherwise a new folder.
     """
-    archive = packed(file, further, options, leave_out=out, progress=progress)
+    archive = packed(file, further, options, exclude=out, progress=progress)
     return Outcome(archive, {"out": archive.save(out)})
 
 
